@@ -1,0 +1,1 @@
+"""The block folder and the journal file: input and output only."""

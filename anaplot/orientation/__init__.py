@@ -1,0 +1,1 @@
+"""One model and one strip: relative orientation with scale transfer, its table, point patterns."""

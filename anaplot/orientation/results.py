@@ -1,0 +1,202 @@
+"""What one oriented model returns: rows that carry everything said of one pseudo-observation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "Diagnosis",
+    "ModelPoint",
+    "ModelSolution",
+    "Partner",
+    "RowDiagnosis",
+    "TableRow",
+    "TestUsed",
+    "Transfer",
+]
+
+
+class TableRow(NamedTuple):
+    """One pseudo-observation of the model: y of a point, or x of a tie.
+
+    Attributes
+    ----------
+    point, axis
+        Name of the point, "y" or "x".
+    redn
+        Redundancy number r_i.
+    parx_um
+        Parallax left at the point [um].
+    expd_um
+        Its expected standard deviation [um]; None when sigma does not exist.
+    sigf
+        Standardized residual; None when the row cannot be tested.
+    flagged
+        Whether sigf exceeds the critical value.
+    """
+
+    point: str
+    axis: Literal["x", "y"]
+    redn: float
+    parx_um: float
+    expd_um: float | None
+    sigf: float | None
+    flagged: bool
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """(point, axis), the row's identity."""
+        return self.point, self.axis
+
+
+class ModelPoint(NamedTuple):
+    """A point's model coordinates [mm] in the strip system."""
+
+    point: str
+    X: float
+    Y: float
+    Z: float
+
+
+class TestUsed(NamedTuple):
+    """The test applied to every row; critical is None when there is no such value."""
+
+    kind: Literal["tau", "baarda"]
+    alpha: float
+    critical: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelSolution:
+    """One oriented model.
+
+    Attributes
+    ----------
+    left, right
+        Names of the photos.
+    base
+        bx, by, bz [mm] in the strip system.
+    rotation
+        omega, phi, kappa [rad] of the right photo in the strip system.
+    sigma0_um
+        Estimated sigma0 [um]; None without redundancy.
+    redundancy, iterations
+        Counts.
+    test
+        The test that flags rows.
+    table
+        One row per pseudo-observation: all y, then all x, in the order of the left photo's points.
+    points
+        Model coordinates of every point of the model.
+    ties
+        Names of the tie points used.
+    condition
+        Condition number of the design matrix, columns scaled to unit length.
+    apriori_um
+        A-priori sigma0 [um].
+    tie_variance
+        "paper" or "propagated".
+    remarks
+        Sentences for the operator (badly spread points, no check at all, ...).
+    q_l
+        (n,) a-priori cofactors of the rows.
+    q_vv
+        (n, n) cofactors of the residuals, image units, in the order of the table.
+    q_gg
+        (u, u) cofactors of the unknowns in the order of `unknowns`.
+    unknowns
+        Names of the unknowns.
+    """
+
+    left: str
+    right: str
+    base: tuple[float, float, float]
+    rotation: tuple[float, float, float]
+    sigma0_um: float | None
+    redundancy: int
+    iterations: int
+    test: TestUsed
+    table: tuple[TableRow, ...]
+    points: tuple[ModelPoint, ...]
+    ties: tuple[str, ...]
+    condition: float
+    apriori_um: float
+    tie_variance: Literal["paper", "propagated"]
+    remarks: tuple[str, ...]
+    q_l: NDArray[np.float64] = field(repr=False)
+    q_vv: NDArray[np.float64] = field(repr=False)
+    q_gg: NDArray[np.float64] = field(repr=False)
+    unknowns: tuple[str, ...]
+
+    @property
+    def flagged(self) -> tuple[TableRow, ...]:
+        """The rows whose significance exceeds the critical value."""
+        return tuple(row for row in self.table if row.flagged)
+
+
+class Transfer(NamedTuple):
+    """A critical transfer: an error in `source` shows at least as large in `target`.
+
+    `value` is the element (target, source) of Q_vv P in image units; rows are (point, axis).
+    """
+
+    source: tuple[str, str]
+    target: tuple[str, str]
+    value: float
+
+
+class Partner(NamedTuple):
+    """Two rows whose residuals are correlated by 0.9 or more: hard to tell apart."""
+
+    first: tuple[str, str]
+    second: tuple[str, str]
+    correlation: float
+
+
+class RowDiagnosis(NamedTuple):
+    """What else is known of one row.
+
+    Attributes
+    ----------
+    point, axis
+        The row.
+    mdb_um
+        Smallest detectable error [um]; None when the row cannot be tested.
+    probability
+        Posterior probability that this row holds the one gross error.
+    """
+
+    point: str
+    axis: Literal["x", "y"]
+    mdb_um: float | None
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """What the operator is told beyond the table.
+
+    Attributes
+    ----------
+    rows
+        In the order of the table.
+    none
+        Posterior probability that no row holds a gross error.
+    transfers, partners
+        Critical transfers, and rows hard to tell apart.
+    advice
+        Sentences: what to do next, the most useful first.
+    suspects
+        (point, axis) of flagged rows, the most probable first.
+    """
+
+    rows: tuple[RowDiagnosis, ...]
+    none: float
+    transfers: tuple[Transfer, ...]
+    partners: tuple[Partner, ...]
+    advice: tuple[str, ...]
+    suspects: tuple[tuple[str, str], ...]

@@ -1,0 +1,1 @@
+"""Cameras, photos, rays and rotations: the geometry every other room shares."""

@@ -1,0 +1,221 @@
+"""The block's frozen dataclasses: what a person declares and measures, and nothing computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+__all__ = [
+    "Block",
+    "Camera",
+    "ControlPoint",
+    "ImagePoint",
+    "Photo",
+    "Precision",
+    "Strip",
+    "TestSettings",
+]
+
+TieVariance = Literal["paper", "propagated"]
+TestKind = Literal["tau", "baarda"]
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A metric camera.
+
+    Attributes
+    ----------
+    id
+        Name by which photos refer to it.
+    c
+        Camera constant [mm].
+    format
+        Width along x and height along y [mm], or None when not stated.
+    """
+
+    id: str
+    c: float
+    format: tuple[float, float] | None = None
+
+    def reach(self) -> tuple[float, float]:
+        """Return the largest abs(x) and abs(y) [mm] that a coordinate in this camera can have.
+
+        Without a format, coordinates up to 4 c are believed.
+        """
+        if self.format is None:
+            return 4.0 * self.c, 4.0 * self.c
+        return self.format[0] / 2.0, self.format[1] / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Photo:
+    """A photograph and what is known beforehand of its exterior orientation.
+
+    Attributes
+    ----------
+    id, camera
+        Names of the photo and of its camera.
+    position, position_sigma
+        Projection centre [m] in the ground system and its standard deviations, or None.
+    rotation, rotation_sigma
+        omega, phi, kappa [rad] and their standard deviations [rad], or None.
+    """
+
+    id: str
+    camera: str
+    position: tuple[float, float, float] | None = None
+    rotation: tuple[float, float, float] | None = None
+    position_sigma: tuple[float, float, float] | None = None
+    rotation_sigma: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """Photos in flight order.
+
+    Attributes
+    ----------
+    id
+        Name of the strip.
+    photos
+        Names of its photos, in the order of flight.
+    base
+        Nominal base of the first model [mm at photo scale], a positive magnitude, or None for
+        the mean x-parallax.
+    """
+
+    id: str
+    photos: tuple[str, ...]
+    base: float | None = None
+
+    def models(self) -> tuple[tuple[str, str], ...]:
+        """Return the (left, right) pairs of consecutive photos."""
+        return tuple(zip(self.photos, self.photos[1:], strict=False))
+
+
+@dataclass(frozen=True, slots=True)
+class ImagePoint:
+    """One measured image point.
+
+    Attributes
+    ----------
+    photo, point
+        Names.
+    x, y
+        Image coordinates [mm].
+    sigma_um
+        A-priori standard deviation [um] of either coordinate, or None for the block's default.
+    model
+        "left/right" of the model that lay in the instrument, or None.
+    """
+
+    photo: str
+    point: str
+    x: float
+    y: float
+    sigma_um: float | None = None
+    model: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ControlPoint:
+    """A ground control or check point.
+
+    Attributes
+    ----------
+    point
+        Name.
+    xyz
+        Ground coordinates [m]; None where a coordinate is not known.
+    sigma
+        Standard deviations [m]; 0 means free of error, None the block's default.
+    use
+        "control", "check" or "off".
+    """
+
+    point: str
+    xyz: tuple[float | None, float | None, float | None]
+    sigma: tuple[float | None, float | None, float | None] = (None, None, None)
+    use: Literal["control", "check", "off"] = "control"
+
+
+@dataclass(frozen=True, slots=True)
+class Precision:
+    """A-priori precision.
+
+    Attributes
+    ----------
+    image_um
+        A-priori sigma0 [um]: the standard deviation of an image x coordinate.
+    tie_variance
+        "paper": model coordinates of ties count as free of error; "propagated": they do not.
+    control_m
+        Standard deviation [m] of control coordinates that state none.
+    """
+
+    image_um: float = 5.0
+    tie_variance: TieVariance = "paper"
+    control_m: float = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class TestSettings:
+    """The test that flags rows.
+
+    Attributes
+    ----------
+    kind
+        "tau" (Pope: sigma from the adjustment itself) or "baarda" (a-priori sigma0).
+    alpha
+        Two-sided significance of one row's test.
+    power
+        Power that smallest detectable errors refer to.
+    """
+
+    __test__ = False  # not a test class, whatever a test runner may think of its name
+
+    kind: TestKind = "tau"
+    alpha: float = 0.001
+    power: float = 0.80
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A block as declared in its folder.
+
+    Attributes
+    ----------
+    name
+        Name of the block.
+    precision, test
+        Settings.
+    cameras, photos, strips
+        In file order.
+    image_points, control
+        Rows of image_points.csv and control.csv, in file order.
+    """
+
+    name: str
+    precision: Precision
+    test: TestSettings
+    cameras: tuple[Camera, ...]
+    photos: tuple[Photo, ...]
+    strips: tuple[Strip, ...]
+    image_points: tuple[ImagePoint, ...] = field(default=(), repr=False)
+    control: tuple[ControlPoint, ...] = field(default=(), repr=False)
+
+    def camera_of(self, photo: str) -> Camera:
+        """Return the camera of a photo; raises KeyError for a photo that is not declared."""
+        wanted = next((p.camera for p in self.photos if p.id == photo), None)
+        for camera in self.cameras:
+            if camera.id == wanted:
+                return camera
+        raise KeyError(photo)
+
+    def strip_of(self, model: tuple[str, str]) -> Strip:
+        """Return the strip in which the two photos follow each other; raises KeyError."""
+        for strip in self.strips:
+            if model in strip.models():
+                return strip
+        raise KeyError(model)

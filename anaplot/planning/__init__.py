@@ -1,0 +1,1 @@
+"""Synthetic strips: what an ideal flight would show."""

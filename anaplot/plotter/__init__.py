@@ -1,0 +1,1 @@
+"""Profiles, framing, the serial link and the simulated plotter."""

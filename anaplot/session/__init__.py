@@ -1,0 +1,1 @@
+"""An operator's work as events, and the state that is a fold over them."""

@@ -1,0 +1,1 @@
+"""The running workstation: link, journal and session wired together."""
