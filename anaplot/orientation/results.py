@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "AppliedTest",
     "Diagnosis",
     "ModelPoint",
     "ModelSolution",
     "Partner",
     "RowDiagnosis",
     "TableRow",
-    "TestUsed",
     "Transfer",
 ]
 
@@ -62,7 +62,7 @@ class ModelPoint(NamedTuple):
     Z: float
 
 
-class TestUsed(NamedTuple):
+class AppliedTest(NamedTuple):
     """The test applied to every row; critical is None when there is no such value."""
 
     kind: Literal["tau", "baarda"]
@@ -78,6 +78,8 @@ class ModelSolution:
     ----------
     left, right
         Names of the photos.
+    centre
+        Projection centre of the left photo [mm] in the strip system.
     base
         bx, by, bz [mm] in the strip system.
     rotation
@@ -114,12 +116,13 @@ class ModelSolution:
 
     left: str
     right: str
+    centre: tuple[float, float, float]
     base: tuple[float, float, float]
     rotation: tuple[float, float, float]
     sigma0_um: float | None
     redundancy: int
     iterations: int
-    test: TestUsed
+    test: AppliedTest
     table: tuple[TableRow, ...]
     points: tuple[ModelPoint, ...]
     ties: tuple[str, ...]
@@ -131,6 +134,11 @@ class ModelSolution:
     q_vv: NDArray[np.float64] = field(repr=False)
     q_gg: NDArray[np.float64] = field(repr=False)
     unknowns: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """'left/right'."""
+        return f"{self.left}/{self.right}"
 
     @property
     def flagged(self) -> tuple[TableRow, ...]:

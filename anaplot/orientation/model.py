@@ -1,0 +1,242 @@
+"""One model: relative orientation with simultaneous scale transfer, and its table."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.leastsquares import Adjustment, RankDefectError, adjust
+from anaplot.adjustment.reliability import Standardized, standardize
+from anaplot.errors import NotComputableError
+from anaplot.orientation.pair import Stereopair
+from anaplot.orientation.results import AppliedTest, ModelPoint, ModelSolution, TableRow
+from anaplot.orientation.solver import Conditions, Solution, find_orientation
+from anaplot.photogrammetry.block import Precision, TestSettings
+from anaplot.photogrammetry.intersection import intersect
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
+
+__all__ = ["BADLY_SPREAD", "UNKNOWNS", "WrongPointsError", "orient"]
+
+Array = NDArray[np.float64]
+
+UNKNOWNS = ("bx", "beta_y", "beta_z", "kappa", "phi", "omega")
+"""g of the paper; a first model has no bx."""
+
+BADLY_SPREAD = 200.0
+"""Condition number above which the operator is told that the points are badly spread."""
+
+_DUST_UM = 1e-6  # a parallax below this is rounding, whatever it is divided by
+
+
+class WrongPointsError(NotComputableError):
+    """Points so wrong that no least-squares orientation exists, while all others agree.
+
+    Attributes
+    ----------
+    suspects
+        Their names, the worst first.
+    """
+
+    def __init__(self, model: str, suspects: tuple[str, ...]) -> None:
+        self.suspects = suspects
+        super().__init__(
+            f"model {model}: no orientation with {', '.join(suspects)}; the other points agree: "
+            f"remeasure {suspects[0]}"
+        )
+
+
+def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelSolution:
+    """Orient the right photo of a model to the left one and to the ties (1983, eq. 1-7).
+
+    Parameters
+    ----------
+    pair
+        Measurements and what the strip already knows.
+    precision
+        A-priori sigma0 and the tie variance.
+    test
+        The test that flags rows.
+
+    Raises
+    ------
+    NotComputableError
+        Too few points, no ties, points that do not determine the model, images turned; names the
+        model.
+    """
+    _check_count(pair)
+    bx = _first_base(pair) if pair.ties is None else None
+    conditions = Conditions(pair, precision.tie_variance)
+    apriori_mm = precision.image_um * 1e-3
+    found, suspects = find_orientation(pair, conditions, bx, apriori_mm)
+    if suspects:
+        raise WrongPointsError(pair.name, suspects)
+    if found is None:
+        raise NotComputableError(
+            f"model {pair.name}: no orientation found, the solution does not converge"
+            f"{_line_hint(pair)}"
+        )
+    if found.across or abs(found.solution.state.beta_y) > 1.0:
+        raise _turned_error(pair)
+    solution = found.solution
+    state = solution.state
+    points, behind = _model_points(pair, conditions, solution)
+    unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
+    omega, phi, kappa = rotation_angles(state.rotation)
+    q_l = conditions.cofactors(state.bx)
+    root = np.sqrt(q_l)
+    design = _design(conditions, solution, omega, phi) * root[:, None]
+    try:
+        adjusted = adjust(design, solution.rows[6] * root, q_l, unknowns=unknowns)
+    except RankDefectError as error:
+        raise NotComputableError(f"model {pair.name}: {error}{_line_hint(pair)}") from error
+    if found.in_front <= 0.5:
+        raise NotComputableError(
+            f"model {pair.name}: most points would lie behind a photo; are the photos interchanged?"
+        )
+    used = standardize(adjusted, kind=test.kind, alpha=test.alpha, apriori=apriori_mm)
+    sigma0 = adjusted.sigma0
+    return ModelSolution(
+        left=pair.left,
+        right=pair.right,
+        centre=tuple(pair.fixed.centre.tolist()),
+        base=(state.bx, state.bx * state.beta_y, state.bx * state.beta_z),
+        rotation=(omega, phi, kappa),
+        sigma0_um=None if sigma0 is None else sigma0 * 1e3,
+        redundancy=adjusted.redundancy,
+        iterations=solution.iterations,
+        test=AppliedTest(test.kind, test.alpha, used.critical),
+        table=_table(pair, conditions, adjusted, used),
+        points=points,
+        ties=tuple(pair.points[k] for k in conditions.x_index),
+        condition=adjusted.condition,
+        apriori_um=precision.image_um,
+        tie_variance=precision.tie_variance,
+        remarks=_remarks(adjusted, behind),
+        q_l=q_l,
+        q_vv=adjusted.q_vv,
+        q_gg=adjusted.q_xx,
+        unknowns=unknowns,
+    )
+
+
+def _check_count(pair: Stereopair) -> None:
+    """Raise when counting alone shows that the model is not computable."""
+    n = len(pair.points)
+    y_rows = sum((point, "y") not in pair.off for point in pair.points)
+    if pair.ties is None:
+        if y_rows < 5:
+            raise NotComputableError(
+                f"model {pair.name}: {_points(y_rows)} in common, a strip's first model needs five"
+            )
+        return
+    ties = [point for point in pair.points if point in pair.ties]
+    if not ties:
+        raise NotComputableError(
+            f"model {pair.name}: none of its {n} points is a point of the preceding model; "
+            "without ties there is no scale"
+        )
+    x_rows = sum((point, "x") not in pair.off for point in ties)
+    if not x_rows:
+        raise NotComputableError(f"model {pair.name}: every tie is switched off, there is no scale")
+    if y_rows + x_rows < 6:
+        raise NotComputableError(
+            f"model {pair.name}: {_points(y_rows)} and {x_rows} ties give {y_rows + x_rows} rows "
+            "for 6 unknowns"
+        )
+
+
+def _points(count: int) -> str:
+    return "one point" if count == 1 else f"{count} points"
+
+
+def _first_base(pair: Stereopair) -> float:
+    """Return the magnitude of a first model's bx: nominal, or the mean x-parallax."""
+    if pair.base is not None:
+        return abs(pair.base)
+    mean = abs(float(np.mean(pair.xl[:, 0] - pair.xr[:, 0])))
+    if mean < 1e-6 * pair.c_left:
+        raise NotComputableError(
+            f"model {pair.name}: the mean x-parallax is zero; state the strip's base in block.toml"
+        )
+    return mean
+
+
+def _line_hint(pair: Stereopair) -> str:
+    """Say so when the left photo's points lie on one line or in one place."""
+    spread = np.linalg.svd(pair.xl - pair.xl.mean(axis=0), compute_uv=False)
+    if spread[0] < 1e-3 * pair.c_left:
+        return "; the points lie in one place"
+    if spread[1] < 0.02 * spread[0]:
+        return "; the points lie on one line"
+    return ""
+
+
+def _turned_error(pair: Stereopair) -> NotComputableError:
+    return NotComputableError(
+        f"model {pair.name}: the base lies across x; the images are turned: x must run along the "
+        "flight, turn them by 90 degrees"
+    )
+
+
+def _design(conditions: Conditions, solution: Solution, omega: float, phi: float) -> Array:
+    """(n, u) weighted derivatives with respect to UNKNOWNS instead of d ln bx and turns."""
+    rows = solution.rows
+    angles = rotation_axes(omega, phi).T @ rows[3:6]
+    parts = [] if conditions.first else [rows[:1] / solution.state.bx]
+    return np.concatenate([*parts, rows[1:3], angles[::-1]]).T
+
+
+def _table(
+    pair: Stereopair, conditions: Conditions, adjusted: Adjustment, used: Standardized
+) -> tuple[TableRow, ...]:
+    points = pair.points
+    keys: list[tuple[str, Literal["x", "y"]]] = [(points[k], "y") for k in conditions.y_index]
+    keys += [(points[k], "x") for k in conditions.x_index]
+    n = len(keys)
+    parallax = (adjusted.w * 1e3).tolist()
+    expected: list[float] | list[None] = [None] * n
+    ratio: list[float] | list[None] = [None] * n
+    if used.expected is not None and used.ratio is not None:
+        expected = (used.expected * 1e3).tolist()
+        ratio = used.ratio.tolist()
+    limit = inf if used.critical is None else used.critical
+    rows = []
+    for (point, axis), r, parx, expd, w in zip(
+        keys, adjusted.r.tolist(), parallax, expected, ratio, strict=True
+    ):
+        sigf = None if w is None or w != w else w
+        flagged = sigf is not None and sigf > limit and abs(parx) > _DUST_UM
+        rows.append(TableRow(point, axis, r, parx, expd, sigf, flagged))
+    return tuple(rows)
+
+
+def _model_points(
+    pair: Stereopair, conditions: Conditions, solution: Solution
+) -> tuple[tuple[ModelPoint, ...], tuple[str, ...]]:
+    """Model coordinates, and the names of points that lie behind a photo or nowhere."""
+    bx, beta_y, beta_z, rotation = solution.state
+    meet = intersect(
+        pair.fixed.centre,
+        np.array([bx, bx * beta_y, bx * beta_z]),
+        conditions.x1,
+        rotation @ conditions.p2,
+    )
+    front = ((meet.left > 0.0) & (meet.right > 0.0)).tolist()
+    points = tuple(map(ModelPoint, pair.points, *meet.points.tolist()))
+    return points, tuple(p for p, good in zip(pair.points, front, strict=True) if not good)
+
+
+def _remarks(adjusted: Adjustment, behind: tuple[str, ...]) -> tuple[str, ...]:
+    out = []
+    if adjusted.redundancy == 0:
+        out.append("no redundancy: an orientation without any check")
+    elif adjusted.redundancy == 1:
+        out.append("redundancy 1: an error may show, but nothing can be located")
+    if adjusted.condition > BADLY_SPREAD:
+        out.append(f"the points are badly spread (condition number {adjusted.condition:.0f})")
+    if behind:
+        out.append(f"not in front of both photos: {', '.join(behind)}")
+    return tuple(out)

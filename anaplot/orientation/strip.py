@@ -1,0 +1,147 @@
+"""A strip: consecutive models in one system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from anaplot.errors import NotComputableError
+from anaplot.orientation.model import orient
+from anaplot.orientation.pair import LeftPhoto, Stereopair
+from anaplot.orientation.results import ModelSolution
+from anaplot.photogrammetry.block import Block, Camera, Strip
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo
+
+__all__ = ["BridgedStrip", "bridge", "bridge_strip", "pooled_sigma_um", "stereopair"]
+
+Coordinates = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BridgedStrip:
+    """A strip as far as it could be bridged.
+
+    Attributes
+    ----------
+    strip
+        Name.
+    models
+        The oriented models.
+    error
+        Why the next model could not be computed, or None.
+    """
+
+    strip: str
+    models: tuple[ModelSolution, ...]
+    error: str | None = None
+
+
+def stereopair(
+    photos: tuple[str, str],
+    left: Coordinates,
+    right: Coordinates,
+    cameras: tuple[Camera, Camera],
+    *,
+    preceding: ModelSolution | None,
+    base: float | None = None,
+    off: frozenset[tuple[str, str]] = frozenset(),
+) -> Stereopair:
+    """Put together what a model is computed from.
+
+    Parameters
+    ----------
+    photos
+        Names of the left and the right photo.
+    left, right
+        Image coordinates [mm] by point; the model has the points common to both, in the order
+        of the left photo.
+    cameras
+        Of the left and the right photo.
+    preceding
+        The preceding model of the strip; None for the first.
+    base
+        Nominal base of a first model [mm].
+    off
+        Rows (point, axis) switched off.
+    """
+    common = tuple(point for point in left if point in right)
+    fixed = LeftPhoto()
+    ties = None
+    preceding_bx = None
+    if preceding is not None:
+        centre = np.array(_centre_of(preceding))
+        fixed = LeftPhoto(centre, rotation_matrix(*preceding.rotation))
+        ties = {p.point: (p.X, p.Y, p.Z) for p in preceding.points if np.isfinite(p.Z)}
+        preceding_bx = preceding.base[0]
+    return Stereopair(
+        left=photos[0],
+        right=photos[1],
+        points=common,
+        xl=np.array([left[point] for point in common]).reshape(-1, 2),
+        xr=np.array([right[point] for point in common]).reshape(-1, 2),
+        c_left=cameras[0].c,
+        c_right=cameras[1].c,
+        fixed=fixed,
+        ties=ties,
+        preceding_bx=preceding_bx,
+        base=base,
+        off=off,
+    )
+
+
+def _centre_of(model: ModelSolution) -> tuple[float, float, float]:
+    left, base = model.centre, model.base
+    return left[0] + base[0], left[1] + base[1], left[2] + base[2]
+
+
+def bridge_strip(
+    block: Block, strip: Strip, progress: Callable[[ModelSolution], None] | None = None
+) -> BridgedStrip:
+    """Form the models of a strip one after another, as the operator would.
+
+    A model that cannot be computed ends the strip; the models before it stand.
+    """
+    models: list[ModelSolution] = []
+    rows = rows_by_photo(block.image_points)
+    for photos in strip.models():
+        measured = [
+            {
+                name: (p.x, p.y)
+                for name, p in points_of(rows.get(photo, ()), photo, model_name(*photos)).items()
+            }
+            for photo in photos
+        ]
+        pair = stereopair(
+            photos,
+            measured[0],
+            measured[1],
+            (block.camera_of(photos[0]), block.camera_of(photos[1])),
+            preceding=models[-1] if models else None,
+            base=strip.base,
+        )
+        try:
+            models.append(orient(pair, block.precision, block.test))
+        except NotComputableError as error:
+            return BridgedStrip(strip.id, tuple(models), f"strip {strip.id}, {error}")
+        if progress is not None:
+            progress(models[-1])
+    return BridgedStrip(strip.id, tuple(models))
+
+
+def bridge(block: Block) -> tuple[BridgedStrip, ...]:
+    """Bridge every strip of a block."""
+    return tuple(bridge_strip(block, strip) for strip in block.strips)
+
+
+def pooled_sigma_um(models: tuple[ModelSolution, ...]) -> float | None:
+    """Return sigma0 [um] pooled over models: sum of v'Pv over sum of redundancies."""
+    redundancy = sum(model.redundancy for model in models)
+    if redundancy == 0:
+        return None
+    total = sum(
+        model.redundancy * model.sigma0_um**2 for model in models if model.sigma0_um is not None
+    )
+    return float((total / redundancy) ** 0.5)

@@ -1,0 +1,54 @@
+"""Model points: where the two rays of a point meet."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Intersection", "intersect"]
+
+Array = NDArray[np.float64]
+
+
+class Intersection(NamedTuple):
+    """Points where pairs of rays meet.
+
+    Attributes
+    ----------
+    points
+        (3, n) coordinates.
+    left, right
+        (n,) factors of the left and right rays; positive in front of the photo.
+    """
+
+    points: Array
+    left: Array
+    right: Array
+
+
+def intersect(centre: Array, base: Array, x1: Array, x2: Array) -> Intersection:
+    """Intersect rays in the XZ plane; Y is the mean of the two rays (conventions).
+
+    Parameters
+    ----------
+    centre
+        (3,) left projection centre.
+    base
+        (3,) right projection centre minus the left one.
+    x1, x2
+        (3, n) rays of the left and right photo in the object system.
+
+    Returns
+    -------
+    Intersection
+        Parallel rays give infinite or NaN coordinates; nothing is raised.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        determinant = x2[0] * x1[2] - x1[0] * x2[2]
+        left = (base[2] * x2[0] - base[0] * x2[2]) / determinant
+        right = (base[2] * x1[0] - base[0] * x1[2]) / determinant
+        points = centre[:, None] + left * x1
+        points[1] += 0.5 * (base[1] + right * x2[1] - left * x1[1])
+    return Intersection(points, left, right)

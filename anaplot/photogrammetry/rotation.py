@@ -1,0 +1,76 @@
+"""Rotations R = R1(omega) R2(phi) R3(kappa), right-handed, image to object (conventions)."""
+
+from __future__ import annotations
+
+from math import asin, atan2, cos, hypot, pi, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["rotation_angles", "rotation_axes", "rotation_matrix", "turn"]
+
+
+def rotation_matrix(omega: float, phi: float, kappa: float) -> NDArray[np.float64]:
+    """Return the (3, 3) rotation from image to object system.
+
+    Parameters
+    ----------
+    omega, phi, kappa
+        Angles [rad].
+    """
+    so, co = sin(omega), cos(omega)
+    sp, cp = sin(phi), cos(phi)
+    sk, ck = sin(kappa), cos(kappa)
+    return np.array(
+        [
+            [cp * ck, -cp * sk, sp],
+            [co * sk + so * sp * ck, co * ck - so * sp * sk, -so * cp],
+            [so * sk - co * sp * ck, so * ck + co * sp * sk, co * cp],
+        ]
+    )
+
+
+def rotation_angles(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return omega, phi, kappa [rad] of a (3, 3) rotation; omega and kappa in (-pi, pi].
+
+    At phi = +-90 degrees, where omega and kappa cannot be told apart, omega is 0.
+    """
+    (r00, r01, r02), (r10, r11, r12), (_, _, r22) = rotation.tolist()
+    cos_phi = hypot(r00, r01)
+    phi = atan2(r02, cos_phi) if abs(r02) < 1.0 else asin(max(-1.0, min(1.0, r02)))
+    if cos_phi < 1e-12:
+        return 0.0, phi, _wrapped(atan2(r10, r11))
+    return _wrapped(atan2(-r12, r22)), phi, _wrapped(atan2(-r01, r00))
+
+
+def _wrapped(angle: float) -> float:
+    return pi if angle == -pi else angle
+
+
+def rotation_axes(omega: float, phi: float) -> NDArray[np.float64]:
+    """Return (3, 3): columns are the object-space axes of d omega, d phi and d kappa.
+
+    dR = [axis x] R d angle for each of the three angles.
+    """
+    so, co = sin(omega), cos(omega)
+    sp, cp = sin(phi), cos(phi)
+    return np.array([[1.0, 0.0, sp], [0.0, co, -so * cp], [0.0, so, co * cp]])
+
+
+def turn(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (3, 3) rotation about `vector` by its length [rad] (Rodrigues)."""
+    x, y, z = vector.tolist()
+    angle = (x * x + y * y + z * z) ** 0.5
+    if angle < 1e-6:
+        # second order: the angle is so small that sin(t)/t = 1 - t^2/6 to the last digit
+        s, k = 1.0 - angle * angle / 6.0, 0.5
+    else:
+        s, k = sin(angle) / angle, (1.0 - cos(angle)) / (angle * angle)
+    c = 1.0 - k * angle * angle
+    return np.array(
+        [
+            [c + k * x * x, k * x * y - s * z, k * x * z + s * y],
+            [k * x * y + s * z, c + k * y * y, k * y * z - s * x],
+            [k * x * z - s * y, k * y * z + s * x, c + k * z * z],
+        ]
+    )

@@ -1,0 +1,71 @@
+"""Results as the JSON that other programs read (conventions, "What programs read")."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from anaplot.orientation.results import ModelSolution, TableRow
+from anaplot.orientation.strip import BridgedStrip
+
+__all__ = ["bridge_json", "model_json", "table_json"]
+
+Json = dict[str, Any]
+
+
+def table_json(table: Iterable[TableRow]) -> list[Json]:
+    """Return the rows of a table; what does not exist is None."""
+    return [
+        {
+            "point": row.point,
+            "axis": row.axis,
+            "redn": row.redn,
+            "parx_um": row.parx_um,
+            "expd_um": row.expd_um,
+            "sigf": row.sigf,
+            "flagged": row.flagged,
+        }
+        for row in table
+    ]
+
+
+def model_json(model: ModelSolution) -> Json:
+    """Return one model; angles in radians, base and points in mm, residuals in um."""
+    omega, phi, kappa = model.rotation
+    return {
+        "left": model.left,
+        "right": model.right,
+        "base": list(model.base),
+        "rotation": {"omega": omega, "phi": phi, "kappa": kappa},
+        "sigma0_um": model.sigma0_um,
+        "redundancy": model.redundancy,
+        "iterations": model.iterations,
+        "test": {
+            "kind": model.test.kind,
+            "alpha": model.test.alpha,
+            "critical": model.test.critical,
+        },
+        "table": table_json(model.table),
+        "points": [
+            {"point": p.point, "X": _number(p.X), "Y": _number(p.Y), "Z": _number(p.Z)}
+            for p in model.points
+        ],
+        "ties": list(model.ties),
+        "condition": model.condition,
+        "remarks": list(model.remarks),
+    }
+
+
+def bridge_json(strips: Iterable[BridgedStrip]) -> Json:
+    """Return all strips; a strip that ended early carries "error" beside its models."""
+    out = []
+    for strip in strips:
+        item: Json = {"strip": strip.strip, "models": [model_json(m) for m in strip.models]}
+        if strip.error is not None:
+            item["error"] = strip.error
+        out.append(item)
+    return {"strips": out}
+
+
+def _number(value: float) -> float | None:
+    return value if abs(value) < float("inf") else None

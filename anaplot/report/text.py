@@ -1,0 +1,101 @@
+"""The NRC printout: what the operator of the ANAPLOT saw after each model (1983, Figure 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import degrees
+
+from anaplot.orientation.results import Diagnosis, ModelSolution, TableRow
+
+__all__ = ["model_printout", "printable", "table_lines", "verdict"]
+
+_PER_LINE = 6
+
+
+def printable(text: str) -> str:
+    """Return text in which nothing can control a terminal: such characters are shown escaped."""
+    if text.isprintable():
+        return text
+    return "".join(ch if ch.isprintable() else ch.encode("unicode_escape").decode() for ch in text)
+
+
+def verdict(row: TableRow) -> str:
+    """Return what a row's test says, in a word."""
+    if row.flagged:
+        return "<< REMEASURE"
+    if row.sigf is None:
+        return "not testable"
+    return ""
+
+
+def table_lines(table: Iterable[TableRow]) -> list[str]:
+    """Return the RED-N / PARX / EXPD / SIGF table, a line each, with a heading."""
+    rows = list(table)
+    width = max([5, *(len(printable(row.point)) for row in rows)])
+    lines = [
+        f"  {'POINT':<{width}}     RED-N    PARX    EXPD    SIGF",
+        f"  {'':<{width}}{'um':>17}{'um':>8}",
+    ]
+    for row in rows:
+        expected = "-" if row.expd_um is None else f"{row.expd_um:.1f}"
+        sigf = "-" if row.sigf is None else f"{row.sigf:.2f}"
+        line = (
+            f"  {printable(row.point):<{width}}  {row.axis}  {row.redn:6.3f}"
+            f"{row.parx_um:8.1f}{expected:>8}{sigf:>8}  {verdict(row)}"
+        )
+        lines.append(line.rstrip())
+    return lines
+
+
+def _discrepancies(title: str, rows: list[TableRow]) -> list[str]:
+    if not rows:
+        return []
+    width = max(len(printable(row.point)) for row in rows)
+    cells = [f"{printable(row.point):>{width}} {row.parx_um:8.1f}" for row in rows]
+    lines = [f"  {title}"]
+    lines += ["  " + "   ".join(cells[k : k + _PER_LINE]) for k in range(0, len(cells), _PER_LINE)]
+    return lines
+
+
+def model_printout(
+    model: ModelSolution,
+    diagnosis: Diagnosis,
+    *,
+    strip: str,
+    number: int,
+    count: int,
+    pooled_um: float | None = None,
+) -> str:
+    """Return the printout of one model.
+
+    Parameters
+    ----------
+    model, diagnosis
+        The model and what is said of it.
+    strip, number, count
+        Name of the strip, which of its models this is (from 1), how many it has.
+    pooled_um
+        sigma0 pooled over the strip's models so far [um].
+    """
+    omega, phi, kappa = (degrees(angle) for angle in model.rotation)
+    bx, by, bz = model.base
+    critical = "none" if model.test.critical is None else f"{model.test.critical:.2f}"
+    sigma0 = "none" if model.sigma0_um is None else f"{model.sigma0_um:.2f} um"
+    lines = [
+        f"STRIP {printable(strip)}  MODEL {printable(model.left)}/{printable(model.right)}"
+        f"  ({number} of {count})",
+        f"  base      bx {bx:.4f}  by {by:.4f}  bz {bz:.4f} mm",
+        f"  rotation  omega {omega:.5f}  phi {phi:.5f}  kappa {kappa:.5f} deg",
+        f"  sigma0    {sigma0}, a priori {model.apriori_um:g} um, redundancy {model.redundancy}"
+        + (f", pooled {pooled_um:.2f} um" if pooled_um is not None else ""),
+        f"  test      {model.test.kind}, alpha {model.test.alpha:g}, critical value {critical}"
+        + (f"; tie variance {model.tie_variance}" if model.ties else ""),
+        "",
+    ]
+    lines += _discrepancies("PARALLAXES [um]", [row for row in model.table if row.axis == "y"])
+    lines += _discrepancies(
+        "TIE DISCREPANCIES [um]", [row for row in model.table if row.axis == "x"]
+    )
+    lines += ["", *table_lines(model.table), ""]
+    lines += [f"  {printable(sentence)}" for sentence in diagnosis.advice]
+    return "\n".join(lines)
