@@ -1,0 +1,114 @@
+"""The block folder: block.toml, image_points.csv, control.csv."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from anaplot.errors import InputError
+from anaplot.exchange.blocktoml import format_block_toml, parse_block_toml
+from anaplot.exchange.bridgecheck import check_for_bridge
+from anaplot.exchange.controlcsv import parse_control
+from anaplot.exchange.csvtable import MAX_CSV_BYTES
+from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
+from anaplot.exchange.inputfile import read_text
+from anaplot.exchange.wholefile import create_whole, replace_whole
+from anaplot.exchange.wording import place, reason
+from anaplot.photogrammetry.block import Block, ImagePoint
+
+__all__ = ["check_for_bridge", "read_block", "write_block_toml", "write_image_points"]
+
+BLOCK_TOML = "block.toml"
+IMAGE_POINTS_CSV = "image_points.csv"
+CONTROL_CSV = "control.csv"
+
+MAX_TOML_BYTES = 4_000_000
+
+
+def read_block(folder: Path) -> Block:
+    """Read a block folder; nothing is written.
+
+    Parameters
+    ----------
+    folder
+        Holds block.toml, and image_points.csv and control.csv where they exist: a new block has
+        neither.
+
+    Raises
+    ------
+    InputError
+        The first thing that is wrong, with file, line and key or column.
+    """
+    _check_folder(folder)
+    path = folder / BLOCK_TOML
+    block = parse_block_toml(read_text(path, MAX_TOML_BYTES), path)
+    points, control = folder / IMAGE_POINTS_CSV, folder / CONTROL_CSV
+    # A link to nowhere is not an absent file: lexists leaves the complaint to the reader.
+    return replace(
+        block,
+        image_points=parse_image_points(points, block) if os.path.lexists(points) else (),
+        control=parse_control(control) if os.path.lexists(control) else (),
+    )
+
+
+def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> None:
+    """Write image_points.csv whole and atomically, in place of the one before.
+
+    Parameters
+    ----------
+    folder
+        The block folder.
+    points
+        Rows in file order; their coordinates are read back exactly.
+
+    Raises
+    ------
+    InputError
+        A row that could not be read again, or the file could not be written; the old one stays.
+    """
+    path = folder / IMAGE_POINTS_CSV
+    replace_whole(path, _bounded(path, format_image_points(points).encode(), MAX_CSV_BYTES))
+
+
+def write_block_toml(folder: Path, block: Block) -> None:
+    """Write the block.toml of a new block; image points and control are not written.
+
+    Parameters
+    ----------
+    folder
+        The block folder, made when it does not exist.
+    block
+        The block.
+
+    Raises
+    ------
+    InputError
+        The block could not be read again, there is a block.toml already, or it cannot be written.
+    """
+    path = folder / BLOCK_TOML
+    text = format_block_toml(block)
+    parse_block_toml(text, path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place(folder)}: cannot be made: {reason(error)}") from error
+    create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
+
+
+def _bounded(path: Path, data: bytes, max_bytes: int) -> bytes:
+    if len(data) > max_bytes:
+        raise InputError(f"{place(path)}: larger than what is read ({max_bytes / 1e6:g} MB)")
+    return data
+
+
+def _check_folder(folder: Path) -> None:
+    try:
+        folder.stat()
+    except FileNotFoundError:
+        raise InputError(f"{place(folder)}: no such folder") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place(folder)}: cannot be read: {reason(error)}") from error
+    if not folder.is_dir():
+        raise InputError(f"{place(folder)}: not a folder")

@@ -1,0 +1,45 @@
+"""What a block must hold before its models can be formed one after another."""
+
+from __future__ import annotations
+
+from anaplot.errors import InputError
+from anaplot.exchange.wording import quoted
+from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo
+
+__all__ = ["check_for_bridge"]
+
+
+def check_for_bridge(block: Block) -> None:
+    """Refuse a block whose strips cannot even be begun.
+
+    A later model without common points is left to the computation, which prints the models
+    before it.
+
+    Raises
+    ------
+    InputError
+        A photo in no strip, a photo without image points, or a strip whose first model has no
+        common points.
+    """
+    in_strips = {photo for strip in block.strips for photo in strip.photos}
+    for photo in block.photos:
+        if photo.id not in in_strips:
+            raise InputError(f"block.toml: photo {quoted(photo.id)} is in no strip")
+    rows = rows_by_photo(block.image_points)
+    for strip in block.strips:
+        for name in strip.photos:
+            if name not in rows:
+                what = "has no image points" if rows else "has no image points: there are none"
+                raise InputError(
+                    f"image_points.csv: photo {quoted(name)} of strip {quoted(strip.id)} {what}"
+                )
+    for strip in block.strips:
+        left, right = strip.photos[0], strip.photos[1]
+        model = model_name(left, right)
+        common = points_of(rows[left], left, model).keys() & points_of(rows[right], right, model)
+        if not common:
+            raise InputError(
+                f"image_points.csv: photos {quoted(left)} and {quoted(right)} of strip "
+                f"{quoted(strip.id)} have no common points"
+            )

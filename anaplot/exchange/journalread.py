@@ -1,0 +1,287 @@
+"""Reading a journal: every line verified, nothing changed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from anaplot.errors import InputError
+from anaplot.exchange.eventcodec import event_from_payload
+from anaplot.exchange.recordline import (
+    JOURNAL_FORMAT,
+    MAX_LINE,
+    DamagedLineError,
+    Keep,
+    Record,
+    claimed_format,
+    decode_line,
+)
+from anaplot.exchange.wording import place, plain, reason
+from anaplot.session.events import EVENT_KINDS, Event
+
+__all__ = [
+    "SESSIONS",
+    "FileScan",
+    "Recovered",
+    "Scan",
+    "Tail",
+    "events_of",
+    "read_journal",
+    "scan_folder",
+]
+
+SESSIONS = "sessions"
+
+_FILE_NAME = re.compile(r"([0-9]{4,9})\.jsonl")
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """What a journal held.
+
+    Attributes
+    ----------
+    records
+        The records in order, those left out whose kind was not wanted.
+    remarks
+        Sentences for the operator: a torn tail, a file that does not belong here.
+    """
+
+    records: tuple[Record, ...]
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Tail:
+    """The last line of the last file, which is not a whole record: where it begins, and why."""
+
+    line: int
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class FileScan:
+    """One verified file.
+
+    Attributes
+    ----------
+    path
+        The file.
+    good_bytes
+        Length of its good lines.
+    total_bytes
+        Its length when it was looked at.
+    last_seq
+        Sequence number of the last good record in it, or before it; 0 before the first.
+    tail
+        What follows the good lines, or None.
+    lacks_end
+        The last record is whole but for the end of its line.
+    """
+
+    path: Path
+    good_bytes: int
+    total_bytes: int
+    last_seq: int
+    tail: Tail | None
+    lacks_end: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """All files of a journal, verified."""
+
+    files: tuple[FileScan, ...]
+    records: tuple[Record, ...]
+    remarks: tuple[str, ...]
+
+
+def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
+    """Read a journal without a lock and without changing it, also while it is written.
+
+    Parameters
+    ----------
+    path
+        A block folder, its folder `sessions`, or a single file of it.
+    keep
+        Which kinds of records are wanted (all, when left out); the others are verified too.
+
+    Raises
+    ------
+    InputError
+        There is no journal, it is damaged anywhere but in its last line, a record is missing,
+        or a newer version wrote it; with file and line.
+    """
+    try:
+        is_file = path.is_file()
+        folder = path / SESSIONS if (path / SESSIONS).is_dir() else path
+        is_folder = folder.is_dir()
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
+    if is_file:
+        records: list[Record] = []
+        file = _FileReader(path, None, keep, records).scan(is_last=True)
+        scan = Scan((file,), tuple(records), ())
+    elif is_folder:
+        scan = scan_folder(folder, keep)
+        if not scan.files:
+            raise InputError(f"{place(folder)}: holds no journal (0001.jsonl)")
+    else:
+        raise InputError(f"{place(path)}: no such journal")
+    remarks = list(scan.remarks)
+    last = scan.files[-1]
+    if last.tail is not None:
+        remarks.append(f"{place(last.path, last.tail.line)}: {last.tail.why}: left out")
+    return Recovered(scan.records, tuple(remarks))
+
+
+def events_of(records: Iterable[Record]) -> tuple[Event, ...]:
+    """Return the session events among records, in order; other kinds of records are passed over.
+
+    Raises
+    ------
+    InputError
+        A record of an event's kind that is no such event, with file and line.
+    """
+    events: list[Event] = []
+    for record in records:
+        if record.kind not in EVENT_KINDS:
+            continue
+        try:
+            events.append(event_from_payload(record.kind, record.payload))
+        except InputError as error:
+            raise InputError(f"{record.file} line {record.line}: {error}") from None
+    return tuple(events)
+
+
+def scan_folder(folder: Path, keep: Keep | None) -> Scan:
+    """Verify all files of a journal in order.
+
+    Raises
+    ------
+    InputError
+        As `read_journal`, but that a folder without files is fine.
+    """
+    try:
+        names = sorted(entry.name for entry in folder.iterdir())
+    except OSError as error:
+        raise InputError(f"{place(folder)}: cannot be read: {reason(error)}") from error
+    numbered: dict[int, str] = {}
+    remarks: list[str] = []
+    for name in names:
+        match = _FILE_NAME.fullmatch(name)
+        if match is not None and name == f"{int(match[1]):04d}.jsonl":
+            numbered[int(match[1])] = name
+        elif name.endswith(".jsonl"):
+            remarks.append(f"{plain(str(folder / name))}: not a file of this journal, not read")
+    files: list[FileScan] = []
+    records: list[Record] = []
+    last_number = max(numbered, default=0)
+    seq = 0
+    for number in sorted(numbered):
+        reader = _FileReader(folder / numbered[number], seq, keep, records)
+        files.append(reader.scan(is_last=number == last_number))
+        seq = files[-1].last_seq
+    return Scan(tuple(files), tuple(records), tuple(remarks))
+
+
+class _FileReader:
+    """One pass through one file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    seq
+        Sequence number before its first record; None when any will do.
+    keep
+        Which kinds are wanted.
+    records
+        Where wanted records are appended.
+    """
+
+    def __init__(
+        self, path: Path, seq: int | None, keep: Keep | None, records: list[Record]
+    ) -> None:
+        self._path = path
+        self._name = place(path)
+        self._seq = seq
+        self._keep = keep
+        self._records = records
+
+    def scan(self, *, is_last: bool) -> FileScan:
+        try:
+            with self._path.open("rb") as file:
+                return self._scan(file, is_last)
+        except (OSError, ValueError) as error:
+            raise InputError(f"{self._name}: cannot be read: {reason(error)}") from error
+
+    def _scan(self, file: BinaryIO, is_last: bool) -> FileScan:
+        # The length now is the end: whoever writes meanwhile is not half seen.
+        size = file.seek(0, 2)
+        file.seek(0)
+        good = line = 0
+        tail: Tail | None = None
+        lacks_end = False
+        while good < size:
+            raw = file.readline(min(MAX_LINE, size - good))
+            line += 1
+            lacks_end = not raw.endswith(b"\n")
+            try:
+                record, wanted = decode_line(
+                    raw if lacks_end else raw[:-1], self._name, line, self._wanted
+                )
+            except DamagedLineError as damage:
+                claimed = claimed_format(raw) if line == 1 else None
+                if claimed is not None:
+                    self._check_format(claimed, line)
+                if not is_last or self._goes_on(file, raw, size):
+                    raise self._fail(line, f"damaged: {damage}; nothing was changed") from None
+                tail, lacks_end = Tail(line, str(damage)), False
+                break
+            self._check(record)
+            self._seq = record.seq
+            if wanted and (self._keep is None or self._keep(record.kind)):
+                self._records.append(record)
+            good += len(raw)
+        if line == 0 and not is_last:
+            raise InputError(f"{self._name}: is empty, but files follow it")
+        return FileScan(self._path, good, size, self._seq or 0, tail, lacks_end)
+
+    def _wanted(self, kind: str) -> bool:
+        return self._keep is None or kind in ("header", "opened") or self._keep(kind)
+
+    def _check(self, record: Record) -> None:
+        if record.line == 1 and record.kind != "header":
+            raise self._fail(record.line, "the header is missing")
+        if record.line > 1 and record.kind == "header":
+            raise self._fail(record.line, "a second header")
+        if record.kind in ("header", "opened"):
+            self._check_format(record.payload.get("format", 0), record.line)
+        if self._seq is not None and record.seq != self._seq + 1:
+            raise self._fail(
+                record.line, f"record {record.seq} where {self._seq + 1} should follow"
+            )
+
+    def _check_format(self, number: object, line: int) -> None:
+        if not isinstance(number, int) or isinstance(number, bool) or number < JOURNAL_FORMAT:
+            raise self._fail(line, "not a journal of a known format")
+        if number > JOURNAL_FORMAT:
+            raise self._fail(
+                line,
+                "written by a newer version of anaplot: this one reads journals of format "
+                f"{JOURNAL_FORMAT}",
+            )
+
+    @staticmethod
+    def _goes_on(file: BinaryIO, raw: bytes, size: int) -> bool:
+        """Return whether another line follows the one just read."""
+        while raw and not raw.endswith(b"\n"):
+            raw = file.readline(min(MAX_LINE, max(size - file.tell(), 0)))
+        return file.tell() < size
+
+    def _fail(self, line: int, message: str) -> InputError:
+        return InputError(f"{self._name} line {line}: {message}")

@@ -1,0 +1,177 @@
+"""One record of a journal as one line: sequence number, time, kind, payload, checksum."""
+
+from __future__ import annotations
+
+import json
+import re
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from anaplot.errors import InputError
+from anaplot.exchange.wording import quoted, reason
+
+__all__ = [
+    "JOURNAL_FORMAT",
+    "MAX_LINE",
+    "DamagedLineError",
+    "JournalError",
+    "Keep",
+    "Record",
+    "claimed_format",
+    "decode_line",
+    "encode_line",
+]
+
+JOURNAL_FORMAT = 1
+
+MAX_LINE = 1_000_000
+"""Longest line [bytes], its end included."""
+
+Keep = Callable[[str], bool]
+"""Says of a kind of record whether its payload is wanted."""
+
+_KIND = re.compile(r"[a-z][a-z0-9-]{0,39}")
+_RESERVED = frozenset(("seq", "t", "kind", "crc"))
+_HEAD = re.compile(
+    rb'\{"seq":([1-9][0-9]{0,14}),'
+    rb'"t":"([0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}\.[0-9]{3}Z)",'
+    rb'"kind":"([a-z][a-z0-9-]{0,39})"'
+)
+_TAIL = re.compile(rb',"crc":"([0-9a-f]{8})"\}')
+_TAIL_LENGTH = len(',"crc":"01234567"}')
+
+
+class JournalError(InputError):
+    """A record was refused: it is not in the journal, and what was there before is."""
+
+
+class DamagedLineError(Exception):
+    """A line is not what was written; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One record of a journal.
+
+    Attributes
+    ----------
+    seq
+        Sequence number, from 1, running on through all files.
+    time
+        When it was written, UTC, ISO 8601 with milliseconds; clocks may jump, `seq` is the order.
+    kind
+        What it is.
+    payload
+        The other keys of its JSON object.
+    file, line
+        Where it stands.
+    """
+
+    seq: int
+    time: str
+    kind: str
+    payload: Mapping[str, Any] = field(repr=False)
+    file: str
+    line: int
+
+
+def encode_line(seq: int, time: str, kind: str, payload: Mapping[str, Any]) -> bytes:
+    """Return a record as one line of ASCII, its end included.
+
+    The checksum is the CRC-32 of all bytes before `,"crc"`.
+
+    Raises
+    ------
+    JournalError
+        The payload is no JSON object, uses a key of the journal itself, or is too long.
+    """
+    if _KIND.fullmatch(kind) is None:
+        raise JournalError(f"record refused: bad kind {quoted(kind)}")
+    for key in payload:
+        if not isinstance(key, str) or key in _RESERVED:
+            raise JournalError(f"record {quoted(kind)} refused: bad key {quoted(str(key))}")
+    record = {"seq": seq, "t": time, "kind": kind, **payload}
+    try:
+        text = json.dumps(record, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise JournalError(f"record {quoted(kind)} refused: {reason(error)}") from error
+    # JSON escapes all other control characters by itself.
+    body = text[:-1].replace("\x7f", "\\u007f").encode("ascii")
+    line = body + b',"crc":"%08x"}\n' % zlib.crc32(body)
+    if len(line) > MAX_LINE:
+        raise JournalError(
+            f"record {quoted(kind)} refused: {len(line)} bytes are more than {MAX_LINE}"
+        )
+    return line
+
+
+def decode_line(raw: bytes, file: str, line: int, keep: Keep | None = None) -> tuple[Record, bool]:
+    """Return the record of a line.
+
+    Parameters
+    ----------
+    raw
+        The line without its end.
+    file, line
+        Where it stands.
+    keep
+        Which kinds are wanted; of the others the payload is not parsed. None: all.
+
+    Returns
+    -------
+    tuple[Record, bool]
+        The record, and whether it is wanted; without payload when it is not.
+
+    Raises
+    ------
+    DamagedLineError
+        The line is not one that `encode_line` wrote.
+    """
+    tail = _TAIL.fullmatch(raw, max(len(raw) - _TAIL_LENGTH, 0))
+    head = _HEAD.match(raw)
+    if tail is None or head is None:
+        raise DamagedLineError("not a complete record")
+    body = raw[: tail.start()]
+    if zlib.crc32(body) != int(tail[1], 16):
+        raise DamagedLineError("the checksum does not agree")
+    kind = head[3].decode("ascii")
+    wanted = keep is None or keep(kind)
+    return (
+        Record(
+            seq=int(head[1]),
+            time=head[2].decode("ascii"),
+            kind=kind,
+            payload=_payload(body) if wanted else {},
+            file=file,
+            line=line,
+        ),
+        wanted,
+    )
+
+
+def claimed_format(raw: bytes) -> int | None:
+    """Return the format that a header line states, whatever else is in it; None without one."""
+    if len(raw) > MAX_LINE:
+        return None
+    try:
+        header = json.loads(raw)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(header, dict) or header.get("kind") != "header":
+        return None
+    number = header.get("format")
+    return number if isinstance(number, int) and not isinstance(number, bool) else None
+
+
+def _payload(body: bytes) -> dict[str, Any]:
+    try:
+        data = json.loads((body + b"}").decode("ascii"), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise DamagedLineError("not JSON") from error
+    return {key: value for key, value in data.items() if key not in _RESERVED}
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(name)

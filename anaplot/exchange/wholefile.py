@@ -1,0 +1,114 @@
+"""Files written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import stat
+import sys
+from pathlib import Path
+
+from anaplot.errors import InputError
+from anaplot.exchange.wording import place, reason
+
+__all__ = ["create_whole", "replace_whole", "sync_folder", "write_all"]
+
+
+def replace_whole(path: Path, data: bytes) -> None:
+    """Write a file so that at every instant, also after a crash, the old or the new one is there.
+
+    Parameters
+    ----------
+    path
+        The file; one that exists is replaced.
+    data
+        Its whole new content.
+
+    Raises
+    ------
+    InputError
+        It could not be written; the old file is as it was and nothing else is left behind.
+    """
+    _write_aside(path, data, may_replace=True)
+
+
+def create_whole(path: Path, data: bytes) -> None:
+    """Write a new file, whole or not at all, and never over another.
+
+    Raises
+    ------
+    InputError
+        It exists already or could not be written.
+    """
+    _write_aside(path, data, may_replace=False)
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write all of data; raises OSError."""
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]
+
+
+def sync_folder(folder: Path) -> None:
+    """Bring a folder's entries to disk; raises OSError. Does nothing where there is no way."""
+    if sys.platform != "win32":
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        except OSError as error:
+            # Some network file systems cannot; their entries are as safe as they make them.
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+                raise
+        finally:
+            os.close(descriptor)
+
+
+def _write_aside(path: Path, data: bytes, *, may_replace: bool) -> None:
+    aside = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
+    try:
+        try:
+            _write_synced(aside, data, like=path if may_replace else None)
+            if may_replace:
+                aside.replace(path)
+            else:
+                _rename_to_new(aside, path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                aside.unlink()
+            raise
+        sync_folder(path.parent)
+    except FileExistsError:
+        raise InputError(f"{place(path)}: exists already and is not overwritten") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place(path)}: cannot be written: {reason(error)}") from error
+
+
+def _write_synced(path: Path, data: bytes, like: Path | None) -> None:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | int(getattr(os, "O_BINARY", 0))
+    descriptor = os.open(path, flags, 0o666)
+    try:
+        if like is not None and sys.platform != "win32":
+            with contextlib.suppress(OSError):
+                os.fchmod(descriptor, stat.S_IMODE(like.stat().st_mode))
+        write_all(descriptor, data)
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _rename_to_new(aside: Path, path: Path) -> None:
+    """Give a file its name unless the name is taken; raises FileExistsError."""
+    try:
+        path.hardlink_to(aside)
+    except FileExistsError:
+        raise
+    except OSError:
+        # No hard links on this file system: the name is looked at first.
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
+        aside.rename(path)
+    else:
+        aside.unlink()

@@ -1,0 +1,55 @@
+"""Which image points belong to a model: a point measured twice counts once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from anaplot.photogrammetry.block import ImagePoint
+
+__all__ = ["model_name", "points_of", "rows_by_photo"]
+
+
+def model_name(left: str, right: str) -> str:
+    """Return the name of a model, "left/right"."""
+    return f"{left}/{right}"
+
+
+def rows_by_photo(image_points: Iterable[ImagePoint]) -> dict[str, list[ImagePoint]]:
+    """Return the rows of every photo that has any, each in file order."""
+    rows: dict[str, list[ImagePoint]] = {}
+    for row in image_points:
+        rows.setdefault(row.photo, []).append(row)
+    return rows
+
+
+def points_of(image_points: Iterable[ImagePoint], photo: str, model: str) -> dict[str, ImagePoint]:
+    """Return the points of one photo in one model.
+
+    A point is taken from the row of its own model, else from the row without a model; rows of
+    other models do not count.
+
+    Parameters
+    ----------
+    image_points
+        Rows in file order, of any photos.
+    photo
+        Name of the photo.
+    model
+        "left/right".
+
+    Returns
+    -------
+    dict[str, ImagePoint]
+        The selected row of each point, in the file order of the selected rows.
+    """
+    selected: dict[str, ImagePoint] = {}
+    for row in image_points:
+        if row.photo != photo:
+            continue
+        if row.model == model:
+            # Out and in again: a dict keeps the place of the first entry, the row has another.
+            selected.pop(row.point, None)
+            selected[row.point] = row
+        elif row.model is None and row.point not in selected:
+            selected[row.point] = row
+    return selected

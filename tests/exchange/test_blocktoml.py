@@ -1,0 +1,345 @@
+"""block.toml: what is read, and one line that says what is wrong and where."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block, write_block_toml
+from anaplot.exchange.blocktoml import format_block_toml, parse_block_toml
+from anaplot.exchange.names import name_fault
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    Photo,
+    Precision,
+    Strip,
+    TestSettings,
+)
+
+CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+MINIMAL = """\
+format = 1
+name = "m"
+[[camera]]
+id = "k"
+c = 100
+[[strip]]
+id = "s"
+photos = ["a", "b"]
+[[photo]]
+id = "a"
+camera = "k"
+[[photo]]
+id = "b"
+camera = "k"
+"""
+
+
+def refused(text: str) -> str:
+    with pytest.raises(InputError) as caught:
+        parse_block_toml(text, Path("B/block.toml"))
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.isprintable()
+    assert message.startswith("B/block.toml")
+    return message
+
+
+def test_everything_the_example_states_is_read(make_block):
+    block = read_block(make_block())
+    assert block.name == "demo"
+    assert block.precision == Precision(5.0, "paper", 0.05)
+    assert block.test == TestSettings("tau", 0.001, 0.80)
+    assert block.cameras == (Camera("rmk", 152.40, (230.0, 230.0)),)
+    assert block.strips == (Strip("1", ("101", "102", "103"), 92.0),)
+    first, second, third = block.photos
+    assert first.position == (1000.0, 2000.0, 1500.0)
+    assert first.rotation == pytest.approx((0.0, math.pi / 2, -math.pi))
+    assert first.position_sigma == (10.0, 10.0, 10.0)
+    assert first.rotation_sigma == pytest.approx((math.pi / 2000,) * 3)
+    assert second == Photo("102", "rmk")
+    assert third == Photo("103", "rmk")
+    assert block.image_points == ()
+    assert block.control == ()
+
+
+def test_what_may_be_left_out_has_the_documented_defaults():
+    block = parse_block_toml(MINIMAL, Path("block.toml"))
+    assert block.precision == Precision(5.0, "paper", 0.05)
+    assert block.test == TestSettings("tau", 0.001, 0.80)
+    assert block.cameras == (Camera("k", 100.0, None),)
+    assert block.strips == (Strip("s", ("a", "b"), None),)
+
+
+def test_the_sign_of_the_base_is_left_to_the_data(block_toml):
+    block = parse_block_toml(block_toml.replace("base = 92.0", "base = -92.0"), Path("block.toml"))
+    assert block.strips[0].base == 92.0
+
+
+def test_line_ends_of_other_systems_and_a_byte_order_mark_are_tolerated(make_block, block_toml):
+    plain = read_block(make_block())
+    crlf = b"\xef\xbb\xbf" + block_toml.replace("\n", "\r\n").encode()
+    assert read_block(make_block(toml=crlf)) == plain
+
+
+@pytest.mark.parametrize(
+    ("unit", "full_turn"), [("deg", 360.0), ("gon", 400.0), ("rad", 2.0 * math.pi)]
+)
+def test_angles_are_radians_inside(block_toml, unit, full_turn):
+    old = 'rotation = { omega = 0.0, phi = 90.0, kappa = -180.0, unit = "deg" }'
+    new = f'rotation = {{ omega = 0, phi = {full_turn / 4}, kappa = {full_turn}, unit = "{unit}" }}'
+    block = parse_block_toml(block_toml.replace(old, new), Path("block.toml"))
+    assert block.photos[0].rotation == pytest.approx((0.0, math.pi / 2, 2.0 * math.pi))
+
+
+def number_of(text: str, line: str) -> int:
+    return text.splitlines().index(line) + 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "at", "words"),
+    [
+        ("format = 1\n", "", None, ["has no key 'format'"]),
+        ("format = 1\n", "format = 2\n", "format = 2", ["newer version"]),
+        ("format = 1\n", "format = 0\n", "format = 0", ["format must be 1"]),
+        ("format = 1\n", "format = true\n", "format = true", ["whole number"]),
+        ("format = 1\n", 'format = "1"\n', 'format = "1"', ["whole number", "text"]),
+        ('name = "demo"\n', "", None, ["has no key 'name'"]),
+        ('name = "demo"', "name = 5", "name = 5", ["quotes"]),
+        ('name = "demo"', 'name = ""', 'name = ""', ["is empty"]),
+        ('name = "demo"', f'name = "{"n" * 101}"', f'name = "{"n" * 101}"', ["longer than 100"]),
+        ('name = "demo"', r'name = "a\u001b[2J"', r'name = "a\u001b[2J"', [r"\x1b[2J", "printed"]),
+        ('name = "demo"', 'name = " a"', 'name = " a"', ["blank"]),
+        ('name = "demo"', 'nmae = "demo"', 'nmae = "demo"', ["'nmae'", "did you mean 'name'"]),
+        ("[precision]", "[precison]", "[precison]", ["did you mean 'precision'"]),
+        ("image_um = 5.0", "image_µm = 5.0", None, ["not valid TOML"]),
+        ("image_um = 5.0", "imageum = 5.0", "imageum = 5.0", ["[precision]", "'image_um'"]),
+        ("image_um = 5.0", "image_um = 0", "image_um = 0", ["image_um", "greater than 0"]),
+        ("image_um = 5.0", "image_um = nan", "image_um = nan", ["finite"]),
+        ("image_um = 5.0", "image_um = inf", "image_um = inf", ["finite"]),
+        ("image_um = 5.0", "image_um = 1e999", "image_um = 1e999", ["finite"]),
+        ("image_um = 5.0", "image_um = 1" + "0" * 400, "image_um = 1" + "0" * 400, ["finite"]),
+        ("image_um = 5.0", 'image_um = "5"', 'image_um = "5"', ["must be a number, not text"]),
+        ("image_um = 5.0", "image_um = true", "image_um = true", ["not true or false"]),
+        ("image_um = 5.0", "image_um = 1999-01-01", "image_um = 1999-01-01", ["a date"]),
+        ("control_m = 0.05", "control_m = -1", "control_m = -1", ["must not be negative"]),
+        ('"paper"', '"papers"', 'tie_variance = "papers"', ["did you mean 'paper'"]),
+        ('kind = "tau"', "kind = 3", "kind = 3", ['must be "tau" or "baarda"']),
+        ("alpha = 0.001", "alpha = 0", "alpha = 0", ["between 0 and 1"]),
+        ("alpha = 0.001", "alpha = 1.0", "alpha = 1.0", ["between 0 and 1"]),
+        ("power = 0.80", "power = 80", "power = 80", ["between 0 and 1"]),
+        ("c = 152.40", "c = -152.40", "c = -152.40", ["greater than 0"]),
+        ("c = 152.40", "cc = 152.40", "cc = 152.40", ["[[camera]]", "did you mean 'c'"]),
+        ("c = 152.40\n", "", "[[camera]]", ["[[camera]] has no key 'c'"]),
+        ('id = "rmk"\n', "", "[[camera]]", ["has no key 'id'"]),
+        ("[230.0, 230.0]", "[230.0]", "format = [230.0]", ["2 numbers, not 1"]),
+        ("[230.0, 230.0]", "230.0", "format = 230.0", ["list of 2 numbers"]),
+        ("[230.0, 230.0]", "[230.0, -1]", "format = [230.0, -1]", ["greater than 0"]),
+        ("[230.0, 230.0]", '[230.0, "x"]', 'format = [230.0, "x"]', ["must be a number"]),
+        ("[[camera]]", "[camera]", "[camera]", ["must be written [[camera]]"]),
+        ("base = 92.0", "base = 0.0", "base = 0.0", ["base must not be 0"]),
+        ("base = 92.0", "base = nan", "base = nan", ["finite"]),
+        ('"102", "103"]', '"102", "104"]', 'photos = ["101", "102", "104"]', ["photo '104'"]),
+        ('"102", "103"]', '"102", "102"]', 'photos = ["101", "102", "102"]', ["'102' twice"]),
+        ('"102", "103"]', '"102", 103]', 'photos = ["101", "102", 103]', ["quotes"]),
+        ('["101", "102", "103"]', '["101"]', 'photos = ["101"]', ["fewer than 2 photos"]),
+        ('["101", "102", "103"]', '"101"', 'photos = "101"', ["list of names"]),
+        ("position = [1000.0,", "position = [", None, ["3 numbers, not 2"]),
+        ("position = [1000.0,", "position = [nan,", None, ["finite"]),
+        ('unit = "deg"', 'unit = "grad"', None, ["unit", '"deg" or "gon" or "rad"']),
+        (', unit = "deg" }', " }", None, ["rotation has no key 'unit'"]),
+        ("phi = 90.0, kappa", "kappa", None, ["rotation has no key 'phi'"]),
+        ("phi = 90.0", "ph = 90.0", None, ["unknown key 'ph' in rotation", "'phi'"]),
+        ("phi = 90.0", "phi = 90.0, phi = 2", None, ["not valid TOML"]),
+        ("position = [1000.0, 2000.0, 1500.0]\n", "", None, ["position_sigma without position"]),
+        ("[10.0, 10.0, 10.0]", "[10.0, 0.0, 10.0]", None, ["position_sigma", "greater than 0"]),
+        ("omega = 0.1", "omega = -0.1", None, ["rotation_sigma", "greater than 0"]),
+        ('name = "demo"', 'name = "demo', 'name = "demo', ["not valid TOML"]),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_line(block_toml, old, new, at, words):
+    assert old in block_toml
+    text = block_toml.replace(old, new, 1)
+    message = refused(text)
+    for word in words:
+        assert word in message
+    if at is not None:
+        assert f"block.toml line {number_of(text, at)}: " in message
+
+
+def test_duplicates_name_both_lines(block_toml):
+    for what, identity in (("camera", "rmk"), ("strip", "1"), ("photo", "102")):
+        rest = {
+            "camera": "c = 1.0",
+            "strip": 'photos = ["101", "102"]',
+            "photo": 'camera = "rmk"',
+        }[what]
+        text = block_toml + f'[[{what}]]\nid = "{identity}"\n{rest}\n'
+        message = refused(text)
+        first = number_of(text, f'id = "{identity}"')
+        assert f"line {len(text.splitlines()) - 1}: {what} '{identity}' twice" in message
+        assert f"(first in line {first})" in message
+
+
+@pytest.mark.parametrize("what", ["camera", "photo", "strip"])
+def test_a_block_needs_cameras_photos_and_strips(what):
+    tables = {
+        "camera": '[[camera]]\nid = "k"\nc = 100\n',
+        "photo": '[[photo]]\nid = "a"\ncamera = "k"\n[[photo]]\nid = "b"\ncamera = "k"\n',
+        "strip": '[[strip]]\nid = "s"\nphotos = ["a", "b"]\n',
+    }
+    order = ["camera", "photo", "strip"]
+    kept = order[: order.index(what)]
+    text = 'format = 1\nname = "m"\n' + "".join(tables[name] for name in kept)
+    assert f"no {what}" in refused(text)
+
+
+def test_an_unknown_camera_is_named_with_the_nearest(block_toml):
+    text = block_toml.replace('camera = "rmk"', 'camera = "rmx"', 1)
+    message = refused(text)
+    assert "photo '101': unknown camera 'rmx' (did you mean 'rmk'?)" in message
+    at = number_of(text, 'camera = "rmx"')
+    assert f"line {at}: " in message
+
+
+def test_a_slash_in_a_photo_name_is_refused(block_toml):
+    assert "holds a slash" in refused(block_toml.replace('"102"', '"10/2"'))
+
+
+def test_a_newer_format_is_told_before_its_unknown_keys(block_toml):
+    text = block_toml.replace("format = 1", "format = 3").replace("name", "title")
+    assert "newer version" in refused(text)
+
+
+def test_the_line_of_an_element_in_a_long_list_is_named(block_toml):
+    text = block_toml.replace(
+        '["101", "102", "103"]', '[\n  "101", # first\n  "102",\n  "10 3",\n]'
+    )
+    at = number_of(text, '  "10 3",')
+    assert f"line {at}: strip '1': unknown photo '10 3'" in refused(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x = " + "[" * 100_000,
+        "x = " + "9" * 5000,
+        "format = 0x" + "f" * 5000,
+        "format = 1\nname = 0x" + "f" * 5000,
+        "a." * 2000 + "b = 1",
+        "\r",
+        "\x00",
+        "=",
+        "",
+    ],
+)
+def test_hostile_texts_are_input_errors(text):
+    refused(text)
+
+
+def test_files_that_cannot_be_read(make_block, tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="nowhere: no such folder"):
+        read_block(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_block(Path("a\0b"))
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    with pytest.raises(InputError, match=r"block\.toml: file not found"):
+        read_block(empty)
+    folder = make_block()
+    with pytest.raises(InputError, match=r"block\.toml: not a folder"):
+        read_block(folder / "block.toml")
+    with pytest.raises(InputError, match=r"block\.toml line 2: not UTF-8"):
+        read_block(make_block(toml=b'format = 1\nname = "\xff"\n'))
+    with pytest.raises(InputError, match=r"block\.toml line 2: not UTF-8"):
+        read_block(make_block(toml=b'\xef\xbb\xbfformat = 1\nname = "\xff"\n'))
+    with pytest.raises(InputError, match="more than 4 MB is not read"):
+        read_block(make_block(toml=b"#" * 4_000_001))
+    make_block()
+    monkeypatch.setattr(Path, "open", _permission_denied)
+    with pytest.raises(InputError, match=r"block\.toml: cannot be read: Permission denied"):
+        read_block(folder)
+
+
+def _permission_denied(*_: object, **__: object) -> None:
+    raise PermissionError(13, "Permission denied")
+
+
+# -- writing ---------------------------------------------------------------------------------
+
+names = st.text(min_size=1, max_size=20).filter(lambda text: name_fault(text, photo=True) is None)
+positive = st.floats(min_value=1e-12, max_value=1e12)
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+triples = st.tuples(numbers, numbers, numbers)
+sigmas = st.tuples(positive, positive, positive)
+
+
+@st.composite
+def blocks(draw: st.DrawFn) -> Block:
+    cameras = tuple(
+        Camera(name, draw(positive), draw(st.none() | st.tuples(positive, positive)))
+        for name in draw(st.lists(names, min_size=1, max_size=3, unique=True))
+    )
+    photo_names = draw(st.lists(names, min_size=2, max_size=5, unique=True))
+    photos = []
+    for name in photo_names:
+        position, rotation = draw(st.none() | triples), draw(st.none() | triples)
+        photos.append(
+            Photo(
+                name,
+                draw(st.sampled_from(cameras)).id,
+                position,
+                rotation,
+                draw(sigmas) if position and draw(st.booleans()) else None,
+                draw(sigmas) if rotation and draw(st.booleans()) else None,
+            )
+        )
+    return Block(
+        name=draw(names),
+        precision=Precision(
+            draw(positive), draw(st.sampled_from(("paper", "propagated"))), draw(positive)
+        ),
+        test=TestSettings(
+            draw(st.sampled_from(("tau", "baarda"))),
+            draw(st.floats(1e-9, 0.999)),
+            draw(st.floats(1e-9, 0.999)),
+        ),
+        cameras=cameras,
+        photos=tuple(photos),
+        strips=(Strip(draw(names), tuple(photo_names), draw(st.none() | positive)),),
+    )
+
+
+@CALM
+@given(blocks())
+def test_a_written_block_is_read_back_equal(block):
+    assert parse_block_toml(format_block_toml(block), Path("block.toml")) == block
+
+
+def test_a_new_block_is_written_once(tmp_path, block_toml):
+    block = parse_block_toml(block_toml, Path("block.toml"))
+    folder = tmp_path / "deep" / "block"
+    write_block_toml(folder, block)
+    assert read_block(folder) == block
+    before = (folder / "block.toml").read_bytes()
+    with pytest.raises(InputError, match=r"block\.toml: exists already"):
+        write_block_toml(folder, block)
+    assert (folder / "block.toml").read_bytes() == before
+    assert [entry.name for entry in folder.iterdir()] == ["block.toml"]
+
+
+@pytest.mark.parametrize("name", ["", "a\nb", "\x1b[31m", "x" * 101, " a"])
+def test_a_block_that_could_not_be_read_again_is_not_written(tmp_path, block_toml, name):
+    block = parse_block_toml(block_toml, Path("block.toml"))
+    bad = Block(name, block.precision, block.test, block.cameras, block.photos, block.strips)
+    with pytest.raises(InputError) as caught:
+        write_block_toml(tmp_path / "new", bad)
+    assert str(caught.value).isprintable()
+    assert not (tmp_path / "new").exists()

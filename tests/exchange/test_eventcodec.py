@@ -1,0 +1,172 @@
+"""Session events to and from JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import typing
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from anaplot.errors import InputError
+from anaplot.exchange.eventcodec import event_from_dict, event_to_dict
+from anaplot.exchange.names import name_fault
+from anaplot.session.events import (
+    EVENT_KINDS,
+    ModelAccepted,
+    ModelChosen,
+    PlannedPoint,
+    PointAdded,
+    PointMeasured,
+    Resumed,
+    RowSwitched,
+    Suspended,
+    Undone,
+)
+
+CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+def assert_one_safe_line(error: InputError) -> None:
+    assert str(error).isprintable()
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+names = st.text(min_size=1, max_size=15).filter(lambda text: name_fault(text) is None)
+photos = names.filter(lambda text: "/" not in text)
+planned = st.builds(
+    PlannedPoint, names, st.sampled_from(["tie", "new"]), numbers, numbers, numbers, numbers
+)
+events = st.one_of(
+    st.builds(ModelChosen, names, photos, photos, st.lists(planned, max_size=4).map(tuple)),
+    st.builds(PointAdded, planned),
+    st.builds(PointMeasured, photos, photos, names, numbers, numbers, numbers, numbers, names),
+    st.builds(RowSwitched, names, st.sampled_from(["x", "y", None]), st.booleans()),
+    st.builds(ModelAccepted, photos, photos),
+    st.sampled_from([Undone(), Suspended(), Resumed()]),
+)
+
+POINT = PlannedPoint("7", "tie", 1.0, 2.0, 3.0, 4.0)
+ALL = [
+    ModelChosen("1", "101", "102", (POINT,)),
+    PointAdded(POINT),
+    PointMeasured("101", "102", "7", 0.1, -92.0, 1e-7, 4.0, "pedal"),
+    RowSwitched("7", None, False),
+    ModelAccepted("101", "102"),
+    Undone(),
+    Suspended(),
+    Resumed(),
+]
+
+
+@CALM
+@given(events)
+def test_every_event_comes_back_equal(event):
+    data = event_to_dict(event)
+    assert data["kind"] == event.kind
+    again = event_from_dict(json.loads(json.dumps(data, allow_nan=False)))
+    assert again == event
+    assert type(again) is type(event)
+
+
+def test_every_kind_with_all_its_fields_is_written():
+    assert {event.kind for event in ALL} == set(EVENT_KINDS)
+    for event in ALL:
+        fields = {field.name for field in dataclasses.fields(event)}
+        assert set(event_to_dict(event)) == fields | {"kind"}
+
+
+def test_the_written_form_is_this_one():
+    assert event_to_dict(ALL[1]) == {
+        "kind": "point-added",
+        "planned": {"point": "7", "role": "tie", "xl": 1.0, "yl": 2.0, "xr": 3.0, "yr": 4.0},
+    }
+
+
+MEASURED = event_to_dict(ALL[2])
+SWITCHED = event_to_dict(ALL[3])
+CHOSEN = event_to_dict(ALL[0])
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({}, ["kind must be text, not nothing"]),
+        ({"kind": 3}, ["kind must be text, not a number"]),
+        ({"kind": "point-mesured"}, ["unknown kind", "did you mean 'point-measured'"]),
+        ({"kind": "undone", "x": 1}, ["event 'undone': unknown key 'x'"]),
+        ({**MEASURED, "xll": 1.0}, ["unknown key 'xll'", "did you mean 'xl'"]),
+        ({k: v for k, v in MEASURED.items() if k != "xl"}, ["key 'xl' is missing"]),
+        ({**MEASURED, "xl": "1.0"}, ["xl must be a number, not text"]),
+        ({**MEASURED, "xl": True}, ["xl must be a number, not true or false"]),
+        ({**MEASURED, "xl": float("nan")}, ["xl must be a finite number"]),
+        ({**MEASURED, "xl": 10**400}, ["xl must be a finite number"]),
+        ({**MEASURED, "point": 7}, ["point must be a name, not a number"]),
+        ({**MEASURED, "point": ""}, ["is empty"]),
+        ({**MEASURED, "point": "p" * 101}, ["longer than 100"]),
+        ({**MEASURED, "point": "\x1b[2J"}, [r"\x1b[2J", "cannot be printed"]),
+        ({**MEASURED, "left": "10/1"}, ["left", "slash"]),
+        ({**SWITCHED, "axis": "z"}, ['axis must be "x" or "y" or null']),
+        ({**SWITCHED, "axis": []}, ["axis must be", "not a list"]),
+        ({**SWITCHED, "on": 1}, ["on must be true or false, not a number"]),
+        ({**CHOSEN, "plan": {}}, ["plan must be a list, not a table"]),
+        ({**CHOSEN, "plan": [3]}, ["plan[0]: must be an object, not a number"]),
+        ({**CHOSEN, "plan": [{}]}, ["plan[0]: key 'point' is missing"]),
+        (
+            {**CHOSEN, "plan": [{**CHOSEN["plan"][0], "role": "old"}]},
+            ['plan[0]: role must be "tie" or "new"'],
+        ),
+        (
+            {**CHOSEN, "plan": [{**CHOSEN["plan"][0], "role": None}]},
+            ['role must be "tie" or "new", not nothing'],
+        ),
+        ({**CHOSEN, "plan": CHOSEN["plan"] * 4001}, ["holds 4001 points, more than 4000"]),
+    ],
+)
+def test_whatever_is_not_an_event_is_refused(data, words):
+    with pytest.raises(InputError) as caught:
+        event_from_dict(data)
+    assert str(caught.value).isprintable()
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        PointMeasured("101", "102", "a\nb", 1.0, 2.0, 3.0, 4.0, "key"),
+        PointMeasured("101", "102", "1", float("inf"), 2.0, 3.0, 4.0, "key"),
+        PointMeasured("1/2", "102", "1", 1.0, 2.0, 3.0, 4.0, "key"),
+        RowSwitched("1", typing.cast(typing.Any, "z"), True),
+        ModelChosen("1", "a", "b", (POINT,) * 4001),
+        PointAdded(typing.cast(typing.Any, None)),
+    ],
+)
+def test_what_could_not_be_read_again_is_not_written(event):
+    with pytest.raises(InputError):
+        event_to_dict(event)
+
+
+@CALM
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+        lambda inner: (
+            st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3)
+        ),
+        max_leaves=6,
+    ),
+    st.sampled_from(ALL),
+    st.data(),
+)
+def test_any_value_in_any_place_is_refused_or_kept(value, event, data):
+    changed = event_to_dict(event)
+    changed[data.draw(st.sampled_from([*changed, "more"]))] = value
+    try:
+        again = event_from_dict(changed)
+    except InputError as error:
+        assert_one_safe_line(error)
+    else:
+        assert event_to_dict(again) == changed
