@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from anaplot import __version__
 from anaplot.errors import AnaplotError, InputError
+
+if TYPE_CHECKING:
+    from anaplot.station.automatic import ModelRecord
+    from anaplot.station.demo import Demo
 
 __all__ = ["main"]
 
@@ -59,6 +65,61 @@ def _bridge(options: argparse.Namespace) -> int:
     return 0
 
 
+def _demo(options: argparse.Namespace) -> int:
+    from anaplot.station.demo import Demo
+
+    if options.json and not options.auto:
+        raise InputError("--json goes with --auto")
+    demo = Demo.make(options.models, options.seed)
+    with contextlib.ExitStack() as stack:
+        if options.keep is not None:
+            folder = options.keep
+        else:
+            name = stack.enter_context(tempfile.TemporaryDirectory(prefix="anaplot-demo-"))
+            folder = Path(name) / "demo"
+        demo.write(folder)
+        if options.auto:
+            return _demo_auto(demo, folder, options.json)
+        from anaplot.console.app import run_console
+
+        return run_console(demo.open(folder, time_scale=2.0))
+
+
+def _demo_auto(demo: Demo, folder: Path, as_json: bool) -> int:
+    from anaplot.report.contract import demo_json
+    from anaplot.report.demotext import model_story, outcome_text
+    from anaplot.station.demo import run_demo
+
+    def tell(record: ModelRecord) -> None:
+        if not as_json:
+            print(model_story(record), end="\n\n", flush=True)
+
+    outcome = run_demo(demo, folder, on_accepted=tell)
+    if as_json:
+        print(json.dumps(demo_json(demo.seed, outcome), indent=1, allow_nan=False))
+    else:
+        print(outcome_text(demo.seed, outcome))
+    return 0
+
+
+def _open(options: argparse.Namespace) -> int:
+    from anaplot.console.app import run_console
+    from anaplot.station.opening import open_station
+
+    return run_console(
+        open_station(
+            options.block,
+            profile=options.profile,
+            port=options.port,
+            simulate=options.simulate,
+            truth=options.truth,
+            seed=options.seed,
+            point_pattern=options.pattern,
+            operator=options.operator,
+        )
+    )
+
+
 def _parser() -> _Parser:
     parser = _Parser(
         prog="anaplot",
@@ -86,7 +147,66 @@ def _parser() -> _Parser:
     bridge.add_argument(
         "--fail-on-flag", action="store_true", help="exit with 1 when a row is flagged"
     )
+    demo = command(
+        "demo",
+        _demo,
+        "a small simulated strip with planted mistakes, on a simulated plotter behind a real "
+        "serial line, in the console",
+        "anaplot demo --auto --seed 7",
+    )
+    demo.add_argument("--auto", action="store_true", help="a simulated operator does the job")
+    demo.add_argument("--json", action="store_true", help="with --auto: print JSON for programs")
+    demo.add_argument("--seed", type=_whole(0, 2**31), default=1, metavar="N", help="default 1")
+    demo.add_argument(
+        "--models",
+        type=_whole(1, 200),
+        default=4,
+        metavar="N",
+        help="models of the strip, default 4",
+    )
+    demo.add_argument("--keep", type=Path, metavar="FOLDER", help="keep the block in a new folder")
+
+    opening = command(
+        "open",
+        _open,
+        "the console on a block; goes on where its journal ends",
+        "anaplot open myblock --profile anaplot-ascii --port /dev/ttyUSB0",
+    )
+    opening.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
+    opening.add_argument("--profile", metavar="NAME", help="device profile: a name or a file")
+    opening.add_argument("--port", help="serial port: /dev/ttyUSB0, COM3, socket://host:port")
+    opening.add_argument(
+        "--simulate", action="store_true", help="connect a simulated plotter instead"
+    )
+    opening.add_argument(
+        "--truth",
+        type=Path,
+        metavar="FOLDER",
+        help="with --simulate: the block whose image_points.csv lies in the simulated plates",
+    )
+    opening.add_argument(
+        "--seed", type=_whole(0, 2**31), default=1, metavar="N", help="of the simulation, default 1"
+    )
+    opening.add_argument(
+        "--pattern", default="13", metavar="NAME", help="point pattern of new models, default 13"
+    )
+    opening.add_argument(
+        "--operator", default="", metavar="NAME", help="your name, for the journal"
+    )
     return parser
+
+
+def _whole(low: int, high: int) -> Callable[[str], int]:
+    def whole(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = low - 1
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number from {low} to {high}")
+        return value
+
+    return whole
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -9,7 +9,9 @@ from anaplot.adjustment.reliability import (
     error_odds,
     residual_correlations,
     smallest_detectable_errors,
+    undetected_effects,
 )
+from anaplot.adjustment.significance import noncentrality, tau_power
 from anaplot.orientation.results import (
     Diagnosis,
     ModelSolution,
@@ -24,9 +26,14 @@ __all__ = ["HARD_TO_TELL", "diagnose", "point_odds"]
 HARD_TO_TELL = 0.9
 """Residual correlation from which two rows are named as hard to tell apart."""
 
+_SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may hide behind it
+
 
 def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
-    """Say what can be said of every row of a model, always with the a-priori sigma0 for nabla.
+    """Say what can be said of every row of a model beyond its table.
+
+    Smallest detectable errors and their effects hold for the a-priori sigma0 whatever the test;
+    the power that the test really has against them stands beside.
 
     Parameters
     ----------
@@ -47,9 +54,14 @@ def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
         solution.redundancy,
         solution.test.kind,
     )
+    effects = undetected_effects(r, alpha=solution.test.alpha, power=power)
     rows = tuple(
-        RowDiagnosis(row.point, row.axis, None if nabla != nabla else nabla, p)
-        for row, nabla, p in zip(table, detectable.tolist(), odds.rows.tolist(), strict=True)
+        RowDiagnosis(
+            row.point, row.axis, None if nabla != nabla else nabla, p, None if e != e else e
+        )
+        for row, nabla, p, e in zip(
+            table, detectable.tolist(), odds.rows.tolist(), effects.tolist(), strict=True
+        )
     )
     keys = [row.key for row in table]
     transfers = tuple(
@@ -63,7 +75,9 @@ def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
         for i, j in zip(first.tolist(), second.tolist(), strict=True)
     )
     chance: dict[tuple[str, str], float] = dict(zip(keys, odds.rows.tolist(), strict=True))
-    suspects = tuple(sorted((row.key for row in solution.flagged), key=lambda key: -chance[key]))
+    suspects = tuple(
+        (row.point, row.axis) for row in sorted(solution.flagged, key=lambda row: -chance[row.key])
+    )
     return Diagnosis(
         rows=rows,
         none=odds.none,
@@ -71,7 +85,16 @@ def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
         partners=partners,
         advice=_advice(solution, rows, partners, odds.none),
         suspects=suspects,
+        power=_real_power(solution, power),
     )
+
+
+def _real_power(solution: ModelSolution, power: float) -> float | None:
+    """Power of the applied test against the smallest detectable errors of the normal test."""
+    alpha = solution.test.alpha
+    if solution.test.kind == "tau":
+        return tau_power(noncentrality(alpha, power), alpha, solution.redundancy)
+    return power if solution.redundancy > 0 else None
 
 
 def point_odds(rows: tuple[RowDiagnosis, ...]) -> dict[str, float]:
@@ -91,7 +114,13 @@ def _advice(
     out = list(solution.remarks)
     flagged = solution.flagged
     if not flagged:
-        if solution.redundancy > 1:
+        sigma0 = solution.sigma0_um
+        if sigma0 is not None and sigma0 > _SUSPICIOUS * solution.apriori_um:
+            out.append(
+                f"nothing is flagged, but sigma0 is {sigma0 / solution.apriori_um:.0f} times its "
+                "a-priori value: more than one measurement is wrong"
+            )
+        elif solution.redundancy > 1:
             out.append("nothing is flagged")
         return tuple(out)
     points = point_odds(rows)
@@ -119,9 +148,7 @@ def _advice(
                 f"(correlation {partner.correlation:.2f})"
             )
     if none > points[accused]:
-        out.append(
-            f"no gross error at all: {_to_one(none, points[accused])} over {accused}"
-        )
+        out.append(f"no gross error at all: {_to_one(none, points[accused])} over {accused}")
     return tuple(out)
 
 

@@ -13,9 +13,16 @@ from anaplot.adjustment.reliability import Standardized, standardize
 from anaplot.errors import NotComputableError
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import AppliedTest, ModelPoint, ModelSolution, TableRow
-from anaplot.orientation.solver import Conditions, Solution, find_orientation
+from anaplot.orientation.solver import (
+    IN_FRONT,
+    Conditions,
+    Found,
+    Solution,
+    find_orientation,
+    iterate,
+    vertical_start,
+)
 from anaplot.photogrammetry.block import Precision, TestSettings
-from anaplot.photogrammetry.intersection import intersect
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = ["BADLY_SPREAD", "UNKNOWNS", "WrongPointsError", "orient"]
@@ -67,6 +74,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         model.
     """
     _check_count(pair)
+    _check_finite(pair)
     bx = _first_base(pair) if pair.ties is None else None
     conditions = Conditions(pair, precision.tie_variance)
     apriori_mm = precision.image_um * 1e-3
@@ -74,27 +82,23 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     if suspects:
         raise WrongPointsError(pair.name, suspects)
     if found is None:
-        raise NotComputableError(
-            f"model {pair.name}: no orientation found, the solution does not converge"
-            f"{_line_hint(pair)}"
-        )
-    if found.across or abs(found.solution.state.beta_y) > 1.0:
+        raise _not_found_error(pair, conditions, bx)
+    if not found.along:
         raise _turned_error(pair)
     solution = found.solution
     state = solution.state
-    points, behind = _model_points(pair, conditions, solution)
+    points, behind = _model_points(pair, found)
     unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
     omega, phi, kappa = rotation_angles(state.rotation)
-    q_l = conditions.cofactors(state.bx)
-    root = np.sqrt(q_l)
-    design = _design(conditions, solution, omega, phi) * root[:, None]
+    design, q_l = _design(conditions, solution, omega, phi)
     try:
-        adjusted = adjust(design, solution.rows[6] * root, q_l, unknowns=unknowns)
+        adjusted = adjust(design, solution.rows[6] * np.sqrt(q_l), q_l, unknowns=unknowns)
     except RankDefectError as error:
-        raise NotComputableError(f"model {pair.name}: {error}{_line_hint(pair)}") from error
-    if found.in_front <= 0.5:
+        raise _undetermined_error(pair, error) from error
+    if found.in_front < IN_FRONT:
         raise NotComputableError(
-            f"model {pair.name}: most points would lie behind a photo; are the photos interchanged?"
+            f"model {pair.name}: {len(behind)} of {len(points)} points would lie behind a photo; "
+            "are the photos interchanged, or is one mirrored?"
         )
     used = standardize(adjusted, kind=test.kind, alpha=test.alpha, apriori=apriori_mm)
     sigma0 = adjusted.sigma0
@@ -148,6 +152,16 @@ def _check_count(pair: Stereopair) -> None:
         )
 
 
+def _check_finite(pair: Stereopair) -> None:
+    if abs(float(pair.xl.sum() + pair.xr.sum())) < inf:
+        return
+    for point, *xy in zip(pair.points, *pair.xl.T.tolist(), *pair.xr.T.tolist(), strict=True):
+        if not all(abs(value) < inf for value in xy):
+            raise NotComputableError(
+                f"model {pair.name}: point {point} has a coordinate that is not a number"
+            )
+
+
 def _points(count: int) -> str:
     return "one point" if count == 1 else f"{count} points"
 
@@ -181,51 +195,78 @@ def _turned_error(pair: Stereopair) -> NotComputableError:
     )
 
 
-def _design(conditions: Conditions, solution: Solution, omega: float, phi: float) -> Array:
-    """(n, u) weighted derivatives with respect to UNKNOWNS instead of d ln bx and turns."""
+def _undetermined_error(pair: Stereopair, error: RankDefectError) -> NotComputableError:
+    return NotComputableError(f"model {pair.name}: {error}{_line_hint(pair)}")
+
+
+def _not_found_error(
+    pair: Stereopair, conditions: Conditions, bx: float | None
+) -> NotComputableError:
+    """Say why nothing converged: unknowns without any hold, contradicting ties, or neither."""
+    start = vertical_start(pair, conditions, bx)
+    unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
+    with np.errstate(all="ignore"):
+        rows = conditions.evaluate(start)
+        design, q_l = _design(conditions, Solution(start, rows, 0), 0.0, 0.0)
+    if np.isfinite(rows).all():
+        try:
+            adjust(design, rows[6], q_l, unknowns=unknowns)
+        except RankDefectError as error:
+            return _undetermined_error(pair, error)
+    reason = "the solution does not converge"
+    if not conditions.first and len(conditions.y_index) >= 5:
+        plane = iterate(conditions, start, ties=False)
+        if plane is not None:
+            reason = (
+                "the ties do not determine the base, their coordinates from the preceding model "
+                "contradict this one"
+            )
+    return NotComputableError(
+        f"model {pair.name}: no orientation found, {reason}{_line_hint(pair)}"
+    )
+
+
+def _design(
+    conditions: Conditions, solution: Solution, omega: float, phi: float
+) -> tuple[Array, Array]:
+    """(n, u) derivatives with respect to UNKNOWNS, not d ln bx and turns; (n,) cofactors."""
     rows = solution.rows
-    angles = rotation_axes(omega, phi).T @ rows[3:6]
-    parts = [] if conditions.first else [rows[:1] / solution.state.bx]
-    return np.concatenate([*parts, rows[1:3], angles[::-1]]).T
+    q_l = conditions.cofactors(solution.state.bx)
+    parts = [rows[1:3], (rotation_axes(omega, phi).T @ rows[3:6])[::-1]]
+    if not conditions.first:
+        parts.insert(0, rows[:1] / solution.state.bx)
+    return (np.concatenate(parts) * np.sqrt(q_l)).T, q_l
 
 
 def _table(
     pair: Stereopair, conditions: Conditions, adjusted: Adjustment, used: Standardized
 ) -> tuple[TableRow, ...]:
     points = pair.points
-    keys: list[tuple[str, Literal["x", "y"]]] = [(points[k], "y") for k in conditions.y_index]
-    keys += [(points[k], "x") for k in conditions.x_index]
-    n = len(keys)
+    names = [points[k] for k in conditions.y_index] + [points[k] for k in conditions.x_index]
+    axes: list[Literal["x", "y"]] = ["y"] * len(conditions.y_index)
+    axes += ["x"] * len(conditions.x_index)
     parallax = (adjusted.w * 1e3).tolist()
+    n = len(names)
     expected: list[float] | list[None] = [None] * n
-    ratio: list[float] | list[None] = [None] * n
+    ratio: list[float | None] = [None] * n
     if used.expected is not None and used.ratio is not None:
         expected = (used.expected * 1e3).tolist()
-        ratio = used.ratio.tolist()
+        ratio = [None if w != w else w for w in used.ratio.tolist()]
     limit = inf if used.critical is None else used.critical
-    rows = []
-    for (point, axis), r, parx, expd, w in zip(
-        keys, adjusted.r.tolist(), parallax, expected, ratio, strict=True
-    ):
-        sigf = None if w is None or w != w else w
-        flagged = sigf is not None and sigf > limit and abs(parx) > _DUST_UM
-        rows.append(TableRow(point, axis, r, parx, expd, sigf, flagged))
-    return tuple(rows)
-
-
-def _model_points(
-    pair: Stereopair, conditions: Conditions, solution: Solution
-) -> tuple[tuple[ModelPoint, ...], tuple[str, ...]]:
-    """Model coordinates, and the names of points that lie behind a photo or nowhere."""
-    bx, beta_y, beta_z, rotation = solution.state
-    meet = intersect(
-        pair.fixed.centre,
-        np.array([bx, bx * beta_y, bx * beta_z]),
-        conditions.x1,
-        rotation @ conditions.p2,
+    flagged = [
+        w is not None and w > limit and abs(parx) > _DUST_UM
+        for w, parx in zip(ratio, parallax, strict=True)
+    ]
+    return tuple(
+        map(TableRow, names, axes, adjusted.r.tolist(), parallax, expected, ratio, flagged)
     )
-    front = ((meet.left > 0.0) & (meet.right > 0.0)).tolist()
-    points = tuple(map(ModelPoint, pair.points, *meet.points.tolist()))
+
+
+def _model_points(pair: Stereopair, found: Found) -> tuple[tuple[ModelPoint, ...], tuple[str, ...]]:
+    """Model coordinates, and the names of points that lie behind a photo or nowhere."""
+    coordinates = found.meet.points + pair.fixed.centre[:, None]
+    points = tuple(map(ModelPoint, pair.points, *coordinates.tolist()))
+    front = found.meet.in_front.tolist()
     return points, tuple(p for p, good in zip(pair.points, front, strict=True) if not good)
 
 

@@ -176,12 +176,17 @@ class RowDiagnosis(NamedTuple):
         Smallest detectable error [um]; None when the row cannot be tested.
     probability
         Posterior probability that this row holds the one gross error.
+    effect
+        External reliability: largest effect of an undetected error of size `mdb_um` on any
+        function of the unknowns, in standard deviations of that function; None when the row
+        cannot be tested.
     """
 
     point: str
     axis: Literal["x", "y"]
     mdb_um: float | None
     probability: float
+    effect: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,6 +205,9 @@ class Diagnosis:
         Sentences: what to do next, the most useful first.
     suspects
         (point, axis) of flagged rows, the most probable first.
+    power
+        Power that the applied test really has against errors of the size `mdb_um`; under "tau"
+        with few redundancies less than was asked. None where there is no test.
     """
 
     rows: tuple[RowDiagnosis, ...]
@@ -207,4 +215,5 @@ class Diagnosis:
     transfers: tuple[Transfer, ...]
     partners: tuple[Partner, ...]
     advice: tuple[str, ...]
-    suspects: tuple[tuple[str, str], ...]
+    suspects: tuple[tuple[str, Literal["x", "y"]], ...]
+    power: float | None = None

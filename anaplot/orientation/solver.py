@@ -11,20 +11,36 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 from math import atan2, cos, hypot, inf, log1p, sin, sqrt
+from statistics import median
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
+from anaplot.errors import NotComputableError
 from anaplot.orientation.pair import Stereopair
-from anaplot.photogrammetry.conditions import ROWS, collinearity_rows, coplanarity_rows, products
-from anaplot.photogrammetry.intersection import intersect
+from anaplot.photogrammetry.conditions import coefficients, products
+from anaplot.photogrammetry.intersection import Intersection, intersect
 from anaplot.photogrammetry.rotation import turn
 
-__all__ = ["Q_Y", "Conditions", "State", "find_orientation", "tie_cofactor"]
+__all__ = [
+    "IN_FRONT",
+    "Q_Y",
+    "Conditions",
+    "Found",
+    "Solution",
+    "State",
+    "find_orientation",
+    "iterate",
+    "tie_cofactor",
+    "vertical_start",
+]
 
 Array = NDArray[np.float64]
+
+IN_FRONT = 0.75
+"""Share of points that must lie in front of both photos; the others may be grossly wrong."""
 
 Q_Y = 2.0
 """A-priori cofactor of a y row: q_yy = 2 q_xx, the experience of the NRC."""
@@ -33,8 +49,10 @@ CONVERGED = 1e-10
 _ROOT_Y = sqrt(0.5)
 _MAX_ITERATIONS = 60
 _PAIRS_UP_TO = 16  # points of a model in which two wrong ones are looked for
+_LARGEST_DAMPING = 1e8
 _LARGEST_TURN = 0.4  # rad; longer corrections are shortened to this
 _ACROSS_MARGIN = 4.0  # per row: a gross error alone must not make the images look turned
+_ORIGIN = np.zeros(3)
 _TURNED = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -105,27 +123,30 @@ class Conditions:
     def __init__(
         self, pair: Stereopair, tie_variance: Literal["paper", "propagated"] = "paper"
     ) -> None:
-        n = len(pair.points)
+        points, off, ties = pair.points, pair.off, pair.ties or {}
         self.tie_variance = tie_variance
         self.preceding_bx = pair.preceding_bx
+        self.first = pair.ties is None
         self.x1 = pair.fixed.rotation @ _rays(pair.xl, pair.c_left)
         self.p2 = _rays(pair.xr, pair.c_right)
-        off = pair.off
-        self.y_index = [k for k in range(n) if (pair.points[k], "y") not in off]
-        ties = pair.ties or {}
+        self.y_index = [k for k, point in enumerate(points) if not off or (point, "y") not in off]
         self.x_index = [
-            k for k in range(n) if pair.points[k] in ties and (pair.points[k], "x") not in off
+            k for k, point in enumerate(points) if point in ties and (point, "x") not in off
         ]
-        self.first = pair.ties is None
-        self._y = y = np.array(self.y_index, dtype=np.intp)
-        self._x = x = np.array(self.x_index, dtype=np.intp)
-        self._x1y = self.x1[:, y] / -self.x1[2, y]
-        self._p2_rows = np.concatenate((self.p2[:, y], self.p2[:, x]), axis=1)
-        self.tie_points = (
-            np.array([ties[pair.points[k]] for k in self.x_index]).reshape(-1, 3).T
-            - pair.fixed.centre[:, None]
-        )
-        self._n, self._m = len(y), len(x)
+        self._n, self._m = n, m = len(self.y_index), len(self.x_index)
+        x1, p2 = self.x1, self.p2
+        if n < len(points):
+            x1, p2 = x1[:, self.y_index], p2[:, self.y_index]
+        self._products = np.zeros((18, n + m))
+        self._products[:9, :n] = products(x1 * (-_ROOT_Y / x1[2]), p2)
+        self.tie_points = np.ones((3, 0))
+        self._tie_p2 = self.p2[:, self.x_index]
+        if m:
+            tied = np.array([ties[points[k]] for k in self.x_index]).T
+            self.tie_points = tied - pair.fixed.centre[:, None]
+            horizontal = self.tie_points[(0, 2, 2), :]
+            horizontal[2] = 1.0
+            self._products[9:, n:] = products(horizontal, self._tie_p2)
 
     @property
     def row_count(self) -> int:
@@ -150,40 +171,33 @@ class Conditions:
     def evaluate(self, state: State, *, ties: bool = True) -> Array:
         """Return (7, n + m) weighted derivatives and misclosures in image units [mm]."""
         bx, beta_y, beta_z, rotation = state
-        n, m = self._n, self._m if ties else 0
-        x2 = rotation @ self._p2_rows
-        rows = np.empty((ROWS, n + m))
-        rows[:, :n] = coplanarity_rows(beta_y, beta_z, products(self._x1y, x2[:, :n]))
-        rows[:, :n] *= _ROOT_Y
-        if m:
-            tie = self.tie_points
-            d_x, d_z = tie[0] - bx, tie[2] - bx * beta_z
-            reduced = np.array([d_x, d_z, np.ones(m)])
-            reduced *= -1.0 / (d_z * sqrt(self._tie_cofactor(bx)))
-            rows[:, n:] = collinearity_rows(bx, beta_z, products(reduced, x2[:, n:]))
-            rows[0] *= bx
-            rows[0, :n] = 0.0
+        n = self._n
+        factors = coefficients(bx, beta_y, beta_z, rotation)
+        if not (ties and self._m):
+            plane: Array = factors[:, :9] @ self._products[:9, :n]
+            return plane
+        rows: Array = factors @ self._products
+        depth = self.tie_points[2] - bx * beta_z
+        depth *= -sqrt(self._tie_cofactor(bx))
+        rows[:, n:] /= depth
         return rows
 
-    def in_front(self, state: State) -> float:
-        """Return the share of points that lie in front of both photos."""
+    def meet(self, state: State) -> Intersection:
+        """Return where the rays of every point meet, as seen from the left projection centre."""
         bx, beta_y, beta_z, rotation = state
-        meet = intersect(
-            np.zeros(3), np.array([bx, bx * beta_y, bx * beta_z]), self.x1, rotation @ self.p2
-        )
-        return float(np.mean((meet.left > 0.0) & (meet.right > 0.0)))
+        return intersect(_ORIGIN, (bx, bx * beta_y, bx * beta_z), self.x1, rotation @ self.p2)
 
     def bx_of_ties(self, beta_z: float, rotation: Array) -> float | None:
         """Return the median bx that the ties ask for, one collinearity equation each."""
         if not self._m:
             return None
-        x2 = rotation @ self.p2[:, self._x]
+        x2 = rotation @ self._tie_p2
         tie = self.tie_points
         lever = x2[2] - beta_z * x2[0]
-        usable = np.abs(lever) > 1e-9
-        if not usable.any():
-            return None
-        return float(np.median(((tie[0] * x2[2] - tie[2] * x2[0]) / lever)[usable]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            asked = (tie[0] * x2[2] - tie[2] * x2[0]) / lever
+        usable = [bx for bx in asked.tolist() if abs(bx) < inf]
+        return median(usable) if usable else None
 
 
 def _rays(xy: Array, c: float) -> Array:
@@ -220,40 +234,48 @@ def _iterate(conditions: Conditions, start: State, ties: bool) -> Solution | Non
         square = float(normal[6, 6])
         if not square < inf:
             return None
-        while True:
-            matrix = normal[first:6, first:6]
-            if damping:
-                matrix = matrix.copy()
-                diagonal = np.einsum("ii->i", matrix)
-                diagonal += damping * diagonal + 1e-14 * float(diagonal.max())
-            _, correction, info = dposv(matrix, normal[first:6, 6])
-            if info == 0:
-                step = (-correction).tolist()
-                if not with_scale:
-                    step = [0.0, *step]
-                longest = max(map(abs, step))
-                if longest < inf:
-                    break
-            damping = max(10.0 * damping, 1e-8)
-            if damping > 1e8:
-                return None
-        shorten = min(1.0, _LARGEST_TURN / longest) if longest else 1.0
-        trial = _moved(state, [shorten * s for s in step])
+        solved = _solved(normal[first:6, first:6], normal[first:6, 6], damping)
+        if solved is None:
+            return None
+        step, damping = solved
+        longest = max(max(step), -min(step))
+        if longest > _LARGEST_TURN:
+            step = [s * _LARGEST_TURN / longest for s in step]
+        trial = _moved(state, step if with_scale else [0.0, *step])
         trial_rows = conditions.evaluate(trial, ties=with_scale)
         trial_normal = trial_rows @ trial_rows.T
         # weights and coefficients move with the unknowns, hence the room of a few steps
-        if float(trial_normal[6, 6]) <= square * (1.0 + 4.0 * longest) + 1e-24:
+        better = float(trial_normal[6, 6]) <= square * (1.0 + 4.0 * longest) + 1e-24
+        if better:
             state, rows, normal = trial, trial_rows, trial_normal
+        if longest < CONVERGED:
+            if not damping:
+                return Solution(state, rows, count)
+            damping = 0.0  # a damped correction is short without being the last
+        elif better:
             damping = damping / 10.0 if damping > 1e-7 else 0.0
-            if longest < CONVERGED:
-                return Solution(state, rows, count)
         else:
-            if longest < CONVERGED:
-                return Solution(state, rows, count)
             damping = max(10.0 * damping, 1e-4)
-            if damping > 1e8:
+            if damping > _LARGEST_DAMPING:
                 return None
     return None
+
+
+def _solved(matrix: Array, right: Array, damping: float) -> tuple[list[float], float] | None:
+    """Return the correction of damped normal equations, and the damping that it took."""
+    while True:
+        damped = matrix
+        if damping:
+            diagonal = matrix.diagonal()
+            damped = matrix + np.diag(damping * diagonal + 1e-14 * diagonal.max())
+        _, correction, info = dposv(damped, right)
+        if info == 0:
+            step: list[float] = (-correction).tolist()
+            if abs(sum(step)) < inf:
+                return step, damping
+        damping = max(10.0 * damping, 1e-8)
+        if damping > _LARGEST_DAMPING:
+            return None
 
 
 def _moved(state: State, step: list[float]) -> State:
@@ -261,7 +283,7 @@ def _moved(state: State, step: list[float]) -> State:
         state.bx * (1.0 + step[0]),
         state.beta_y + step[1],
         state.beta_z + step[2],
-        turn(np.array(step[3:])) @ state.rotation,
+        turn(*step[3:]) @ state.rotation,
     )
 
 
@@ -273,16 +295,17 @@ def _kappa_rotation(kappa: float, fixed: Array) -> Array:
 
 def _similar_kappa(pair: Stereopair) -> float:
     """Relative kappa of the plane similarity between the two photos' points."""
-    left = pair.xl[:, 0] + 1j * pair.xl[:, 1]
-    right = pair.xr[:, 0] + 1j * pair.xr[:, 1]
-    turned = complex(np.vdot(right - right.mean(), left - left.mean()))
-    return atan2(turned.imag, turned.real)
+    left, right = pair.xl, pair.xr
+    about_mean = right.T @ left - np.outer(right.sum(axis=0), left.sum(axis=0)) / len(left)
+    (xx, xy), (yx, yy) = about_mean.tolist()
+    return atan2(xy - yx, xx + yy)
 
 
 def _tilt(pair: Stereopair, rotation: Array) -> float:
     """Angle [rad] between the axes of the two photos."""
-    left, right = pair.fixed.rotation[:, 2], rotation[:, 2]
-    return atan2(float(np.linalg.norm(np.cross(left, right))), float(left @ right))
+    (lx, ly, lz), (rx, ry, rz) = pair.fixed.rotation[:, 2].tolist(), rotation[:, 2].tolist()
+    across = hypot(ly * rz - lz * ry, lz * rx - lx * rz, lx * ry - ly * rx)
+    return atan2(across, lx * rx + ly * ry + lz * rz)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -293,20 +316,30 @@ class Found:
     ----------
     solution
         In the frame of the strip, unless `across`.
-    in_front
-        Share of points in front of both photos.
+    meet
+        Where the points' rays meet, as seen from the left projection centre.
     across
         Whether the base lies across x: the images are turned.
     """
 
     solution: Solution
-    in_front: float
-    across: bool
+    meet: Intersection
+    across: bool = False
+
+    @property
+    def in_front(self) -> float:
+        """Share of points in front of both photos."""
+        return int(np.count_nonzero(self.meet.in_front)) / len(self.meet.left)
+
+    @property
+    def along(self) -> bool:
+        """Whether the base runs along x rather than across it."""
+        return not self.across and abs(self.solution.state.beta_y) <= 1.0
 
     @property
     def usable(self) -> bool:
         """Whether this can be an orientation of this strip at all."""
-        return not self.across and abs(self.solution.state.beta_y) <= 1.0 and self.in_front > 0.5
+        return self.along and self.in_front >= IN_FRONT
 
 
 Candidate = tuple[Found, Stereopair, Conditions]
@@ -338,14 +371,24 @@ def find_orientation(
         None when nothing converges.
     tuple of str
         Points without which the others agree, when there is no usable orientation with them.
+
+    Raises
+    ------
+    NotComputableError
+        The photos of a later model are interchanged (in a first model that only turns the base).
     """
     direct = _direct(pair, conditions, bx)
     if direct is not None and _fits(pair, conditions, direct, apriori_mm):
         return direct, ()
+    if not conditions.first and _interchanged(pair, conditions, apriori_mm):
+        raise NotComputableError(
+            f"model {pair.name}: the photos are interchanged, the left one's points fit the right "
+            "one's place"
+        )
     suspects: tuple[str, ...] = ()
     without = _without(pair, conditions, bx, apriori_mm, 1)
     if without is not None:
-        found = _finish(pair, conditions, bx, without[0].solution.state, direct=True)
+        found = _finish(conditions, without[0].solution.state, direct=True)
         if found is not None and found.usable:
             return found, ()
         suspects = without[1]
@@ -358,9 +401,22 @@ def find_orientation(
     return best, suspects
 
 
+def vertical_start(pair: Stereopair, conditions: Conditions, bx: float | None) -> State:
+    """Return the first approximation: tilts of the left photo, kappa from a plane similarity."""
+    size = bx or abs(conditions.preceding_bx or 1.0)
+    return State(size, 0.0, 0.0, _kappa_rotation(_similar_kappa(pair), pair.fixed.rotation))
+
+
 def _direct(pair: Stereopair, conditions: Conditions, bx: float | None) -> Found | None:
-    start = _kappa_rotation(_similar_kappa(pair), pair.fixed.rotation)
-    return _finish(pair, conditions, bx, State(bx or 1.0, 0.0, 0.0, start), direct=True)
+    return _finish(conditions, vertical_start(pair, conditions, bx), direct=True)
+
+
+def _interchanged(pair: Stereopair, conditions: Conditions, apriori_mm: float) -> bool:
+    """Whether the model would fit the ties with left and right exchanged."""
+    other = replace(pair, xl=pair.xr, xr=pair.xl, c_left=pair.c_right, c_right=pair.c_left)
+    exchanged = Conditions(other, conditions.tie_variance)
+    found = _direct(other, exchanged, None)
+    return found is not None and _fits(other, exchanged, found, apriori_mm)
 
 
 def _fits(pair: Stereopair, conditions: Conditions, found: Found, apriori_mm: float) -> bool:
@@ -370,7 +426,7 @@ def _fits(pair: Stereopair, conditions: Conditions, found: Found, apriori_mm: fl
     return (
         freedom > 1
         and found.solution.sum_of_squares < freedom * (3.0 * apriori_mm) ** 2
-        and found.in_front >= 0.75
+        and found.in_front >= IN_FRONT
         and _tilt(pair, state.rotation) < 0.45
         and max(abs(state.beta_y), abs(state.beta_z)) < 0.7
     )
@@ -409,7 +465,7 @@ def _best_of_grid(
     across_conditions = Conditions(across_pair, conditions.tie_variance)
     for state, across in _starts(pair, conditions, bx):
         frame = (across_pair, across_conditions) if across else (pair, conditions)
-        other = _finish(*frame, bx, state)
+        other = _finish(frame[1], state)
         if other is not None:
             candidates.append((replace(other, across=across), *frame))
     if not candidates:
@@ -426,55 +482,42 @@ def _implausibility(item: Candidate, apriori_mm: float) -> float:
     found, pair, conditions = item
     n = conditions.row_count
     misfit = n * log1p(found.solution.sum_of_squares / (n * apriori_mm**2))
-    return misfit + _strangeness(pair, found, conditions)
+    return misfit + _strangeness(pair, found)
 
 
-def _strangeness(pair: Stereopair, found: Found, conditions: Conditions) -> float:
+def _strangeness(pair: Stereopair, found: Found) -> float:
     """How little a result looks like aerial photography: tilts, base, relief, points behind.
 
     Flat terrain has two exact orientations; in the second one the terrain stands upright.
     """
     state = found.solution.state
-    bx, beta_y, beta_z, rotation = state
-    depth = intersect(
-        np.zeros(3),
-        np.array([bx, bx * beta_y, bx * beta_z]),
-        conditions.x1,
-        rotation @ conditions.p2,
-    ).points[2]
+    depth = found.meet.points[2]
     middle = float(np.median(depth))
     with np.errstate(all="ignore"):
         relief: float = float(np.median(np.abs(depth / middle - 1.0)))
     return float(
-        (_tilt(pair, rotation) / 0.15) ** 2
-        + (hypot(beta_y, beta_z) / 0.4) ** 2
+        (_tilt(pair, state.rotation) / 0.15) ** 2
+        + (hypot(state.beta_y, state.beta_z) / 0.4) ** 2
         + (min(relief, 10.0) / 0.15) ** 2
         + 10.0 * len(depth) * (1.0 - found.in_front)
     )
 
 
-def _finish(
-    pair: Stereopair,
-    conditions: Conditions,
-    bx: float | None,
-    start: State,
-    *,
-    direct: bool = False,
-) -> Found | None:
+def _finish(conditions: Conditions, start: State, *, direct: bool = False) -> Found | None:
     """Coplanarity first (where it suffices), then the sign and size of bx, then all conditions."""
     if conditions.first:
-        assert bx is not None
         solution = iterate(conditions, start)
         if solution is None:
             return None
-        share = conditions.in_front(solution.state)
-        if share < 0.75:
+        found = Found(solution, conditions.meet(solution.state))
+        share = found.in_front
+        if share < IN_FRONT:
             # a base of the wrong sign fits as well: the points tell which it is
             mirrored = solution.state._replace(bx=-solution.state.bx)
-            other = conditions.in_front(mirrored)
-            if other > share:
-                return Found(Solution(mirrored, solution.rows, solution.iterations), other, False)
-        return Found(solution, share, False)
+            other = Found(replace(solution, state=mirrored), conditions.meet(mirrored))
+            if other.in_front > share:
+                return other
+        return found
     if not direct and len(conditions.y_index) >= 5:
         plane = iterate(conditions, start, ties=False)
         if plane is not None:
@@ -485,7 +528,7 @@ def _finish(
     solution = iterate(conditions, start._replace(bx=size))
     if solution is None:
         return None
-    return Found(solution, conditions.in_front(solution.state), False)
+    return Found(solution, conditions.meet(solution.state))
 
 
 def _turned(pair: Stereopair) -> Stereopair:
@@ -507,24 +550,24 @@ def _starts(pair: Stereopair, conditions: Conditions, bx: float | None) -> list[
     For a given rotation the coplanarity condition is linear in the base direction: the smallest
     eigenvector of the moment matrix of x' x x'' is the base, its eigenvalue the merit.
     """
+    vertical = vertical_start(pair, conditions, bx)
     kappa = _similar_kappa(pair)
     tilts = (-0.2, 0.0, 0.2)
     kappas = [kappa + d for d in (0.0, -0.35, 0.35)] + [0.0, 0.5, -0.5, 1.0, -1.0]
     grid = list(product(kappas, tilts, tilts))
     rotations = np.array(
-        [_kappa_rotation(k, pair.fixed.rotation @ turn(np.array([o, p, 0.0]))) for k, o, p in grid]
+        [_kappa_rotation(k, pair.fixed.rotation @ turn(o, p, 0.0)) for k, o, p in grid]
     )
-    size = bx or abs(conditions.preceding_bx or 1.0)
-    vertical = [(State(size, 0.0, 0.0, _kappa_rotation(kappa, pair.fixed.rotation)), False)]
+    size = vertical.bx
     y = conditions.y_index
     if len(y) < 3:
-        return vertical + [(State(size, 0.0, 0.0, r), False) for r in rotations]
+        return [(vertical, False), *((State(size, 0.0, 0.0, r), False) for r in rotations)]
     x1 = conditions.x1[:, y] / -conditions.x1[2, y]
     x2 = rotations @ conditions.p2[:, y]
     normal = np.cross(x1[None].swapaxes(1, 2), x2.swapaxes(1, 2))
     values, vectors = np.linalg.eigh(normal.swapaxes(1, 2) @ normal)
     order = np.argsort(values[:, 0], kind="stable")[:16].tolist()
-    starts: list[tuple[State, bool]] = list(vertical)
+    starts = [(vertical, False)]
     for k in order:
         x, y_, z = vectors[k, :, 0].tolist()
         across = abs(y_) > abs(x)

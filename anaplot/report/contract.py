@@ -7,8 +7,10 @@ from typing import Any
 
 from anaplot.orientation.results import ModelSolution, TableRow
 from anaplot.orientation.strip import BridgedStrip
+from anaplot.station.demo import Outcome
+from anaplot.station.mistakes import Planted
 
-__all__ = ["bridge_json", "model_json", "table_json"]
+__all__ = ["bridge_json", "demo_json", "model_json", "table_json"]
 
 Json = dict[str, Any]
 
@@ -65,6 +67,34 @@ def bridge_json(strips: Iterable[BridgedStrip]) -> Json:
             item["error"] = strip.error
         out.append(item)
     return {"strips": out}
+
+
+def demo_json(seed: int, outcome: Outcome) -> Json:
+    """Return what became of the planted mistakes, and every table before and after."""
+
+    def entry(planted: Planted) -> Json:
+        return dict(planted._asdict())
+
+    return {
+        "seed": seed,
+        "planted": [entry(p) for p in outcome.planted],
+        "found": [entry(p) for p in outcome.found],
+        "repaired": [entry(p) for p in outcome.repaired],
+        "missed": [entry(p) for p in outcome.missed],
+        "false_flags": [entry(p) for p in outcome.false_flags],
+        "models": [
+            {
+                "left": record.left,
+                "right": record.right,
+                "before": [] if record.before is None else table_json(record.before.table),
+                "after": [] if record.after is None else table_json(record.after.table),
+                "handled": [
+                    {"point": h.point, "axis": h.axis, "action": h.action} for h in record.handled
+                ],
+            }
+            for record in outcome.models
+        ],
+    }
 
 
 def _number(value: float) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import degrees
 
 from anaplot.orientation.results import Diagnosis, ModelSolution, TableRow
@@ -19,17 +19,26 @@ def printable(text: str) -> str:
     return "".join(ch if ch.isprintable() else ch.encode("unicode_escape").decode() for ch in text)
 
 
-def verdict(row: TableRow) -> str:
-    """Return what a row's test says, in a word."""
+def verdict(row: TableRow, accused: tuple[str, str] | None) -> str:
+    """Return what a row's test says, in a word; `accused` is the row most probably wrong."""
     if row.flagged:
-        return "<< REMEASURE"
+        return "<< REMEASURE" if row.key == accused else "< flagged"
     if row.sigf is None:
         return "not testable"
     return ""
 
 
-def table_lines(table: Iterable[TableRow]) -> list[str]:
-    """Return the RED-N / PARX / EXPD / SIGF table, a line each, with a heading."""
+def table_lines(table: Iterable[TableRow], suspects: Sequence[tuple[str, str]] = ()) -> list[str]:
+    """Return the RED-N / PARX / EXPD / SIGF table, a line each, with a heading.
+
+    Parameters
+    ----------
+    table
+        The rows.
+    suspects
+        Flagged rows, the most probably wrong first.
+    """
+    accused = suspects[0] if suspects else None
     rows = list(table)
     width = max([5, *(len(printable(row.point)) for row in rows)])
     lines = [
@@ -41,7 +50,7 @@ def table_lines(table: Iterable[TableRow]) -> list[str]:
         sigf = "-" if row.sigf is None else f"{row.sigf:.2f}"
         line = (
             f"  {printable(row.point):<{width}}  {row.axis}  {row.redn:6.3f}"
-            f"{row.parx_um:8.1f}{expected:>8}{sigf:>8}  {verdict(row)}"
+            f"{row.parx_um:8.1f}{expected:>8}{sigf:>8}  {verdict(row, accused)}"
         )
         lines.append(line.rstrip())
     return lines
@@ -96,6 +105,6 @@ def model_printout(
     lines += _discrepancies(
         "TIE DISCREPANCIES [um]", [row for row in model.table if row.axis == "x"]
     )
-    lines += ["", *table_lines(model.table), ""]
+    lines += ["", *table_lines(model.table, diagnosis.suspects), ""]
     lines += [f"  {printable(sentence)}" for sentence in diagnosis.advice]
     return "\n".join(lines)

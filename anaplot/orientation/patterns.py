@@ -1,0 +1,191 @@
+"""The point patterns of the paper, and what they would be worth (1983, Figures 1, 2, 4 and 7).
+
+Standard points: 1, 2, 3 are the upper, middle and lower point under the left projection centre,
+4, 5, 6 the same under the right one, 7, 8, 9 the column between them. A doubled point is two
+points a few millimetres apart: 1 and 1'. Everything that is said of a pattern is computed by the
+code that computes measured models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from anaplot.errors import InputError
+from anaplot.orientation.model import orient
+from anaplot.orientation.pair import Stereopair
+from anaplot.orientation.results import ModelSolution
+from anaplot.photogrammetry.block import Precision, TestSettings
+
+__all__ = ["PATTERNS", "Pattern", "mirror", "pattern"]
+
+_COLUMN = {"1": 0, "2": 0, "3": 0, "7": 1, "8": 1, "9": 1, "4": 2, "5": 2, "6": 2}
+_LINE = {"1": 1, "7": 1, "4": 1, "2": 0, "8": 0, "5": 0, "3": -1, "9": -1, "6": -1}
+_MIRRORED = {"4": "1", "5": "2", "6": "3"}
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """A pattern of orientation points.
+
+    Attributes
+    ----------
+    name
+        "13" without ties (a strip's first model), "13/5" with five of them.
+    labels
+        Labels of its points in the order of measurement; "1'" is the twin of "1".
+    ties
+        Labels of the points that the model shares with the preceding one.
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    ties: tuple[str, ...] = ()
+
+    def positions(
+        self, base: float, d: float, twin: tuple[float, float] = (0.0, 0.0)
+    ) -> dict[str, tuple[float, float]]:
+        """Return where the points lie in the left photo [mm], photos vertical, ground flat.
+
+        Parameters
+        ----------
+        base
+            Base at photo scale [mm]; points lie at x = 0, base / 2 and base.
+        d
+            Distance of the upper and lower points from the x axis [mm].
+        twin
+            Displacement [mm] in x and y of a doubled point from its original, towards the
+            model's middle; along the flight for points of the middle column.
+        """
+        out = {}
+        for label in self.labels:
+            point, doubled = label[0], len(label) > 1
+            column, line = _COLUMN[point], _LINE[point]
+            x, y = 0.5 * base * column, d * line
+            if doubled:
+                x += -twin[0] if column == 2 else twin[0]
+                y -= line * twin[1]
+            out[label] = (x, y)
+        return out
+
+    def ideal(
+        self,
+        base: float,
+        d: float,
+        c: float,
+        tie_variance: Literal["paper", "propagated"] = "paper",
+    ) -> ModelSolution:
+        """Orient the ideal model: vertical photos, equal bases, flat ground, coincident twins.
+
+        Parameters
+        ----------
+        base, d
+            As in `positions`, both positive [mm].
+        c
+            Camera constant [mm].
+        tie_variance
+            Cofactor of the x rows: "paper" or "propagated".
+
+        Raises
+        ------
+        ValueError
+            A length is not positive.
+        """
+        if not min(base, d, c) > 0.0:
+            raise ValueError(f"base {base}, d {d} and c {c} must be positive")
+        positions = self.positions(base, d)
+        xl = np.array([positions[label] for label in self.labels])
+        pair = Stereopair(
+            left="left",
+            right="right",
+            points=self.labels,
+            xl=xl,
+            xr=xl - [base, 0.0],
+            c_left=c,
+            c_right=c,
+            ties={label: (*positions[label], -c) for label in self.ties} or None,
+            preceding_bx=base if self.ties else None,
+            base=base,
+        )
+        return orient(pair, Precision(tie_variance=tie_variance), TestSettings(kind="baarda"))
+
+    def ideal_redundancy(
+        self,
+        base: float,
+        d: float,
+        c: float,
+        tie_variance: Literal["paper", "propagated"] = "paper",
+    ) -> dict[tuple[str, str], float]:
+        """Return the redundancy number of every row (label, axis) of the ideal model."""
+        return {row.key: row.redn for row in self.ideal(base, d, c, tie_variance).table}
+
+    def trace_q_gg(
+        self,
+        base: float,
+        d: float,
+        c: float,
+        tie_variance: Literal["paper", "propagated"] = "paper",
+    ) -> float:
+        """Return the trace of Q_gg of the ideal model, coordinates in units of the base."""
+        q_gg = self.ideal(base, d, c, tie_variance).q_gg
+        trace = float(np.trace(q_gg)) * base * base
+        if self.ties:
+            # bx itself is a length: bx / b and image coordinates / b shrink alike
+            trace += float(q_gg[0, 0]) * (1.0 - base * base)
+        return trace
+
+
+def mirror(label: str) -> str | None:
+    """Return the left-column label that a right-column point has in the next model.
+
+    4, 4', 5, 6, 6' become 1, 1', 2, 3, 3'; None for a point of another column.
+    """
+    left = _MIRRORED.get(label[:1])
+    return None if left is None else left + label[1:]
+
+
+_SIX = ("1", "2", "3", "4", "5", "6")
+_TEN = ("1", "1'", "2", "3", "3'", "4", "4'", "5", "6", "6'")
+_LABELS = {
+    "6": _SIX,
+    "9": (*_SIX, "7", "8", "9"),
+    "10": _TEN,
+    "13": (*_TEN, "7", "8", "9"),
+    "15": (*_TEN, "7", "7'", "8", "9", "9'"),
+}
+_TIES = {"3": ("1", "2", "3"), "5": ("1", "1'", "2", "3", "3'")}
+
+
+def _patterns() -> dict[str, Pattern]:
+    out = {}
+    for points, labels in _LABELS.items():
+        out[points] = Pattern(points, labels)
+        for count, ties in _TIES.items():
+            if set(ties) <= set(labels):
+                name = f"{points}/{count}"
+                out[name] = Pattern(name, labels, ties)
+    return out
+
+
+PATTERNS: Mapping[str, Pattern] = MappingProxyType(_patterns())
+"""Patterns by name: "6", "6/3", "9", "9/3", "10", "10/3", "10/5", ... "15/5"."""
+
+
+def pattern(name: str) -> Pattern:
+    """Return a pattern by its name.
+
+    Raises
+    ------
+    InputError
+        There is no such pattern; names the nearest.
+    """
+    try:
+        return PATTERNS[name]
+    except KeyError:
+        near = get_close_matches(name, PATTERNS, n=1, cutoff=0.0)[0]
+        raise InputError(f"no point pattern {name!r}; the nearest is {near!r}") from None

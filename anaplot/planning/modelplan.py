@@ -1,0 +1,160 @@
+"""Which points to measure in a model, and where the plates are driven for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import hypot
+from typing import NamedTuple
+
+from anaplot.orientation.patterns import Pattern
+from anaplot.photogrammetry.block import Block, Camera
+
+__all__ = ["Candidates", "PlannedPosition", "plan_positions", "standard_d"]
+
+Candidates = Mapping[str, Mapping[str, tuple[float, float]]]
+"""Approximate image coordinates [mm] of known points, by photo and point."""
+
+_TWIN = (4.0, 4.0)  # mm between the two points of a doubled position
+
+
+class PlannedPosition(NamedTuple):
+    """A point to measure: name and approximate image coordinates [mm] in both photos."""
+
+    point: str
+    xl: float
+    yl: float
+    xr: float
+    yr: float
+
+
+def plan_positions(
+    block: Block,
+    photos: tuple[str, str],
+    pattern: Pattern,
+    *,
+    nominal_base: float | None,
+    preceding: Mapping[str, tuple[float, float]],
+    candidates: Candidates | None,
+) -> tuple[PlannedPosition, ...]:
+    """Choose the points of a model.
+
+    Points of the preceding model come first where the pattern wants ties. Among known candidates
+    (points pricked or measured before) the nearest to each standard position is taken; without
+    candidates, new points are named after the photo they lie under.
+
+    Parameters
+    ----------
+    block
+        For the cameras.
+    photos
+        Names of the left and the right photo.
+    pattern
+        The point pattern.
+    nominal_base
+        Base at photo scale [mm], with the sign of the flight along x; None when not known.
+    preceding
+        Points of the preceding model: their coordinates [mm] in its right photo, now the left.
+    candidates
+        Known points, or None when there are none to choose from.
+    """
+    left, right = photos
+    camera = block.camera_of(left)
+    common = _common(candidates, left, right)
+    base = _base(nominal_base, camera, common)
+    d = standard_d(camera)
+    twin = (min(_TWIN[0], 0.05 * abs(base)), min(_TWIN[1], 0.05 * d))
+    wanted = pattern.positions(abs(base), d, twin)
+    near = 0.45 * min(abs(base), d)
+    taken: dict[str, PlannedPosition] = {}
+    # ties may lie farther from their place: terrain and tilts have moved them
+    _take_ties(taken, pattern, wanted, base, preceding, common, d)
+    for label in pattern.labels:
+        x, y = wanted[label]
+        x = x if base > 0.0 else -x
+        if label in taken:
+            continue
+        if candidates is None:
+            name = _new_name(label, left, right)
+            taken[label] = PlannedPosition(name, x, y, x - base, y)
+            continue
+        used = {p.point for p in taken.values()}
+        free = {name: xy for name, xy in common.items() if name not in used}
+        found = _nearest((x, y), {name: xy[:2] for name, xy in free.items()}, near)
+        if found is not None:
+            taken[label] = PlannedPosition(found, *free[found])
+    return tuple(taken[label] for label in pattern.labels if label in taken)
+
+
+def standard_d(camera: Camera) -> float:
+    """Return the distance [mm] of the upper and lower standard points from the x axis."""
+    return 0.66 * camera.c if camera.format is None else 0.78 * camera.reach()[1]
+
+
+def _take_ties(
+    taken: dict[str, PlannedPosition],
+    pattern: Pattern,
+    wanted: Mapping[str, tuple[float, float]],
+    base: float,
+    preceding: Mapping[str, tuple[float, float]],
+    common: Mapping[str, tuple[float, float, float, float]],
+    d: float,
+) -> None:
+    """Give each left position of the pattern the nearest point of the preceding model."""
+    known = {name: xy for name, xy in preceding.items() if not common or name in common}
+    for label in pattern.labels:
+        x, y = wanted[label]
+        if x > 0.25 * abs(base):
+            continue
+        found = _nearest((x, y), known, 0.45 * d)
+        if found is None:
+            continue
+        xl, yl = known.pop(found)
+        # where a point is marked counts more than where it was measured: that may have been wrong
+        place = common[found] if common else (xl, yl, xl - base, yl)
+        taken[label] = PlannedPosition(found, *place)
+
+
+def _common(
+    candidates: Candidates | None, left: str, right: str
+) -> dict[str, tuple[float, float, float, float]]:
+    if candidates is None:
+        return {}
+    other = candidates.get(right, {})
+    return {
+        name: (*xy, *other[name]) for name, xy in candidates.get(left, {}).items() if name in other
+    }
+
+
+def _base(
+    nominal: float | None,
+    camera: Camera,
+    common: Mapping[str, tuple[float, float, float, float]],
+) -> float:
+    if common:
+        parallax = sorted(xl - xr for xl, _, xr, _ in common.values())
+        middle = parallax[len(parallax) // 2]
+        if middle != 0.0:
+            return middle
+    if nominal:
+        return nominal
+    return 0.4 * camera.format[0] if camera.format is not None else 0.6 * camera.c
+
+
+def _nearest(
+    place: tuple[float, float], points: Mapping[str, tuple[float, float]], within: float
+) -> str | None:
+    best, shortest = None, within
+    for name, (x, y) in points.items():
+        distance = hypot(x - place[0], y - place[1])
+        if distance < shortest:
+            best, shortest = name, distance
+    return best
+
+
+def _new_name(label: str, left: str, right: str) -> str:
+    """Name a new point after the photo under which it lies: 1, 2, 3 there, 7, 8, 9 between."""
+    under_right = {"4": "1", "5": "2", "6": "3"}
+    digit, mark = label[0], label[1:]
+    if digit in under_right:
+        return f"{right}-{under_right[digit]}{mark}"
+    return f"{left}-{digit}{mark}"

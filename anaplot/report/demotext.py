@@ -1,0 +1,60 @@
+"""The demonstration as text: each model before and after, and what became of the mistakes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from anaplot.orientation.diagnosis import diagnose
+from anaplot.report.text import printable, table_lines
+from anaplot.station.automatic import ModelRecord
+from anaplot.station.demo import Outcome
+from anaplot.station.mistakes import Planted
+
+__all__ = ["model_story", "outcome_text"]
+
+
+def model_story(record: ModelRecord) -> str:
+    """Return a model's tables before and after, and what was done in between."""
+    lines = [f"MODEL {printable(record.left)}/{printable(record.right)}"]
+    if record.before is not None:
+        lines += [f"  pattern complete, {_sigma(record.before.sigma0_um)}"]
+        lines += table_lines(record.before.table, diagnose(record.before).suspects)
+    for h in record.handled:
+        row = printable(h.point) + ("" if h.axis is None else f" ({h.axis})")
+        lines.append(f"  {row} {h.action}")
+    if record.handled and record.after is not None:
+        lines += [f"  accepted, {_sigma(record.after.sigma0_um)}"]
+        lines += table_lines(record.after.table, diagnose(record.after).suspects)
+    elif record.after is not None:
+        lines.append("  nothing flagged: accepted")
+    return "\n".join(lines)
+
+
+def _sigma(sigma0_um: float | None) -> str:
+    return "sigma0 none" if sigma0_um is None else f"sigma0 {sigma0_um:.2f} um"
+
+
+def _entries(title: str, entries: Iterable[Planted]) -> list[str]:
+    lines = [
+        f"    {p.model}  {printable(p.point):<8} {p.axis}  {p.size_um:9.1f} um  {p.kind}"
+        + ("" if p.detectable or p.kind == "none" else _elsewhere(p))
+        for p in entries
+    ]
+    return [f"  {title}: {len(lines) or 'none'}", *lines]
+
+
+def _elsewhere(planted: Planted) -> str:
+    if planted.shows_in is None:
+        return "  (no model can show it)"
+    return f"  (not detectable here, shows in {planted.shows_in})"
+
+
+def outcome_text(seed: int, outcome: Outcome) -> str:
+    """Return what was planted and what became of it."""
+    lines = [f"MISTAKES PLANTED WITH SEED {seed}"]
+    lines += _entries("planted", outcome.planted)
+    lines += _entries("found", outcome.found)
+    lines += _entries("repaired by measuring again", outcome.repaired)
+    lines += _entries("missed although detectable", outcome.missed)
+    lines += _entries("flagged without a mistake", outcome.false_flags)
+    return "\n".join(lines)

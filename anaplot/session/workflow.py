@@ -1,0 +1,107 @@
+"""What may happen next in a session, and what the operator is expected to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from anaplot.errors import NotComputableError
+from anaplot.orientation.model import WrongPointsError
+from anaplot.orientation.results import Diagnosis, ModelSolution
+from anaplot.session.models import diagnosis_of, solve
+from anaplot.session.state import SessionState
+
+__all__ = ["Outlook", "next_model", "outlook"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outlook:
+    """What stands and what comes next.
+
+    Attributes
+    ----------
+    solution, diagnosis
+        The current model, as far as it is determined.
+    problem
+        Why there is no solution, or "".
+    next_point
+        The point to measure next: pending, or to be re-measured; None when there is none.
+    expected
+        What the operator is expected to do, one sentence.
+    may_accept
+        Whether the current model can be accepted.
+    next_model
+        (strip, left, right) of the model to choose next, or None.
+    finished
+        Whether every model of the block is accepted.
+    """
+
+    solution: ModelSolution | None
+    diagnosis: Diagnosis | None
+    problem: str
+    next_point: str | None
+    expected: str
+    may_accept: bool
+    next_model: tuple[str, str, str] | None
+    finished: bool
+
+
+def next_model(state: SessionState) -> tuple[str, str, str] | None:
+    """Return (strip, left, right) of the first model not yet accepted, or None."""
+    for strip in state.block.strips:
+        for left, right in strip.models():
+            if state.accepted(left, right) is None:
+                return strip.id, left, right
+    return None
+
+
+def outlook(state: SessionState) -> Outlook:
+    """Say what stands and what comes next."""
+    following = next_model(state)
+    if state.current is None:
+        if following is None:
+            expected = "every model is accepted: the strip is finished"
+        else:
+            expected = f"lay photos {following[1]} and {following[2]}: next model"
+        if state.suspended:
+            expected = "work is suspended: resume"
+        return Outlook(None, None, "", None, expected, False, following, following is None)
+    model = state.current
+    solution: ModelSolution | None = None
+    diagnosis: Diagnosis | None = None
+    problem = ""
+    suspects: tuple[str, ...] = ()
+    if model.measured:
+        try:
+            solution = solve(state, model)
+            diagnosis = diagnosis_of(solution, state.block.test.power)
+            suspects = tuple(dict.fromkeys(point for point, _ in diagnosis.suspects))
+        except WrongPointsError as error:
+            problem, suspects = str(error), error.suspects
+        except NotComputableError as error:
+            problem = str(error)
+    pending = model.pending
+    if pending:
+        next_point, expected = pending[0].point, f"measure {pending[0].point}"
+        if pending[0].role == "tie":
+            expected += " (tie)"
+        expected += f": {len(pending)} of {len(model.plan)} points to go"
+    elif suspects:
+        next_point, expected = suspects[0], f"remeasure {suspects[0]}, or switch it off, or accept"
+    elif solution is not None:
+        next_point, expected = None, "accept the model"
+    else:
+        next_point, expected = None, "add or re-measure points: the model is not determined"
+    if suspects and pending:
+        expected = f"remeasure {suspects[0]}, or {expected}"
+    if state.suspended:
+        expected = "work is suspended: resume"
+    return Outlook(
+        solution=solution,
+        diagnosis=diagnosis,
+        problem=problem,
+        next_point=next_point,
+        expected=expected,
+        may_accept=solution is not None and not state.suspended,
+        next_model=following,
+        finished=False,
+    )

@@ -1,0 +1,166 @@
+"""The demonstration: a simulated strip with planted mistakes, and what became of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from anaplot.exchange.blockfolder import write_block_toml
+from anaplot.orientation.patterns import pattern
+from anaplot.photogrammetry.block import TestSettings
+from anaplot.planning.modelplan import Candidates
+from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
+from anaplot.station.automatic import AutomaticOperator, ModelRecord
+from anaplot.station.mistakes import Planted, Plot, plant_mistakes
+from anaplot.station.plotting import SimulationSetup
+from anaplot.station.station import DEFAULT_PATTERN, Station
+
+__all__ = ["DEFAULT_MODELS", "DEFAULT_SEED", "Demo", "Outcome", "rough", "run_demo"]
+
+DEFAULT_MODELS = 4
+DEFAULT_SEED = 1
+TIME_SCALE = 1000.0
+
+
+def rough(truth: Candidates) -> Candidates:
+    """Return truth rounded to 0.1 mm: where marked points lie, as a person reads it off."""
+    return {
+        photo: {point: (round(x, 1), round(y, 1)) for point, (x, y) in points.items()}
+        for photo, points in truth.items()
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Demo:
+    """A simulated strip, the mistakes to come, and the station's setup for it.
+
+    Attributes
+    ----------
+    seed
+        Of everything that is drawn.
+    strip
+        The strip and its truth.
+    plot
+        The mistakes.
+    candidates
+        Approximate positions of the marked points.
+    """
+
+    seed: int
+    strip: SyntheticStrip
+    plot: Plot
+    candidates: Candidates
+
+    @classmethod
+    def make(cls, models: int = DEFAULT_MODELS, seed: int = DEFAULT_SEED) -> Demo:
+        """Make a strip of so many models, with its mistakes."""
+        # the simulated operator's precision is known, so the a-priori sigma0 tests
+        strip = synthetic_strip(models + 1, seed=seed, test=TestSettings(kind="baarda"))
+        candidates = rough(strip.truth)
+        plot = plant_mistakes(strip.block, strip.truth, candidates, pattern(DEFAULT_PATTERN), seed)
+        return cls(seed, strip, plot, candidates)
+
+    def write(self, folder: Path) -> None:
+        """Write the block folder: block.toml, nothing measured."""
+        write_block_toml(folder, self.strip.block)
+
+    def simulation(self, time_scale: float = 1.0) -> SimulationSetup:
+        """Return the setup of the simulated plotter."""
+        return SimulationSetup(
+            self.strip.truth,
+            seed=self.seed,
+            noise_um=self.strip.block.precision.image_um,
+            mistakes=self.plot.offsets,
+            time_scale=time_scale,
+        )
+
+    def open(self, folder: Path, time_scale: float = 1.0) -> Station:
+        """Open a station on the folder, with the simulated plotter."""
+        return Station(
+            folder,
+            plotter=self.simulation(time_scale),
+            operator="simulated",
+            candidates=self.candidates,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of the mistakes.
+
+    Attributes
+    ----------
+    planted
+        All of them.
+    found
+        Those whose point was taken for wrong: in their own model, or where they were to show.
+    repaired
+        Those of them that were measured again in their own model.
+    missed
+        Detectable ones that were not found.
+    false_flags
+        Rows taken for wrong that were not: entries like the planted ones, of size 0.
+    models
+        Tables before and after, and what was done, model by model.
+    """
+
+    planted: tuple[Planted, ...]
+    found: tuple[Planted, ...]
+    repaired: tuple[Planted, ...]
+    missed: tuple[Planted, ...]
+    false_flags: tuple[Planted, ...]
+    models: tuple[ModelRecord, ...]
+
+
+def judge(planted: tuple[Planted, ...], models: tuple[ModelRecord, ...]) -> Outcome:
+    """Compare what was planted with what the operator did."""
+    handled = [h for record in models for h in record.handled]
+    touched = {(h.model, h.point) for h in handled}
+    again = {(h.model, h.point) for h in handled if h.action == "measured again"}
+    own = tuple(p for p in planted if (p.model, p.point) in touched)
+    later = tuple(p for p in planted if p not in own and (p.shows_in, p.point) in touched)
+    guilty = {(p.model, p.point) for p in planted} | {(p.shows_in, p.point) for p in planted}
+    false_flags = dict.fromkeys(
+        Planted(h.model, h.point, h.model.split("/")[1], h.axis or "y", 0.0, "none", False, None)
+        for h in handled
+        if (h.model, h.point) not in guilty
+    )
+    return Outcome(
+        planted=planted,
+        found=tuple(p for p in planted if p in own or p in later),
+        repaired=tuple(p for p in own if (p.model, p.point) in again),
+        missed=tuple(p for p in planted if p.detectable and p not in own),
+        false_flags=tuple(false_flags),
+        models=models,
+    )
+
+
+def run_demo(
+    demo: Demo,
+    folder: Path,
+    time_scale: float = TIME_SCALE,
+    on_accepted: Callable[[ModelRecord], None] | None = None,
+) -> Outcome:
+    """Have the automatic operator measure the whole strip.
+
+    Parameters
+    ----------
+    demo
+        The strip and its mistakes.
+    folder
+        The block folder, already written.
+    time_scale
+        Simulated seconds per second.
+    on_accepted
+        Called with each model when it is accepted.
+
+    Raises
+    ------
+    LinkError, InputError, NotComputableError
+        The job could not be finished.
+    """
+    with demo.open(folder, time_scale) as station:
+        operator = AutomaticOperator(station, on_accepted)
+        operator.run()
+        return judge(demo.plot.planted, operator.records)

@@ -1,0 +1,97 @@
+"""What a station writes into its journal, and in which order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
+
+from anaplot.exchange.eventcodec import event_to_payload
+from anaplot.exchange.journal import Journal
+from anaplot.session.events import Event
+
+__all__ = ["Recorder"]
+
+_BATCH_BYTES = 16_384
+_BATCH_SECONDS = 1.0
+_MOST_BYTES = 200_000  # what one record holds safely; more gathers only while the disk is full
+
+
+class Recorder:
+    """Puts the line's raw traffic before the event that came of it.
+
+    Traffic is written in batches: with the next event, when much has gathered, or after a second.
+    Not safe to use from several threads: the station calls it under its own lock.
+
+    Parameters
+    ----------
+    journal
+        The block's journal.
+    clock
+        Seconds that never go back.
+    """
+
+    def __init__(self, journal: Journal, clock: Callable[[], float]) -> None:
+        self._journal = journal
+        self._clock = clock
+        self._traffic: list[list[str]] = []
+        self._bytes = 0
+        self._since = clock()
+
+    def traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
+        """Remember bytes of the line (as Latin-1 text, one character a byte)."""
+        text = data.decode("latin-1")
+        last = self._traffic[-1] if self._traffic else None
+        if last is not None and last[:2] == [direction, link]:
+            last[2] += text
+        else:
+            self._traffic.append([direction, link, text])
+        self._bytes += len(data)
+        if self._bytes > _MOST_BYTES:
+            lost = self._bytes
+            self._forget()
+            self._traffic.append(["lost", link, f"{lost} bytes: the disk took no records"])
+        if self._bytes >= _BATCH_BYTES or self._clock() - self._since >= _BATCH_SECONDS:
+            self.flush()
+
+    def told(self, kind: str, text: str) -> None:
+        """Remember what else the decoder was told (a press, a reference)."""
+        self._traffic.append(["decoder", kind, text])
+
+    def flush(self) -> None:
+        """Write the gathered traffic.
+
+        Raises
+        ------
+        JournalError
+            It could not be written; it is kept for the next attempt.
+        """
+        self._since = self._clock()
+        records = self._gathered()
+        if records:
+            self._journal.append_many(records, durable=False)
+            self._forget()
+
+    def event(self, event: Event) -> None:
+        """Write an event and bring it to disk, the traffic before it first.
+
+        Raises
+        ------
+        JournalError
+            It was refused; nothing is recorded.
+        """
+        records = [*self._gathered(), (event.kind, event_to_payload(event))]
+        self._journal.append_many(records, durable=True)
+        self._forget()
+
+    def note(self, kind: str, payload: Mapping[str, Any]) -> None:
+        """Write something that follows from events (a table) or explains them (a refusal)."""
+        records = [*self._gathered(), (kind, payload)]
+        self._journal.append_many(records, durable=False)
+        self._forget()
+
+    def _gathered(self) -> list[tuple[str, Mapping[str, Any]]]:
+        return [("traffic", {"items": self._traffic})] if self._traffic else []
+
+    def _forget(self) -> None:
+        self._traffic = []
+        self._bytes = 0

@@ -1,0 +1,104 @@
+"""Opening a station as the operator asks for it: with an instrument, simulated, or to look on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.photogrammetry.block import Block
+from anaplot.planning.synthetic import Truth, synthetic_truth
+from anaplot.station.demo import rough
+from anaplot.station.plotting import InstrumentSetup, SimulationSetup
+from anaplot.station.station import DEFAULT_PATTERN, Station
+
+__all__ = ["open_station"]
+
+
+def open_station(
+    folder: Path,
+    *,
+    profile: str | None = None,
+    port: str | None = None,
+    simulate: bool = False,
+    truth: Path | None = None,
+    seed: int = 0,
+    point_pattern: str = DEFAULT_PATTERN,
+    operator: str = "",
+    time_scale: float = 1.0,
+) -> Station:
+    """Open a station on a block folder.
+
+    Parameters
+    ----------
+    folder
+        The block folder.
+    profile, port
+        Of an instrument; both or neither.
+    simulate
+        Connect a simulated plotter instead. It is never chosen silently.
+    truth
+        Folder of the block whose image points lie in the simulated plates; without it a
+        synthetic flight over the block's strips.
+    seed
+        Of the simulation.
+    point_pattern
+        Name of the point pattern of new models.
+    operator
+        Name for the journal.
+    time_scale
+        Simulated seconds per second.
+
+    Raises
+    ------
+    InputError
+        Options that contradict each other, a wrong block, truth that lacks a photo.
+    LinkError
+        The plotter cannot be reached.
+    """
+    if simulate and (profile is not None or port is not None):
+        raise InputError("--simulate and an instrument (--profile, --port) exclude each other")
+    if truth is not None and not simulate:
+        raise InputError("--truth goes with --simulate")
+    if (profile is None) != (port is None):
+        raise InputError("an instrument needs both --profile and --port")
+    if not simulate:
+        plotter = InstrumentSetup(profile, port) if profile and port else None
+        return Station(folder, plotter=plotter, point_pattern=point_pattern, operator=operator)
+    block = read_block(folder)
+    points = _synthetic(block, seed) if truth is None else _measured(block, truth)
+    return Station(
+        folder,
+        plotter=SimulationSetup(
+            points, seed=seed, noise_um=block.precision.image_um, time_scale=time_scale
+        ),
+        point_pattern=point_pattern,
+        operator=operator,
+        candidates=rough(points),
+    )
+
+
+def _measured(block: Block, truth: Path) -> Truth:
+    points: dict[str, dict[str, tuple[float, float]]] = {}
+    for row in read_block(truth).image_points:
+        points.setdefault(row.photo, {}).setdefault(row.point, (row.x, row.y))
+    for strip in block.strips:
+        for photo in strip.photos:
+            if photo not in points:
+                raise InputError(
+                    f"{truth}: image_points.csv has no point of photo {photo} (strip {strip.id})"
+                )
+    return points
+
+
+def _synthetic(block: Block, seed: int) -> Truth:
+    points: dict[str, dict[str, tuple[float, float]]] = {}
+    for k, strip in enumerate(block.strips):
+        camera = block.camera_of(strip.photos[0])
+        width = 1.5 * camera.c if camera.format is None else camera.format[0]
+        made, _, _ = synthetic_truth(
+            strip.photos, camera, seed=seed + k, base=strip.base or 0.4 * width
+        )
+        for photo, xy in made.items():
+            points.setdefault(photo, {}).update(xy)
+    return points

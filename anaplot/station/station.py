@@ -1,0 +1,815 @@
+"""The running workstation: link, journal and session wired together.
+
+Bytes become readings in the link's reader thread, which only puts them into a queue. One station
+thread takes them out: journal first (on disk), then state, then table, then whoever looks.
+Commands come from any thread and go the same way under the same lock. The lock is never held
+while the link is asked for anything, so that neither can wait for the other.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from anaplot.errors import AnaplotError, InputError
+from anaplot.exchange.blockfolder import read_block, write_image_points
+from anaplot.exchange.journal import Journal, JournalError, events_of
+from anaplot.orientation.patterns import pattern
+from anaplot.orientation.results import ModelSolution
+from anaplot.photogrammetry.block import Block
+from anaplot.planning.modelplan import Candidates, plan_positions
+from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
+from anaplot.plotter.simulator import HandSettled
+from anaplot.session.events import (
+    EVENT_KINDS,
+    Axis,
+    Event,
+    ModelAccepted,
+    ModelChosen,
+    PlannedPoint,
+    PointAdded,
+    PointMeasured,
+    Resumed,
+    RowSwitched,
+    Suspended,
+    Undone,
+)
+from anaplot.session.state import EventRefusedError, ModelState, SessionState, apply, start
+from anaplot.session.workflow import Outlook, outlook
+from anaplot.station.automatic import AutomaticOperator
+from anaplot.station.imagepoints import merged_rows
+from anaplot.station.journaling import Recorder
+from anaplot.station.plates import image_of, plate_of
+from anaplot.station.plotting import InstrumentSetup, Plotting, SimulationSetup
+from anaplot.station.snapshot import LinkView, PointStatus, PointView, ReadOut, Snapshot
+
+__all__ = ["Station"]
+
+DEFAULT_PATTERN = "13"
+_STALE = 2.0  # s after which a read-out is no longer shown
+_ARRIVED_MM = 0.02  # a read-out this near to the target ends a drive as its reply would
+_REFUSALS_TOLD = 1.0  # s between two notices about bytes that are no readings
+
+Severity = Literal["info", "warning", "error", "record"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Traffic:
+    direction: Literal["in", "out"]
+    link: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class _LinkState:
+    state: str
+    detail: str
+
+
+class _End:
+    """Ends the station thread."""
+
+
+_Item = Reading | _Traffic | _Told | _LinkState | HandSettled | _End
+
+
+class _Ear:
+    """Hears the plotter on whatever thread and puts everything into one queue, in order."""
+
+    def __init__(self) -> None:
+        self.items: queue.SimpleQueue[_Item] = queue.SimpleQueue()
+
+    def on_reading(self, reading: Reading) -> None:
+        self.items.put(reading)
+
+    def on_link_state(self, state: str, detail: str) -> None:
+        self.items.put(_LinkState(state, detail))
+
+    def on_traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
+        self.items.put(_Traffic(direction, link, data))
+
+    def on_decoder(self, kind: str, text: str) -> None:
+        self.items.put(_Told(kind, text))
+
+    def on_settled(self, settled: HandSettled) -> None:
+        self.items.put(settled)
+
+
+class Station:
+    """A workstation on one block.
+
+    Parameters
+    ----------
+    folder
+        The block folder; it is locked and its journal goes on where it ended.
+    plotter
+        An instrument, a simulated one, or None to look on without a plotter.
+    point_pattern
+        Name of the point pattern of new models.
+    operator
+        Name for the journal.
+    candidates
+        Approximate image coordinates of known points by photo; None when there are none.
+    auto_drive
+        Whether the plates drive to the next point by themselves after a record.
+
+    Raises
+    ------
+    InputError
+        The block, the journal or the profile is wrong, or the block is open elsewhere.
+    LinkError
+        The plotter cannot be reached.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        plotter: InstrumentSetup | SimulationSetup | None = None,
+        point_pattern: str = DEFAULT_PATTERN,
+        operator: str = "",
+        candidates: Candidates | None = None,
+        auto_drive: bool = True,
+    ) -> None:
+        self._folder = folder
+        self._pattern = pattern(point_pattern)
+        self._auto_drive = auto_drive
+        self._block = read_block(folder)
+        self._lock = threading.RLock()
+        self._ear = _Ear()
+        self._subscribers: list[Callable[[Snapshot], None]] = []
+        self._listeners: list[Callable[[Severity, str], None]] = []
+        self._closed = False
+        self._link = LinkView("none")
+        self._target: str | None = None
+        self._drive_target: Position | None = None
+        self._pointing = False
+        self._automatic = False
+        self._operator: AutomaticOperator | None = None
+        self._refusal_told = float("-inf")
+        self._serial = 0
+        self._notices: list[tuple[Severity, str]] = []
+        self._after: list[Callable[[], None]] = []
+        with contextlib.ExitStack() as undo:
+            self._plotting = None if plotter is None else Plotting(plotter, self._ear)
+            if self._plotting is not None:
+                undo.callback(self._plotting.close)
+            self._journal, recovered = Journal.open(
+                folder, self._header(operator), keep=lambda kind: kind in EVENT_KINDS
+            )
+            undo.callback(self._journal.close)
+            self._recorder = Recorder(self._journal, time.monotonic)
+            self._state = start(self._block)
+            self._of_session: set[str] = set()
+            for number, event in enumerate(events_of(recovered.records), 1):
+                try:
+                    self._state = apply(self._state, event)
+                except EventRefusedError as error:
+                    raise InputError(
+                        f"{folder}: event {number} of the journal does not fit block.toml: {error}"
+                    ) from error
+                if isinstance(event, ModelAccepted):
+                    self._of_session.add(f"{event.left}/{event.right}")
+            self.remarks = recovered.remarks
+            self._candidates = self._known_points(candidates)
+            self._outlook: Outlook = outlook(self._state)
+            self._points_written = not self._of_session
+            self._write_points()
+            if self._plotting is not None:
+                self._link = LinkView(
+                    "opening",
+                    self._plotting.profile.id,
+                    self._plotting.port,
+                    self._plotting.simulated,
+                )
+                self._plotting.open()
+                self._lay()
+            undo.pop_all()
+        self._snapshot = self._picture()
+        self._thread = threading.Thread(target=self._work, name="station", daemon=True)
+        self._thread.start()
+
+    # -- looking -------------------------------------------------------------------------------
+
+    @property
+    def block(self) -> Block:
+        """The block as declared."""
+        return self._block
+
+    @property
+    def state(self) -> SessionState:
+        """The session's state."""
+        return self._state
+
+    @property
+    def plotting(self) -> Plotting | None:
+        """The plotter, or None."""
+        return self._plotting
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the simulated operator works by himself."""
+        return self._automatic
+
+    def snapshot(self) -> Snapshot:
+        """Return the current snapshot."""
+        return self._snapshot
+
+    def readout(self) -> ReadOut | None:
+        """Return the live read-out, or None while there is none."""
+        plotting = self._plotting
+        latest = None if plotting is None else plotting.link.latest()
+        if latest is None or latest[1] > _STALE:
+            return None
+        return image_of(latest[0])
+
+    def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
+        """Call back with every new snapshot, from any thread; returns what ends it."""
+        self._subscribers.append(callback)
+
+        def end() -> None:
+            if callback in self._subscribers:
+                self._subscribers.remove(callback)
+
+        return end
+
+    def subscribe_notices(self, callback: Callable[[str, str], None]) -> Callable[[], None]:
+        """Call back with (severity, line), from any thread; returns what ends it."""
+        self._listeners.append(callback)
+
+        def end() -> None:
+            if callback in self._listeners:
+                self._listeners.remove(callback)
+
+        return end
+
+    # -- commands ------------------------------------------------------------------------------
+
+    def drive(self, point: str) -> None:
+        """Drive the plates to a point of the current model; without a drive, name it as next.
+
+        Raises
+        ------
+        InputError
+            No model, no such point, work suspended, or a target outside the travel.
+        LinkError
+            The plotter cannot be reached.
+        """
+        with self._change():
+            model = self._model()
+            if self._state.suspended:
+                raise InputError("work is suspended: resume first")
+            planned = model.planned(point)
+            if planned is None:
+                raise InputError(f"point {point} is not in model {model.name}")
+            self._aim(planned)
+
+    def stop(self) -> None:
+        """Stop a drive."""
+        with self._change():
+            self._drive_target = None
+            self._pointing = False
+            if self._plotting is not None and self._plotting.drives:
+                self._after.append(self._plotting.link.stop)
+
+    def record(self) -> None:
+        """Record the point at which the plates stand, with the next position that comes in.
+
+        Raises
+        ------
+        InputError
+            No plotter, no model, plates still under way, or work suspended.
+        LinkError
+            The plotter cannot be reached.
+        """
+        with self._change():
+            self._recordable()
+            plotting = self._plotting
+            if plotting is None:
+                raise InputError("no plotter is connected: nothing to record")
+            self._after.append(plotting.link.record)
+
+    def switch(self, point: str, axis: Axis | None, on: bool) -> None:
+        """Switch a row, or the whole point, off or on."""
+        with self._change():
+            self._happen(RowSwitched(point, axis, on))
+
+    def undo(self) -> None:
+        """Take the last event back."""
+        with self._change():
+            before = self._state
+            self._happen(Undone())
+            if before.models != self._state.models:
+                self._points_written = False
+                self._write_points()
+            if _photos(before) != _photos(self._state):
+                self._target = None
+                self._lay()
+
+    def accept(self) -> None:
+        """Accept the current model and write image_points.csv.
+
+        Raises
+        ------
+        InputError
+            No model, or the journal or the file could not be written.
+        NotComputableError
+            The model is not determined.
+        """
+        with self._change():
+            model = self._model()
+            if self._outlook.solution is None:
+                raise InputError(
+                    f"model {model.name} is not determined yet"
+                    + (f": {self._outlook.problem}" if self._outlook.problem else "")
+                )
+            self._happen(ModelAccepted(model.left, model.right))
+            self._of_session.add(model.name)
+            self._target = None
+            self._points_written = False
+            self._tell("info", f"model {model.name} accepted")
+            self._write_points()
+
+    def next_model(self) -> None:
+        """Choose the next model: the right photo becomes left, ties are driven to first.
+
+        Raises
+        ------
+        InputError
+            A model is still in the instrument, or there is none left.
+        """
+        with self._change():
+            if self._state.current is not None:
+                raise InputError(f"accept model {self._state.current.name} first")
+            following = self._outlook.next_model
+            if following is None:
+                raise InputError("every model of the block is accepted")
+            strip, left, right = following
+            event = ModelChosen(strip, left, right, self._plan(strip, left, right))
+            self._happen(event)
+            self._lay()
+            self._tell("info", f"photos {left} and {right}: {len(event.plan)} points to measure")
+            self._advance()
+
+    def add_point(self, name: str) -> None:
+        """Add a point beyond the plan, where the plates stand now.
+
+        Raises
+        ------
+        InputError
+            No model, no read-out, or the point exists already.
+        """
+        here = self.readout()
+        with self._change():
+            model = self._model()
+            if not name.strip() or not name.isprintable() or len(name) > 100:
+                raise InputError("a point needs a printable name of at most 100 characters")
+            if here is None:
+                raise InputError("there is no read-out: drive the plates to the new point first")
+            before = self._state.preceding(model.strip, model.left)
+            known = before is not None and any(m.point == name for m in before.used)
+            planned = PlannedPoint(
+                name, "tie" if known else "new", here.xl, here.yl, here.xr, here.yr
+            )
+            self._happen(PointAdded(planned))
+            self._target = name
+
+    def suspend(self) -> None:
+        """Interrupt the work."""
+        with self._change():
+            self._happen(Suspended())
+
+    def resume(self) -> None:
+        """Go on with it."""
+        with self._change():
+            self._happen(Resumed())
+
+    def set_automatic(self, on: bool) -> None:
+        """Let the simulated operator work by himself, or stop him.
+
+        Raises
+        ------
+        InputError
+            The plotter is not a simulated one.
+        """
+        if self._plotting is None or not self._plotting.simulated:
+            raise InputError("only a simulated plotter has a simulated operator")
+        if on and not self._automatic:
+            self._automatic = True
+            self._operator = AutomaticOperator(self)
+            self._operator.start()
+        elif not on and self._automatic:
+            self._rest()
+        self.tell("info", "the simulated operator " + ("works" if on else "rests"))
+
+    def tell(self, severity: Severity, text: str) -> None:
+        """Tell whoever listens."""
+        with self._change():
+            self._tell(severity, text)
+
+    def operator_finished(self) -> None:
+        """Take it that the simulated operator has come to his end."""
+        self._automatic = False
+        self.tell("info", "the simulated operator has finished")
+
+    def _rest(self) -> None:
+        self._automatic = False
+        operator, self._operator = self._operator, None
+        if operator is not None:
+            operator.stop()
+
+    def close(self) -> None:
+        """Close link and journal; a second call does nothing."""
+        self._rest()
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        try:
+            if self._plotting is not None:
+                self._plotting.close()
+        finally:
+            self._ear.items.put(_End())
+            if self._thread is not threading.current_thread():
+                self._thread.join()
+            try:
+                with contextlib.suppress(JournalError):
+                    self._recorder.flush()
+            finally:
+                self._journal.close()
+
+    def __enter__(self) -> Station:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- the one way in ------------------------------------------------------------------------
+
+    @contextlib.contextmanager
+    def _change(self) -> Iterator[None]:
+        """Hold the lock, then publish what changed, then ask the link for what it is to do."""
+        with self._lock:
+            if self._closed:
+                raise InputError("the station is closed")
+            try:
+                yield
+            finally:
+                notices, self._notices = self._notices, []
+                after, self._after = self._after, []
+                self._snapshot = picture = self._picture()
+        for severity, text in notices:
+            for listener in list(self._listeners):
+                listener(severity, text)
+        for subscriber in list(self._subscribers):
+            subscriber(picture)
+        for action in after:
+            action()
+
+    def _work(self) -> None:
+        """Take readings out of the queue, one after another, until the end."""
+        while True:
+            item = self._ear.items.get()
+            if isinstance(item, _End):
+                return
+            try:
+                self._take(item)
+            except AnaplotError as error:
+                with contextlib.suppress(AnaplotError), self._change():
+                    self._tell("error", str(error))
+
+    def _take(self, item: _Item) -> None:
+        match item:
+            case _Traffic():
+                with self._lock:
+                    self._recorder.traffic(item.direction, item.link, item.data)
+            case _Told():
+                with self._lock:
+                    self._recorder.told(item.kind, item.text)
+            case Position():
+                if self._drive_target is not None and _near(item, self._drive_target, _ARRIVED_MM):
+                    with self._change():
+                        self._arrived()
+            case InPosition():
+                if item.position is None or self._is_target(item.position):
+                    with self._change():
+                        self._arrived()
+            case HandSettled():
+                with self._change():
+                    self._pointing = False
+                    if item.point is None:
+                        self._tell("warning", "the simulated operator finds no point here")
+            case Record():
+                with self._change():
+                    self._recorded(item)
+            case Fault():
+                with self._change():
+                    self._drive_target = None
+                    self._pointing = False
+                    self._recorder.note("fault", {"code": item.code, "text": item.text})
+                    self._tell("error", f"plotter fault {item.code}: {item.text}")
+            case Refused():
+                self._refused(item)
+            case _LinkState():
+                with self._change():
+                    self._link_state(item)
+            case _End():
+                pass
+
+    # -- readings ------------------------------------------------------------------------------
+
+    def _is_target(self, position: Position) -> bool:
+        """Whether a drive's reply belongs to the present drive, not to one given up before."""
+        return self._drive_target is not None and _near(position, self._drive_target, 1.0)
+
+    def _arrived(self) -> None:
+        self._drive_target = None
+
+    def _recorded(self, record: Record) -> None:
+        """Turn a record of the plotter into a measurement, or say why not."""
+        try:
+            model = self._recordable()
+            point = self._target or self._outlook.next_point
+            if point is None:
+                raise InputError("drive to a point first: every point is measured")
+            read = image_of(record.position)
+            before = {row.key for row in self._flagged()}
+            self._happen(
+                PointMeasured(
+                    model.left,
+                    model.right,
+                    point,
+                    read.xl,
+                    read.yl,
+                    read.xr,
+                    read.yr,
+                    record.switch,
+                )
+            )
+        except AnaplotError as error:
+            self._tell("error", f"not recorded: {error}")
+            if not isinstance(error, JournalError):
+                self._recorder.note("record-refused", {"reason": str(error)})
+            return
+        self._target = None
+        self._tell("record", f"{point} recorded")
+        fresh = [row for row in self._flagged() if row.key not in before]
+        if fresh:
+            self._tell(
+                "warning", "flagged: " + ", ".join(f"{row.point} {row.axis}" for row in fresh)
+            )
+        self._advance()
+
+    def _flagged(self) -> tuple[Any, ...]:
+        solution = self._outlook.solution
+        return () if solution is None else solution.flagged
+
+    def _refused(self, refused: Refused) -> None:
+        now = time.monotonic()
+        with self._lock:
+            self._recorder.note("refused", {"reason": refused.reason})
+        if now - self._refusal_told >= _REFUSALS_TOLD:
+            self._refusal_told = now
+            with self._change():
+                self._tell("warning", f"line: {refused.reason}")
+
+    def _link_state(self, item: _LinkState) -> None:
+        self._link = replace(self._link, state=item.state, detail=item.detail)
+        if item.state in ("lost", "reconnecting", "silent"):
+            # what was under way is unknown now: nothing may be taken from it
+            self._drive_target = None
+            self._pointing = False
+        if item.state == "lost":
+            self._tell("error", f"link lost: {item.detail}" if item.detail else "link lost")
+
+    # -- changing ------------------------------------------------------------------------------
+
+    def _happen(self, event: Event) -> None:
+        """Let an event happen: refused, or on disk before anybody is told."""
+        state = apply(self._state, event)
+        self._recorder.event(event)
+        self._state = state
+        old = self._outlook.solution
+        self._outlook = outlook(state)
+        solution = self._outlook.solution
+        if solution is not None and solution is not old:
+            self._note_table(solution)
+
+    def _note_table(self, solution: ModelSolution) -> None:
+        """Put the table into the journal: what a replay will be compared with."""
+        payload = {
+            "model": solution.name,
+            "redundancy": solution.redundancy,
+            "sigma0_um": solution.sigma0_um,
+            "rows": [list(row) for row in solution.table],
+        }
+        try:
+            self._recorder.note("table", payload)
+        except JournalError as error:
+            # the measurement itself is safe; a table can be computed again
+            self._tell("warning", str(error))
+
+    def _model(self) -> ModelState:
+        if self._state.current is None:
+            raise InputError("no model is in the instrument: choose the next model")
+        return self._state.current
+
+    def _recordable(self) -> ModelState:
+        model = self._model()
+        if self._state.suspended:
+            raise InputError("work is suspended: resume first")
+        if self._drive_target is not None:
+            raise InputError("the plates are still under way")
+        if self._pointing:
+            raise InputError("the simulated operator is still setting the mark")
+        return model
+
+    def _aim(self, planned: PlannedPoint) -> None:
+        """Make a point the target, and drive there where the plotter can."""
+        self._target = planned.point
+        plotting = self._plotting
+        if plotting is None or not plotting.drives:
+            return
+        target = plate_of(planned.xl, planned.yl, planned.xr, planned.yr)
+        self._drive_target = target
+        self._pointing = plotting.simulated
+
+        def drive() -> None:
+            try:
+                plotting.drive(target)
+            except AnaplotError:
+                with self._lock:
+                    self._drive_target = None
+                    self._pointing = False
+                raise
+
+        self._after.append(drive)
+
+    def _advance(self) -> None:
+        """Go to the next point of the plan by itself, where that is wanted."""
+        model = self._state.current
+        if not self._auto_drive or model is None or not model.pending:
+            return
+        self._aim(model.pending[0])
+
+    def _lay(self) -> None:
+        model = self._state.current
+        if self._plotting is not None and model is not None:
+            self._plotting.lay(model.left, model.right)
+
+    def _plan(self, strip: str, left: str, right: str) -> tuple[PlannedPoint, ...]:
+        before = self._state.preceding(strip, left)
+        measured = () if before is None else before.used
+        declared = next(s for s in self._block.strips if s.id == strip)
+        nominal = declared.base
+        if measured:
+            parallax = sorted(m.xl - m.xr for m in measured)
+            nominal = parallax[len(parallax) // 2]
+        candidates = self._candidates
+        if candidates is not None:
+            common = candidates.get(left, {}).keys() & candidates.get(right, {}).keys()
+            candidates = candidates if len(common) >= 5 else None
+        positions = plan_positions(
+            self._block,
+            (left, right),
+            self._pattern,
+            nominal_base=nominal,
+            preceding={m.point: (m.xr, m.yr) for m in measured},
+            candidates=candidates,
+        )
+        ties = {m.point for m in measured}
+        return tuple(
+            PlannedPoint(p.point, "tie" if p.point in ties else "new", *p[1:]) for p in positions
+        )
+
+    # -- files ---------------------------------------------------------------------------------
+
+    def _write_points(self) -> None:
+        """Bring image_points.csv up to the accepted models; what fails is tried again later."""
+        rows = merged_rows(self._block.image_points, self._state.models, self._of_session)
+        if self._points_written or rows == self._block.image_points:
+            self._points_written = True
+            return
+        try:
+            write_image_points(self._folder, rows)
+        except InputError as error:
+            self._tell("error", f"{error}; the measurements are safe in the journal")
+            return
+        self._block = replace(self._block, image_points=rows)
+        self._points_written = True
+
+    def _known_points(self, candidates: Candidates | None) -> Candidates | None:
+        """Points to choose from: given ones, else rows measured elsewhere before."""
+        if candidates is not None:
+            return candidates
+        known: dict[str, dict[str, tuple[float, float]]] = {}
+        for row in self._block.image_points:
+            if row.model is None or row.model not in self._of_session:
+                known.setdefault(row.photo, {})[row.point] = (row.x, row.y)
+        return known or None
+
+    def _header(self, operator: str) -> dict[str, Any]:
+        header: dict[str, Any] = {"block": self._block.name, "operator": operator}
+        if self._plotting is not None:
+            profile = self._plotting.profile
+            header |= {
+                "profile": profile.id,
+                "profile_sha256": profile.sha256,
+                "port": self._plotting.port,
+                "simulated": self._plotting.simulated,
+            }
+        return header
+
+    # -- showing -------------------------------------------------------------------------------
+
+    def _tell(self, severity: Severity, text: str) -> None:
+        self._notices.append((severity, text))
+
+    def _picture(self) -> Snapshot:
+        state, view = self._state, self._outlook
+        model = state.current
+        self._serial += 1
+        strip = model.strip if model is not None else ""
+        number = count = 0
+        if model is not None:
+            models = next(s for s in self._block.strips if s.id == strip).models()
+            number, count = models.index(model.photos) + 1, len(models)
+        test = self._block.test
+        return Snapshot(
+            serial=self._serial,
+            block=self._block.name,
+            strip=strip,
+            left=model.left if model is not None else "",
+            right=model.right if model is not None else "",
+            model_number=number,
+            model_count=count,
+            accepted=tuple(m.photos for m in state.models),
+            points=() if model is None else self._points(model),
+            target=self._target,
+            next_point=view.next_point,
+            solution=view.solution,
+            diagnosis=view.diagnosis,
+            problem=view.problem,
+            expected=view.expected,
+            may_accept=view.may_accept,
+            may_undo=state.may_undo,
+            suspended=state.suspended,
+            finished=view.finished,
+            link=self._link,
+            tie_variance=self._block.precision.tie_variance,
+            test=f"{test.kind} {test.alpha:g}",
+        )
+
+    def _points(self, model: ModelState) -> tuple[PointView, ...]:
+        flagged = {row.point for row in self._flagged()}
+        measured = {m.point: m for m in model.measured}
+        out = []
+        for planned in model.plan:
+            name = planned.point
+            m = measured.get(name)
+            status: PointStatus = "pending"
+            if m is not None:
+                status = "flagged" if name in flagged else "measured"
+                if model.is_off(name):
+                    status = "off"
+            off = tuple(axis for axis in model.axes(name) if (name, axis) in model.off)
+            out.append(
+                PointView(
+                    name,
+                    planned.role,
+                    planned.xl if m is None else m.xl,
+                    planned.yl if m is None else m.yl,
+                    status,
+                    0 if m is None else m.times,
+                    off,
+                )
+            )
+        return tuple(out)
+
+
+def _photos(state: SessionState) -> tuple[str, str] | None:
+    return None if state.current is None else state.current.photos
+
+
+def _near(here: Position, target: Position, within: float) -> bool:
+    return (
+        max(
+            abs(here.xl - target.xl),
+            abs(here.yl - target.yl),
+            abs(here.xr - target.xr),
+            abs(here.yr - target.yr),
+        )
+        <= within
+    )
