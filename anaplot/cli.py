@@ -6,8 +6,10 @@ import argparse
 import contextlib
 import json
 import os
+import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -16,6 +18,8 @@ from anaplot import __version__
 from anaplot.errors import AnaplotError, InputError
 
 if TYPE_CHECKING:
+    from anaplot.orientation.results import ModelSolution
+    from anaplot.photogrammetry.block import Block
     from anaplot.station.automatic import ModelRecord
     from anaplot.station.demo import Demo
 
@@ -120,6 +124,66 @@ def _open(options: argparse.Namespace) -> int:
     )
 
 
+def _replay(options: argparse.Namespace) -> int:
+    from anaplot.station.rebuild import rebuild, session_solutions
+    from anaplot.station.replay import replay_session
+
+    if options.speed is not None or options.console:
+        return _replay_watched(options)
+    replayed = replay_session(options.session)
+    if options.to is not None:
+        rebuild(replayed, options.to)
+    if options.check:
+        if replayed.differences:
+            print(f"anaplot: {replayed.differences[0]}", file=sys.stderr)
+            return 1
+        print(
+            f"{replayed.tables} tables and {replayed.measurements} measurements came out the same"
+        )
+        return 0
+    _print_solutions(session_solutions(replayed.state), replayed.block, options.json)
+    return 0
+
+
+def _print_solutions(
+    solutions: tuple[tuple[str, ModelSolution], ...], block: Block, as_json: bool
+) -> None:
+    from anaplot.orientation.diagnosis import diagnose
+    from anaplot.report.contract import model_json
+    from anaplot.report.text import model_printout
+
+    if as_json:
+        models = [{"strip": strip, **model_json(model)} for strip, model in solutions]
+        print(json.dumps({"models": models}, indent=1, allow_nan=False))
+        return
+    for strip, model in solutions:
+        pairs = next(s for s in block.strips if s.id == strip).models()
+        print(
+            model_printout(
+                model,
+                diagnose(model, block.test.power),
+                strip=strip,
+                number=pairs.index((model.left, model.right)) + 1,
+                count=len(pairs),
+            ),
+            end="\n\n",
+        )
+
+
+def _replay_watched(options: argparse.Namespace) -> int:
+    from anaplot.station.replayed import ReplayStation
+
+    station = ReplayStation(options.session, 1.0 if options.speed is None else options.speed)
+    if options.console:
+        from anaplot.console.app import run_console
+
+        return run_console(station)
+    try:
+        return station.run(sys.stdout)
+    finally:
+        station.close()
+
+
 def _parser() -> _Parser:
     parser = _Parser(
         prog="anaplot",
@@ -193,7 +257,40 @@ def _parser() -> _Parser:
     opening.add_argument(
         "--operator", default="", metavar="NAME", help="your name, for the journal"
     )
+
+    replay = command(
+        "replay",
+        _replay,
+        "play a recorded session through the same code",
+        "anaplot replay myblock --check",
+    )
+    replay.add_argument(
+        "session", type=Path, metavar="SESSION", help="a journal file, or the block's folder"
+    )
+    replay.add_argument(
+        "--check",
+        action="store_true",
+        help="compare every table with the recorded one; exit with 1 when one differs",
+    )
+    replay.add_argument(
+        "--to", type=Path, metavar="BLOCK", help="rebuild the block in a new folder"
+    )
+    replay.add_argument("--json", action="store_true", help="print JSON for programs")
+    replay.add_argument(
+        "--speed", type=_positive, metavar="X", help="watch it, X times as fast as it was recorded"
+    )
+    replay.add_argument("--console", action="store_true", help="watch it in the console")
     return parser
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text!r} is no positive number")
+    return value
 
 
 def _whole(low: int, high: int) -> Callable[[str], int]:
@@ -209,9 +306,22 @@ def _whole(low: int, high: int) -> Callable[[str], int]:
     return whole
 
 
+def _end_cleanly() -> None:
+    """Let a closed terminal or a polite kill end a command as an error would: with its clean-up."""
+
+    def end(number: int, _: object) -> NoReturn:
+        raise SystemExit(128 + number)
+
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGTERM", "SIGHUP"):
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), end)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code; errors are one line on standard error."""
     try:
+        _end_cleanly()
         options = _parser().parse_args(arguments)
         code: int = options.run(options)
         sys.stdout.flush()

@@ -33,29 +33,29 @@ class Recorder:
     def __init__(self, journal: Journal, clock: Callable[[], float]) -> None:
         self._journal = journal
         self._clock = clock
-        self._traffic: list[list[str]] = []
+        self._traffic: list[list[str | float]] = []
         self._bytes = 0
-        self._since = clock()
+        self._since = self._begin = clock()
 
-    def traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
-        """Remember bytes of the line (as Latin-1 text, one character a byte)."""
-        text = data.decode("latin-1")
-        last = self._traffic[-1] if self._traffic else None
-        if last is not None and last[:2] == [direction, link]:
-            last[2] += text
-        else:
-            self._traffic.append([direction, link, text])
+    def traffic(self, direction: Literal["in", "out"], link: str, data: bytes, when: float) -> None:
+        """Remember bytes of the line (as Latin-1 text, one character a byte) and their time [s]."""
+        self._traffic.append([direction, link, data.decode("latin-1"), self._time(when)])
         self._bytes += len(data)
         if self._bytes > _MOST_BYTES:
             lost = self._bytes
             self._forget()
-            self._traffic.append(["lost", link, f"{lost} bytes: the disk took no records"])
+            self._traffic.append(
+                ["lost", link, f"{lost} bytes: the disk took no records", self._time(when)]
+            )
         if self._bytes >= _BATCH_BYTES or self._clock() - self._since >= _BATCH_SECONDS:
             self.flush()
 
-    def told(self, kind: str, text: str) -> None:
+    def told(self, kind: str, text: str, when: float) -> None:
         """Remember what else the decoder was told (a press, a reference)."""
-        self._traffic.append(["decoder", kind, text])
+        self._traffic.append(["decoder", kind, text, self._time(when)])
+
+    def _time(self, when: float) -> float:
+        return round(when - self._begin, 5)
 
     def flush(self) -> None:
         """Write the gathered traffic.

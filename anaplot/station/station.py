@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points
+from anaplot.exchange.blocktoml import format_block_toml
 from anaplot.exchange.journal import Journal, JournalError, events_of
 from anaplot.orientation.patterns import pattern
 from anaplot.orientation.results import ModelSolution
@@ -45,15 +46,17 @@ from anaplot.session.workflow import Outlook, outlook
 from anaplot.station.automatic import AutomaticOperator
 from anaplot.station.imagepoints import merged_rows
 from anaplot.station.journaling import Recorder
+from anaplot.station.picture import picture
 from anaplot.station.plates import image_of, plate_of
 from anaplot.station.plotting import InstrumentSetup, Plotting, SimulationSetup
-from anaplot.station.snapshot import LinkView, PointStatus, PointView, ReadOut, Snapshot
+from anaplot.station.snapshot import LinkView, ReadOut, Snapshot
 
 __all__ = ["Station"]
 
 DEFAULT_PATTERN = "13"
 _STALE = 2.0  # s after which a read-out is no longer shown
 _ARRIVED_MM = 0.02  # a read-out this near to the target ends a drive as its reply would
+_LARGEST_DECLARATION = 200_000  # characters of block.toml that the journal's header repeats
 _REFUSALS_TOLD = 1.0  # s between two notices about bytes that are no readings
 
 Severity = Literal["info", "warning", "error", "record"]
@@ -64,12 +67,14 @@ class _Traffic:
     direction: Literal["in", "out"]
     link: str
     data: bytes
+    when: float
 
 
 @dataclass(frozen=True, slots=True)
 class _Told:
     kind: str
     text: str
+    when: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,10 +103,10 @@ class _Ear:
         self.items.put(_LinkState(state, detail))
 
     def on_traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
-        self.items.put(_Traffic(direction, link, data))
+        self.items.put(_Traffic(direction, link, data, time.monotonic()))
 
     def on_decoder(self, kind: str, text: str) -> None:
-        self.items.put(_Told(kind, text))
+        self.items.put(_Told(kind, text, time.monotonic()))
 
     def on_settled(self, settled: HandSettled) -> None:
         self.items.put(settled)
@@ -469,12 +474,12 @@ class Station:
             finally:
                 notices, self._notices = self._notices, []
                 after, self._after = self._after, []
-                self._snapshot = picture = self._picture()
+                self._snapshot = taken = self._picture()
         for severity, text in notices:
             for listener in list(self._listeners):
                 listener(severity, text)
         for subscriber in list(self._subscribers):
-            subscriber(picture)
+            subscriber(taken)
         for action in after:
             action()
 
@@ -494,10 +499,10 @@ class Station:
         match item:
             case _Traffic():
                 with self._lock:
-                    self._recorder.traffic(item.direction, item.link, item.data)
+                    self._recorder.traffic(item.direction, item.link, item.data, item.when)
             case _Told():
                 with self._lock:
-                    self._recorder.told(item.kind, item.text)
+                    self._recorder.told(item.kind, item.text, item.when)
             case Position():
                 if self._drive_target is not None and _near(item, self._drive_target, _ARRIVED_MM):
                     with self._change():
@@ -722,6 +727,10 @@ class Station:
 
     def _header(self, operator: str) -> dict[str, Any]:
         header: dict[str, Any] = {"block": self._block.name, "operator": operator}
+        declared = format_block_toml(self._block)
+        if len(declared) <= _LARGEST_DECLARATION:
+            # the session can be replayed whatever becomes of the folder
+            header["block_toml"] = declared
         if self._plotting is not None:
             profile = self._plotting.profile
             header |= {
@@ -738,65 +747,10 @@ class Station:
         self._notices.append((severity, text))
 
     def _picture(self) -> Snapshot:
-        state, view = self._state, self._outlook
-        model = state.current
         self._serial += 1
-        strip = model.strip if model is not None else ""
-        number = count = 0
-        if model is not None:
-            models = next(s for s in self._block.strips if s.id == strip).models()
-            number, count = models.index(model.photos) + 1, len(models)
-        test = self._block.test
-        return Snapshot(
-            serial=self._serial,
-            block=self._block.name,
-            strip=strip,
-            left=model.left if model is not None else "",
-            right=model.right if model is not None else "",
-            model_number=number,
-            model_count=count,
-            accepted=tuple(m.photos for m in state.models),
-            points=() if model is None else self._points(model),
-            target=self._target,
-            next_point=view.next_point,
-            solution=view.solution,
-            diagnosis=view.diagnosis,
-            problem=view.problem,
-            expected=view.expected,
-            may_accept=view.may_accept,
-            may_undo=state.may_undo,
-            suspended=state.suspended,
-            finished=view.finished,
-            link=self._link,
-            tie_variance=self._block.precision.tie_variance,
-            test=f"{test.kind} {test.alpha:g}",
+        return picture(
+            self._block, self._state, self._outlook, self._serial, self._target, self._link
         )
-
-    def _points(self, model: ModelState) -> tuple[PointView, ...]:
-        flagged = {row.point for row in self._flagged()}
-        measured = {m.point: m for m in model.measured}
-        out = []
-        for planned in model.plan:
-            name = planned.point
-            m = measured.get(name)
-            status: PointStatus = "pending"
-            if m is not None:
-                status = "flagged" if name in flagged else "measured"
-                if model.is_off(name):
-                    status = "off"
-            off = tuple(axis for axis in model.axes(name) if (name, axis) in model.off)
-            out.append(
-                PointView(
-                    name,
-                    planned.role,
-                    planned.xl if m is None else m.xl,
-                    planned.yl if m is None else m.yl,
-                    status,
-                    0 if m is None else m.times,
-                    off,
-                )
-            )
-        return tuple(out)
 
 
 def _photos(state: SessionState) -> tuple[str, str] | None:

@@ -1,0 +1,300 @@
+"""Replay: recorded bytes through the same decoder, events through the same fold, tables compared.
+
+A journal holds what came over the line, what was made of it, and the tables that the operator
+saw. A replay makes all of it again; wherever the outcome differs, it says where.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from math import isclose
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from anaplot.errors import AnaplotError, InputError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.blocktoml import parse_block_toml
+from anaplot.exchange.eventcodec import event_from_payload
+from anaplot.exchange.journal import Record, read_journal
+from anaplot.orientation.results import ModelSolution
+from anaplot.photogrammetry.block import Block
+from anaplot.plotter.decoder import Decoder
+from anaplot.plotter.profile import load_profile
+from anaplot.plotter.readings import Position
+from anaplot.plotter.readings import Record as PlotterRecord
+from anaplot.session.events import EVENT_KINDS, Event, PointMeasured
+from anaplot.session.state import EventRefusedError, SessionState, apply, start
+from anaplot.session.workflow import Outlook, outlook
+from anaplot.station.plates import image_of
+
+__all__ = ["Difference", "Replayed", "Step", "recorded_block", "replay", "replay_session"]
+
+_REMEMBERED = 64  # records of the line that may still become measurements
+_RELATIVE = 1e-9  # tables agree to this, whatever machine recorded them
+_ABSOLUTE_UM = 1e-6
+
+
+class Difference(NamedTuple):
+    """Something that came out differently: where in the journal, and what."""
+
+    file: str
+    line: int
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.file} line {self.line}: {self.what}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One step of a replay: the record, the state after it, what stands then, what differed.
+
+    Attributes
+    ----------
+    record
+        The journal's record.
+    state, view
+        State and outlook after it.
+    event
+        The event that it was, or None.
+    position
+        The latest position that the recorded bytes gave, or None.
+    compared
+        Whether it was a table, and was compared.
+    difference
+        What came out differently, or None.
+    """
+
+    record: Record
+    state: SessionState
+    view: Outlook
+    event: Event | None
+    position: Position | None
+    compared: bool
+    difference: Difference | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replayed:
+    """The outcome of a whole replay.
+
+    Attributes
+    ----------
+    block
+        The block as it was declared when the session was recorded.
+    state
+        The final state.
+    tables, measurements
+        How many tables were compared, and how many measurements found in the recorded bytes.
+    differences
+        Everything that came out differently, in order.
+    """
+
+    block: Block
+    state: SessionState
+    tables: int
+    measurements: int
+    differences: tuple[Difference, ...]
+
+
+def recorded_block(session: Path, records: Iterable[Record]) -> Block:
+    """Return the block as declared when the session was recorded: from the journal's first header.
+
+    Journals without one belong to a folder whose block.toml still says it.
+
+    Raises
+    ------
+    InputError
+        Neither is there, or it is wrong.
+    """
+    for record in records:
+        text = record.payload.get("block_toml") if record.kind in ("header", "opened") else None
+        if isinstance(text, str):
+            return parse_block_toml(text, Path(record.file))
+        if record.kind not in ("header", "opened"):
+            break
+    folder = session if session.is_dir() else session.parent
+    if folder.name == "sessions":
+        folder = folder.parent
+    return read_block(folder)
+
+
+def replay_session(session: Path) -> Replayed:
+    """Replay a recorded session to its end, as fast as it goes.
+
+    Parameters
+    ----------
+    session
+        A journal file, a folder `sessions`, or a block folder.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, is damaged, or does not fit its block.
+    """
+    records = read_journal(session).records
+    block = recorded_block(session, records)
+    state = start(block)
+    tables = measurements = 0
+    differences: list[Difference] = []
+    for step in replay(block, records):
+        state = step.state
+        tables += step.compared
+        measurements += isinstance(step.event, PointMeasured) and step.difference is None
+        if step.difference is not None:
+            differences.append(step.difference)
+    return Replayed(block, state, tables, measurements, tuple(differences))
+
+
+def replay(
+    block: Block,
+    records: Iterable[Record],
+    pace: Callable[[Record], None] | None = None,
+) -> Iterator[Step]:
+    """Replay records one after another.
+
+    Parameters
+    ----------
+    block
+        As it was declared.
+    records
+        Of one journal, from its beginning.
+    pace
+        Called before each record; waits, when the recorded speed is wanted.
+
+    Yields
+    ------
+    Step
+        After each record.
+
+    Raises
+    ------
+    InputError
+        An event does not fit the state: the journal is not of this block.
+    """
+    state = start(block)
+    view = outlook(state)
+    line = _Line()
+    for record in records:
+        if pace is not None:
+            pace(record)
+        event: Event | None = None
+        difference: str | None = None
+        compared = False
+        if record.kind in ("header", "opened"):
+            difference = line.opened(record.payload)
+        elif record.kind == "traffic":
+            line.traffic(record.payload)
+        elif record.kind in EVENT_KINDS:
+            event = event_from_payload(record.kind, record.payload)
+            if isinstance(event, PointMeasured):
+                difference = line.check(event)
+            try:
+                state = apply(state, event)
+            except EventRefusedError as error:
+                raise InputError(f"{record.file} line {record.line}: {error}") from error
+            view = outlook(state)
+        elif record.kind == "table":
+            compared = True
+            difference = _compare(record.payload, view.solution)
+        yield Step(
+            record=record,
+            state=state,
+            view=view,
+            event=event,
+            position=line.position,
+            compared=compared,
+            difference=None
+            if difference is None
+            else Difference(record.file, record.line, difference),
+        )
+
+
+class _Line:
+    """The decoder's side of a replay."""
+
+    def __init__(self) -> None:
+        self._decoder: Decoder | None = None
+        self._records: deque[PlotterRecord] = deque(maxlen=_REMEMBERED)
+        self.position: Position | None = None
+
+    def opened(self, header: dict[str, Any] | Any) -> str | None:
+        """Begin with a fresh decoder, as the link did."""
+        self._decoder = None
+        self._records.clear()
+        name = header.get("profile")
+        if not isinstance(name, str):
+            return None
+        try:
+            profile = load_profile(name)
+        except AnaplotError as error:
+            return f"profile {name}: {error}"
+        self._decoder = Decoder(profile)
+        if header.get("profile_sha256") != profile.sha256:
+            return f"profile {name} is not the one that the session was recorded with"
+        return None
+
+    def traffic(self, payload: dict[str, Any] | Any) -> None:
+        """Feed recorded bytes to the decoder."""
+        decoder = self._decoder
+        if decoder is None:
+            return
+        for item in payload.get("items", ()):
+            kind, link, text, when = item
+            if kind == "in":
+                for reading in decoder.feed(text.encode("latin-1"), when, link):
+                    if isinstance(reading, PlotterRecord):
+                        self._records.append(reading)
+                        self.position = reading.position
+                    elif isinstance(reading, Position):
+                        self.position = reading
+            elif kind == "out":
+                decoder.sent(text.encode("latin-1"), link)
+            elif kind == "decoder":
+                self._tell(decoder, link, text, when)
+
+    @staticmethod
+    def _tell(decoder: Decoder, kind: str, text: str, when: float) -> None:
+        if kind == "press":
+            decoder.press(text, when)
+        elif kind == "reopen":
+            decoder.reopen(text or None)
+        elif kind == "reference":
+            decoder.reference(Position(*map(float, text.split())))
+        elif kind == "confirm":
+            decoder.confirm_reference()
+
+    def check(self, event: PointMeasured) -> str | None:
+        """Find the measurement among what the bytes said."""
+        if self._decoder is None:
+            return None
+        while self._records:
+            read = image_of(self._records.popleft().position)
+            if (read.xl, read.yl, read.xr, read.yr) == (event.xl, event.yl, event.xr, event.yr):
+                return None
+        return f"point {event.point}: the recorded bytes do not say what was measured"
+
+
+def _compare(payload: dict[str, Any] | Any, solution: ModelSolution | None) -> str | None:
+    """Compare a recorded table with the one computed now; None when they agree."""
+    model = payload.get("model")
+    if solution is None or solution.name != model:
+        return f"model {model}: there is a recorded table, but none is computed now"
+    if not _same(payload.get("sigma0_um"), solution.sigma0_um):
+        return f"model {model}: sigma0 {solution.sigma0_um} instead of {payload.get('sigma0_um')}"
+    rows = payload.get("rows", [])
+    if len(rows) != len(solution.table):
+        return f"model {model}: {len(solution.table)} rows instead of {len(rows)}"
+    for recorded, row in zip(rows, solution.table, strict=True):
+        for name, was, now in zip(row._fields, recorded, row, strict=True):
+            if not _same(was, now):
+                return f"model {model}, row {row.point} {row.axis}: {name} {now} instead of {was}"
+    return None
+
+
+def _same(was: object, now: object) -> bool:
+    if isinstance(was, float | int) and isinstance(now, float | int) and not isinstance(now, bool):
+        return isclose(was, now, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE_UM)
+    return was == now
