@@ -1,0 +1,142 @@
+"""The terminal application."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from textual.app import App, SystemCommand
+from textual.binding import Binding, BindingType
+from textual.screen import Screen
+from textual.theme import Theme
+
+from anaplot.console.keymap import default_path, load_keymap
+from anaplot.console.keys import ACTIONS
+from anaplot.console.screen import OrientationScreen
+from anaplot.console.stationlike import StationLike
+
+if TYPE_CHECKING:
+    from anaplot.console.palette import PointProvider
+
+__all__ = ["ConsoleApp", "run_console"]
+
+_THEME = Theme(
+    name="anaplot",
+    primary="#7aa6c2",
+    secondary="#8fa3ad",
+    accent="#8ec3e0",
+    warning="#e0b060",
+    error="#ef7f72",
+    success="#8fbf8a",
+    foreground="#d6dadd",
+    background="#101417",
+    surface="#161b1f",
+    panel="#1f262b",
+    dark=True,
+    variables={
+        "foreground-muted": "#9aa5ab",
+        "text-primary": "#7fb0d0",
+        "text-accent": "#8ec3e0",
+        "text-warning": "#e6b566",
+        "text-error": "#f0857a",
+        "text-success": "#9ccb96",
+    },
+)
+
+
+def _point_provider() -> type[PointProvider]:
+    # The palette's modules load when it is opened, not when the console starts.
+    from anaplot.console.palette import PointProvider
+
+    return PointProvider
+
+
+class ConsoleApp(App[int]):
+    """The console over a station.
+
+    Parameters
+    ----------
+    station
+        What is shown and commanded.
+    keymap
+        The user's keys, checked, by action id.
+    """
+
+    TITLE = "anaplot"
+    ALLOW_SELECT = False
+    ENABLE_COMMAND_PALETTE = True
+    # With priority it works over pages and questions too.
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("ctrl+c", "help_quit", show=False, priority=True, system=True)
+    ]
+    COMMANDS: ClassVar = App.COMMANDS | {_point_provider}
+
+    def __init__(self, station: StationLike, keymap: dict[str, str] | None = None) -> None:
+        super().__init__()
+        self._keys_of_user = dict(keymap or {})
+        self._main = OrientationScreen(station, self._keys_of_user)
+        self.animation_level = "none"
+
+    def get_default_screen(self) -> Screen[None]:
+        """Return the orientation screen."""
+        return self._main
+
+    def on_mount(self) -> None:
+        """Take theme and keys into force."""
+        self.register_theme(_THEME)
+        self.theme = _THEME.name
+        self.set_keymap(self._keys_of_user)
+
+    def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
+        """Yield what the palette offers: every action of the screen, and the theme."""
+        yield SystemCommand("Theme", "Change the colours.", self.action_change_theme)
+        if screen is not self._main:
+            return
+        for action in ACTIONS:
+            title = action.label or action.id.replace("_", " ").capitalize()
+            yield SystemCommand(title, action.help, getattr(self._main, f"action_{action.id}"))
+
+    async def action_quit(self) -> None:
+        """Leave as the q key does; asked a second time, leave at once."""
+        if self.screen.id == "leave":
+            self.exit(0)
+            return
+        while len(self.screen_stack) > 1:
+            self.pop_screen()
+        self._main.action_leave()
+
+    async def action_help_quit(self) -> None:  # type: ignore[override]
+        """Leave: what people mean by ctrl+c."""
+        await self.action_quit()
+
+
+def run_console(station: StationLike, *, keymap: Path | None = None) -> int:
+    """Run the console until the operator leaves, then close the station.
+
+    Parameters
+    ----------
+    station
+        What is shown and commanded.
+    keymap
+        A keymap file; None takes the user's own if there is one.
+
+    Returns
+    -------
+    int
+        Exit code.
+
+    Raises
+    ------
+    InputError
+        When the keymap cannot be read or is not valid.
+    """
+    try:
+        keys = (
+            load_keymap(default_path(), required=False) if keymap is None else load_keymap(keymap)
+        )
+        app = ConsoleApp(station, keys)
+        app.run()
+        return app.return_code or 0
+    finally:
+        station.close()

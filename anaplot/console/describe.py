@@ -1,0 +1,161 @@
+"""What is known of a row, and of a model, in words: pairs of label and value."""
+
+from __future__ import annotations
+
+import math
+
+from anaplot.console.rows import ShownRow
+from anaplot.orientation.results import AppliedTest, ModelSolution, RowDiagnosis
+from anaplot.station.snapshot import Snapshot
+
+__all__ = ["Entry", "advice_of", "describe_model", "describe_row", "describe_test"]
+
+Entry = tuple[str, str]
+
+
+def _um(value: float | None, decimals: int = 1) -> str:
+    return "–" if value is None else f"{value:.{decimals}f} µm"
+
+
+def describe_test(test: AppliedTest) -> str:
+    """Return a test with its critical value, or that there is none."""
+    critical = "no critical value" if test.critical is None else f"critical {test.critical:.2f}"
+    return f"{test.kind} {test.alpha:g}, {critical}"
+
+
+def _name(key: tuple[str, str]) -> str:
+    return f"{key[0]} {key[1]}"
+
+
+def _odds(ratio: float) -> str:
+    if not math.isfinite(ratio) or ratio >= 1e6:
+        return "over a million to 1"
+    if ratio >= 1.0:
+        return f"{ratio:.0f} to 1" if ratio >= 10.0 else f"{ratio:.1f} to 1"
+    if ratio <= 1e-6:
+        return "1 to over a million"
+    return f"1 to {1.0 / ratio:.0f}" if ratio <= 0.1 else f"1 to {1.0 / ratio:.1f}"
+
+
+def _chances(mine: RowDiagnosis, snapshot: Snapshot) -> list[Entry]:
+    if snapshot.diagnosis is None:
+        return []
+    entries = [("holds the error", f"probability {100.0 * mine.probability:.1f} %")]
+    others = [
+        row
+        for row in snapshot.diagnosis.rows
+        if (row.point, row.axis) != (mine.point, mine.axis) and row.probability > 0.0
+    ]
+    rival = max(others, key=lambda row: row.probability, default=None)
+    if rival is not None:
+        odds = _odds(mine.probability / rival.probability)
+        entries.append(("", f"{odds} over {rival.point} {rival.axis}"))
+    if snapshot.diagnosis.none > 0.0:
+        entries.append(("", f"{_odds(mine.probability / snapshot.diagnosis.none)} over no error"))
+    return entries
+
+
+def _relations(key: tuple[str, str], snapshot: Snapshot) -> list[Entry]:
+    if snapshot.diagnosis is None:
+        return []
+    alike = [
+        f"{_name(p.second if p.first == key else p.first)} ({p.correlation:+.2f})"
+        for p in snapshot.diagnosis.partners
+        if key in (p.first, p.second)
+    ]
+    shows = [_name(t.target) for t in snapshot.diagnosis.transfers if t.source == key]
+    comes = [_name(t.source) for t in snapshot.diagnosis.transfers if t.target == key]
+    return [
+        (label, ", ".join(names))
+        for label, names in (
+            ("hard to tell from", alike),
+            ("shows as large in", shows),
+            ("may come from", comes),
+        )
+        if names
+    ]
+
+
+def describe_row(shown: ShownRow, snapshot: Snapshot) -> list[Entry]:
+    """Return everything known of a row."""
+    view = next((v for v in snapshot.points if v.point == shown.point), None)
+    role = "" if view is None else f", {'tie' if view.role == 'tie' else 'new point'}"
+    entries: list[Entry] = [("row", f"{shown.point} {shown.axis}{role}")]
+    if view is not None:
+        times = {0: "not yet", 1: "once", 2: "twice"}.get(view.times, f"{view.times} times")
+        entries.append(("measured", times))
+        if view.off_axes or view.status == "off":
+            entries.append(("switched off", ", ".join(view.off_axes) or "the whole point"))
+    row = shown.row
+    if row is None:
+        entries.append(("verdict", shown.verdict))
+    else:
+        entries += [
+            ("RED-N", f"{row.redn:.3f}"),
+            ("PARX", _um(row.parx_um)),
+            ("EXPD", _um(row.expd_um)),
+            ("SIGF", "–" if row.sigf is None else f"{row.sigf:.2f}"),
+            ("verdict", shown.verdict),
+        ]
+    if shown.diagnosis is not None:
+        entries.append(("finds errors from", _um(shown.diagnosis.mdb_um)))
+        entries += _chances(shown.diagnosis, snapshot)
+    entries += _relations(shown.key, snapshot)
+    if snapshot.solution is not None:
+        for point in snapshot.solution.points:
+            if point.point == shown.point:
+                entries.append(("model X Y Z", f"{point.X:.3f} {point.Y:.3f} {point.Z:.3f} mm"))
+    return entries
+
+
+def advice_of(snapshot: Snapshot) -> list[str]:
+    """Return the sentences for the operator, the most useful first."""
+    sentences = [snapshot.problem] if snapshot.problem else []
+    if snapshot.diagnosis is not None:
+        sentences += snapshot.diagnosis.advice
+    if snapshot.solution is not None:
+        sentences += snapshot.solution.remarks
+    return sentences
+
+
+def _orientation(solution: ModelSolution) -> list[Entry]:
+    base = ", ".join(
+        f"{name} {value:.4f}" for name, value in zip(("bx", "by", "bz"), solution.base, strict=True)
+    )
+    rotation = ", ".join(
+        f"{name} {math.degrees(value):.5f}"
+        for name, value in zip(("omega", "phi", "kappa"), solution.rotation, strict=True)
+    )
+    return [
+        ("base", f"{base} mm"),
+        ("rotation", f"{rotation} deg"),
+        ("", "of the right photo in the strip system"),
+        ("sigma0", f"{_um(solution.sigma0_um, 2)}, a priori {_um(solution.apriori_um, 2)}"),
+        ("redundancy", str(solution.redundancy)),
+        ("iterations", str(solution.iterations)),
+        ("condition", f"{solution.condition:.3g}"),
+        ("test", describe_test(solution.test)),
+        ("tie variance", solution.tie_variance),
+        ("ties", ", ".join(solution.ties) or "none: first model"),
+        ("flagged", ", ".join(_name(row.key) for row in solution.flagged) or "nothing"),
+    ]
+
+
+def describe_model(snapshot: Snapshot) -> list[Entry]:
+    """Return the model's orientation, or why there is none."""
+    if not snapshot.left:
+        return [("model", "none is chosen yet")]
+    entries: list[Entry] = [
+        (
+            "model",
+            f"{snapshot.left} / {snapshot.right}, {snapshot.model_number} of "
+            f"{snapshot.model_count} in strip {snapshot.strip}",
+        )
+    ]
+    if snapshot.solution is None:
+        entries.append(("orientation", snapshot.problem or "not determined yet"))
+        return entries
+    entries += _orientation(snapshot.solution)
+    for i, sentence in enumerate(advice_of(snapshot)):
+        entries.append(("advice" if i == 0 else "", sentence))
+    return entries

@@ -1,0 +1,127 @@
+"""Screens laid over the orientation screen: a question, a name, a page to read."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical, VerticalScroll
+from textual.content import Content
+from textual.screen import ModalScreen
+from textual.widgets import Input, Static
+
+from anaplot.console.text import plain
+
+__all__ = ["Ask", "AskName", "Page"]
+
+_LONGEST_NAME = 40
+
+
+class Ask(ModalScreen[bool]):
+    """A question answered by y or n; escape means no."""
+
+    DEFAULT_CSS = """
+    Ask { align: center middle; background: $background 60%; }
+    Ask > Vertical { width: 64; max-width: 95%; height: auto; padding: 1 2; background: $panel; }
+    Ask Static { height: auto; }
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("y", "answer(True)", "Yes"),
+        Binding("n,escape", "answer(False)", "No"),
+    ]
+
+    def __init__(self, question: str, *, yes: str, no: str, id: str | None = None) -> None:  # noqa: A002
+        super().__init__(id=id)
+        self._question, self._yes, self._no = plain(question), yes, no
+
+    def compose(self) -> ComposeResult:
+        """Lay question and answers out."""
+        keys = Content.assemble(
+            ("y", "bold $text-accent"),
+            f" {self._yes}     ",
+            ("n", "bold $text-accent"),
+            f" {self._no}",
+        )
+        with Vertical():
+            yield Static(Content(self._question), markup=False)
+            yield Static(Content(""))
+            yield Static(keys)
+
+    def action_answer(self, yes: bool) -> None:
+        """Close with the answer."""
+        self.dismiss(yes)
+
+
+class AskName(ModalScreen[str | None]):
+    """A prompt for the name of a point; escape gives none."""
+
+    DEFAULT_CSS = """
+    AskName { align: center middle; background: $background 60%; }
+    AskName > Vertical { width: 52; max-width: 95%; height: auto; }
+    AskName > Vertical { padding: 1 2; background: $panel; }
+    AskName Static { height: auto; color: $foreground-muted; }
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "cancel", "Cancel")]
+
+    def compose(self) -> ComposeResult:
+        """Lay the prompt out."""
+        with Vertical():
+            yield Static("Name of the point to add")
+            yield Input(max_length=_LONGEST_NAME, compact=True)
+            yield Static("enter add     escape leave it")
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Close with the name; nothing at all is no name."""
+        self.dismiss(event.value.strip() or None)
+
+    def action_cancel(self) -> None:
+        """Close without a name."""
+        self.dismiss(None)
+
+
+class Page(ModalScreen[None]):
+    """Something to read; it scrolls when it is longer than the screen."""
+
+    DEFAULT_CSS = """
+    Page { align: center middle; background: $background 60%; }
+    Page > Vertical { width: 78; max-width: 98%; height: auto; max-height: 94%; }
+    Page > Vertical { background: $panel; padding: 0 2; }
+    Page VerticalScroll { height: auto; max-height: 100%; scrollbar-size-vertical: 1; }
+    Page .page--title { text-style: bold; color: $text-accent; height: 2; }
+    Page .page--text { height: auto; width: 1fr; }
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape,q,enter,question_mark,d,l,f2,space", "close", "Close"),
+        Binding("up,k", "scroll(-1)", "Up"),
+        Binding("down,j", "scroll(1)", "Down"),
+        Binding("pageup", "page(-1)", "Page up"),
+        Binding("pagedown", "page(1)", "Page down"),
+    ]
+
+    def __init__(self, title: str, lines: list[Content], id: str | None = None) -> None:  # noqa: A002
+        super().__init__(id=id)
+        self._title, self._lines = plain(title), lines
+
+    def compose(self) -> ComposeResult:
+        """Lay title and text out."""
+        with Vertical():
+            yield Static(Content(f"{self._title}   (escape closes)"), classes="page--title")
+            with VerticalScroll(can_focus=False):
+                yield Static(Content("\n").join(self._lines), classes="page--text")
+
+    def action_close(self) -> None:
+        """Close the page."""
+        self.dismiss(None)
+
+    def action_scroll(self, step: int) -> None:
+        """Scroll by a line."""
+        self.query_one(VerticalScroll).scroll_relative(y=step, animate=False)
+
+    def action_page(self, step: int) -> None:
+        """Scroll by a page."""
+        view = self.query_one(VerticalScroll)
+        view.scroll_relative(y=step * max(view.size.height - 1, 1), animate=False)

@@ -1,0 +1,98 @@
+"""The map as a widget."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rich.segment import Segment
+from rich.style import Style
+from textual.geometry import Size
+from textual.strip import Strip
+from textual.widget import Widget
+
+from anaplot.console.mapdrawing import Layer, draw_map
+from anaplot.station.snapshot import Snapshot
+
+__all__ = ["MapView"]
+
+_CLASSES = {layer: f"map--{layer.name.lower().replace('_', '-')}" for layer in Layer}
+
+
+class MapView(Widget):
+    """Points where they lie, residual vectors, and the critical transfers of the selected row."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = set(_CLASSES.values())
+
+    DEFAULT_CSS = """
+    MapView {
+        .map--paper { color: $foreground; }
+        .map--legend { color: $text-muted; }
+        .map--name { color: $text-muted; }
+        .map--residual { color: $text-primary; }
+        .map--transfer { color: $text-warning; text-style: bold; }
+        .map--flagged-residual { color: $text-error; text-style: bold; }
+        .map--off { color: $text-muted; }
+        .map--pending { color: $text-muted; }
+        .map--measured { color: $foreground; }
+        .map--next { color: $text-accent; text-style: bold; }
+        .map--target { color: $text-accent; text-style: bold; }
+        .map--flagged { color: $text-error; text-style: bold reverse; }
+        .map--selected { color: $foreground; text-style: bold underline; }
+    }
+    """
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+        super().__init__(id=id)
+        self._snapshot: Snapshot | None = None
+        self._selected: tuple[str, str] | None = None
+        self._all_transfers = False
+        self._strips: list[Strip] | None = None
+        self._styles: dict[int, Style] = {}
+
+    def show(
+        self, snapshot: Snapshot, selected: tuple[str, str] | None, *, all_transfers: bool
+    ) -> None:
+        """Draw this from now on."""
+        self._snapshot = snapshot
+        self._selected = selected
+        self._all_transfers = all_transfers
+        self._strips = None
+        self.refresh()
+
+    def on_resize(self) -> None:
+        """Draw again in the new size."""
+        self._strips = None
+
+    def notify_style_update(self) -> None:
+        """Draw again in the new colours."""
+        self._strips = None
+        self._styles = {}
+        super().notify_style_update()
+
+    def render_line(self, y: int) -> Strip:
+        """Return one row of the map."""
+        size = self.size
+        if self._strips is None:
+            self._strips = self._draw(size)
+        if y < len(self._strips):
+            return self._strips[y]
+        return Strip.blank(size.width, self.rich_style)
+
+    def _draw(self, size: Size) -> list[Strip]:
+        if self._snapshot is None:
+            return []
+        canvas = draw_map(
+            self._snapshot,
+            self._selected,
+            size.width,
+            size.height,
+            all_transfers=self._all_transfers,
+        )
+        if not self._styles:
+            self._styles = {
+                layer: self.get_component_rich_style(name) for layer, name in _CLASSES.items()
+            }
+        return [
+            Strip([Segment(text, self._styles[layer]) for text, layer in row], size.width)
+            for row in canvas.runs()
+        ]

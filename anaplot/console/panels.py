@@ -1,0 +1,341 @@
+"""The lines around map and table: who, what, where the mark stands, what to do, what happened."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import ClassVar
+
+from rich.cells import cell_len
+from textual.content import Content
+from textual.geometry import Size
+from textual.widget import Widget
+
+from anaplot.console.describe import Entry, advice_of, describe_row
+from anaplot.console.rows import ShownRow
+from anaplot.console.text import fit, number, plain, wrap
+from anaplot.station.snapshot import ReadOut, Snapshot
+
+__all__ = [
+    "AdvicePanel",
+    "DetailsPane",
+    "ExpectedLine",
+    "HeaderPanel",
+    "MessagePanel",
+    "ReadOutLine",
+    "entry_lines",
+]
+
+Part = tuple[str, str]
+_GAP: Part = ("   ", "")
+_NARROW_GAP: Part = (" ", "")
+
+
+def _width(parts: list[Part]) -> int:
+    return sum(cell_len(text) for text, _ in parts)
+
+
+def _between(left: list[Part], right: list[Part], width: int) -> Content:
+    """Return a line with parts at either end; the right end is kept, the left one cut."""
+    space = width - _width(left) - _width(right) - 2
+    if space < 1:
+        left = [_NARROW_GAP if part is _GAP else part for part in left]
+        space = width - _width(left) - _width(right) - 2
+    if space < 1:
+        kept: list[Part] = []
+        room = width - _width(right) - 3
+        for text, style in left:
+            kept.append((fit(text, min(cell_len(text), room)), style))
+            room -= cell_len(text)
+            if room <= 0:
+                break
+        left = kept
+        space = max(width - _width(left) - _width(right) - 2, 1)
+    return Content.assemble(" ", *left, " " * space, *right, " ")
+
+
+def entry_lines(entries: list[Entry], width: int, label: int = 18) -> list[Content]:
+    """Return label and value pairs as lines, values wrapped beside their label."""
+    lines: list[Content] = []
+    for name, value in entries:
+        wrapped = wrap(value, width - label) or [""]
+        for i, part in enumerate(wrapped):
+            head = fit(name if i == 0 else "", label)
+            lines.append(Content.assemble((head, "$foreground-muted"), part))
+    return lines
+
+
+class _Lines(Widget):
+    """A widget of whole lines, made anew for every size; no text is ever taken for markup."""
+
+    def lines(self, width: int, height: int) -> list[Content]:
+        """Return at most `height` lines of at most `width` cells."""
+        raise NotImplementedError
+
+    def render(self) -> Content:
+        """Return the lines as one text."""
+        width, height = self.size
+        return Content("\n").join(self.lines(width, height)[:height])
+
+
+class HeaderPanel(_Lines):
+    """Block, model and link; choices in force and the model's figures."""
+
+    DEFAULT_CSS = "HeaderPanel { height: 2; background: $panel; }"
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+        super().__init__(id=id)
+        self._snapshot: Snapshot | None = None
+        self._automatic = False
+
+    def show(self, snapshot: Snapshot, *, automatic: bool) -> None:
+        """Show this from now on."""
+        if snapshot is not self._snapshot or automatic != self._automatic:
+            self._snapshot, self._automatic = snapshot, automatic
+            self.refresh()
+
+    def lines(self, width: int, height: int) -> list[Content]:
+        """Return two lines."""
+        if self._snapshot is None:
+            return []
+        wide = width >= 110
+        return [
+            _between(self._model(wide), self._link(wide), width),
+            _between(self._figures(wide), self._mode(), width),
+        ][:height]
+
+    def _model(self, wide: bool) -> list[Part]:
+        shown = self._snapshot
+        assert shown is not None
+        names, photos = (24, 12) if wide else (14, 7)
+
+        def short(text: str, most: int) -> str:
+            return fit(text, min(cell_len(plain(text)), most))
+
+        parts: list[Part] = [(short(shown.block, names), "bold")]
+        if shown.strip:
+            parts += [_GAP, (f"strip {short(shown.strip, photos)}", "")]
+        if shown.left:
+            pair = f"{short(shown.left, photos)} | {short(shown.right, photos)}"
+            parts += [_GAP, ("photos ", "$foreground-muted"), (pair, "bold")]
+            parts += [_GAP, (f"model {shown.model_number} of {shown.model_count}", "")]
+        return parts
+
+    def _link(self, wide: bool) -> list[Part]:
+        assert self._snapshot is not None
+        link = self._snapshot.link
+        parts: list[Part] = []
+        if link.simulated:
+            parts += [(" SIMULATED ", "bold reverse $text-warning"), (" ", "")]
+        if link.state == "none":
+            return [*parts, ("no plotter", "$foreground-muted")]
+        good = link.state == "live"
+        state = link.state if good else f" {link.state.upper()} "
+        if wide and link.profile:
+            port = f" {link.port}" if link.port else ""
+            parts += [(fit(link.profile + port, min(cell_len(plain(link.profile + port)), 40)), "")]
+            parts += [(" ", "")]
+        parts.append((plain(state), "$text-success" if good else "bold reverse $text-error"))
+        return parts
+
+    def _figures(self, wide: bool) -> list[Part]:
+        shown = self._snapshot
+        assert shown is not None
+        parts: list[Part] = [
+            ("ties ", "$foreground-muted"),
+            (plain(shown.tie_variance)[:16], ""),
+            _GAP,
+            ("test ", "$foreground-muted"),
+            (plain(shown.test)[:20], ""),
+        ]
+        solution = shown.solution
+        if solution is None:
+            done = sum(view.status != "pending" for view in shown.points)
+            if shown.points:
+                parts += [_GAP, (f"{done} of {len(shown.points)} measured", "$foreground-muted")]
+            return parts
+        critical = solution.test.critical
+        if wide:
+            parts += [(" critical ", "$foreground-muted")]
+            parts += [("none" if critical is None else f"{critical:.2f}", "")]
+        sigma0 = f"{number(solution.sigma0_um, 4, 2).strip()} µm"
+        parts += [_GAP, ("sigma0 ", "$foreground-muted"), (sigma0, "")]
+        parts += [_GAP, ("r ", "$foreground-muted"), (str(solution.redundancy), "")]
+        if solution.flagged:
+            parts += [_GAP, (f"{len(solution.flagged)} flagged", "bold $text-error")]
+        if wide:
+            parts += [_GAP, ("accepted ", "$foreground-muted"), (str(len(shown.accepted)), "")]
+        return parts
+
+    def _mode(self) -> list[Part]:
+        return [(" AUTO ", "bold reverse $text-accent")] if self._automatic else []
+
+
+class ReadOutLine(_Lines):
+    """x' y' x'' y'' px py [mm] as they are now; dashes while nothing is known."""
+
+    DEFAULT_CSS = "ReadOutLine { height: 1; background: $surface; text-style: bold; }"
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+        super().__init__(id=id)
+        self._readout: ReadOut | None = None
+        self._live = False
+
+    def show(self, readout: ReadOut | None, *, live: bool) -> None:
+        """Show this read-out; one of a link that is not live is not shown as if it were."""
+        if readout != self._readout or live != self._live:
+            self._readout, self._live = readout, live
+            self.refresh()
+
+    def lines(self, width: int, height: int) -> list[Content]:
+        """Return one line."""
+        values: list[float | None] = [None] * 6
+        if self._live and self._readout is not None:
+            r = self._readout
+            values = [r.xl, r.yl, r.xr, r.yr, r.px, r.py]
+        parts: list[Part] = []
+        gap = "   " if width >= 100 else " "
+        for name, value in zip(("x'", "y'", "x''", "y''", "px", "py"), values, strict=True):
+            shown = "–".rjust(8) if value is None else f"{value:8.3f}"
+            parts += [(f"{gap}{name} ", "$foreground-muted not bold"), (shown, "")]
+        return [Content.assemble(*parts, (" mm", "$foreground-muted not bold"))]
+
+
+class ExpectedLine(_Lines):
+    """What the operator is expected to do now; two lines when one is too short."""
+
+    DEFAULT_CSS = "ExpectedLine { height: auto; min-height: 1; max-height: 2; }"
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+        super().__init__(id=id)
+        self._snapshot: Snapshot | None = None
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show this from now on."""
+        before = len(self.lines(self.size.width, 2))
+        self._snapshot = snapshot
+        # A new layout is costly: only another number of lines needs one.
+        self.refresh(layout=len(self.lines(self.size.width, 2)) != before)
+
+    def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
+        """Return how many lines the sentence needs."""
+        return len(self.lines(width, 2))
+
+    def lines(self, width: int, height: int) -> list[Content]:
+        """Return one or two lines."""
+        if self._snapshot is None:
+            return []
+        head: Part = (" NOW ", "bold reverse $text-accent")
+        if self._snapshot.finished:
+            head = (" DONE ", "bold reverse $text-success")
+        elif self._snapshot.suspended:
+            head = (" SUSPENDED ", "bold reverse $text-warning")
+        indent = cell_len(head[0]) + 1
+        room = width - indent - 1
+        first, *rest = wrap(self._snapshot.expected, room) or [""]
+        lines = [Content.assemble(head, " ", (first, "bold"))]
+        if rest and height > 1:
+            lines.append(Content.assemble(" " * indent, (fit(" ".join(rest), room), "bold")))
+        return lines
+
+
+class AdvicePanel(_Lines):
+    """What the model says and advises, the most useful first."""
+
+    DEFAULT_CSS = "AdvicePanel { height: 3; background: $surface; }"
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+        super().__init__(id=id)
+        self._snapshot: Snapshot | None = None
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show this from now on."""
+        self._snapshot = snapshot
+        self.refresh()
+
+    def lines(self, width: int, height: int) -> list[Content]:
+        """Return the sentences, wrapped; if they are too many, the last line says so."""
+        if self._snapshot is None:
+            return []
+        lines: list[str] = []
+        for sentence in advice_of(self._snapshot):
+            first, *rest = wrap(sentence, width - 4) or [""]
+            lines += [f" · {first}", *(f"   {line}" for line in rest)]
+        if len(lines) > height:
+            note = f" (+{len(lines) - height} lines: F2)"
+            last = lines[height - 1]
+            lines[height - 1] = fit(last, min(cell_len(last), width - len(note) - 1)) + note
+        flagged = self._snapshot.solution is not None and bool(self._snapshot.solution.flagged)
+        style = "bold" if flagged else ""
+        return [Content.styled(line, style if i == 0 else "") for i, line in enumerate(lines)]
+
+
+class MessagePanel(_Lines):
+    """What happened, the newest last."""
+
+    DEFAULT_CSS = "MessagePanel { height: 1; }"
+
+    _STYLES: ClassVar[dict[str, str]] = {
+        "error": "bold $text-error",
+        "warning": "bold $text-warning",
+        "record": "$text-success",
+    }
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+        super().__init__(id=id)
+        self._messages: deque[tuple[str, str]] = deque(maxlen=200)
+
+    def say(self, severity: str, text: str) -> None:
+        """Add a message."""
+        self._messages.append((plain(severity), plain(text)))
+        self.refresh()
+
+    def lines(self, width: int, height: int) -> list[Content]:
+        """Return the newest messages, one line each."""
+        return [
+            Content.styled(self._line(severity, text, width), self._style(severity))
+            for severity, text in list(self._messages)[-height:]
+        ]
+
+    def history(self, width: int) -> list[Content]:
+        """Return all messages, the newest first, wrapped."""
+        return [
+            Content.styled(f"{'  ' if i else '· '}{line}", style)
+            for severity, text in reversed(self._messages)
+            for style in (self._style(severity),)
+            for i, line in enumerate(wrap(self._spoken(severity, text), width - 2))
+        ]
+
+    def _style(self, severity: str) -> str:
+        return self._STYLES.get(severity, "$foreground-muted")
+
+    @staticmethod
+    def _spoken(severity: str, text: str) -> str:
+        return text if severity == "info" else f"{severity}: {text}"
+
+    def _line(self, severity: str, text: str, width: int) -> str:
+        spoken, room = self._spoken(severity, text), width - 2
+        if cell_len(spoken) <= room:
+            return f" {spoken}"
+        return f" {fit(spoken, room - 8)} (l: all)"
+
+
+class DetailsPane(_Lines):
+    """All that is known of the selected row."""
+
+    DEFAULT_CSS = "DetailsPane { background: $surface; padding: 0 1; }"
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+        super().__init__(id=id)
+        self._entries: list[Entry] = []
+
+    def show(self, snapshot: Snapshot, selected: ShownRow | None) -> None:
+        """Show this row from now on."""
+        self._entries = [] if selected is None else describe_row(selected, snapshot)
+        self.refresh()
+
+    def lines(self, width: int, height: int) -> list[Content]:
+        """Return label and value pairs."""
+        return [
+            Content.styled("SELECTED ROW", "bold $foreground-muted"),
+            *entry_lines(self._entries, width),
+        ]

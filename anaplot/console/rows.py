@@ -1,0 +1,130 @@
+"""The table as shown: the solution's rows, and those that are still pending or switched off."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from anaplot.orientation.results import RowDiagnosis, TableRow
+from anaplot.session.events import Axis
+from anaplot.station.snapshot import PointView, Snapshot
+
+__all__ = ["SORT_ORDERS", "RowState", "ShownRow", "SortOrder", "shown_rows", "sort_rows"]
+
+RowState = Literal["pending", "measured", "off"]
+SortOrder = Literal["table", "significance", "redundancy", "point"]
+SORT_ORDERS: tuple[SortOrder, ...] = ("table", "significance", "redundancy", "point")
+
+_NOT_TESTABLE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class ShownRow:
+    """One row of the table on the screen.
+
+    Attributes
+    ----------
+    point, axis
+        The row's identity.
+    state
+        pending (not measured), measured or off.
+    expected
+        Whether its point is the one to be measured next.
+    row, diagnosis
+        What the model says of it, or None while it says nothing.
+    """
+
+    point: str
+    axis: Axis
+    state: RowState
+    expected: bool
+    row: TableRow | None = None
+    diagnosis: RowDiagnosis | None = None
+
+    @property
+    def key(self) -> tuple[str, Axis]:
+        """(point, axis)."""
+        return self.point, self.axis
+
+    @property
+    def flagged(self) -> bool:
+        """Whether its test rejects it."""
+        return self.row is not None and self.row.flagged
+
+    @property
+    def verdict(self) -> str:
+        """What the operator reads at the end of the row."""
+        if self.state == "off":
+            return "off"
+        if self.state == "pending":
+            return "next" if self.expected else "pending"
+        if self.row is None:
+            return "measured"
+        if self.row.flagged:
+            return "<< REMEASURE"
+        if self.row.redn < _NOT_TESTABLE:
+            return "not testable"
+        return "ok" if self.row.sigf is not None else "no check"
+
+
+def _row(
+    view: PointView,
+    axis: Axis,
+    expected: bool,
+    table: dict[tuple[str, str], TableRow],
+    diagnoses: dict[tuple[str, str], RowDiagnosis],
+) -> ShownRow:
+    key = (view.point, axis)
+    if axis in view.off_axes or view.status == "off":
+        return ShownRow(view.point, axis, "off", expected)
+    # A point whose other row alone is off counts as measured: its plates were read.
+    state: RowState = "pending" if view.status == "pending" else "measured"
+    return ShownRow(view.point, axis, state, expected, table.get(key), diagnoses.get(key))
+
+
+def shown_rows(snapshot: Snapshot) -> tuple[ShownRow, ...]:
+    """Return all rows of the current model: y of every point, then x of every tie, in plan order.
+
+    The order does not depend on what is measured already, so rows keep their places.
+    """
+    table = {row.key: row for row in snapshot.solution.table} if snapshot.solution else {}
+    diagnoses: dict[tuple[str, str], RowDiagnosis] = (
+        {(row.point, row.axis): row for row in snapshot.diagnosis.rows}
+        if snapshot.diagnosis
+        else {}
+    )
+    axes: tuple[Axis, ...] = ("y", "x")
+    return tuple(
+        _row(view, axis, view.point == snapshot.next_point, table, diagnoses)
+        for axis in axes
+        for view in snapshot.points
+        if axis == "y" or view.role == "tie"
+    )
+
+
+def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Names in the order people count: 9 before 10."""
+    return tuple(
+        (0, int(part), "") if part.isascii() and part.isdigit() else (1, 0, part)
+        for part in re.findall(r"[0-9]{1,18}|[^0-9]+", name)
+    )
+
+
+def _by_significance(shown: ShownRow) -> float:
+    sigf = shown.row.sigf if shown.row is not None else None
+    return 1.0 if sigf is None else -sigf
+
+
+def sort_rows(rows: tuple[ShownRow, ...], order: SortOrder) -> tuple[ShownRow, ...]:
+    """Return the rows sorted; equal ones keep the table's order, rows without a value come last.
+
+    `significance`: the largest first. `redundancy`: the worst controlled first. `point`: by name.
+    """
+    if order == "significance":
+        return tuple(sorted(rows, key=_by_significance))
+    if order == "redundancy":
+        return tuple(sorted(rows, key=lambda shown: shown.row.redn if shown.row else 2.0))
+    if order == "point":
+        return tuple(sorted(rows, key=lambda shown: _natural(shown.point)))
+    return rows

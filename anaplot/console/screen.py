@@ -1,0 +1,490 @@
+"""The orientation screen: one model, measured, judged, measured again and accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import BindingType
+from textual.containers import Horizontal
+from textual.message import Message
+from textual.screen import Screen
+
+from anaplot.console.commands import CommandThread
+from anaplot.console.describe import describe_model, describe_row
+from anaplot.console.dialogs import Ask, AskName, Page
+from anaplot.console.helptext import help_lines
+from anaplot.console.keybar import KeyBar, KeyHint, show_key
+from anaplot.console.keymap import keys_in_force
+from anaplot.console.keys import ACTIONS, bindings, is_live, label_now
+from anaplot.console.mailbox import Mailbox
+from anaplot.console.mapview import MapView
+from anaplot.console.panels import (
+    AdvicePanel,
+    DetailsPane,
+    ExpectedLine,
+    HeaderPanel,
+    MessagePanel,
+    ReadOutLine,
+    entry_lines,
+)
+from anaplot.console.rows import SORT_ORDERS, ShownRow, shown_rows, sort_rows
+from anaplot.console.stationlike import StationLike
+from anaplot.console.tableview import TableView
+from anaplot.console.text import plain
+from anaplot.station.snapshot import Snapshot
+
+__all__ = ["OrientationScreen"]
+
+_READOUT_HZ = 20.0
+_LAYOUTS = ("both", "map", "table")
+_PAGE_WIDTH = 72
+
+
+class OrientationScreen(Screen[None]):
+    """Everything about the current model on one screen.
+
+    The screen decides nothing: keys become commands to the station, snapshots become lines.
+
+    Parameters
+    ----------
+    station
+        What is shown and commanded.
+    keymap
+        The user's keys, checked, by action id.
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [*bindings()]
+
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (120, "-wide"), (156, "-broad")]  # noqa: RUF012
+    VERTICAL_BREAKPOINTS = [(0, "-low"), (32, "-tall")]  # noqa: RUF012
+
+    DEFAULT_CSS = """
+    OrientationScreen {
+        layout: vertical;
+        overflow: hidden;
+        #body { height: 1fr; }
+        #table { width: 53; margin-right: 1; }
+        #map { width: 1fr; }
+        #details { display: none; width: 38; margin-left: 1; }
+        &.-wide #details, &.-broad #details { display: block; }
+        &.-broad #table { width: 68; }
+        &.-broad #details { width: 46; }
+        &.-tall #advice { height: 5; }
+        &.-tall #messages { height: 3; }
+        &.-broad #keys { height: 1; }
+        &.-only-map #table { display: none; }
+        &.-only-table #map { display: none; }
+        &.-only-table #table { width: 1fr; }
+    }
+    """
+
+    class Woken(Message):
+        """The mailbox has something."""
+
+    def __init__(self, station: StationLike, keymap: dict[str, str] | None = None) -> None:
+        super().__init__()
+        self._station = station
+        self._keys = keys_in_force(keymap or {})
+        self._mailbox = Mailbox(self._wake)
+        self._commands = CommandThread(partial(self._mailbox.put_notice, "error"))
+        self._unsubscribe: list[Callable[[], None]] = []
+        self._snapshot: Snapshot | None = None
+        self._flagged: frozenset[tuple[str, str]] = frozenset()
+        self._order = SORT_ORDERS[0]
+        self._layout_shown = _LAYOUTS[0]
+        self._all_transfers = False
+        self._moved_by_hand = False
+
+    # -- layout and life -------------------------------------------------------------------
+
+    def compose(self) -> ComposeResult:
+        """Lay the screen out."""
+        yield HeaderPanel(id="header")
+        yield ReadOutLine(id="readout")
+        yield ExpectedLine(id="expected")
+        with Horizontal(id="body"):
+            yield TableView(id="table")
+            yield MapView(id="map")
+            yield DetailsPane(id="details")
+        yield AdvicePanel(id="advice")
+        yield MessagePanel(id="messages")
+        yield KeyBar(id="keys")
+
+    def on_mount(self) -> None:
+        """Listen to the station and show what there is."""
+        self._commands.start()
+        self._unsubscribe = [
+            self._station.subscribe(self._mailbox.put_snapshot),
+            self._station.subscribe_notices(self._mailbox.put_notice),
+        ]
+        self._show(self._station.snapshot())
+        self._poll()
+        self.set_interval(1.0 / _READOUT_HZ, self._poll)
+
+    def on_unmount(self) -> None:
+        """Let the station go; commands given so far are carried out."""
+        for unsubscribe in self._unsubscribe:
+            unsubscribe()
+        self._unsubscribe = []
+        self._commands.close()
+
+    def _wake(self) -> None:
+        """Post one message from whatever thread has news; after the end there is nobody to tell."""
+        try:
+            self.post_message(self.Woken())
+        except RuntimeError:  # the event loop closed between the look and the call
+            if self.is_running:
+                raise
+
+    def on_orientation_screen_woken(self) -> None:
+        """Show the newest snapshot and all notices."""
+        snapshot, notices = self._mailbox.take()
+        for severity, text in notices:
+            self._say(severity, text)
+        if any(severity == "record" for severity, _ in notices):
+            self.app.bell()
+        if snapshot is not None and (
+            self._snapshot is None or snapshot.serial >= self._snapshot.serial
+        ):
+            self._show(snapshot)
+
+    def _poll(self) -> None:
+        if self._snapshot is None:
+            return
+        link = self._snapshot.link
+        self.query_one(ReadOutLine).show(self._station.readout(), live=link.state == "live")
+        self.query_one(HeaderPanel).show(self._snapshot, automatic=self._automatic())
+
+    def _automatic(self) -> bool:
+        simulated = self._snapshot is not None and self._snapshot.link.simulated
+        return simulated and self._station.automatic
+
+    # -- showing ---------------------------------------------------------------------------
+
+    def _show(self, snapshot: Snapshot) -> None:
+        before, self._snapshot = self._snapshot, snapshot
+        table = self.query_one(TableView)
+        if before is None or (before.left, before.right) != (snapshot.left, snapshot.right):
+            self._flagged = frozenset()
+            self._moved_by_hand = False
+            table.show((), self._order)  # the cursor begins anew
+        table.show(sort_rows(shown_rows(snapshot), self._order), self._order)
+        solution = snapshot.solution
+        flagged = frozenset(row.key for row in solution.flagged) if solution else frozenset()
+        if flagged - self._flagged:
+            if before is not None:
+                self.app.bell()
+            if not self._moved_by_hand:
+                self._select_flag(after=None)
+        self._flagged = flagged
+        self.query_one(HeaderPanel).show(snapshot, automatic=self._automatic())
+        self.query_one(ExpectedLine).show(snapshot)
+        self.query_one(AdvicePanel).show(snapshot)
+        if snapshot.link.detail and (before is None or before.link != snapshot.link):
+            faulty = snapshot.link.state not in ("live", "none", "opening")
+            self._say("warning" if faulty else "info", f"link: {snapshot.link.detail}")
+        self._show_selected()
+
+    def _show_selected(self) -> None:
+        if self._snapshot is None:
+            return
+        shown = self._selected
+        self.query_one(MapView).show(
+            self._snapshot, shown.key if shown else None, all_transfers=self._all_transfers
+        )
+        self.query_one(DetailsPane).show(self._snapshot, shown)
+        self._show_keys()
+
+    def _show_keys(self) -> None:
+        if self._snapshot is None:
+            return
+        snapshot, shown = self._snapshot, self._selected
+        row_off = shown is not None and shown.state == "off"
+        point_off = shown is not None and self._point_off(shown.point)
+        rows = len(self.query_one(TableView).shown)
+        self.query_one(KeyBar).show(
+            tuple(
+                KeyHint(
+                    action.id,
+                    show_key(self._keys[action.id][0]),
+                    label_now(action, snapshot, row_off=row_off, point_off=point_off),
+                    action.weight,
+                )
+                for action in ACTIONS
+                if action.label and is_live(action.id, snapshot, rows=rows)
+            )
+        )
+
+    @property
+    def _selected(self) -> ShownRow | None:
+        return self.query_one(TableView).selected
+
+    def _point_off(self, point: str) -> bool:
+        return self._snapshot is not None and any(
+            view.point == point and view.status == "off" for view in self._snapshot.points
+        )
+
+    def _say(self, severity: str, text: str) -> None:
+        self.query_one(MessagePanel).say(severity, text)
+
+    def _submit(self, command: Callable[[], None]) -> None:
+        self._commands.submit(command)
+
+    # -- the operator's work ---------------------------------------------------------------
+
+    def action_record(self) -> None:
+        """Record the point under the mark."""
+        self._submit(self._station.record)
+
+    def drive_to(self, point: str) -> None:
+        """Drive the plates to a point."""
+        self._submit(partial(self._station.drive, point))
+
+    def action_drive(self) -> None:
+        """Drive to the selected row's point."""
+        if self._selected is None:
+            self._say("warning", "no row is selected")
+        else:
+            self.drive_to(self._selected.point)
+
+    def action_next_point(self) -> None:
+        """Drive to the point expected next."""
+        if self._snapshot is None or self._snapshot.next_point is None:
+            self._say("warning", "no point is expected next")
+        else:
+            self.drive_to(self._snapshot.next_point)
+
+    def action_accept(self) -> None:
+        """Accept the model when that may be done; with flagged rows, ask first."""
+        snapshot = self._snapshot
+        if snapshot is None:
+            return
+        if not snapshot.may_accept:
+            reason = snapshot.problem or snapshot.expected
+            self._say("warning", f"the model cannot be accepted now: {reason}")
+            return
+        flagged = len(snapshot.solution.flagged) if snapshot.solution else 0
+        if not flagged:
+            self._submit(self._station.accept)
+            return
+        rows = "1 row is" if flagged == 1 else f"{flagged} rows are"
+        self.app.push_screen(
+            Ask(
+                f"{rows} still flagged in model {snapshot.left} / {snapshot.right}. Accept it?",
+                yes="accept as it is",
+                no="go on measuring",
+            ),
+            self._accept_if,
+        )
+
+    def _accept_if(self, yes: bool | None) -> None:
+        if yes:
+            self._submit(self._station.accept)
+
+    def action_next_model(self) -> None:
+        """Go on to the next model."""
+        self._submit(self._station.next_model)
+
+    def action_undo(self) -> None:
+        """Take the last event back."""
+        self._submit(self._station.undo)
+
+    def action_switch_row(self) -> None:
+        """Switch the selected row off, or on again."""
+        shown = self._selected
+        if shown is None:
+            self._say("warning", "no row is selected")
+        else:
+            self._submit(
+                partial(self._station.switch, shown.point, shown.axis, shown.state == "off")
+            )
+
+    def action_switch_point(self) -> None:
+        """Switch the selected row's whole point off, or on again."""
+        shown = self._selected
+        if shown is None:
+            self._say("warning", "no row is selected")
+        else:
+            on = self._point_off(shown.point)
+            self._submit(partial(self._station.switch, shown.point, None, on))
+
+    def action_automatic(self) -> None:
+        """Let the simulated operator work, or stop him."""
+        if self._snapshot is None or not self._snapshot.link.simulated:
+            self._say("warning", "only a simulated plotter has a simulated operator")
+        else:
+            self._submit(lambda: self._station.set_automatic(not self._station.automatic))
+
+    def action_suspend(self) -> None:
+        """Suspend the work, or resume it."""
+        if self._snapshot is not None:
+            suspended = self._snapshot.suspended
+            self._submit(self._station.resume if suspended else self._station.suspend)
+
+    def action_stop(self) -> None:
+        """Stop the plates."""
+        self._submit(self._station.stop)
+
+    def action_add_point(self) -> None:
+        """Ask for a name and add the point."""
+        self.app.push_screen(AskName(), self._add)
+
+    def _add(self, name: str | None) -> None:
+        if name:
+            self._submit(partial(self._station.add_point, name))
+
+    # -- looking around --------------------------------------------------------------------
+
+    def on_table_view_selected(self) -> None:
+        """Show what belongs to the row selected by hand."""
+        self._moved_by_hand = True
+        self._show_selected()
+
+    def on_table_view_driven(self) -> None:
+        """Drive to a row that was double-clicked."""
+        self.action_drive()
+
+    async def on_key_bar_pressed(self, event: KeyBar.Pressed) -> None:
+        """Do what a clicked key does."""
+        await self.run_action(event.action)
+
+    def action_up(self) -> None:
+        """Select the row above."""
+        self.query_one(TableView).move(-1)
+
+    def action_down(self) -> None:
+        """Select the row below."""
+        self.query_one(TableView).move(1)
+
+    def action_page_up(self) -> None:
+        """Select a row one page above."""
+        table = self.query_one(TableView)
+        table.move(-table.page)
+
+    def action_page_down(self) -> None:
+        """Select a row one page below."""
+        table = self.query_one(TableView)
+        table.move(table.page)
+
+    def action_first(self) -> None:
+        """Select the first row."""
+        table = self.query_one(TableView)
+        table.move(-len(table.shown))
+
+    def action_last(self) -> None:
+        """Select the last row."""
+        table = self.query_one(TableView)
+        table.move(len(table.shown))
+
+    def action_next_flag(self) -> None:
+        """Select the next flagged row, the most probable first."""
+        shown = self._selected
+        if not self._select_flag(after=shown.key if shown else None):
+            self._say("info", "nothing is flagged")
+        self._show_selected()
+
+    def _select_flag(self, *, after: tuple[str, str] | None) -> bool:
+        """Select the first suspect, or the one after `after`; returns whether there is one."""
+        if self._snapshot is None or self._snapshot.solution is None:
+            return False
+        flagged = [row.key for row in self._snapshot.solution.flagged]
+        suspects = self._snapshot.diagnosis.suspects if self._snapshot.diagnosis else ()
+        ranked = list(dict.fromkeys([*(key for key in suspects if key in flagged), *flagged]))
+        if not ranked:
+            return False
+        place = ranked.index(after) + 1 if after in ranked else 0
+        wanted = ranked[place % len(ranked)]
+        table = self.query_one(TableView)
+        return any(table.select(row.key) for row in table.shown if row.key == wanted)
+
+    def action_sort(self) -> None:
+        """Sort by the next order."""
+        self._order = SORT_ORDERS[(SORT_ORDERS.index(self._order) + 1) % len(SORT_ORDERS)]
+        if self._snapshot is not None:
+            rows = sort_rows(shown_rows(self._snapshot), self._order)
+            self.query_one(TableView).show(rows, self._order)
+        self._say("info", f"sorted by {self._order}" if self._order != "table" else "table order")
+
+    def action_transfers(self) -> None:
+        """Show the critical transfers of all rows, or of the selected one."""
+        self._all_transfers = not self._all_transfers
+        self._say(
+            "info",
+            "critical transfers of all rows"
+            if self._all_transfers
+            else "critical transfers of the selected row",
+        )
+        self._show_selected()
+
+    def action_layout(self) -> None:
+        """Show table and map, the map alone, or the table alone."""
+        place = (_LAYOUTS.index(self._layout_shown) + 1) % len(_LAYOUTS)
+        self._layout_shown = _LAYOUTS[place]
+        self.set_class(self._layout_shown == "map", "-only-map")
+        self.set_class(self._layout_shown == "table", "-only-table")
+
+    def action_redraw(self) -> None:
+        """Draw everything again."""
+        if self._snapshot is not None:
+            self._show(self._snapshot)
+        self.app.refresh(layout=True)
+        self.refresh(layout=True, repaint=True)
+
+    def action_details(self) -> None:
+        """Show all that is known of the selected row."""
+        shown = self._selected
+        if shown is None or self._snapshot is None:
+            self._say("warning", "no row is selected")
+            return
+        lines = entry_lines(describe_row(shown, self._snapshot), _PAGE_WIDTH, 20)
+        self.app.push_screen(Page(f"{plain(shown.point)} {shown.axis}", lines))
+
+    def action_orientation(self) -> None:
+        """Show the model's orientation."""
+        if self._snapshot is not None:
+            lines = entry_lines(describe_model(self._snapshot), _PAGE_WIDTH, 14)
+            self.app.push_screen(Page("Orientation of the model", lines))
+
+    def action_messages(self) -> None:
+        """Show all messages."""
+        lines = self.query_one(MessagePanel).history(_PAGE_WIDTH)
+        self.app.push_screen(Page("Messages", lines))
+
+    def action_help(self) -> None:
+        """Explain the screen."""
+        self.app.push_screen(Page("Orientation screen", help_lines(self._keys, _PAGE_WIDTH)))
+
+    def points(self) -> tuple[str, ...]:
+        """Return the points of the current model."""
+        return tuple(v.point for v in self._snapshot.points) if self._snapshot else ()
+
+    def action_leave(self) -> None:
+        """Leave; with a model in progress, ask first."""
+        snapshot = self._snapshot
+        in_progress = (
+            snapshot is not None
+            and bool(snapshot.left)
+            and not snapshot.finished
+            and (snapshot.left, snapshot.right) not in snapshot.accepted
+            and any(view.times for view in snapshot.points)
+        )
+        if snapshot is None or not in_progress:
+            self.app.exit(0)
+            return
+        self.app.push_screen(
+            Ask(
+                f"Model {snapshot.left} / {snapshot.right} is not accepted yet. Everything "
+                "recorded is on disk, and the work goes on here next time. Leave?",
+                yes="leave",
+                no="stay",
+                id="leave",
+            ),
+            self._leave_if,
+        )
+
+    def _leave_if(self, yes: bool | None) -> None:
+        if yes:
+            self.app.exit(0)

@@ -1,0 +1,71 @@
+"""What the console asks of a station: a handful of commands, and pictures of its state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from anaplot.session.events import Axis
+from anaplot.station.snapshot import ReadOut, Snapshot
+
+__all__ = ["StationLike"]
+
+
+class StationLike(Protocol):
+    """A station as the console sees it.
+
+    Commands return quickly and may raise `anaplot.errors.AnaplotError`, whose text is shown.
+    Both kinds of callbacks may come from any thread.
+    """
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the simulated operator works by himself."""
+
+    def set_automatic(self, on: bool) -> None:
+        """Let the simulated operator work, or stop him; only a simulated plotter has one."""
+
+    def snapshot(self) -> Snapshot:
+        """Return the current snapshot."""
+
+    def readout(self) -> ReadOut | None:
+        """Return the live read-out [mm], or None while there is none."""
+
+    def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
+        """Call back with a new snapshot after each change; returns the end of the subscription."""
+
+    def subscribe_notices(self, callback: Callable[[str, str], None]) -> Callable[[], None]:
+        """Call back with (severity, one line); severity: info, warning, error or record."""
+
+    def drive(self, point: str) -> None:
+        """Drive the plates to a point of the current model."""
+
+    def stop(self) -> None:
+        """Stop a drive."""
+
+    def record(self) -> None:
+        """Record the point at which the plates stand."""
+
+    def switch(self, point: str, axis: Axis | None, on: bool) -> None:
+        """Switch a row, or the whole point (axis None), off or on."""
+
+    def undo(self) -> None:
+        """Take the last event back."""
+
+    def accept(self) -> None:
+        """Accept the current model."""
+
+    def next_model(self) -> None:
+        """Go on to the next model."""
+
+    def suspend(self) -> None:
+        """Interrupt the work."""
+
+    def resume(self) -> None:
+        """Go on with it."""
+
+    def add_point(self, name: str) -> None:
+        """Add a point beyond the plan."""
+
+    def close(self) -> None:
+        """Close link and journal; harmless when closed already."""

@@ -1,0 +1,258 @@
+"""The table as a widget: every row of the model, one of them selected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rich.cells import cell_len
+from rich.segment import Segment
+from rich.style import Style
+from textual import events
+from textual.geometry import Region, Size
+from textual.message import Message
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+
+from anaplot.console.rows import ShownRow, SortOrder
+from anaplot.console.text import fit, fit_end, number, plain
+from anaplot.session.events import Axis
+
+__all__ = ["TableView"]
+
+_VERDICT = 13
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    title: str
+    width: int
+    cell: Callable[[ShownRow, int], str]
+    sorted_by: SortOrder | None = None
+
+
+def _number(value: float | None, width: int, decimals: int) -> str:
+    """Return a number that never touches its neighbour."""
+    return " " + number(value, width - 1, decimals)
+
+
+def _redn(shown: ShownRow, width: int) -> str:
+    return _number(shown.row.redn, width, 3) if shown.row else " " * width
+
+
+def _parx(shown: ShownRow, width: int) -> str:
+    return _number(shown.row.parx_um, width, 1) if shown.row else " " * width
+
+
+def _expd(shown: ShownRow, width: int) -> str:
+    return _number(shown.row.expd_um, width, 1) if shown.row else " " * width
+
+
+def _sigf(shown: ShownRow, width: int) -> str:
+    return _number(shown.row.sigf, width, 2) if shown.row else " " * width
+
+
+def _mdb(shown: ShownRow, width: int) -> str:
+    return _number(shown.diagnosis.mdb_um, width, 0) if shown.diagnosis else " " * width
+
+
+def _chance(shown: ShownRow, width: int) -> str:
+    if shown.diagnosis is None:
+        return " " * width
+    return _number(100.0 * shown.diagnosis.probability, width, 1)
+
+
+_NUMBERS = (
+    _Column("RED-N", 6, _redn, "redundancy"),
+    _Column("PARX µm", 8, _parx),
+    _Column("EXPD µm", 8, _expd),
+    _Column("SIGF", 6, _sigf, "significance"),
+)
+_MORE = (
+    _Column("FINDS µm", 9, _mdb),
+    _Column("ODDS %", 7, _chance),
+)
+
+
+class TableView(ScrollView):
+    """RED-N, PARX, EXPD, SIGF and verdict of every row, with a cursor that follows its row."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {
+        "table--header",
+        "table--row",
+        "table--ok",
+        "table--quiet",
+        "table--flagged",
+        "table--next",
+        "table--cursor",
+    }
+
+    DEFAULT_CSS = """
+    TableView {
+        scrollbar-size-vertical: 1;
+        scrollbar-size-horizontal: 0;
+        overflow-x: hidden;
+        scrollbar-background: $background;
+        scrollbar-color: $panel-lighten-2;
+        .table--header { color: $text-muted; text-style: bold; }
+        .table--row { color: $foreground; }
+        .table--ok { color: $text-muted; }
+        .table--quiet { color: $text-muted; }
+        .table--flagged { color: $text-error; text-style: bold; }
+        .table--next { color: $text-accent; }
+        .table--cursor { background: $panel-lighten-1; }
+    }
+    """
+
+    class Selected(Message):
+        """Another row was selected by hand."""
+
+    class Driven(Message):
+        """A row was double-clicked."""
+
+    can_focus = False
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+        super().__init__(id=id)
+        self._rows: tuple[ShownRow, ...] = ()
+        self._order: SortOrder = "table"
+        self._cursor = 0
+        self._styles: dict[tuple[str, bool], Style] = {}
+
+    @property
+    def selected(self) -> ShownRow | None:
+        """The row under the cursor."""
+        return self._rows[self._cursor] if self._rows else None
+
+    @property
+    def shown(self) -> tuple[ShownRow, ...]:
+        """The rows in the order shown."""
+        return self._rows
+
+    def show(self, rows: tuple[ShownRow, ...], order: SortOrder) -> None:
+        """Show these rows; the cursor stays on its row, wherever that is now."""
+        key = self.selected.key if self.selected else None
+        self._rows, self._order = rows, order
+        place = next((i for i, shown in enumerate(rows) if shown.key == key), None)
+        self._cursor = min(self._cursor, max(len(rows) - 1, 0)) if place is None else place
+        self._measure()
+        self._keep_cursor_in_sight()
+        self.refresh()
+
+    def select(self, key: tuple[str, Axis]) -> bool:
+        """Put the cursor on a row; returns whether there is such a row."""
+        for i, shown in enumerate(self._rows):
+            if shown.key == key:
+                self._cursor = i
+                self._keep_cursor_in_sight()
+                self.refresh()
+                return True
+        return False
+
+    def move(self, step: int) -> None:
+        """Move the cursor by rows; it stops at either end."""
+        if self._rows:
+            self._cursor = min(max(self._cursor + step, 0), len(self._rows) - 1)
+            self._keep_cursor_in_sight()
+            self.refresh()
+            self.post_message(self.Selected())
+
+    @property
+    def page(self) -> int:
+        """How many rows fit at once."""
+        return max(self.size.height - 1, 1)
+
+    def on_resize(self) -> None:
+        """Keep the selected row in sight."""
+        self._measure()
+        self._keep_cursor_in_sight()
+
+    def _measure(self) -> None:
+        self.virtual_size = Size(0, len(self._rows) + 1)
+
+    @property
+    def _width(self) -> int:
+        """Cells beside the scrollbar."""
+        return self.scrollable_content_region.width
+
+    def _keep_cursor_in_sight(self) -> None:
+        if self.size.height < 2:
+            return  # not laid out yet: there is nothing to scroll in
+        # The header covers the first line wherever the rows are scrolled to.
+        self.scroll_to_region(
+            Region(0, self._cursor, 1, 2), animate=False, force=True, immediate=True
+        )
+
+    def on_click(self, event: events.Click) -> None:
+        """Select the row under the mouse; a double click drives there."""
+        place = event.y - 1 + self.scroll_offset.y
+        if event.y < 1 or not 0 <= place < len(self._rows):
+            return
+        self._cursor = place
+        self.refresh()
+        self.post_message(self.Selected())
+        if event.chain == 2:
+            self.post_message(self.Driven())
+
+    def _columns(self) -> tuple[tuple[_Column, ...], int]:
+        """Return the columns that have room, and the width of the point's name."""
+        room = self._width - 4 - _VERDICT - sum(column.width for column in _NUMBERS)
+        columns: tuple[_Column, ...] = _NUMBERS
+        extra = sum(column.width for column in _MORE)
+        if room - extra >= 6:
+            columns, room = (*_NUMBERS, *_MORE), room - extra
+        longest = max([5, *(cell_len(plain(shown.point)) for shown in self._rows)])
+        return columns, max(min(room, longest + 1, 24), 4)
+
+    def render_line(self, y: int) -> Strip:
+        """Return the header or one row."""
+        columns, name = self._columns()
+        width = self._width
+        if y == 0:
+            return self._header(columns, name, width)
+        place = y - 1 + self.scroll_offset.y
+        if place >= len(self._rows):
+            return Strip.blank(width, self._style("table--row"))
+        shown = self._rows[place]
+        here = place == self._cursor
+        start = f"{'▶' if here else ' '} {fit_end(shown.point, name - 1)} {shown.axis} "
+        middle = "".join(column.cell(shown, column.width) for column in columns)
+        if shown.flagged:
+            parts = [(start + middle, "table--flagged"), (f" {shown.verdict}", "table--flagged")]
+        elif shown.verdict == "next":
+            parts = [(start + middle, "table--next"), (" next", "table--next")]
+        elif shown.row is None:
+            parts = [(start + middle, "table--quiet"), (f" {shown.verdict}", "table--quiet")]
+        else:
+            parts = [(start + middle, "table--row"), (f" {shown.verdict}", "table--ok")]
+        if here:  # nothing fades on the cursor's background
+            faint = ("table--quiet", "table--ok")
+            parts = [(part, "table--row" if style in faint else style) for part, style in parts]
+        segments = [Segment(part, self._style(style, here)) for part, style in parts]
+        return Strip(segments).adjust_cell_length(width, self._style("table--row", here))
+
+    def _style(self, name: str, here: bool = False) -> Style:
+        """Return a component's style, on the cursor's background or not."""
+        style = self._styles.get((name, here))
+        if style is None:
+            style = self.get_component_rich_style(name)
+            if here:
+                style += self.get_component_rich_style("table--cursor", partial=True)
+            self._styles[name, here] = style
+        return style
+
+    def notify_style_update(self) -> None:
+        """Take the new colours."""
+        self._styles = {}
+        super().notify_style_update()
+
+    def _header(self, columns: tuple[_Column, ...], name: int, width: int) -> Strip:
+        titles = "  " + fit("POINT▴" if self._order == "point" else "POINT", name + 2)
+        for column in columns:
+            title = column.title
+            if column.sorted_by == self._order:
+                title += "▾" if self._order == "significance" else "▴"
+            titles += title.rjust(column.width)
+        style = self._style("table--header")
+        return Strip([Segment(titles, style)]).adjust_cell_length(width, style)

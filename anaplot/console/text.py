@@ -1,0 +1,88 @@
+"""Foreign text made harmless, and text cut, padded and wrapped by terminal cells."""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+
+from rich.cells import cell_len, chop_cells, set_cell_size
+
+__all__ = ["fit", "fit_end", "number", "plain", "wrap"]
+
+_UNSAFE = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
+_LONGEST = 2000
+
+
+def plain(text: str) -> str:
+    """Return text without anything a terminal could take for control.
+
+    Control, format (bidirectional ones among them), surrogate, private and unassigned
+    characters and line separators become U+FFFD; of very long text only the start is kept.
+    """
+    text = text[:_LONGEST]
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join("\ufffd" if unicodedata.category(c) in _UNSAFE else c for c in text)
+
+
+def fit(text: str, width: int, *, right: bool = False) -> str:
+    """Return harmless text of exactly `width` cells; what is too long ends in an ellipsis."""
+    text = plain(text)
+    if width <= 0:
+        return ""
+    length = cell_len(text)
+    if length > width:
+        return set_cell_size(text, width - 1) + "…"
+    padding = " " * (width - length)
+    return padding + text if right else text + padding
+
+
+def wrap(text: str, width: int) -> list[str]:
+    """Return harmless text as lines of at most `width` cells, broken between words if possible."""
+    width = max(width, 1)
+    lines: list[str] = []
+    line = ""
+    for word in plain(text).split():
+        joined = f"{line} {word}" if line else word
+        if cell_len(joined) <= width:
+            line = joined
+            continue
+        if line:
+            lines.append(line)
+        *full, line = chop_cells(word, width)
+        lines.extend(full)
+    if line:
+        lines.append(line)
+    return lines
+
+
+def fit_end(text: str, width: int) -> str:
+    """Return harmless text of exactly `width` cells; of what is too long the end is kept.
+
+    Names of points differ at their end more often than at their start.
+    """
+    text = plain(text)
+    if cell_len(text) <= width:
+        return fit(text, width)
+    kept = text
+    while cell_len(kept) > width - 1:
+        kept = kept[1:]
+    return fit("…" + kept, width)
+
+
+def number(value: float | None, width: int, decimals: int) -> str:
+    """Return a number right-aligned in `width` cells; a dash for what does not exist.
+
+    A number too long for its column gives up decimals, then turns to powers of ten.
+    """
+    if value is None or not math.isfinite(value):
+        return "–".rjust(width)
+    for places in range(decimals, -1, -1):
+        shown = f"{value:.{places}f}"
+        if len(shown) <= width:
+            break
+    else:
+        shown = f"{value:.0e}"
+    if shown.startswith("-") and not shown.strip("-0."):
+        shown = shown[1:]  # no minus sign before a rounded nothing
+    return shown.rjust(width)

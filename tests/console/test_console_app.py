@@ -1,0 +1,733 @@
+"""The screen driven by its keys, over a station made of dataclasses."""
+
+import asyncio
+import threading
+from dataclasses import replace
+
+import pytest
+from consolefake import FakeStation, picture
+from rich.cells import cell_len
+
+from anaplot.console.app import ConsoleApp, run_console
+from anaplot.console.keys import ACTIONS
+from anaplot.console.panels import DetailsPane, MessagePanel, ReadOutLine
+from anaplot.console.tableview import TableView
+from anaplot.errors import InputError, LinkError
+from anaplot.station.snapshot import LinkView, ReadOut
+
+SIZES = [(80, 24), (120, 40), (160, 50)]
+
+
+class Listened(ConsoleApp):
+    """Counts its bells."""
+
+    def __init__(self, station, keymap=None):
+        super().__init__(station, keymap)
+        self.bells = 0
+
+    def bell(self):
+        self.bells += 1
+
+
+def lines(app) -> list[str]:
+    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
+
+
+def text(app) -> str:
+    return "\n".join(lines(app))
+
+
+async def until(pilot, condition):
+    async with asyncio.timeout(60):
+        while not condition():
+            await pilot.pause()
+
+
+async def came(station, *call):
+    await asyncio.to_thread(station.wait_for, *call)
+
+
+def selected(app):
+    return app.screen_stack[0].query_one(TableView).selected
+
+
+AT_80_BY_24 = """\
+ demo   strip 1   photos 102 | 103   model 2 of 4               SIMULATED  live
+ ties propagated   test tau 0.001   sigma0 9.31 µm   r 12   1 flagged
+ x'  -12.346 y'   98.765 x'' -104.250 y''   99.125 px   91.904 py   -0.360 mm
+ NOW  measure point 103
+  POINT    RED-N PARX µm EXPD µm  SIGF
+  102   y  0.587     3.1     5.4  0.57 ok
+▶ 103   y  0.602    41.7     5.5  7.60 << REMEASURE
+  104   y  0.851    -2.2     6.5  0.34 ok
+  105   y  0.574     5.9     5.4  1.10 ok
+  106   y  0.611    -4.4     5.5  0.80 ok
+  107   y  0.702    -8.6     5.9  1.45 ok
+  108   y  0.793     1.3     6.3  0.21 ok
+  109   y  0.688     2.0     5.9  0.34 ok
+  110   y  0.566    -3.7     5.3  0.70 ok
+  111   y  0.559     6.6     5.3  1.25 ok
+  112   y  0.787    -0.4     6.3  0.06 ok
+  113   y  0.571     2.8     5.3  0.52 ok
+  114   y  0.583    -5.1     5.4  0.94 ok
+ · remeasure 103 (y): 12 to 1 over 102
+ · 102 (y) and 103 (y) are hard to tell apart: correlation 0.93
+
+
+ space Record  enter Drive  n Next  f Flag  a Accept  u Undo  x Row off
+ X Point off  s Sort  t Arrows  m Map  d More  o Auto  p Pause  ? Help  q Quit"""
+
+
+async def test_the_screen_at_80_by_24():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        shown = lines(app)
+        wanted = AT_80_BY_24.splitlines()
+        assert len(shown) == len(wanted) == 24
+        for i, (line, want) in enumerate(zip(shown, wanted, strict=True)):
+            # The map stands to the right of the table.
+            part = line[:52] if 4 <= i <= 17 else line
+            assert part.rstrip() == want
+        map_part = "\n".join(line[54:] for line in shown[4:18])
+        for sign in ("(!)", "●", "µm residual", "○ open ● done ! flag x off"):
+            assert sign in map_part
+        assert "…" not in text(app)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("measured", [0, 5, 13])
+async def test_everything_that_matters_is_there_at_every_size(size, measured):
+    app = ConsoleApp(FakeStation(picture(measured=measured)))
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause()
+        shown = lines(app)
+        assert len(shown) == size[1]
+        assert {cell_len(line) for line in shown} == {size[0]}
+        whole = "\n".join(shown)
+        for part in (
+            "demo", "strip 1", "102 | 103", "model 2 of 4", "SIMULATED", "live", "ties propagated",
+            "test tau 0.001", "x'", "98.765", "px   91.904", "py   -0.360", "RED-N", "PARX µm",
+            "EXPD µm", "SIGF", "● done", "? Help", "q Quit",
+        ):  # fmt: skip
+            assert part in whole
+        assert "measure point" in whole
+        assert ("<< REMEASURE" in whole) == (measured == 13)
+        assert ("SELECTED ROW" in whole) == (size[0] >= 120)
+        assert ("FINDS µm" in whole) == (size[0] >= 160)
+        assert "…" not in whole
+
+
+async def test_resizing_shows_more_and_less():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert not app.screen.query_one(DetailsPane).display
+        await pilot.resize_terminal(160, 50)
+        await until(pilot, lambda: "SELECTED ROW" in text(app))
+        assert {len(line) for line in lines(app)} == {160}
+        await pilot.resize_terminal(80, 24)
+        await until(pilot, lambda: len(lines(app)) == 24 and "SELECTED ROW" not in text(app))
+        assert "<< REMEASURE" in text(app)
+        await pilot.resize_terminal(20, 6)
+        await until(pilot, lambda: len(lines(app)) == 6)
+
+
+@pytest.mark.parametrize(
+    ("key", "call"),
+    [
+        ("space", ("record",)),
+        ("f1", ("record",)),
+        ("enter", ("drive", "103")),
+        ("n", ("drive", "103")),
+        ("g", ("next_model",)),
+        ("u", ("undo",)),
+        ("p", ("suspend",)),
+        ("escape", ("stop",)),
+        ("x", ("switch", "103", "y", False)),
+        ("X", ("switch", "103", None, False)),
+        ("o", ("set_automatic", True)),
+    ],
+)
+async def test_a_key_gives_its_command(key, call):
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press(key)
+        await came(station, *call)
+    assert station.calls == [call]
+
+
+async def test_enter_drives_to_the_row_of_the_cursor():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("home", "down", "down", "j", "k", "enter")
+        await came(station, "drive", "104")
+        await pilot.press("end", "enter")
+        await came(station, "drive", "106")
+        assert selected(app).key == ("106", "x")
+        assert any(line.startswith("▶ 106   x") for line in lines(app))
+        await pilot.press("pageup", "pageup", "up", "enter")
+        await came(station, "drive", "102")
+        await pilot.press("pagedown")
+        assert selected(app).key == ("102", "x")
+
+
+async def test_what_is_off_is_switched_on_again():
+    points = picture().points
+    row_off = replace(points[1], off_axes=("y",))
+    station = FakeStation(picture(points=(points[0], row_off, *points[2:]), solution=None))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("down")
+        await until(pilot, lambda: "x Row on" in text(app))
+        await pilot.press("x")
+        await came(station, "switch", "103", "y", True)
+        await pilot.press("X")
+        await came(station, "switch", "103", None, False)
+        point_off = replace(points[1], status="off")
+        station.tell(picture(serial=2, points=(points[0], point_off, *points[2:]), solution=None))
+        await until(pilot, lambda: "X Point on" in text(app))
+        await pilot.press("X")
+        await came(station, "switch", "103", None, True)
+
+
+async def test_accept_asks_when_rows_are_flagged():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("a")
+        assert "1 row is still flagged in model 102 / 103" in text(app)
+        await pilot.press("n")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        assert station.calls == []
+        await pilot.press("f4", "y")
+        await came(station, "accept")
+
+
+async def test_accept_at_once_when_nothing_is_flagged():
+    station = FakeStation(picture(gross=False))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("a")
+        await came(station, "accept")
+        assert len(app.screen_stack) == 1
+
+
+async def test_accept_says_why_it_cannot():
+    station = FakeStation(picture(measured=5))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("a")
+        await until(pilot, lambda: "cannot be accepted now: six points" in text(app))
+    assert station.calls == []
+
+
+async def test_suspended_work_is_resumed():
+    station = FakeStation(picture(suspended=True))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert " SUSPENDED " in text(app)
+        assert "p Resume" in text(app)
+        assert "space Record" not in text(app)
+        await pilot.press("p")
+        await came(station, "resume")
+
+
+async def test_a_finished_strip_says_so():
+    station = FakeStation(
+        picture(finished=True, next_point=None, target=None, expected="the strip is finished")
+    )
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert " DONE  the strip is finished" in text(app)
+        await pilot.press("n")
+        await until(pilot, lambda: "no point is expected next" in text(app))
+        await pilot.press("q")
+    assert app.return_value == 0
+
+
+async def test_keys_without_a_row_say_so():
+    nothing = picture(points=(), solution=None, diagnosis=None, left="", right="", strip="")
+    station = FakeStation(nothing)
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        for key in ("enter", "x", "X", "d", "up", "end"):
+            await pilot.press(key)
+        await until(pilot, lambda: "warning: no row is selected" in text(app))
+        await pilot.press("f")
+        await until(pilot, lambda: "nothing is flagged" in text(app))
+    assert station.calls == []
+
+
+async def test_the_automatic_operator_is_for_simulated_plotters_only():
+    station = FakeStation(picture(link=LinkView("live", "counter", "/dev/ttyUSB0", False, "")))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("o")
+        await until(pilot, lambda: "only a simulated plotter" in text(app))
+        assert "SIMULATED" not in text(app)
+        assert "o Auto" not in text(app)
+    assert station.calls == []
+
+
+async def test_the_automatic_operator_is_in_plain_sight():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("o")
+        await came(station, "set_automatic", True)
+        await until(pilot, lambda: " AUTO " in lines(app)[1])
+        await pilot.press("o")
+        await came(station, "set_automatic", False)
+        await until(pilot, lambda: " AUTO " not in lines(app)[1])
+
+
+async def test_simulated_is_written_in_reverse():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        strip = app.screen._compositor.render_strips()[0]
+        marked = [s for s in strip if "SIMULATED" in s.text]
+        assert marked
+        assert all(s.style.reverse for s in marked)
+
+
+async def test_a_new_point_is_asked_for_by_name():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("+", "q", "[", "7", "enter")
+        await came(station, "add_point", "q[7")
+        await pilot.press("+", "enter")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        await pilot.press("+", "a", "escape")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+    assert station.calls == [("add_point", "q[7")]
+
+
+async def test_sorting_keeps_the_cursor_on_its_row():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("end")
+        for order in ("significance", "redundancy", "point"):
+            await pilot.press("s")
+            await until(pilot, lambda order=order: f"sorted by {order}" in text(app))
+            assert selected(app).key == ("106", "x")
+            assert any(line.startswith("▶ 106   x") for line in lines(app))
+        await pilot.press("home")
+        assert "POINT▴" in lines(app)[4]
+        await pilot.press("s", "s", "home")
+        assert "SIGF▾" in lines(app)[4]
+        assert lines(app)[5].startswith("▶ 103   y")
+
+
+async def test_map_and_table_alternate():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("m")
+        await until(pilot, lambda: "RED-N" not in text(app))
+        assert "(!)" in text(app)
+        await pilot.press("m")
+        await until(pilot, lambda: "FINDS µm" in text(app))
+        assert "(!)" not in text(app)
+        await pilot.press("m")
+        await until(pilot, lambda: "RED-N" in text(app) and "(!)" in text(app))
+
+
+async def test_all_transfers_or_those_of_the_row():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(160, 50)) as pilot:
+        await pilot.pause()
+        before = [line[70:112] for line in lines(app)[4:38]]
+        await pilot.press("t")
+        await until(pilot, lambda: "critical transfers of all rows" in text(app))
+        assert [line[70:112] for line in lines(app)[4:38]] != before
+        await pilot.press("t")
+        await until(pilot, lambda: [line[70:112] for line in lines(app)[4:38]] == before)
+
+
+async def test_pages_explain():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("?")
+        assert "Redundancy number: the share" in text(app)
+        pages = []
+        for key in ("down", "up", "pagedown", "pagedown", "pagedown", "pagedown", "pageup"):
+            await pilot.press(key)
+            pages.append(text(app))
+        assert pages[1] != pages[0]
+        read = "\n".join(pages)
+        assert all(action.help in read for action in ACTIONS)
+        await pilot.press("escape", "f2")
+        assert "bx 91.8734, by 0.4121, bz -1.0932 mm" in text(app)
+        assert "omega 0.70703" in text(app)
+        await pilot.press("escape", "d")
+        assert "12 to 1 over 102 y" in text(app)
+        await pilot.press("escape", "l")
+        assert "Messages" in text(app)
+        await pilot.press("escape")
+        assert len(app.screen_stack) == 1
+
+
+async def test_details_follow_the_cursor_on_a_wide_screen():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(120, 40)) as pilot:
+        await pilot.pause()
+        assert "shows as large in 107 y" in text(app)
+        await pilot.press("home")
+        await until(pilot, lambda: "102 y, tie" in text(app))
+
+
+async def test_a_fault_is_one_line_and_the_work_goes_on():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        for fault in (LinkError("the plotter [b]does[/b] not answer"), RuntimeError("odd [/")):
+            station.fault = fault
+            await pilot.press("space")
+            await until(pilot, lambda fault=fault: str(fault) in text(app))
+            assert "error: " in lines(app)[21]
+            assert "Traceback" not in text(app)
+        station.calls.clear()
+        await pilot.press("space")
+        await came(station, "record")
+
+
+async def test_messages_too_long_are_read_on_their_page():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        station.notice("warning", "word " * 30 + "end.")
+        await until(pilot, lambda: "(l: all)" in text(app))
+        await pilot.press("l")
+        assert "end." in text(app)
+
+
+async def test_the_bell_rings_on_a_record_and_on_a_new_flag():
+    station = FakeStation(picture(gross=False))
+    app = Listened(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert app.bells == 0
+        station.notice("info", "nothing to ring for")
+        station.notice("record", "103 recorded")
+        await until(pilot, lambda: app.bells == 1)
+        station.tell(picture(serial=2))
+        await until(pilot, lambda: app.bells == 2)
+        assert selected(app).key == ("103", "y")
+        station.tell(picture(serial=3, expected="the same flag again"))
+        await until(pilot, lambda: "the same flag again" in text(app))
+        assert app.bells == 2
+
+
+async def test_the_cursor_is_left_alone_once_moved_by_hand():
+    station = FakeStation(picture(gross=False))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("end")
+        station.tell(picture(serial=2))
+        await until(pilot, lambda: "REMEASURE" in text(app) or "1 flagged" in text(app))
+        assert selected(app).key == ("106", "x")
+        await pilot.press("f")
+        await until(pilot, lambda: selected(app).key == ("103", "y"))
+        station.tell(picture(serial=3, left="103", right="104", measured=0))
+        await until(pilot, lambda: "103 | 104" in text(app))
+        assert selected(app).key == ("102", "y")
+
+
+async def test_a_thousand_snapshots_show_the_newest():
+    station = FakeStation(picture(gross=False))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        main = app.screen
+        shown = []
+        show = main._show
+        main._show = lambda snapshot: (shown.append(snapshot.serial), show(snapshot))
+        ready, go = threading.Event(), threading.Event()
+        snapshots = [picture(serial=i, expected=f"number {i}") for i in range(2, 1002)]
+
+        def pour():
+            ready.set()
+            go.wait(60)
+            for snapshot in snapshots:
+                station.tell(snapshot)
+
+        thread = threading.Thread(target=pour)
+        thread.start()
+        ready.wait(60)
+        go.set()
+        # The event loop stands still meanwhile, as under load: nothing may queue up.
+        thread.join(60)
+        await until(pilot, lambda: "number 1001" in text(app))
+        assert shown == [1001]
+
+
+async def test_an_older_snapshot_never_replaces_a_newer_one():
+    station = FakeStation(picture(serial=10))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        station.tell(picture(serial=9, expected="old news"))
+        station.notice("info", "after it")
+        await until(pilot, lambda: "after it" in text(app))
+        assert "old news" not in text(app)
+
+
+async def test_the_readout_is_live_or_it_is_dashes():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        station.read = ReadOut(1.0, -2.0, 3.5, -4.25)
+        await until(pilot, lambda: "px   -2.500 py    2.250" in text(app))
+        station.tell(picture(serial=2, link=LinkView("lost", "p", "/dev/x", True, "cable [b]out")))
+        await until(pilot, lambda: " LOST " in text(app))
+        await until(pilot, lambda: "px        –" in text(app))
+        assert "warning: link: cable [b]out" in text(app)
+        station.read = None
+        station.tell(picture(serial=3))
+        await until(pilot, lambda: " LOST " not in text(app))
+        assert "px        –" in text(app)
+        assert app.screen.query_one(ReadOutLine).size.height == 1
+
+
+HOSTILE = ("[red]x[/]", "[/", "\x1b[2J", "a\nb", "[@click=app.exit]go[/]", "\u202eevil", "$error")
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("size", SIZES)
+async def test_foreign_text_is_shown_as_it_is(name, size):
+    points = picture().points
+    odd = replace(points[0], point=name)
+    solved = picture().solution
+    table = tuple(
+        row._replace(point=name, flagged=True, sigf=9.9) if row.point == "102" else row
+        for row in solved.table
+    )
+    advised = replace(picture().diagnosis, advice=(f"remeasure {name}",), suspects=((name, "y"),))
+    station = FakeStation(
+        picture(
+            block=name,
+            strip=name,
+            left=name,
+            right=name,
+            points=(odd, *points[1:]),
+            target=name,
+            next_point=name,
+            solution=replace(solved, table=table, remarks=(name,)),
+            diagnosis=advised,
+            problem=name,
+            expected=f"measure {name}",
+            link=LinkView("lost", name, name, True, name),
+            tie_variance=name,
+            test=name,
+        )
+    )
+    app = ConsoleApp(station)
+    safe = "".join(c if c.isprintable() else "\ufffd" for c in name)
+    async with app.run_test(size=size) as pilot:
+        station.notice("error", f"fault {name}")
+        station.notice(name, name)
+        await until(pilot, lambda: f"remeasure {safe}" in text(app))
+        assert f"measure {safe}" in text(app)
+        for key in ("d", "f2", "l"):
+            await pilot.press(key)
+            await until(pilot, lambda: len(app.screen_stack) == 2)
+            assert safe in text(app)
+            assert {cell_len(line) for line in lines(app)} == {size[0]}
+            await pilot.press("escape")
+            await until(pilot, lambda: len(app.screen_stack) == 1)
+        await pilot.press("a")
+        await until(pilot, lambda: len(app.screen_stack) == 2)
+        assert f"{safe} / {safe}"[:20] in text(app)
+        everything = text(app)
+        assert not any(c in everything for c in ("\x1b", "\u202e", "\x00"))
+        await pilot.press("n")
+        assert app.is_running
+
+
+async def test_leaving_asks_while_a_model_is_in_progress():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("q")
+        assert "Model 102 / 103 is not accepted yet" in text(app)
+        await pilot.press("n")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        await pilot.press("ctrl+q")
+        await until(pilot, lambda: len(app.screen_stack) == 2)
+        await pilot.press("y")
+    assert app.return_value == 0
+    assert station.listeners == []
+    assert station.notice_listeners == []
+
+
+async def test_ctrl_c_leaves_and_twice_without_a_question():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("?", "ctrl+c")
+        await until(pilot, lambda: "is not accepted yet" in text(app))
+        await pilot.press("ctrl+c")
+    assert app.return_value == 0
+
+
+@pytest.mark.parametrize(
+    "snapshot",
+    [picture(measured=0), picture(accepted=(("102", "103"),)), picture(left="", right="")],
+)
+async def test_leaving_between_models_asks_nothing(snapshot):
+    app = ConsoleApp(FakeStation(snapshot))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("q")
+    assert app.return_value == 0
+
+
+async def test_the_users_keys_replace_the_defaults():
+    station = FakeStation()
+    app = ConsoleApp(station, {"record": "n,f9", "next_point": "space", "undo": "ctrl+z"})
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("n")
+        await came(station, "record")
+        await pilot.press("space")
+        await came(station, "drive", "103")
+        await pilot.press("u", "f1", "ctrl+z")
+        await came(station, "undo")
+        assert station.calls == [("record",), ("drive", "103"), ("undo",)]
+        assert "n Record" in text(app)
+        assert "^z Undo" in text(app)
+
+
+async def test_the_mouse_works():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.click("#table", offset=(5, 4))
+        await until(pilot, lambda: selected(app).key == ("105", "y"))
+        await pilot.click("#table", offset=(5, 6), times=2)
+        await came(station, "drive", "107")
+        at = lines(app)[22].index("Undo")
+        await pilot.click("#keys", offset=(at, 0))
+        await came(station, "undo")
+        await pilot.click("#table", offset=(5, 0))
+        await pilot.click("#keys", offset=(79, 1))
+        assert selected(app).key == ("107", "y")
+
+
+async def test_the_palette_offers_actions_and_points():
+    points = picture().points
+    odd = replace(points[0], point="[b]7")
+    station = FakeStation(picture(points=(odd, *points[1:])))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("ctrl+p")
+        await until(
+            pilot,
+            lambda: (
+                "Record the point under the mark" in text(app) or "Accept the model" in text(app)
+            ),
+        )
+        await pilot.press(*"drive to [b]7")
+        await until(pilot, lambda: "Drive to [b]7" in text(app))
+        await pilot.press("enter")
+        await came(station, "drive", "[b]7")
+
+
+async def test_redrawing_changes_nothing():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        before = text(app)
+        await pilot.press("r")
+        await pilot.pause()
+        assert text(app) == before
+
+
+async def test_every_action_has_a_method_and_a_binding_with_its_id():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        ids = {active.binding.id for active in app.screen.active_bindings.values()}
+        for action in ACTIONS:
+            assert action.id in ids
+            assert callable(getattr(app.screen, f"action_{action.id}"))
+
+
+async def test_a_long_expectation_takes_two_lines():
+    expected = (
+        "drive to point 103 with n, clear both parallaxes, then press space or the pedal: again"
+    )
+    app = ConsoleApp(FakeStation(picture(expected=expected)))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert " ".join(text(app).split()).count(expected.split(",")[1]) == 1
+        assert "again" in lines(app)[4]
+        assert "q Quit" in lines(app)[23]
+
+
+async def test_too_much_advice_says_how_much_more_there_is():
+    advice = tuple(f"sentence number {i}" for i in range(6))
+    station = FakeStation(picture(diagnosis=replace(picture().diagnosis, advice=advice)))
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert "(+3 lines: F2)" in text(app)
+        await pilot.press("f2", "pagedown")
+        assert "sentence number 5" in text(app)
+
+
+async def test_messages_are_kept_within_bounds():
+    station = FakeStation()
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        for i in range(1000):
+            station.notice("info", f"message {i}")
+        await until(pilot, lambda: "message 999" in text(app))
+        assert len(app.screen.query_one(MessagePanel).history(70)) <= 200
+
+
+def test_running_closes_the_station_whatever_happens(tmp_path):
+    station = FakeStation()
+    with pytest.raises(InputError, match="no such file"):
+        run_console(station, keymap=tmp_path / "none.toml")
+    assert station.closed == 1
+
+
+def test_running_returns_what_the_application_says(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    (tmp_path / "anaplot").mkdir()
+    (tmp_path / "anaplot" / "keymap.toml").write_text('record = "f5"\n')
+    seen = []
+
+    def run(self):
+        seen.append(self._keys_of_user)
+
+    monkeypatch.setattr(ConsoleApp, "run", run)
+    station = FakeStation()
+    assert run_console(station) == 0
+    assert seen == [{"record": "f5"}]
+    assert station.closed == 1
+
+
+async def test_large_numbers_and_longer_names_keep_apart():
+    points = tuple(replace(view, point=f"{view.point}-1'") for view in picture().points)
+    solved = picture().solution
+    table = tuple(
+        row._replace(point=f"{row.point}-1'", parx_um=-2519.14, expd_um=1234.56, sigf=274.67)
+        for row in solved.table
+    )
+    solved = replace(solved, sigma0_um=557.49, table=table)
+    station = FakeStation(picture(points=points, solution=solved, test="baarda 0.001"))
+    station.automatic = True
+    app = ConsoleApp(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert any(
+            line.startswith("  102-1' y  0.587 -2519.1  1234.6 274.7 ") for line in lines(app)
+        )
+        assert lines(app)[1].rstrip().endswith("AUTO")
+        assert "sigma0 557 µm" in lines(app)[1]
+        assert "1 flagged" in lines(app)[1]

@@ -1,0 +1,105 @@
+from dataclasses import replace
+
+from consolefake import picture, solution
+
+from anaplot.console.describe import advice_of, describe_model, describe_row
+from anaplot.console.rows import shown_rows, sort_rows
+from anaplot.orientation.results import AppliedTest, TableRow
+
+
+def keys(rows):
+    return [f"{row.point}{row.axis}" for row in rows]
+
+
+def test_every_row_has_its_place_before_anything_is_measured():
+    before = shown_rows(picture(measured=0))
+    after = shown_rows(picture())
+    assert keys(before) == keys(after)
+    assert len(before) == 18
+    assert [row.verdict for row in before[:2]] == ["next", "pending"]
+    assert all(row.row is None for row in before)
+
+
+def test_verdicts_in_words():
+    rows = {row.key: row for row in shown_rows(picture())}
+    assert rows["103", "y"].verdict == "<< REMEASURE"
+    assert rows["104", "y"].verdict == "ok"
+    assert shown_rows(picture(measured=5))[0].verdict == "measured"
+
+
+def test_a_row_that_cannot_be_tested_says_so():
+    table = (TableRow("102", "y", 0.0, 0.0, 0.0, None, False), *solution().table[1:])
+    table = (*table[:1], TableRow("103", "y", 0.3, 1.0, None, None, False), *table[2:])
+    rows = shown_rows(picture(solution=replace(solution(), table=table)))
+    assert [row.verdict for row in rows[:2]] == ["not testable", "no check"]
+
+
+def test_rows_switched_off_are_off_singly_or_with_their_point():
+    points = picture().points
+    single = replace(points[0], off_axes=("x",))
+    whole = replace(points[1], status="off")
+    rows = {r.key: r for r in shown_rows(picture(points=(single, whole, *points[2:])))}
+    assert rows["102", "x"].verdict == "off"
+    assert rows["102", "y"].verdict == "ok"
+    assert rows["103", "x"].verdict == rows["103", "y"].verdict == "off"
+
+
+def test_sorting():
+    rows = shown_rows(picture())
+    assert keys(sort_rows(rows, "significance"))[:2] == ["103y", "107y"]
+    assert keys(sort_rows(rows, "redundancy"))[0] == "111y"
+    assert keys(sort_rows(rows, "point"))[:4] == ["102y", "102x", "103y", "103x"]
+    assert sort_rows(rows, "table") == rows
+
+
+def test_rows_without_value_come_last():
+    points = picture().points
+    rows = shown_rows(picture(points=(replace(points[0], status="off"), *points[1:])))
+    for order in ("significance", "redundancy"):
+        assert {row.point for row in sort_rows(rows, order)[-2:]} == {"102"}
+
+
+def test_names_are_sorted_as_people_count():
+    points = tuple(
+        replace(picture().points[5], point=name) for name in ("10", "9", "9a", "b2", "", "²", "b10")
+    )
+    rows = sort_rows(shown_rows(picture(points=points, solution=None, diagnosis=None)), "point")
+    assert [row.point for row in rows] == ["", "9", "9a", "10", "b2", "b10", "²"]
+
+
+def test_details_hold_odds_partners_and_transfers():
+    rows = {row.key: row for row in shown_rows(picture())}
+    text = dict(describe_row(rows["103", "y"], picture()))
+    assert text["finds errors from"] == "37.7 µm"
+    assert text["holds the error"] == "probability 84.0 %"
+    assert text["hard to tell from"] == "102 y (+0.93)"
+    assert text["shows as large in"] == "107 y"
+    assert ("", "12 to 1 over 102 y") in describe_row(rows["103", "y"], picture())
+    assert dict(describe_row(rows["107", "y"], picture()))["may come from"] == "103 y"
+
+
+def test_the_model_in_words():
+    text = dict(describe_model(picture()))
+    assert text["base"] == "bx 91.8734, by 0.4121, bz -1.0932 mm"
+    assert text["rotation"] == "omega 0.70703, phi -0.49905, kappa 1.34359 deg"
+    assert text["sigma0"] == "9.31 µm, a priori 5.00 µm"
+    assert text["redundancy"] == "12"
+    assert text["test"] == "tau 0.001, critical 2.66"
+    assert text["flagged"] == "103 y"
+    assert text["advice"].startswith("remeasure 103 (y)")
+
+
+def test_the_model_in_words_without_check_or_solution():
+    bare = replace(solution(), sigma0_um=None, test=AppliedTest("tau", 0.001, None), ties=())
+    text = dict(describe_model(picture(solution=bare)))
+    assert text["sigma0"].startswith("–")
+    assert text["test"] == "tau 0.001, no critical value"
+    assert text["ties"] == "none: first model"
+    assert "six points" in dict(describe_model(picture(measured=5)))["orientation"]
+    assert describe_model(picture(left="", right="")) == [("model", "none is chosen yet")]
+
+
+def test_the_problem_is_said_first():
+    remarks = replace(solution(), remarks=("points badly spread",))
+    assert advice_of(picture(solution=remarks, problem="no ties"))[0] == "no ties"
+    assert advice_of(picture(solution=remarks))[-1] == "points badly spread"
