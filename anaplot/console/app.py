@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import signal
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -87,6 +90,17 @@ class ConsoleApp(App[int]):
         self.register_theme(_THEME)
         self.theme = _THEME.name
         self.set_keymap(self._keys_of_user)
+        self._end_on_signals()
+
+    def _end_on_signals(self) -> None:
+        """Leave the screen in order when the terminal is closed or the process politely ended."""
+        loop = asyncio.get_running_loop()
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            # not every platform, nor every thread, takes signal handlers
+            with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
+                if number is not None:
+                    loop.add_signal_handler(number, self.exit, 128 + number)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield what the palette offers: every action of the screen, and the theme."""

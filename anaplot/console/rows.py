@@ -33,6 +33,8 @@ class ShownRow:
         Whether its point is the one to be measured next.
     row, diagnosis
         What the model says of it, or None while it says nothing.
+    accused
+        Whether it is the flagged row most probably wrong.
     """
 
     point: str
@@ -41,6 +43,7 @@ class ShownRow:
     expected: bool
     row: TableRow | None = None
     diagnosis: RowDiagnosis | None = None
+    accused: bool = False
 
     @property
     def key(self) -> tuple[str, Axis]:
@@ -62,7 +65,7 @@ class ShownRow:
         if self.row is None:
             return "measured"
         if self.row.flagged:
-            return "<< REMEASURE"
+            return "<< REMEASURE" if self.accused else "< flagged"
         if self.row.redn < _NOT_TESTABLE:
             return "not testable"
         return "ok" if self.row.sigf is not None else "no check"
@@ -74,13 +77,16 @@ def _row(
     expected: bool,
     table: dict[tuple[str, str], TableRow],
     diagnoses: dict[tuple[str, str], RowDiagnosis],
+    accused: tuple[str, str] | None,
 ) -> ShownRow:
     key = (view.point, axis)
     if axis in view.off_axes or view.status == "off":
         return ShownRow(view.point, axis, "off", expected)
     # A point whose other row alone is off counts as measured: its plates were read.
     state: RowState = "pending" if view.status == "pending" else "measured"
-    return ShownRow(view.point, axis, state, expected, table.get(key), diagnoses.get(key))
+    return ShownRow(
+        view.point, axis, state, expected, table.get(key), diagnoses.get(key), key == accused
+    )
 
 
 def shown_rows(snapshot: Snapshot) -> tuple[ShownRow, ...]:
@@ -94,9 +100,11 @@ def shown_rows(snapshot: Snapshot) -> tuple[ShownRow, ...]:
         if snapshot.diagnosis
         else {}
     )
+    suspects = snapshot.diagnosis.suspects if snapshot.diagnosis else ()
+    accused = suspects[0] if suspects else None
     axes: tuple[Axis, ...] = ("y", "x")
     return tuple(
-        _row(view, axis, view.point == snapshot.next_point, table, diagnoses)
+        _row(view, axis, view.point == snapshot.next_point, table, diagnoses, accused)
         for axis in axes
         for view in snapshot.points
         if axis == "y" or view.role == "tie"

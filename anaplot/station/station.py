@@ -12,12 +12,13 @@ import contextlib
 import queue
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from anaplot.errors import AnaplotError, InputError
+from anaplot.errors import AnaplotError, InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.exchange.blocktoml import format_block_toml
 from anaplot.exchange.journal import Journal, JournalError, events_of
@@ -58,6 +59,7 @@ _STALE = 2.0  # s after which a read-out is no longer shown
 _ARRIVED_MM = 0.02  # a read-out this near to the target ends a drive as its reply would
 _LARGEST_DECLARATION = 200_000  # characters of block.toml that the journal's header repeats
 _REFUSALS_TOLD = 1.0  # s between two notices about bytes that are no readings
+_KEPT_NOTICES = 100  # for whoever listens first
 
 Severity = Literal["info", "warning", "error", "record"]
 
@@ -164,6 +166,8 @@ class Station:
         self._automatic = False
         self._operator: AutomaticOperator | None = None
         self._refusal_told = float("-inf")
+        self._traffic_refused = False
+        self._failed = False
         self._serial = 0
         self._notices: list[tuple[Severity, str]] = []
         self._after: list[Callable[[], None]] = []
@@ -178,6 +182,7 @@ class Station:
             self._recorder = Recorder(self._journal, time.monotonic)
             self._state = start(self._block)
             self._of_session: set[str] = set()
+            pointed: Counter[tuple[str, str, str]] = Counter()
             for number, event in enumerate(events_of(recovered.records), 1):
                 try:
                     self._state = apply(self._state, event)
@@ -187,7 +192,10 @@ class Station:
                     ) from error
                 if isinstance(event, ModelAccepted):
                     self._of_session.add(f"{event.left}/{event.right}")
-            self.remarks = recovered.remarks
+                elif isinstance(event, PointMeasured):
+                    pointed[event.left, event.right, event.point] += 1
+            for remark in recovered.remarks:
+                self._tell("warning", remark)
             self._candidates = self._known_points(candidates)
             self._outlook: Outlook = outlook(self._state)
             self._points_written = not self._of_session
@@ -199,6 +207,7 @@ class Station:
                     self._plotting.port,
                     self._plotting.simulated,
                 )
+                self._plotting.remember(pointed)
                 self._plotting.open()
                 self._lay()
             undo.pop_all()
@@ -252,7 +261,11 @@ class Station:
 
     def subscribe_notices(self, callback: Callable[[str, str], None]) -> Callable[[], None]:
         """Call back with (severity, line), from any thread; returns what ends it."""
-        self._listeners.append(callback)
+        with self._lock:
+            self._listeners.append(callback)
+            waiting, self._notices = self._notices, []
+        for severity, text in waiting:
+            callback(severity, text)
 
         def end() -> None:
             if callback in self._listeners:
@@ -295,15 +308,15 @@ class Station:
         Raises
         ------
         InputError
-            No plotter, no model, plates still under way, or work suspended.
+            No plotter, no model, plates not at a point or still under way, or work suspended.
         LinkError
             The plotter cannot be reached.
         """
         with self._change():
-            self._recordable()
             plotting = self._plotting
             if plotting is None:
                 raise InputError("no plotter is connected: nothing to record")
+            self._recordable()
             self._after.append(plotting.link.record)
 
     def switch(self, point: str, axis: Axis | None, on: bool) -> None:
@@ -320,8 +333,10 @@ class Station:
                 self._points_written = False
                 self._write_points()
             if _photos(before) != _photos(self._state):
-                self._target = None
+                self._nowhere()
                 self._lay()
+            elif self._target is not None and self._model().planned(self._target) is None:
+                self._nowhere()
 
     def accept(self) -> None:
         """Accept the current model and write image_points.csv.
@@ -336,13 +351,13 @@ class Station:
         with self._change():
             model = self._model()
             if self._outlook.solution is None:
-                raise InputError(
+                raise NotComputableError(
                     f"model {model.name} is not determined yet"
                     + (f": {self._outlook.problem}" if self._outlook.problem else "")
                 )
             self._happen(ModelAccepted(model.left, model.right))
             self._of_session.add(model.name)
-            self._target = None
+            self._nowhere()
             self._points_written = False
             self._tell("info", f"model {model.name} accepted")
             self._write_points()
@@ -362,6 +377,7 @@ class Station:
             if following is None:
                 raise InputError("every model of the block is accepted")
             strip, left, right = following
+            self._write_points()
             event = ModelChosen(strip, left, right, self._plan(strip, left, right))
             self._happen(event)
             self._lay()
@@ -424,10 +440,15 @@ class Station:
         with self._change():
             self._tell(severity, text)
 
-    def operator_finished(self) -> None:
-        """Take it that the simulated operator has come to his end."""
+    def operator_ended(self, severity: Severity, text: str) -> None:
+        """Take it that the simulated operator has come to his end, and how."""
         self._automatic = False
-        self.tell("info", "the simulated operator has finished")
+        self.tell(severity, text)
+
+    @property
+    def points_written(self) -> bool:
+        """Whether image_points.csv holds every accepted model."""
+        return self._points_written
 
     def _rest(self) -> None:
         self._automatic = False
@@ -441,6 +462,7 @@ class Station:
         with self._lock:
             if self._closed:
                 return
+            self._write_points()
             self._closed = True
         try:
             if self._plotting is not None:
@@ -469,37 +491,59 @@ class Station:
         with self._lock:
             if self._closed:
                 raise InputError("the station is closed")
+            if self._failed:
+                raise InputError("the station has failed: close the block and open it again")
+            refused: AnaplotError | None = None
             try:
                 yield
+            except AnaplotError as error:
+                # what was told before, and what changed, is published all the same
+                refused = error
             finally:
-                notices, self._notices = self._notices, []
+                notices = self._notices
+                self._notices = [] if self._listeners else notices[-_KEPT_NOTICES:]
                 after, self._after = self._after, []
                 self._snapshot = taken = self._picture()
+        # the table first: whoever reads that a point is recorded sees what became of it
+        for subscriber in list(self._subscribers):
+            subscriber(taken)
         for severity, text in notices:
             for listener in list(self._listeners):
                 listener(severity, text)
-        for subscriber in list(self._subscribers):
-            subscriber(taken)
+        if refused is not None:
+            raise refused
         for action in after:
             action()
 
     def _work(self) -> None:
         """Take readings out of the queue, one after another, until the end."""
-        while True:
-            item = self._ear.items.get()
-            if isinstance(item, _End):
-                return
-            try:
-                self._take(item)
-            except AnaplotError as error:
-                with contextlib.suppress(AnaplotError), self._change():
-                    self._tell("error", str(error))
+        ended = False
+        try:
+            while True:
+                item = self._ear.items.get()
+                if isinstance(item, _End):
+                    ended = True
+                    return
+                try:
+                    self._take(item)
+                except AnaplotError as error:
+                    with contextlib.suppress(AnaplotError), self._change():
+                        self._tell("error", str(error))
+        finally:
+            # an error of the program ends this thread: the station must not look alive then
+            if not ended:
+                self._fail()
+
+    def _fail(self) -> None:
+        with contextlib.suppress(Exception), self._change():
+            self._link = replace(self._link, state="lost", detail="the station has failed")
+            self._tell("error", "the station has failed: close the block and open it again")
+        self._failed = True
 
     def _take(self, item: _Item) -> None:
         match item:
             case _Traffic():
-                with self._lock:
-                    self._recorder.traffic(item.direction, item.link, item.data, item.when)
+                self._keep(item)
             case _Told():
                 with self._lock:
                     self._recorder.told(item.kind, item.text, item.when)
@@ -521,10 +565,9 @@ class Station:
                     self._recorded(item)
             case Fault():
                 with self._change():
-                    self._drive_target = None
-                    self._pointing = False
-                    self._recorder.note("fault", {"code": item.code, "text": item.text})
+                    self._interrupted()
                     self._tell("error", f"plotter fault {item.code}: {item.text}")
+                    self._recorder.note("fault", {"code": item.code, "text": item.text})
             case Refused():
                 self._refused(item)
             case _LinkState():
@@ -542,13 +585,33 @@ class Station:
     def _arrived(self) -> None:
         self._drive_target = None
 
+    def _nowhere(self) -> None:
+        """Forget where the plates were to go: nothing is recorded before the next drive."""
+        self._target = None
+        self._drive_target = None
+        self._pointing = False
+
+    def _interrupted(self) -> None:
+        """Give up the drive under way: nobody knows where the plates stand."""
+        if self._drive_target is not None or self._pointing:
+            self._nowhere()
+
+    def _keep(self, item: _Traffic) -> None:
+        """Remember the line's bytes; a disk that takes none is told once, until it does."""
+        try:
+            with self._lock:
+                self._recorder.traffic(item.direction, item.link, item.data, item.when)
+        except JournalError:
+            if not self._traffic_refused:
+                self._traffic_refused = True
+                raise
+        else:
+            self._traffic_refused = self._recorder.refused
+
     def _recorded(self, record: Record) -> None:
         """Turn a record of the plotter into a measurement, or say why not."""
         try:
-            model = self._recordable()
-            point = self._target or self._outlook.next_point
-            if point is None:
-                raise InputError("drive to a point first: every point is measured")
+            model, point = self._recordable()
             read = image_of(record.position)
             before = {row.key for row in self._flagged()}
             self._happen(
@@ -592,10 +655,8 @@ class Station:
 
     def _link_state(self, item: _LinkState) -> None:
         self._link = replace(self._link, state=item.state, detail=item.detail)
-        if item.state in ("lost", "reconnecting", "silent"):
-            # what was under way is unknown now: nothing may be taken from it
-            self._drive_target = None
-            self._pointing = False
+        if item.state in ("lost", "reconnecting"):
+            self._interrupted()
         if item.state == "lost":
             self._tell("error", f"link lost: {item.detail}" if item.detail else "link lost")
 
@@ -631,7 +692,8 @@ class Station:
             raise InputError("no model is in the instrument: choose the next model")
         return self._state.current
 
-    def _recordable(self) -> ModelState:
+    def _recordable(self) -> tuple[ModelState, str]:
+        """Return the model and the point that a record now belongs to."""
         model = self._model()
         if self._state.suspended:
             raise InputError("work is suspended: resume first")
@@ -639,7 +701,14 @@ class Station:
             raise InputError("the plates are still under way")
         if self._pointing:
             raise InputError("the simulated operator is still setting the mark")
-        return model
+        if self._target is not None:
+            return model, self._target
+        # Without a drive the operator finds the points in the order of the plan by hand. Plates
+        # that are driven stand at the last point: a second press must not be taken for another.
+        by_hand = self._plotting is None or not self._plotting.drives
+        if by_hand and model.pending:
+            return model, model.pending[0].point
+        raise InputError("choose a point first" if by_hand else "drive to a point first")
 
     def _aim(self, planned: PlannedPoint) -> None:
         """Make a point the target, and drive there where the plotter can."""
@@ -655,9 +724,8 @@ class Station:
             try:
                 plotting.drive(target)
             except AnaplotError:
-                with self._lock:
-                    self._drive_target = None
-                    self._pointing = False
+                with contextlib.suppress(InputError), self._change():
+                    self._interrupted()
                 raise
 
         self._after.append(drive)
@@ -693,6 +761,7 @@ class Station:
             nominal_base=nominal,
             preceding={m.point: (m.xr, m.yr) for m in measured},
             candidates=candidates,
+            avoid={p.point for m in self._state.models for p in m.plan},
         )
         ties = {m.point for m in measured}
         return tuple(
@@ -703,12 +772,14 @@ class Station:
 
     def _write_points(self) -> None:
         """Bring image_points.csv up to the accepted models; what fails is tried again later."""
-        rows = merged_rows(self._block.image_points, self._state.models, self._of_session)
-        if self._points_written or rows == self._block.image_points:
-            self._points_written = True
+        if self._points_written:
             return
         try:
-            write_image_points(self._folder, rows)
+            # read anew: rows that came from elsewhere meanwhile stay
+            found = read_block(self._folder).image_points
+            rows = merged_rows(found, self._state.models, self._of_session)
+            if rows != found:
+                write_image_points(self._folder, rows)
         except InputError as error:
             self._tell("error", f"{error}; the measurements are safe in the journal")
             return
@@ -737,6 +808,7 @@ class Station:
                 "profile": profile.id,
                 "profile_sha256": profile.sha256,
                 "port": self._plotting.port,
+                "links": {name: asdict(line) for name, line in profile.links.items()},
                 "simulated": self._plotting.simulated,
             }
         return header
