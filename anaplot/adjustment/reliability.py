@@ -22,6 +22,7 @@ __all__ = [
     "residual_correlations",
     "smallest_detectable_errors",
     "standardize",
+    "undetected_effects",
 ]
 
 Array = NDArray[np.float64]
@@ -101,6 +102,19 @@ def smallest_detectable_errors(
     out = np.full(len(r), np.nan)
     testable = r >= TESTABLE
     out[testable] = noncentrality(alpha, power) * apriori * np.sqrt(q_l[testable] / r[testable])
+    return out
+
+
+def undetected_effects(r: Array, *, alpha: float, power: float) -> Array:
+    """Return (n,) external reliability delta0 sqrt((1 - r_i) / r_i); NaN where r is too small.
+
+    An error as large as the smallest detectable one changes no function of the unknowns by more
+    than this many of its standard deviations (Baarda 1968).
+    """
+    out = np.full(len(r), np.nan)
+    testable = r >= TESTABLE
+    kept = np.maximum(1.0 - r[testable], 0.0)
+    out[testable] = noncentrality(alpha, power) * np.sqrt(kept / r[testable])
     return out
 
 

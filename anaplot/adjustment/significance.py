@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import lru_cache
 from math import sqrt
 
-from scipy.special import ndtr, ndtri, stdtr, stdtrit
+from scipy.special import nctdtr, ndtr, ndtri, stdtr, stdtrit
 
 __all__ = [
     "TESTABLE",
@@ -16,6 +16,7 @@ __all__ = [
     "critical_tau",
     "noncentrality",
     "normal_power",
+    "tau_power",
     "tau_significance",
 ]
 
@@ -58,6 +59,21 @@ def normal_power(delta: float, alpha: float) -> float:
     """Power of the two-sided normal test at noncentrality `delta`."""
     k = critical_normal(alpha)
     return float(ndtr(delta - k) + ndtr(-delta - k))
+
+
+@lru_cache(maxsize=256)
+def tau_power(delta: float, alpha: float, redundancy: int) -> float | None:
+    """Power of the two-sided tau test at noncentrality `delta`; None for f < 2.
+
+    tau is a monotonic function of the t of f - 1 degrees of freedom whose sigma leaves the tested
+    row out; under a single gross error that t is noncentral with `delta`.
+    """
+    f = redundancy
+    if f < 2:
+        return None
+    t = float(-stdtrit(f - 1.0, alpha / 2.0))
+    upper = 1.0 - float(nctdtr(f - 1.0, delta, t))
+    return upper + float(nctdtr(f - 1.0, delta, -t))
 
 
 @lru_cache(maxsize=256)

@@ -72,6 +72,9 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     NotComputableError
         Too few points, no ties, points that do not determine the model, images turned; names the
         model.
+    WrongPointsError
+        One or two points are so wrong that there is no orientation with them, or one whose table
+        accuses others.
     """
     _check_count(pair)
     _check_finite(pair)
@@ -79,7 +82,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     conditions = Conditions(pair, precision.tie_variance)
     apriori_mm = precision.image_um * 1e-3
     found, suspects = find_orientation(pair, conditions, bx, apriori_mm)
-    if suspects:
+    if suspects and (found is None or not found.usable):
         raise WrongPointsError(pair.name, suspects)
     if found is None:
         raise _not_found_error(pair, conditions, bx)
@@ -94,6 +97,8 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     try:
         adjusted = adjust(design, solution.rows[6] * np.sqrt(q_l), q_l, unknowns=unknowns)
     except RankDefectError as error:
+        if suspects:
+            raise WrongPointsError(pair.name, suspects) from error
         raise _undetermined_error(pair, error) from error
     if found.in_front < IN_FRONT:
         raise NotComputableError(
@@ -101,6 +106,10 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
             "are the photos interchanged, or is one mirrored?"
         )
     used = standardize(adjusted, kind=test.kind, alpha=test.alpha, apriori=apriori_mm)
+    table = _table(pair, conditions, adjusted, used)
+    if suspects and max(table, key=_significance).point not in suspects:
+        # pulled so far away that the table accuses others
+        raise WrongPointsError(pair.name, suspects)
     sigma0 = adjusted.sigma0
     return ModelSolution(
         left=pair.left,
@@ -112,7 +121,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         redundancy=adjusted.redundancy,
         iterations=solution.iterations,
         test=AppliedTest(test.kind, test.alpha, used.critical),
-        table=_table(pair, conditions, adjusted, used),
+        table=table,
         points=points,
         ties=tuple(pair.points[k] for k in conditions.x_index),
         condition=adjusted.condition,
@@ -124,6 +133,10 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         q_gg=adjusted.q_xx,
         unknowns=unknowns,
     )
+
+
+def _significance(row: TableRow) -> float:
+    return row.sigf or 0.0
 
 
 def _check_count(pair: Stereopair) -> None:

@@ -49,6 +49,7 @@ CONVERGED = 1e-10
 _ROOT_Y = sqrt(0.5)
 _MAX_ITERATIONS = 60
 _PAIRS_UP_TO = 16  # points of a model in which two wrong ones are looked for
+_FAR = 0.15  # rad, and of the base: beyond, a gross error is no longer a linear matter
 _LARGEST_DAMPING = 1e8
 _LARGEST_TURN = 0.4  # rad; longer corrections are shortened to this
 _ACROSS_MARGIN = 4.0  # per row: a gross error alone must not make the images look turned
@@ -296,9 +297,10 @@ def _kappa_rotation(kappa: float, fixed: Array) -> Array:
 def _similar_kappa(pair: Stereopair) -> float:
     """Relative kappa of the plane similarity between the two photos' points."""
     left, right = pair.xl, pair.xr
-    about_mean = right.T @ left - np.outer(right.sum(axis=0), left.sum(axis=0)) / len(left)
-    (xx, xy), (yx, yy) = about_mean.tolist()
-    return atan2(xy - yx, xx + yy)
+    (lx, ly), (rx, ry) = left.sum(axis=0).tolist(), right.sum(axis=0).tolist()
+    (xx, xy), (yx, yy) = (right.T @ left).tolist()
+    n = len(left)
+    return atan2(xy - yx - (rx * ly - ry * lx) / n, xx + yy - (rx * lx + ry * ly) / n)
 
 
 def _tilt(pair: Stereopair, rotation: Array) -> float:
@@ -370,7 +372,8 @@ def find_orientation(
     Found or None
         None when nothing converges.
     tuple of str
-        Points without which the others agree, when there is no usable orientation with them.
+        Points without which the others agree, when there is no usable orientation with them or
+        one that they pull far away.
 
     Raises
     ------
@@ -385,20 +388,20 @@ def find_orientation(
             f"model {pair.name}: the photos are interchanged, the left one's points fit the right "
             "one's place"
         )
-    suspects: tuple[str, ...] = ()
     without = _without(pair, conditions, bx, apriori_mm, 1)
     if without is not None:
         found = _finish(conditions, without[0].solution.state, direct=True)
-        if found is not None and found.usable:
+        if found is not None and found.usable and not _far(found, without[0]):
             return found, ()
-        suspects = without[1]
+        return found, without[1]
     best = _best_of_grid(pair, conditions, bx, apriori_mm, direct)
     if best is not None and best.usable:
         return best, ()
-    if not suspects and len(pair.points) <= _PAIRS_UP_TO:
+    if len(pair.points) <= _PAIRS_UP_TO:
         without = _without(pair, conditions, bx, apriori_mm, 2)
-        suspects = () if without is None else without[1]
-    return best, suspects
+        if without is not None:
+            return best, without[1]
+    return best, ()
 
 
 def vertical_start(pair: Stereopair, conditions: Conditions, bx: float | None) -> State:
@@ -417,6 +420,17 @@ def _interchanged(pair: Stereopair, conditions: Conditions, apriori_mm: float) -
     exchanged = Conditions(other, conditions.tie_variance)
     found = _direct(other, exchanged, None)
     return found is not None and _fits(other, exchanged, found, apriori_mm)
+
+
+def _far(found: Found, agreed: Found) -> bool:
+    """Whether wrong points pull an orientation so far away that its table misleads."""
+    state, other = found.solution.state, agreed.solution.state
+    turned = 0.5 * (float(np.einsum("ij,ij", state.rotation, other.rotation)) - 1.0)
+    return (
+        turned < cos(_FAR)
+        or hypot(state.beta_y - other.beta_y, state.beta_z - other.beta_z) > _FAR
+        or state.bx * other.bx < 0.0
+    )
 
 
 def _fits(pair: Stereopair, conditions: Conditions, found: Found, apriori_mm: float) -> bool:

@@ -1,11 +1,12 @@
 """Coplanarity and XZ collinearity with their derivatives (Kratky and El-Hakim 1983, eq. 1).
 
-Both conditions are bilinear in two vectors: coplanarity in the rays x', x'' (given beta),
-collinearity in (dX, dZ, 1) and x''. Each is therefore evaluated, together with all its
-derivatives, as one small matrix of coefficients times the products of the two vectors' components;
-that is what keeps a model within a few dozen array operations.
+Both conditions are bilinear in two vectors of each point: coplanarity in the rays x' and x'',
+collinearity in (X, Z, 1) of the tie point and x''. Written out, a condition and its derivatives
+are coefficients that depend on the unknowns alone, times products of components that depend on
+the measurements alone. The products are formed once per model; a step of the iteration then costs
+a handful of array operations however many points there are.
 
-Rows of the results, in this order: derivatives with respect to bx, beta_y, beta_z and a small
+Rows of the results, in this order: derivatives with respect to ln bx, beta_y, beta_z and a small
 right-handed rotation of x'' about the object axes (d1, d2, d3), then the misclosure itself.
 """
 
@@ -14,66 +15,78 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ROWS", "collinearity_rows", "coplanarity_rows", "products"]
+__all__ = ["ROWS", "coefficients", "products"]
 
 Array = NDArray[np.float64]
 
 ROWS = 7
 """Six derivatives and the misclosure."""
 
+# A term is (row, component of the first vector, component of x'', sign). First vectors: x' for
+# coplanarity, (X, Z, 1) for collinearity. Each group is multiplied by one function of the unknowns.
+_Terms = tuple[tuple[int, int, int, int], ...]
 
-def _bilinear(terms: dict[int, dict[tuple[int, int], float]]) -> Array:
-    """(7, 9) coefficients from {row: {(component of first, component of second): factor}}."""
-    out = np.zeros((ROWS, 9))
-    for row, factors in terms.items():
-        for (i, j), factor in factors.items():
-            out[row, 3 * i + j] += factor
-    return out
+# F_p = (beta x x') . x'' ; with w = beta x x', a turn d of x'' changes it by d . (x'' x w)
+_COPLANARITY: dict[str, _Terms] = {
+    "1": (
+        (1, 2, 0, 1), (1, 0, 2, -1),
+        (2, 0, 1, 1), (2, 1, 0, -1),
+        (3, 1, 1, 1), (3, 2, 2, 1),
+        (4, 1, 0, -1),
+        (5, 2, 0, -1),
+        (6, 1, 2, 1), (6, 2, 1, -1),
+    ),
+    "beta_y": (
+        (3, 0, 1, -1),
+        (4, 0, 0, 1), (4, 2, 2, 1),
+        (5, 2, 1, -1),
+        (6, 2, 0, 1), (6, 0, 2, -1),
+    ),
+    "beta_z": (
+        (3, 0, 2, -1),
+        (4, 1, 2, -1),
+        (5, 0, 0, 1), (5, 1, 1, 1),
+        (6, 0, 1, 1), (6, 1, 0, -1),
+    ),
+}  # fmt: skip
+
+# F_L = dX z'' - dZ x'' with dX = X - bx and dZ = Z - bx beta_z (reduced to the left centre)
+_COLLINEARITY: dict[str, _Terms] = {
+    "1": (
+        (3, 0, 1, 1),
+        (4, 0, 0, -1), (4, 1, 2, -1),
+        (5, 1, 1, 1),
+        (6, 0, 2, 1), (6, 1, 0, -1),
+    ),
+    "bx": (
+        (0, 2, 2, -1),
+        (2, 2, 0, 1),
+        (3, 2, 1, -1),
+        (4, 2, 0, 1),
+        (6, 2, 2, -1),
+    ),
+    "bz": (
+        (0, 2, 0, 1),
+        (4, 2, 2, 1),
+        (5, 2, 1, -1),
+        (6, 2, 0, 1),
+    ),
+}  # fmt: skip
+
+_FUNCTIONS = ("1", "beta_y", "beta_z", "bx", "bz")
 
 
-# F_p = beta . (x' x x''); with w = beta x x', dF_p = w . (d x x'') = d . (x'' x w)
-_PLAIN = {
-    1: {(2, 0): 1.0, (0, 2): -1.0},
-    2: {(0, 1): 1.0, (1, 0): -1.0},
-}
-_COPLANARITY_X = _bilinear(
-    _PLAIN
-    | {
-        3: {(1, 1): 1.0, (2, 2): 1.0},
-        4: {(1, 0): -1.0},
-        5: {(2, 0): -1.0},
-        6: {(1, 2): 1.0, (2, 1): -1.0},
-    }
-)
-_COPLANARITY_Y = _bilinear(
-    {
-        3: {(0, 1): -1.0},
-        4: {(0, 0): 1.0, (2, 2): 1.0},
-        5: {(2, 1): -1.0},
-        6: {(2, 0): 1.0, (0, 2): -1.0},
-    }
-)
-_COPLANARITY_Z = _bilinear(
-    {
-        3: {(0, 2): -1.0},
-        4: {(1, 2): -1.0},
-        5: {(0, 0): 1.0, (1, 1): 1.0},
-        6: {(0, 1): 1.0, (1, 0): -1.0},
-    }
-)
+def _tensor() -> Array:
+    """(7 * 6 * 3, 5): row, first component (x', then X, Z, 1), component of x''; function."""
+    out = np.zeros((ROWS, 6, 3, len(_FUNCTIONS)))
+    for offset, groups in ((0, _COPLANARITY), (3, _COLLINEARITY)):
+        for name, terms in groups.items():
+            for row, first, second, sign in terms:
+                out[row, offset + first, second, _FUNCTIONS.index(name)] += sign
+    return out.reshape(-1, len(_FUNCTIONS))
 
-# F_L = dX z'' - dZ x'' with dX = X - bx, dZ = Z - bx beta_z (reduced to the left centre)
-_COLLINEARITY = _bilinear(
-    {
-        0: {(2, 2): -1.0},
-        3: {(0, 1): 1.0},
-        4: {(0, 0): -1.0, (1, 2): -1.0},
-        5: {(1, 1): 1.0},
-        6: {(0, 2): 1.0, (1, 0): -1.0},
-    }
-)
-_COLLINEARITY_BX = _bilinear({2: {(2, 0): 1.0}})
-_COLLINEARITY_BETA_Z = _bilinear({0: {(2, 0): 1.0}})
+
+_TENSOR = _tensor()
 
 
 def products(first: Array, second: Array) -> Array:
@@ -81,29 +94,20 @@ def products(first: Array, second: Array) -> Array:
     return (first[:, None, :] * second).reshape(9, -1)
 
 
-def coplanarity_rows(beta_y: float, beta_z: float, rays: Array) -> Array:
-    """Return (7, n): derivatives and value of F_p = (beta x x') . x''.
+def coefficients(bx: float, beta_y: float, beta_z: float, rotation: Array) -> Array:
+    """Return the (7, 18) coefficients of the conditions at a state of the unknowns.
+
+    Columns 0-8 times `products(x', p'')` give the seven rows of F_p = (beta x x') . x'', columns
+    9-17 times `products((X, Z, 1), p'')` those of F_L = dX z'' - dZ x''; p'' is the right ray in
+    the image system, x'' = R p''.
 
     Parameters
     ----------
-    beta_y, beta_z
-        Base components divided by bx.
-    rays
-        (9, n) products of x' and x''.
+    bx, beta_y, beta_z
+        Base component [mm], by / bx and bz / bx.
+    rotation
+        (3, 3) rotation R of the right photo, image to object.
     """
-    out: Array = (_COPLANARITY_X + beta_y * _COPLANARITY_Y + beta_z * _COPLANARITY_Z) @ rays
-    return out
-
-
-def collinearity_rows(bx: float, beta_z: float, rays: Array) -> Array:
-    """Return (7, m): derivatives and value of F_L = dX z'' - dZ x''.
-
-    Parameters
-    ----------
-    bx, beta_z
-        Base component, and bz / bx.
-    rays
-        (9, m) products of (dX, dZ, 1) and x''.
-    """
-    out: Array = (_COLLINEARITY + bx * _COLLINEARITY_BX + beta_z * _COLLINEARITY_BETA_Z) @ rays
+    functions = np.array((1.0, beta_y, beta_z, bx, bx * beta_z))
+    out: Array = ((_TENSOR @ functions).reshape(6 * ROWS, 3) @ rotation).reshape(ROWS, 18)
     return out

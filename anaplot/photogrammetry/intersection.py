@@ -27,8 +27,15 @@ class Intersection(NamedTuple):
     left: Array
     right: Array
 
+    @property
+    def in_front(self) -> NDArray[np.bool_]:
+        """(n,) whether a point lies in front of both photos."""
+        return (self.left > 0.0) & (self.right > 0.0)
 
-def intersect(centre: Array, base: Array, x1: Array, x2: Array) -> Intersection:
+
+def intersect(
+    centre: Array, base: tuple[float, float, float], x1: Array, x2: Array
+) -> Intersection:
     """Intersect rays in the XZ plane; Y is the mean of the two rays (conventions).
 
     Parameters
@@ -36,7 +43,7 @@ def intersect(centre: Array, base: Array, x1: Array, x2: Array) -> Intersection:
     centre
         (3,) left projection centre.
     base
-        (3,) right projection centre minus the left one.
+        Right projection centre minus the left one.
     x1, x2
         (3, n) rays of the left and right photo in the object system.
 
@@ -45,10 +52,11 @@ def intersect(centre: Array, base: Array, x1: Array, x2: Array) -> Intersection:
     Intersection
         Parallel rays give infinite or NaN coordinates; nothing is raised.
     """
+    bx, by, bz = base
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         determinant = x2[0] * x1[2] - x1[0] * x2[2]
-        left = (base[2] * x2[0] - base[0] * x2[2]) / determinant
-        right = (base[2] * x1[0] - base[0] * x1[2]) / determinant
+        left = (bz * x2[0] - bx * x2[2]) / determinant
+        right = (bz * x1[0] - bx * x1[2]) / determinant
         points = centre[:, None] + left * x1
-        points[1] += 0.5 * (base[1] + right * x2[1] - left * x1[1])
+        points[1] += 0.5 * (by + right * x2[1] - left * x1[1])
     return Intersection(points, left, right)

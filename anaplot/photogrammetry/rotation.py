@@ -57,10 +57,9 @@ def rotation_axes(omega: float, phi: float) -> NDArray[np.float64]:
     return np.array([[1.0, 0.0, sp], [0.0, co, -so * cp], [0.0, so, co * cp]])
 
 
-def turn(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (3, 3) rotation about `vector` by its length [rad] (Rodrigues)."""
-    x, y, z = vector.tolist()
-    angle = (x * x + y * y + z * z) ** 0.5
+def turn(x: float, y: float, z: float) -> NDArray[np.float64]:
+    """Return the (3, 3) rotation about the vector (x, y, z) by its length [rad] (Rodrigues)."""
+    angle = hypot(x, y, z)
     if angle < 1e-6:
         # second order: the angle is so small that sin(t)/t = 1 - t^2/6 to the last digit
         s, k = 1.0 - angle * angle / 6.0, 0.5

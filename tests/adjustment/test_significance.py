@@ -1,0 +1,83 @@
+"""Critical values and powers against scipy.stats."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from anaplot.adjustment.significance import (
+    critical_normal,
+    critical_tau,
+    noncentrality,
+    normal_power,
+    tau_power,
+    tau_significance,
+)
+
+
+def test_the_values_of_the_conventions():
+    assert critical_normal(0.001) == pytest.approx(3.29, abs=0.002)
+    assert noncentrality(0.001, 0.80) == pytest.approx(4.132, abs=0.0005)
+
+
+@given(st.floats(1e-6, 0.5), st.integers(2, 500))
+def test_tau_critical_value_by_the_formula_with_student_t(alpha, f):
+    t = stats.t.isf(alpha / 2.0, f - 1)
+    expected = t * np.sqrt(f) / np.sqrt(f - 1 + t * t)
+    assert critical_tau(alpha, f) == pytest.approx(expected, rel=1e-9)
+    assert critical_tau(alpha, f) < np.sqrt(f)
+    assert critical_normal(alpha) == pytest.approx(stats.norm.isf(alpha / 2.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("f", [-1, 0, 1])
+def test_tau_has_no_critical_value_below_two_redundancies(f):
+    assert critical_tau(0.001, f) is None
+    assert tau_significance(1.0, f) is None
+    assert tau_power(4.0, 0.001, f) is None
+
+
+def test_tau_tends_to_the_normal_distribution():
+    assert critical_tau(0.001, 10**7) == pytest.approx(critical_normal(0.001), abs=1e-5)
+
+
+@given(st.floats(1e-5, 0.3), st.integers(2, 200))
+def test_significance_at_the_critical_value_is_alpha(alpha, f):
+    assert tau_significance(critical_tau(alpha, f), f) == pytest.approx(alpha, rel=1e-6)
+
+
+def test_a_tau_at_its_limit_has_no_probability_left():
+    assert tau_significance(3.0, 9) == 0.0
+    assert tau_significance(4.0, 9) == 0.0
+
+
+@given(st.floats(1e-4, 0.1), st.floats(0.2, 0.99))
+def test_noncentrality_gives_the_power_asked_for(alpha, power):
+    delta = noncentrality(alpha, power)
+    k = stats.norm.isf(alpha / 2.0)
+    assert stats.norm.sf(k - delta) + stats.norm.cdf(-k - delta) == pytest.approx(power, rel=1e-9)
+    assert normal_power(delta, alpha) == pytest.approx(power, rel=1e-9)
+
+
+@pytest.mark.parametrize("power", [0.0005, 0.001, 1.0])
+def test_noncentrality_refuses_impossible_powers(power):
+    with pytest.raises(ValueError, match="between alpha"):
+        noncentrality(0.001, power)
+
+
+@pytest.mark.parametrize("f", [2, 3, 5, 8, 12, 100])
+def test_tau_power_is_that_of_the_noncentral_t(f):
+    t = stats.t.isf(0.0005, f - 1)
+    expected = stats.nct.sf(t, f - 1, 4.132) + stats.nct.cdf(-t, f - 1, 4.132)
+    assert tau_power(4.132, 0.001, f) == pytest.approx(expected, rel=1e-8)
+    assert tau_power(4.132, 0.001, f) < 0.80
+
+
+def test_tau_power_by_simulation():
+    rng = np.random.default_rng(1983)
+    f, alpha, delta = 8, 0.01, 3.5
+    e = rng.normal(size=(40000, f))
+    e[:, 0] += delta  # a direction of the residual space that holds the error
+    tau = np.abs(e[:, 0]) / np.sqrt((e**2).sum(axis=1) / f)
+    share = float(np.mean(tau > critical_tau(alpha, f)))
+    assert share == pytest.approx(tau_power(delta, alpha, f), abs=0.01)

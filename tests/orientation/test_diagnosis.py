@@ -1,0 +1,126 @@
+"""What the operator is told beyond the table."""
+
+import numpy as np
+import pytest
+from flightscene import (
+    BAARDA,
+    PAPER,
+    PROPAGATED,
+    TAU,
+    bridge_flight,
+    fly,
+    ideal_pair,
+    pair_of,
+    spoiled,
+)
+
+from anaplot.adjustment.significance import noncentrality, tau_power
+from anaplot.orientation.diagnosis import HARD_TO_TELL, diagnose, point_odds
+from anaplot.orientation.model import orient
+
+
+def models(precision=PAPER, test=TAU):
+    return bridge_flight(fly(8, 3, tilt=3.0, kappa=10.0, noise=0.004), precision, test)
+
+
+@pytest.mark.parametrize("precision", [PAPER, PROPAGATED])
+def test_smallest_detectable_errors_take_the_a_priori_sigma_whatever_the_test(precision):
+    for test in (TAU, BAARDA):
+        for model in models(precision, test):
+            d = diagnose(model)
+            for row, said in zip(model.table, d.rows, strict=True):
+                q = 2.0 if row.axis == "y" else model.q_l[-1]
+                expected = noncentrality(0.001, 0.80) * 5.0 * (q / row.redn) ** 0.5
+                assert (said.point, said.axis) == row.key
+                assert said.mdb_um == pytest.approx(expected)
+                effect = noncentrality(0.001, 0.80) * ((1 - row.redn) / row.redn) ** 0.5
+                assert said.effect == pytest.approx(effect)
+
+
+def test_the_real_power_of_tau_is_shown():
+    model = models()[1]
+    expected = tau_power(noncentrality(0.001, 0.8), 0.001, model.redundancy)
+    assert diagnose(model).power == pytest.approx(expected)
+    assert 0.0 < expected < 0.8
+    assert diagnose(models(test=BAARDA)[1], power=0.9).power == 0.9
+
+
+def test_correlated_rows_are_partners():
+    model = models()[0]
+    d = diagnose(model)
+    deviation = np.sqrt(np.diag(model.q_vv))
+    rho = model.q_vv / np.outer(deviation, deviation)
+    keys = [row.key for row in model.table]
+    n = len(keys)
+    expected = {
+        (keys[i], keys[j]) for i in range(n) for j in range(i) if abs(rho[i, j]) >= HARD_TO_TELL
+    }
+    assert {(p.second, p.first) for p in d.partners} == expected
+    six = orient(ideal_pair("6/3"), PAPER, BAARDA)
+    assert all(abs(p.correlation) >= HARD_TO_TELL for p in diagnose(six).partners)
+    assert diagnose(six).partners
+
+
+def test_nothing_flagged():
+    model = models()[1]
+    d = diagnose(model)
+    assert not model.flagged
+    assert d.advice == ("nothing is flagged",)
+    assert d.suspects == ()
+    assert sum(row.probability for row in d.rows) + d.none == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("test", [TAU, BAARDA])
+def test_a_wrong_y_is_named_with_its_odds_over_the_next_point(test):
+    f = fly(8, 3, tilt=3.0, kappa=10.0, noise=0.004)
+    first = bridge_flight(f)[0]
+    model = orient(spoiled(pair_of(f, 1, first), "2c", "y", 0.08), PAPER, test)
+    d = diagnose(model)
+    assert d.suspects[0] == ("2c", "y")
+    assert d.advice[0].startswith("remeasure 2c (y): ")
+    assert " to 1 over " in d.advice[0]
+    odds = point_odds(d.rows)
+    assert max(odds, key=odds.__getitem__) == "2c"
+    rival = d.advice[0].rsplit(" ", 1)[1]
+    assert odds[rival] == max(p for name, p in odds.items() if name != "2c")
+    assert sum(odds.values()) + d.none == pytest.approx(1.0)
+
+
+def test_a_wrong_x_at_a_tie_has_two_suspects():
+    f = fly(8, 3, tilt=3.0, kappa=10.0, noise=0.002)
+    first = bridge_flight(f)[0]
+    model = orient(spoiled(pair_of(f, 1, first), "1c", "x", 0.3), PAPER, BAARDA)
+    d = diagnose(model)
+    assert d.suspects[0] == ("1c", "x")
+    assert d.advice[0].startswith("remeasure 1c (x)")
+    assert "this pointing" in d.advice[1]
+    assert "preceding model" in d.advice[1]
+
+
+def test_odds_of_a_point_are_the_sum_over_its_rows():
+    d = diagnose(models()[1])
+    odds = point_odds(d.rows)
+    tie = next(row.point for row in d.rows if row.axis == "x")
+    assert odds[tie] == pytest.approx(sum(row.probability for row in d.rows if row.point == tie))
+    assert len([row for row in d.rows if row.point == tie]) == 2
+
+
+def test_suspects_are_the_flagged_rows_the_most_probable_first():
+    model = orient(spoiled(ideal_pair("13/5"), "4", "y", 0.3), PAPER, BAARDA)
+    d = diagnose(model)
+    chance = {(row.point, row.axis): row.probability for row in d.rows}
+    assert {row.key for row in model.flagged} == set(d.suspects)
+    assert [chance[key] for key in d.suspects] == sorted(
+        (chance[key] for key in d.suspects), reverse=True
+    )
+    assert d.suspects[0] == ("4", "y")
+
+
+def test_errors_that_hide_behind_an_estimated_sigma_are_not_called_good():
+    pair = ideal_pair("13/5")
+    for point, axis, size in (("4", "y", 3.0), ("6", "y", -2.0), ("2", "x", 3.0), ("8", "y", 2.5)):
+        pair = spoiled(pair, point, axis, size)
+    model = orient(pair, PAPER, TAU)
+    assert not model.flagged
+    (sentence,) = diagnose(model).advice
+    assert "times its a-priori value" in sentence

@@ -1,0 +1,162 @@
+"""The JSON of `bridge`: keys, order of rows, nulls (conventions, "What programs read")."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anaplot.orientation.model import orient
+from anaplot.orientation.pair import Stereopair
+from anaplot.orientation.patterns import pattern
+from anaplot.orientation.results import ModelPoint
+from anaplot.orientation.strip import BridgedStrip, bridge_strip
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    ImagePoint,
+    Photo,
+    Precision,
+    Strip,
+    TestSettings,
+)
+from anaplot.report.contract import bridge_json, model_json, table_json
+
+B, D, C = 92.0, 100.0, 152.4
+
+
+def block():
+    """Three vertical photos over hilly ground; points in no particular order, one tie switched."""
+    rng = np.random.default_rng(6)
+    ground = {}
+    for k in range(3):
+        for label, (x, y) in pattern("13").positions(B, D, (4.0, 4.0)).items():
+            if label[0] in "123" or (label[0] in "789" and k < 2):
+                ground[f"{k}-{label}"] = np.array([x + k * B, y, rng.uniform(-165, -140)])
+    order = list(ground)
+    rng.shuffle(order)
+    rows = []
+    for k in range(3):
+        for name in order:
+            x, y, z = ground[name] - [k * B, 0.0, 0.0]
+            if abs(int(name[0]) - k) <= 1:
+                x, y = np.array([x, y]) * C / -z + 0.004 * rng.standard_normal(2)
+                rows.append(ImagePoint(str(k), name, float(x), float(y)))
+    return Block(
+        "b",
+        Precision(5.0, "propagated"),
+        TestSettings(),
+        (Camera("c", C),),
+        tuple(Photo(str(k), "c") for k in range(3)),
+        (Strip("s", ("0", "1", "2"), B),),
+        tuple(rows),
+    )
+
+
+def parsed(strips):
+    return json.loads(json.dumps(bridge_json(strips), allow_nan=False))
+
+
+def test_keys_and_units():
+    data = block()
+    bridged = bridge_strip(data, data.strips[0])
+    assert bridged.error is None
+    (strip,) = parsed([bridged])["strips"]
+    assert strip["strip"] == "s"
+    assert "error" not in strip
+    assert len(strip["models"]) == 2
+    keys = {
+        "left", "right", "base", "rotation", "sigma0_um", "redundancy", "iterations", "test",
+        "table", "points", "ties",
+    }  # fmt: skip
+    for model, solution in zip(strip["models"], bridged.models, strict=True):
+        assert keys <= set(model)
+        assert set(model["rotation"]) == {"omega", "phi", "kappa"}
+        assert model["test"] == {
+            "kind": "tau",
+            "alpha": 0.001,
+            "critical": solution.test.critical,
+        }
+        assert model["base"] == pytest.approx(solution.base)
+        assert model["base"][0] == pytest.approx(B, rel=0.02)
+        assert abs(model["rotation"]["kappa"]) < 0.01
+        for row in model["table"]:
+            assert list(row) == [
+                "point", "axis", "redn", "parx_um", "expd_um", "sigf", "flagged",
+            ]  # fmt: skip
+        assert all(set(p) == {"point", "X", "Y", "Z"} for p in model["points"])
+    assert strip["models"][0]["ties"] == []
+    # two models of one system: the rotation is that in the strip, the points agree
+    first, second = ({p["point"]: p for p in m["points"]} for m in strip["models"])
+    for name in strip["models"][1]["ties"]:
+        assert second[name]["X"] == pytest.approx(first[name]["X"], abs=0.3)
+        assert second[name]["Z"] == pytest.approx(first[name]["Z"], abs=0.3)
+
+
+def test_rows_all_y_in_the_order_of_the_left_photo_then_all_x():
+    data = block()
+    bridged = bridge_strip(data, data.strips[0])
+    (strip,) = parsed([bridged])["strips"]
+    previous: list[str] = []
+    for k, model in enumerate(strip["models"]):
+        right = {p.point for p in data.image_points if p.photo == str(k + 1)}
+        common = [p.point for p in data.image_points if p.photo == str(k) and p.point in right]
+        ties = [p for p in common if p in previous]
+        keys = [(row["point"], row["axis"]) for row in model["table"]]
+        assert keys == [(p, "y") for p in common] + [(p, "x") for p in ties]
+        assert [p["point"] for p in model["points"]] == common
+        assert model["ties"] == ties
+        previous = common
+
+
+def five_points():
+    p = pattern("6")
+    places = p.positions(B, D)
+    labels = p.labels[:4] + p.labels[5:]
+    xl = np.array([places[label] for label in labels])
+    pair = Stereopair("1", "2", labels, xl, xl - [B, 0.0], C, C, base=B)
+    return orient(pair, Precision(), TestSettings())
+
+
+def test_what_does_not_exist_is_null():
+    model = json.loads(json.dumps(model_json(five_points()), allow_nan=False))
+    assert model["sigma0_um"] is None
+    assert model["redundancy"] == 0
+    assert model["test"]["critical"] is None
+    assert all(row["expd_um"] is None and row["sigf"] is None for row in model["table"])
+    assert all(row["flagged"] is False for row in model["table"])
+
+
+def test_a_point_at_infinity_is_null_and_not_infinite():
+    model = five_points()
+    nowhere = (ModelPoint("9", float("inf"), float("nan"), -float("inf")),)
+    data = json.loads(json.dumps(model_json(replace(model, points=nowhere)), allow_nan=False))
+    assert data["points"] == [{"point": "9", "X": None, "Y": None, "Z": None}]
+
+
+def test_a_strip_that_ended_early_carries_its_error():
+    model = five_points()
+    strips = [BridgedStrip("s", (model,), "strip s, model 2/3: no ties"), BridgedStrip("t", ())]
+    first, second = parsed(strips)["strips"]
+    assert first["error"] == "strip s, model 2/3: no ties"
+    assert len(first["models"]) == 1
+    assert second == {"strip": "t", "models": []}
+
+
+def test_sigma0_is_the_estimated_one_under_baarda_too():
+    data = replace(block(), test=TestSettings("baarda"))
+    bridged = bridge_strip(data, data.strips[0])
+    (strip,) = parsed([bridged])["strips"]
+    for model in strip["models"]:
+        v = np.array([row["parx_um"] for row in model["table"]])
+        q = np.array([2.0 if row["axis"] == "y" else 6.0 for row in model["table"]])
+        expected = float(np.sqrt(v @ (v / q) / model["redundancy"]))
+        assert model["sigma0_um"] == pytest.approx(expected, rel=0.02)
+        assert model["test"]["critical"] == pytest.approx(3.29, abs=0.002)
+        for row in model["table"]:
+            assert row["sigf"] == pytest.approx(abs(row["parx_um"]) / row["expd_um"])
+
+
+def test_table_json_of_any_rows():
+    rows = table_json(five_points().table)
+    assert [row["point"] for row in rows] == ["1", "2", "3", "4", "6"]
