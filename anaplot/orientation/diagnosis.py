@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from anaplot.adjustment.reliability import (
@@ -74,19 +76,33 @@ def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
         Partner(keys[i], keys[j], float(correlation[i, j]))
         for i, j in zip(first.tolist(), second.tolist(), strict=True)
     )
-    chance: dict[tuple[str, str], float] = dict(zip(keys, odds.rows.tolist(), strict=True))
-    suspects = tuple(
-        (row.point, row.axis) for row in sorted(solution.flagged, key=lambda row: -chance[row.key])
-    )
+    suspects = _suspects(solution, rows)
     return Diagnosis(
         rows=rows,
         none=odds.none,
         transfers=transfers,
         partners=partners,
-        advice=_advice(solution, rows, partners, odds.none),
+        advice=_advice(solution, rows, suspects, partners, odds.none),
         suspects=suspects,
         power=_real_power(solution, power),
     )
+
+
+def _suspects(
+    solution: ModelSolution, rows: tuple[RowDiagnosis, ...]
+) -> tuple[tuple[str, Literal["x", "y"]], ...]:
+    """Rows to doubt, the most probably wrong first: of outliers, then flagged ones."""
+    points = point_odds(rows)
+    chance = {(row.point, row.axis): row.probability for row in rows}
+
+    def order(row: TableRow) -> tuple[bool, float, float, float]:
+        # odds saturate when errors are large; the significance then decides
+        outlying = row.point in solution.outliers
+        sigf = row.sigf or 0.0
+        return not outlying, -points[row.point], -chance[row.point, row.axis], -sigf
+
+    doubted = [row for row in solution.table if row.flagged or row.point in solution.outliers]
+    return tuple((row.point, row.axis) for row in sorted(doubted, key=order))
 
 
 def _real_power(solution: ModelSolution, power: float) -> float | None:
@@ -108,12 +124,12 @@ def point_odds(rows: tuple[RowDiagnosis, ...]) -> dict[str, float]:
 def _advice(
     solution: ModelSolution,
     rows: tuple[RowDiagnosis, ...],
+    suspects: tuple[tuple[str, Literal["x", "y"]], ...],
     partners: tuple[Partner, ...],
     none: float,
 ) -> tuple[str, ...]:
     out = list(solution.remarks)
-    flagged = solution.flagged
-    if not flagged:
+    if not suspects:
         sigma0 = solution.sigma0_um
         if sigma0 is not None and sigma0 > _SUSPICIOUS * solution.apriori_um:
             out.append(
@@ -124,36 +140,31 @@ def _advice(
             out.append("nothing is flagged")
         return tuple(out)
     points = point_odds(rows)
-    chance = {(str(row.point), str(row.axis)): row.probability for row in rows}
-    # among the points that show a flag, the one most probably wrong; the runner-up may be any
-    accused = max(flagged, key=lambda row: (points[row.point], row.sigf or 0.0)).point
-    row = max((row for row in flagged if row.point == accused), key=lambda row: chance[row.key])
+    accused, axis = suspects[0]
     others = {name: p for name, p in points.items() if name != accused}
-    sentence = f"remeasure {accused} ({row.axis})"
-    if others:
+    sentence = f"remeasure {accused} ({axis})"
+    if accused in solution.outliers:
+        sentence += ": without it all other points agree"
+    elif others:
         rival = max(others, key=others.__getitem__)
         sentence += f": {_to_one(points[accused], others[rival])} over {rival}"
     out.insert(0, sentence)
-    if row.axis == "x":
+    if axis == "x":
         out.insert(
             1,
             f"{accused} x has two suspects: this pointing, and the tie's coordinates from the "
             "preceding model",
         )
     for partner in partners:
-        if row.key in (partner.first, partner.second):
-            other = partner.second if partner.first == row.key else partner.first
+        if suspects[0] in (partner.first, partner.second):
+            other = partner.second if partner.first == suspects[0] else partner.first
             out.append(
-                f"{_row(row)} and {other[0]} {other[1]} are hard to tell apart "
+                f"{accused} {axis} and {other[0]} {other[1]} are hard to tell apart "
                 f"(correlation {partner.correlation:.2f})"
             )
     if none > points[accused]:
         out.append(f"no gross error at all: {_to_one(none, points[accused])} over {accused}")
     return tuple(out)
-
-
-def _row(row: TableRow) -> str:
-    return f"{row.point} {row.axis}"
 
 
 def _to_one(more: float, less: float) -> str:

@@ -73,8 +73,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         Too few points, no ties, points that do not determine the model, images turned; names the
         model.
     WrongPointsError
-        One or two points are so wrong that there is no orientation with them, or one whose table
-        accuses others.
+        One or two points are so wrong that there is no orientation with them.
     """
     _check_count(pair)
     _check_finite(pair)
@@ -107,9 +106,6 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         )
     used = standardize(adjusted, kind=test.kind, alpha=test.alpha, apriori=apriori_mm)
     table = _table(pair, conditions, adjusted, used)
-    if suspects and max(table, key=_significance).point not in suspects:
-        # pulled so far away that the table accuses others
-        raise WrongPointsError(pair.name, suspects)
     sigma0 = adjusted.sigma0
     return ModelSolution(
         left=pair.left,
@@ -127,16 +123,13 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         condition=adjusted.condition,
         apriori_um=precision.image_um,
         tie_variance=precision.tie_variance,
+        outliers=suspects,
         remarks=_remarks(adjusted, behind),
         q_l=q_l,
         q_vv=adjusted.q_vv,
         q_gg=adjusted.q_xx,
         unknowns=unknowns,
     )
-
-
-def _significance(row: TableRow) -> float:
-    return row.sigf or 0.0
 
 
 def _check_count(pair: Stereopair) -> None:

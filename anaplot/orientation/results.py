@@ -102,6 +102,9 @@ class ModelSolution:
         A-priori sigma0 [um].
     tie_variance
         "paper" or "propagated".
+    outliers
+        Points without which all others agree, where they pull the orientation so far away that
+        the table alone would mislead.
     remarks
         Sentences for the operator (badly spread points, no check at all, ...).
     q_l
@@ -129,6 +132,7 @@ class ModelSolution:
     condition: float
     apriori_um: float
     tie_variance: Literal["paper", "propagated"]
+    outliers: tuple[str, ...]
     remarks: tuple[str, ...]
     q_l: NDArray[np.float64] = field(repr=False)
     q_vv: NDArray[np.float64] = field(repr=False)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anaplot.errors import NotComputableError
+from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.strip import bridge, bridge_strip
 from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Precision, Strip, TestSettings
@@ -199,7 +200,7 @@ def test_one_point_so_wrong_that_no_solution_exists_is_named_or_shows_as_the_wor
         worst = None
         try:
             model = orient(pair_of(f, 0, right=right), PAPER, TAU)
-            worst = max(model.table, key=lambda row: row.sigf).point
+            worst = diagnose(model).suspects[0][0]
         except WrongPointsError as error:
             (worst,) = error.suspects
             named += 1
