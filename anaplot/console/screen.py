@@ -39,6 +39,7 @@ from anaplot.station.snapshot import Snapshot
 __all__ = ["OrientationScreen"]
 
 _READOUT_HZ = 20.0
+_TOGETHER = 0.01  # s
 _LAYOUTS = ("both", "map", "table")
 _PAGE_WIDTH = 72
 
@@ -97,6 +98,7 @@ class OrientationScreen(Screen[None]):
         self._layout_shown = _LAYOUTS[0]
         self._all_transfers = False
         self._moved_by_hand = False
+        self._unread: list[tuple[str, str]] = []
 
     # -- layout and life -------------------------------------------------------------------
 
@@ -142,14 +144,21 @@ class OrientationScreen(Screen[None]):
     def on_orientation_screen_woken(self) -> None:
         """Show the newest snapshot and all notices."""
         snapshot, notices = self._mailbox.take()
+        self._unread += notices
+        if snapshot is None:
+            # the snapshot that goes with a notice is a moment behind: one repaint for both
+            self.set_timer(_TOGETHER, self._say_unread)
+            return
+        self._say_unread()
+        if self._snapshot is None or snapshot.serial >= self._snapshot.serial:
+            self._show(snapshot)
+
+    def _say_unread(self) -> None:
+        notices, self._unread = self._unread, []
         for severity, text in notices:
             self._say(severity, text)
         if any(severity == "record" for severity, _ in notices):
             self.app.bell()
-        if snapshot is not None and (
-            self._snapshot is None or snapshot.serial >= self._snapshot.serial
-        ):
-            self._show(snapshot)
 
     def _poll(self) -> None:
         if self._snapshot is None:

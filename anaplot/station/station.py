@@ -504,12 +504,11 @@ class Station:
                 self._notices = [] if self._listeners else notices[-_KEPT_NOTICES:]
                 after, self._after = self._after, []
                 self._snapshot = taken = self._picture()
-        # the table first: whoever reads that a point is recorded sees what became of it
-        for subscriber in list(self._subscribers):
-            subscriber(taken)
         for severity, text in notices:
             for listener in list(self._listeners):
                 listener(severity, text)
+        for subscriber in list(self._subscribers):
+            subscriber(taken)
         if refused is not None:
             raise refused
         for action in after:

@@ -49,13 +49,10 @@ class Screen:
                 raise SystemExit(f"{text!r} was not written within {seconds} s: {seen[-400:]!r}")
             seen += os.read(self.fd, 65536)
 
-    def settle(self) -> float:
-        """Read until nothing more is written; return when the last of it came."""
-        last = time.perf_counter()
+    def settle(self) -> None:
+        """Read until nothing more is written."""
         while select.select([self.fd], [], [], 0.15)[0]:
             os.read(self.fd, 65536)
-            last = time.perf_counter()
-        return last
 
     def type(self, keys: bytes) -> None:
         """Press keys."""
@@ -111,10 +108,11 @@ def measure(columns: int, lines: int) -> list[float]:
                 begin = time.perf_counter()
                 simulator.press()
                 screen.wait_for(b"recorded")
-                # table, map, advice and messages may come in two frames: the last one counts
-                end = screen.settle()
+                # table, map, advice and message come in one frame, the message last
+                taken = time.perf_counter() - begin
+                screen.settle()
                 if count >= 13:
-                    times.append(end - begin)
+                    times.append(taken)
         finally:
             screen.close()
     return times

@@ -1,0 +1,685 @@
+"""From records to readings, and from positions to commands: no ports, no clock of its own."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from anaplot.errors import InputError
+from anaplot.plotter.framing import Framer
+from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
+from anaplot.plotter.schema import AxisFormat, Footswitch, Profile, RecordFormat
+from anaplot.plotter.text import safe_text
+
+__all__ = ["Decoder", "check_examples"]
+
+PRESS_TIMEOUT = 1.0
+MAX_NUMBER = 999_999
+_DECIMAL = re.compile(rb"([-+]?) {0,30}(\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})")
+_INTEGER = re.compile(rb"[-+]?\d{1,15}")
+_HEX = re.compile(rb"[0-9A-Fa-f]{1,14}")
+UNREFERENCED = "the counters are unreferenced since the line was lost: measure a reference again"
+
+
+class _RefusedError(Exception):
+    """A record is no valid reading; the message is the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Press:
+    """A switch that waits for a position measured after it was pressed."""
+
+    switch: str
+    when: float
+    cycle: int
+
+
+@dataclass(slots=True)
+class _Confirming:
+    """Equal records counted so far."""
+
+    frame: bytes
+    count: int
+    last: float
+
+
+class Decoder:
+    """What a profile's device says, decoded; and the commands it understands.
+
+    Parameters
+    ----------
+    profile
+        The device.
+
+    Notes
+    -----
+    The decoder depends on the bytes, the times and the calls it is given and on nothing else:
+    a recorded session fed to a new decoder gives the same readings.
+    """
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._framers = {name: Framer(profile.framing) for name in profile.links}
+        self._names = tuple(profile.axes)
+        self._values: dict[str, float] = {}
+        self._fresh: dict[str, float] = {}
+        self._checksummed: set[str] = set()
+        self._confirming: dict[tuple[str, str], _Confirming] = {}
+        self._pressed: dict[str, bool] = {}
+        self._pending: list[_Press] = []
+        self._cycle = 0
+        self._last_byte = dict.fromkeys(profile.links, 0.0)
+        self._number: int | None = None
+        self._notes: list[Reading] = []
+        self._understood_records = dict.fromkeys(profile.links, 0)
+        self._understood_positions = dict.fromkeys(profile.links, 0)
+        self._pressed_for_each = any(
+            switch.source == "every" for switch in profile.footswitches.values()
+        )
+        self._referenced = True
+        self._shift: tuple[float, ...] = (0.0,) * len(self._names)
+        self._raw_plate: tuple[float, ...] | None = None
+
+    @property
+    def profile(self) -> Profile:
+        """The device's profile."""
+        return self._profile
+
+    @property
+    def axes(self) -> dict[str, float]:
+        """The latest valid value of each axis that was heard [mm]."""
+        return dict(self._values)
+
+    # -- from the device ------------------------------------------------------------------
+
+    def feed(self, data: bytes, now: float, link: str | None = None) -> list[Reading]:
+        """Decode what arrived.
+
+        Parameters
+        ----------
+        data
+            Bytes as they came.
+        now
+            When [s], on any clock that does not go back.
+        link
+            Where they came from; the profile's first link by default.
+
+        Returns
+        -------
+        list of Reading
+            In the order of the bytes. A footswitch's position is followed by its record.
+        """
+        name = link if link is not None else self._profile.default_link
+        framer = self._framers[name]
+        if data:
+            self._let_go(name, now - self._last_byte[name])
+            self._last_byte[name] = now
+        readings: list[Reading] = list(self._expire_presses(now))
+        for frame in framer.feed(data, now):
+            if isinstance(frame, Refused):
+                readings.append(frame)
+                continue
+            readings.extend(self._decode(frame, now, name))
+        return readings
+
+    def tick(self, now: float) -> list[Reading]:
+        """Let time pass without bytes: incomplete records and unanswered presses are refused.
+
+        Parameters
+        ----------
+        now
+            The time [s].
+
+        Returns
+        -------
+        list of Reading
+            Refusals.
+        """
+        readings: list[Reading] = []
+        for framer in self._framers.values():
+            readings.extend(framer.expire(now))
+        readings.extend(self._expire_presses(now))
+        return readings
+
+    def press(self, switch: str, now: float) -> None:
+        """Make the next position a record (a modem line closed, a key was hit).
+
+        Only a position measured after the press counts: of a device that is asked, the answer
+        to a request sent after it; of another, the second one that comes, as the first may
+        have been under way.
+
+        Parameters
+        ----------
+        switch
+            What was pressed.
+        now
+            When [s].
+        """
+        self._pending.append(_Press(switch, now, self._cycle))
+
+    def sent(self, data: bytes, link: str | None = None) -> None:
+        """Take notice of what the host sent: a request begins a new cycle.
+
+        A position is made of answers of one cycle only. The request on the first of the polled
+        links counts.
+
+        Parameters
+        ----------
+        data
+            Bytes sent.
+        link
+            Where; the profile's first link by default.
+        """
+        poll = self._profile.poll
+        name = link if link is not None else self._profile.default_link
+        if poll is not None and data == poll.request and name == poll.links[0]:
+            self._fresh.clear()
+            self._cycle += 1
+
+    def heard(self, link: str) -> tuple[int, int]:
+        """Return how many records, and how many positions among them, were understood.
+
+        Parameters
+        ----------
+        link
+            Where.
+        """
+        return self._understood_records[link], self._understood_positions[link]
+
+    def reopen(self, link: str | None = None) -> None:
+        """Start afresh after a link was lost: nothing begun before it counts.
+
+        Parameters
+        ----------
+        link
+            Which one; None for all.
+        """
+        for name in self._framers if link is None else (link,):
+            self._framers[name].reset()
+            self._checksummed.discard(name)
+        self._fresh.clear()
+        self._confirming.clear()
+        self._pressed.clear()
+        self._pending.clear()
+        self._number = None
+        if self._profile.incremental:
+            self._referenced = False
+            self._raw_plate = None
+
+    @property
+    def referenced(self) -> bool:
+        """Whether the counters' origin is known."""
+        return self._referenced
+
+    @property
+    def unreferenced_position(self) -> Position | None:
+        """Where the carriages stand as the device counts, before any reference correction."""
+        return None if self._raw_plate is None else self._position(self._raw_plate)
+
+    def reference(self, known: Position) -> Position:
+        """Tell where the carriages stand: from now on positions count from there.
+
+        Parameters
+        ----------
+        known
+            Plate coordinates of the reference the operator points at [mm].
+
+        Returns
+        -------
+        Position
+            By how much the counters were moved [mm].
+
+        Raises
+        ------
+        InputError
+            When no position was heard since the line was opened.
+        """
+        if self._raw_plate is None:
+            raise InputError("no position was heard yet: there is nothing to refer to")
+        target = self._plate(known)
+        self._shift = tuple(
+            wanted - raw for wanted, raw in zip(target, self._raw_plate, strict=True)
+        )
+        self._referenced = True
+        return self._position(self._shift)
+
+    def confirm_reference(self) -> None:
+        """Take the counters as they are: they kept their origin."""
+        self._referenced = True
+
+    # -- to the device --------------------------------------------------------------------
+
+    def poll_request(self) -> bytes:
+        """Return the bytes that ask for a position.
+
+        Raises
+        ------
+        InputError
+            When the device speaks by itself.
+        """
+        if self._profile.poll is None:
+            raise InputError(f"{self._profile.id} cannot be asked: it speaks by itself")
+        return self._profile.poll.request
+
+    def drive_command(self, position: Position) -> bytes:
+        """Return the bytes that drive the plates.
+
+        Parameters
+        ----------
+        position
+            Target [mm], plate coordinates; of a mono comparator xl, yl count.
+
+        Returns
+        -------
+        bytes
+            Command with checksum and terminator.
+
+        Raises
+        ------
+        InputError
+            When there is no drive, the counters are unreferenced, or the target is outside
+            the limits.
+        """
+        drive = self._profile.drive
+        if drive is None:
+            raise InputError(f"{self._profile.id} has no drive: move the plates by hand")
+        if not self._referenced:
+            raise InputError(UNREFERENCED)
+        plate = self._plate(position)
+        if not all(map(math.isfinite, plate)):
+            raise InputError("the target of a drive is not a number")
+        raw = tuple(value - shift for value, shift in zip(plate, self._shift, strict=True))
+        values: dict[str, float] = {}
+        for name, value in zip(self._names, self._profile.stage.to_axes(raw), strict=True):
+            low, high = drive.limits[name]
+            if not low <= value <= high:
+                raise InputError(
+                    f"axis {name} cannot be driven to {value:.3f} mm: "
+                    f"its limits are {low:g} and {high:g} mm"
+                )
+            axis = self._profile.axes[name]
+            values[name] = value * axis.direction / axis.scale
+        return self._command(drive.command.render(values))
+
+    def stop_command(self) -> bytes:
+        """Return the bytes that stop a drive.
+
+        Raises
+        ------
+        InputError
+            When there is no drive.
+        """
+        if self._profile.drive is None:
+            raise InputError(f"{self._profile.id} has no drive: there is nothing to stop")
+        return self._command(self._profile.drive.stop.render({}))
+
+    def _command(self, payload: bytes) -> bytes:
+        checksum = self._profile.checksum
+        if checksum is not None and checksum.host:
+            payload += checksum.digits(payload)
+        drive = self._profile.drive
+        return payload + (drive.terminator if drive else b"")
+
+    # -- records --------------------------------------------------------------------------
+
+    def _decode(self, frame: bytes, now: float, link: str) -> Iterable[Reading]:
+        self._notes.clear()
+        try:
+            payload = self._verified(frame, link)
+            for record in self._profile.records.values():
+                if link not in record.links or len(payload) > record.max_bytes:
+                    continue
+                match = record.pattern.fullmatch(payload)
+                if match is not None:
+                    readings = self._understood(record, match, frame, now, link)
+                    return [*self._notes, *readings]
+            raise _RefusedError(f"no record of {self._profile.id}")
+        except _RefusedError as refusal:
+            self._framers[link].lose_sync()
+            return [*self._notes, *self._refuse(frame, str(refusal))]
+
+    def _refuse(self, frame: bytes, reason: str) -> list[Reading]:
+        """Refuse a record; a press that waited for it is refused with it."""
+        readings: list[Reading] = [Refused(frame, reason)]
+        if self._pending:
+            readings.extend(
+                Refused(b"", f"{safe_text(press.switch, 40)} was not recorded: {reason}")
+                for press in self._pending
+            )
+            self._pending.clear()
+        return readings
+
+    def _verified(self, frame: bytes, link: str) -> bytes:
+        """Return the record without its checksum."""
+        checksum = self._profile.checksum
+        if checksum is None:
+            return frame
+        bare = frame.rstrip(b"\r")
+        payload, digits = bare[:-3], bare[-3:]
+        if len(digits) < 3 or digits[:1] != checksum.marker:
+            if checksum.required or link in self._checksummed:
+                raise _RefusedError("the checksum is missing")
+            return bare
+        if checksum.marker + digits[1:].upper() != checksum.digits(payload):
+            raise _RefusedError("the checksum is wrong")
+        self._checksummed.add(link)
+        return payload
+
+    def _understood(
+        self, record: RecordFormat, match: re.Match[bytes], frame: bytes, now: float, link: str
+    ) -> list[Reading]:
+        self._understood_records[link] += 1
+        if record.kind == "position":
+            self._understood_positions[link] += 1
+        if record.kind == "ignore":
+            return []
+        if record.kind == "fault":
+            groups = match.groupdict(b"")
+            code = safe_text((groups.get("code") or b"fault").strip(), 20)
+            return [Fault(code, safe_text((groups.get("text") or b"").strip()))]
+        if not self._confirmed(record, frame, now, link):
+            return []
+        switch, number = "", None
+        if record.kind == "record":
+            # the number counts even when the record is refused for what it says
+            switch = self._switch_of(record, match)
+            number = self._numbered(match)
+        self._check_faults(record, match)
+        values = self._axis_values(record, match, link)
+        if record.kind == "in-position":
+            place = self._reading(values) if values and self._referenced else None
+            return [InPosition(place)]
+        if record.kind == "record":
+            if values:
+                return [Record(self._reading(values), switch, number)]
+            self.press(switch, now)
+            return []
+        return self._positioned(record, match, values, now)
+
+    def _confirmed(self, record: RecordFormat, frame: bytes, now: float, link: str) -> bool:
+        if record.confirm == 1:
+            return True
+        key = (link, record.name)
+        begun = self._confirming.get(key)
+        if begun is None or now - begun.last > record.confirm_within:
+            self._confirming[key] = _Confirming(frame, 1, now)
+            return False
+        if begun.frame != frame:
+            self._confirming[key] = _Confirming(frame, 1, now)
+            if self._pressed_for_each:
+                raise _RefusedError("differs from the one before it: press again")
+            return False
+        begun.count += 1
+        begun.last = now
+        if begun.count < record.confirm:
+            return False
+        del self._confirming[key]
+        return True
+
+    @staticmethod
+    def _check_faults(record: RecordFormat, match: re.Match[bytes]) -> None:
+        for group, meanings in record.faults.items():
+            value = match.group(group)
+            if value is not None and value in meanings:
+                raise _RefusedError(meanings[value])
+
+    def _axis_values(
+        self, record: RecordFormat, match: re.Match[bytes], link: str
+    ) -> dict[str, float]:
+        factor = 1.0
+        if record.units is not None:
+            unit = match.group(record.unit_group) or b""
+            if unit not in record.units:
+                raise _RefusedError(f'unknown unit "{safe_text(unit, 20)}"')
+            factor = record.units[unit]
+        values: dict[str, float] = {}
+        for axis in self._profile.axes.values():
+            if axis.link != link or record.name not in axis.records:
+                continue
+            raw = match.group(axis.group)
+            if raw is None:
+                raise _RefusedError(f"axis {axis.name} has no value")
+            value = _number(raw, axis) * factor * axis.scale * axis.direction
+            if not axis.low <= value <= axis.high:
+                raise _RefusedError(
+                    f"axis {axis.name} at {value:.4f} mm is outside its range "
+                    f"{axis.low:g} to {axis.high:g} mm"
+                )
+            values[axis.name] = value
+        return values
+
+    def _reading(self, values: dict[str, float]) -> Position:
+        """Return the plate position of a complete set of axes.
+
+        Raises
+        ------
+        _RefusedError
+            When the counters' origin is not known.
+        """
+        self._values.update(values)
+        self._raw_plate = self._profile.stage.to_plate(tuple(values[name] for name in self._names))
+        if not self._referenced:
+            raise _RefusedError(UNREFERENCED)
+        return self._position(
+            tuple(raw + shift for raw, shift in zip(self._raw_plate, self._shift, strict=True))
+        )
+
+    def _position(self, plate: tuple[float, ...]) -> Position:
+        if self._profile.mono:
+            x, y = plate
+            return Position(x, y, x, y)
+        xl, yl, xr, yr = plate
+        return Position(xl, yl, xr, yr)
+
+    def _plate(self, position: Position) -> tuple[float, ...]:
+        if self._profile.mono:
+            return (position.xl, position.yl)
+        return (position.xl, position.yl, position.xr, position.yr)
+
+    def _numbered(self, match: re.Match[bytes]) -> int | None:
+        """Return the device's own number; one that came before is refused, a gap is told."""
+        if "number" not in match.re.groupindex or match.group("number") is None:
+            return None
+        text = match.group("number").strip()
+        if not _INTEGER.fullmatch(text):
+            raise _RefusedError("the record's number is none")
+        number = int(text)
+        last = self._number
+        if last is not None:
+            if number == last or (number < last and number != 1 and last < MAX_NUMBER):
+                raise _RefusedError(f"record {number} came twice")
+            if number <= 1 < last:
+                if last < MAX_NUMBER and self._profile.incremental:
+                    self._number = number
+                    self._referenced = False
+                    self._notes.append(Fault("restarted", "the device has restarted"))
+            elif number > last + 1:
+                missing = (
+                    f"record {last + 1}"
+                    if number == last + 2
+                    else f"records {last + 1} to {number - 1}"
+                )
+                self._notes.append(Fault("missing", f"{missing} did not arrive"))
+        self._number = number
+        return number
+
+    def _switch_of(self, record: RecordFormat, match: re.Match[bytes]) -> str:
+        """Return the footswitch whose value the record holds."""
+        for switch in self._profile.footswitches.values():
+            if switch.source != "record" or switch.record != record.name:
+                continue
+            if not switch.group or match.group(switch.group) == switch.value:
+                return switch.name
+        raise _RefusedError("no footswitch of the profile")
+
+    def _positioned(
+        self,
+        record: RecordFormat,
+        match: re.Match[bytes],
+        values: dict[str, float],
+        now: float,
+    ) -> list[Reading]:
+        self._values.update(values)
+        within = self._profile.stage.within
+        self._fresh = {name: when for name, when in self._fresh.items() if now - when <= within}
+        self._fresh.update(dict.fromkeys(values, now))
+        if len(self._fresh) < len(self._names):
+            return []
+        self._fresh.clear()
+        position = self._reading(self._values)
+        readings: list[Reading] = [position]
+        for switch in self._profile.footswitches.values():
+            if switch.source == "every" or self._held(switch, record, match):
+                readings.append(Record(position, switch.name))
+        asked = self._profile.poll is not None
+        if not asked:
+            self._cycle += 1
+        due = [press for press in self._pending if self._cycle - press.cycle > (not asked)]
+        readings += [Record(position, press.switch) for press in due]
+        self._pending = [press for press in self._pending if press not in due]
+        return readings
+
+    def _held(self, switch: Footswitch, record: RecordFormat, match: re.Match[bytes]) -> bool:
+        """Say whether a switch told within a position counts as pressed now."""
+        if switch.source != "record" or switch.record != record.name:
+            return False
+        down = match.group(switch.group) == switch.value
+        before = self._pressed.get(switch.name, False)
+        self._pressed[switch.name] = down
+        return down and not (switch.edge and before)
+
+    def _let_go(self, link: str, pause: float) -> None:
+        """Let go of the keys of a link after a pause on the line."""
+        for switch in self._profile.footswitches.values():
+            if (
+                switch.release is not None
+                and pause >= switch.release
+                and link in self._profile.records[switch.record].links
+            ):
+                self._pressed[switch.name] = False
+
+    def _expire_presses(self, now: float) -> list[Refused]:
+        refused = [
+            Refused(
+                b"", f"{safe_text(press.switch, 40)} was not recorded: no position came after it"
+            )
+            for press in self._pending
+            if now - press.when > PRESS_TIMEOUT
+        ]
+        if refused:
+            self._pending = [press for press in self._pending if now - press.when <= PRESS_TIMEOUT]
+        return refused
+
+
+def _number(raw: bytes, axis: AxisFormat) -> float:
+    """Return the value of a group in the device's units."""
+    encoding = axis.encoding
+    if encoding == "decimal":
+        match = _DECIMAL.fullmatch(raw.strip(b" "))
+        if match is None:
+            raise _RefusedError(f'axis {axis.name}: "{safe_text(raw, 30)}" is not a number')
+        value = float(match.group(2))
+        return -value if match.group(1) == b"-" else value
+    if encoding in ("integer", "hex"):
+        pattern = _INTEGER if encoding == "integer" else _HEX
+        if pattern.fullmatch(raw) is None:
+            raise _RefusedError(f'axis {axis.name}: "{safe_text(raw, 30)}" is not a number')
+        return float(int(raw, 10 if encoding == "integer" else 16))
+    if len(raw) > 8:
+        raise _RefusedError(f"axis {axis.name}: more than 8 bytes")
+    if encoding in ("bits6", "bits7"):
+        bits = 6 if encoding == "bits6" else 7
+        mask = (1 << bits) - 1
+        return float(sum((byte & mask) << (bits * at) for at, byte in enumerate(raw)))
+    order = "little" if encoding == "int-le" else "big"
+    return float(int.from_bytes(raw, order, signed=True))  # type: ignore[arg-type]
+
+
+def check_examples(profile: Profile) -> list[str]:
+    """Decode a profile's examples and compare.
+
+    Parameters
+    ----------
+    profile
+        With its examples.
+
+    Returns
+    -------
+    list of str
+        One line for each example that means something else; empty when all are right.
+    """
+    problems: list[str] = []
+    for at, example in enumerate(profile.examples, 1):
+        decoder = Decoder(profile)
+        readings = decoder.feed(example.data, 0.0, example.link)
+        got = [_described(profile, reading) for reading in readings]
+        wanted: list[str] = []
+        for meaning in example.meanings:
+            if meaning.kind == "axes":
+                for name, value in (meaning.axes or {}).items():
+                    heard = decoder.axes.get(name)
+                    if heard is None or abs(heard - value) > 5e-7:
+                        shown = "nothing" if heard is None else f"{heard:.6f}"
+                        problems.append(f"example {at}: axis {name} is {shown}, not {value:.6f}")
+            else:
+                wanted.append(
+                    _line(
+                        meaning.kind,
+                        meaning.position,
+                        meaning.switch,
+                        meaning.number,
+                        meaning.text,
+                    )
+                )
+        for index in range(max(len(got), len(wanted))):
+            have = got[index] if index < len(got) else "nothing"
+            want = wanted[index] if index < len(wanted) else "nothing"
+            if have != want and not (want.startswith("refused") and _refused_as(have, want)):
+                problems.append(f"example {at}: it means {have}, not {want}")
+    return problems
+
+
+def _refused_as(have: str, want: str) -> bool:
+    return have.startswith("refused") and want.removeprefix("refused ") in have
+
+
+def _described(profile: Profile, reading: Reading) -> str:
+    def plate(position: Position | None) -> tuple[float, ...]:
+        if position is None:
+            return ()
+        if profile.mono:
+            return (position.xl, position.yl)
+        return (position.xl, position.yl, position.xr, position.yr)
+
+    match reading:
+        case Position():
+            return _line("position", plate(reading))
+        case Record(position, switch, number):
+            return _line("record", plate(position), switch, number)
+        case InPosition(position):
+            return _line("in-position", plate(position))
+        case Fault(code):
+            return _line("fault", text=code)
+        case Refused(_, reason):
+            return _line("refused", text=reason)
+
+
+def _line(
+    kind: str,
+    position: tuple[float, ...] = (),
+    switch: str = "",
+    number: int | None = None,
+    text: str = "",
+) -> str:
+    parts = [kind]
+    if number is not None:
+        parts.append(f"number {number}")
+    if switch:
+        parts.append(f"of {safe_text(switch, 40)}")
+    if position:
+        parts.append("at " + " ".join(f"{value + 0.0:.6f}" for value in position))
+    if text:
+        parts.append(safe_text(text))
+    return " ".join(parts)

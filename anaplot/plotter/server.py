@@ -1,0 +1,549 @@
+"""The simulated plotter behind a real line: a pseudo-terminal, or a loopback TCP port."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import shutil
+import socket
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol
+
+from anaplot.errors import InputError, LinkError
+from anaplot.plotter.simulator import SimulatedPlotter
+from anaplot.plotter.text import safe_text
+
+__all__ = ["SimulatorServer"]
+
+_CHUNK = 4096
+_JOIN = 10.0
+
+
+class _Connection(Protocol):
+    """One end of a line."""
+
+    @property
+    def port(self) -> str:
+        """What a `Link` opens."""
+
+    def register(self, selector: selectors.BaseSelector, name: str) -> None:
+        """Have the selector watch the line."""
+
+    def receive(self, selector: selectors.BaseSelector, name: str) -> bytes:
+        """Return what the host has sent."""
+
+    def send(self, data: bytes) -> int:
+        """Send and return how many bytes the line took."""
+
+    def cut(self, selector: selectors.BaseSelector) -> None:
+        """Break the line."""
+
+    def restore(self, selector: selectors.BaseSelector, name: str) -> None:
+        """Mend the line under its old name."""
+
+    def close(self) -> None:
+        """Give everything back."""
+
+
+class SimulatorServer:
+    """Runs a simulated plotter in a thread and serves its lines.
+
+    Parameters
+    ----------
+    simulator
+        The plotter.
+    symlink
+        Stable name of the pseudo-terminal; with several links ``-NAME`` is added. Without it a
+        name in a private temporary folder is made.
+    tcp
+        Serve loopback TCP ports instead; also where there are no pseudo-terminals.
+    tcp_port
+        Number of the first TCP port; 0 for any free one.
+    time_scale
+        Simulated seconds per second.
+    clock
+        Seconds that never go back.
+
+    Notes
+    -----
+    A context manager: `start` and `close` leave no thread, descriptor or name behind. Bytes that
+    the line does not take, because nobody reads, are lost, as on a cable.
+    """
+
+    def __init__(
+        self,
+        simulator: SimulatedPlotter,
+        *,
+        symlink: str | Path | None = None,
+        tcp: bool = False,
+        tcp_port: int = 0,
+        time_scale: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if not 0.0 < time_scale < 1e6:
+            raise InputError("the time scale of a simulated plotter must be positive")
+        self._simulator = simulator
+        self._symlink = Path(symlink) if symlink is not None else None
+        self._tcp = tcp or not hasattr(os, "openpty")
+        self._tcp_port = tcp_port
+        self._scale = time_scale
+        self._clock = clock
+        self._folder: str | None = None
+        self._lines: dict[str, _Connection] = {}
+        self._thread: threading.Thread | None = None
+        self._stop = threading.Event()
+        self._jobs: list[tuple[Callable[[], None], threading.Event]] = []
+        self._jobs_lock = threading.Lock()
+        self._selector: selectors.BaseSelector | None = None
+        self._wake_in: socket.socket | None = None
+        self._wake_out: socket.socket | None = None
+        self._lost = 0
+        self._mending: list[tuple[float, str]] = []
+
+    # -- life ------------------------------------------------------------------------------
+
+    def start(self) -> SimulatorServer:
+        """Open the lines and run.
+
+        Returns
+        -------
+        SimulatorServer
+            This.
+
+        Raises
+        ------
+        LinkError
+            When a line cannot be made.
+        InputError
+            When it runs already or the symbolic link's name is taken.
+        """
+        if self._thread is not None:
+            raise InputError("the simulated plotter runs already")
+        self._stop.clear()
+        self._selector = selectors.DefaultSelector()
+        self._wake_out, self._wake_in = socket.socketpair()
+        self._wake_out.setblocking(False)
+        self._wake_in.setblocking(False)
+        self._selector.register(self._wake_out, selectors.EVENT_READ, "")
+        try:
+            for at, name in enumerate(self._simulator.profile.links):
+                line = self._make_line(name, at)
+                self._lines[name] = line
+                line.register(self._selector, name)
+        except OSError as error:
+            self._release()
+            reason = error.strerror or str(error)
+            raise LinkError(f"the simulated plotter's line cannot be made: {reason}") from None
+        except InputError:
+            self._release()
+            raise
+        self._simulator.set_on_wake(self._wake)
+        self._thread = threading.Thread(target=self._run, name="simulated plotter", daemon=True)
+        self._thread.start()
+        return self
+
+    def _make_line(self, name: str, at: int) -> _Connection:
+        if self._tcp:
+            return _Tcp(self._tcp_port + at if self._tcp_port else 0)
+        several = len(self._simulator.profile.links) > 1
+        if self._symlink is not None:
+            ending = f"-{name}" if several else ""
+            return _Pty(self._symlink.with_name(self._symlink.name + ending))
+        if self._folder is None:
+            self._folder = tempfile.mkdtemp(prefix="anaplot-plotter-")
+        return _Pty(Path(self._folder) / name)
+
+    def close(self) -> None:
+        """Stop and give everything back; may be called more than once."""
+        thread, self._thread = self._thread, None
+        self._simulator.set_on_wake(None)
+        if thread is not None:
+            self._stop.set()
+            self._wake()
+            if thread is not threading.current_thread():
+                thread.join(_JOIN)
+        self._release()
+
+    def _release(self) -> None:
+        for line in self._lines.values():
+            line.close()
+        self._lines = {}
+        self._mending = []
+        if self._selector is not None:
+            self._selector.close()
+            self._selector = None
+        for end in (self._wake_in, self._wake_out):
+            if end is not None:
+                end.close()
+        self._wake_in = self._wake_out = None
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder = None
+        for _, done in self._jobs:
+            done.set()
+        self._jobs = []
+
+    def __enter__(self) -> SimulatorServer:
+        return self.start()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # -- what it offers --------------------------------------------------------------------
+
+    @property
+    def simulator(self) -> SimulatedPlotter:
+        """The plotter."""
+        return self._simulator
+
+    @property
+    def port(self) -> str:
+        """What a `Link` opens, for a profile with one link.
+
+        Raises
+        ------
+        InputError
+            When the profile has several links, or the server does not run.
+        """
+        if len(self._lines) != 1:
+            raise InputError("the simulated plotter has several lines, or none: see ports")
+        return next(iter(self._lines.values())).port
+
+    @property
+    def ports(self) -> dict[str, str]:
+        """What a `Link` opens, by the profile's links."""
+        return {name: line.port for name, line in self._lines.items()}
+
+    @property
+    def lost_bytes(self) -> int:
+        """Bytes that the line did not take."""
+        return self._lost
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def disconnect(self, link: str | None = None) -> None:
+        """Break a line, or all of them: the host sees its port go away."""
+        self._do(lambda: self._each(link, lambda name, line, sel: line.cut(sel)))
+
+    def reconnect(self, link: str | None = None) -> None:
+        """Mend what `disconnect` broke, under the same name."""
+        self._do(lambda: self._each(link, lambda name, line, sel: line.restore(sel, name)))
+
+    # -- the thread ------------------------------------------------------------------------
+
+    def _each(
+        self,
+        link: str | None,
+        action: Callable[[str, _Connection, selectors.BaseSelector], None],
+    ) -> None:
+        if self._selector is None:
+            return
+        for name, line in self._lines.items():
+            if link is None or link == name:
+                action(name, line, self._selector)
+
+    def _do(self, job: Callable[[], None]) -> None:
+        """Have the thread do a job, and wait until it is done."""
+        thread = self._thread
+        if thread is None:
+            raise InputError("the simulated plotter does not run")
+        if thread is threading.current_thread():
+            job()
+            return
+        done = threading.Event()
+        with self._jobs_lock:
+            self._jobs.append((job, done))
+        self._wake()
+        done.wait(_JOIN)
+
+    def _wake(self) -> None:
+        wake = self._wake_in
+        if wake is not None:
+            # a full buffer wakes as well, a closed one has nobody to wake
+            with contextlib.suppress(OSError):
+                wake.send(b"w")
+
+    def _run(self) -> None:
+        selector = self._selector
+        if selector is None:
+            return
+        last = self._clock()
+        while not self._stop.is_set():
+            now = self._clock()
+            self._simulator.advance((now - last) * self._scale)
+            last = now
+            self._flush()
+            self._cut_and_mend(now)
+            if self._stop.is_set():
+                return
+            pause = self._simulator.next_event()
+            timeout = None if pause is None else pause / self._scale
+            if self._mending:
+                mend = max(0.0, min(when for when, _ in self._mending) - now)
+                timeout = mend if timeout is None else min(timeout, mend)
+            ready = [(key.fileobj, str(key.data)) for key, _ in selector.select(timeout)]
+            # the wake is taken back before the jobs are: none may be left without a wake
+            if any(name == "" for _, name in ready):
+                self._drain()
+            with self._jobs_lock:
+                jobs, self._jobs = self._jobs, []
+            for job, done in jobs:
+                job()
+                done.set()
+            # what arrives, arrives now and not when the last round began
+            now = self._clock()
+            self._simulator.advance((now - last) * self._scale)
+            last = now
+            for fileobj, name in ready:
+                if name in self._lines and fileobj in _registered(selector):
+                    data = self._lines[name].receive(selector, name)
+                    if data:
+                        self._simulator.receive(data, name)
+
+    def _cut_and_mend(self, now: float) -> None:
+        """Break and mend the lines that a fault has struck."""
+        for name, seconds in self._simulator.take_cuts():
+            self._each(name, lambda _, line, selector: line.cut(selector))
+            self._mending.append((now + seconds / self._scale, name))
+        due = [name for when, name in self._mending if when <= now]
+        self._mending = [item for item in self._mending if item[0] > now]
+        for name in due:
+            self._each(name, lambda name, line, selector: line.restore(selector, name))
+
+    def _drain(self) -> None:
+        if self._wake_out is not None:
+            with contextlib.suppress(OSError):
+                self._wake_out.recv(_CHUNK)
+
+    def _flush(self) -> None:
+        for name, line in self._lines.items():
+            data = self._simulator.take(name)
+            if data:
+                self._lost += len(data) - line.send(data)
+
+
+def _registered(selector: selectors.BaseSelector) -> set[object]:
+    return {key.fileobj for key in selector.get_map().values()}
+
+
+class _Pty:
+    """A pseudo-terminal under a symbolic link."""
+
+    def __init__(self, name: Path) -> None:
+        self._name = name
+        self._master = self._slave = -1
+        self._open()
+
+    def _open(self) -> None:
+        if sys.platform == "win32":
+            raise OSError("no pseudo-terminals here")
+        import tty
+
+        master, slave = os.openpty()
+        self._master, self._slave = master, slave
+        try:
+            tty.setraw(slave)
+            os.set_blocking(master, False)
+            self._link(os.ttyname(slave))
+        except (OSError, InputError):
+            self._shut()
+            raise
+
+    def _link(self, target: str) -> None:
+        """Point the symbolic link at the terminal; nothing but a symbolic link is replaced."""
+        if self._name.exists() and not self._name.is_symlink():
+            raise InputError(f"{safe_text(str(self._name))}: exists and is no symbolic link")
+        if self._name.is_symlink() and self._name.exists() and _is_foreign(self._name):
+            raise InputError(f"{safe_text(str(self._name))}: is another plotter's line")
+        temporary = self._name.with_name(f".{self._name.name}.{os.getpid()}")
+        with contextlib.suppress(FileNotFoundError):
+            temporary.unlink()
+        temporary.symlink_to(target)
+        temporary.replace(self._name)
+
+    @property
+    def port(self) -> str:
+        """The symbolic link."""
+        return str(self._name)
+
+    def register(self, selector: selectors.BaseSelector, name: str) -> None:
+        """Watch the master's end."""
+        selector.register(self._master, selectors.EVENT_READ, name)
+
+    def receive(self, selector: selectors.BaseSelector, name: str) -> bytes:
+        """Read what the host has written."""
+        try:
+            return os.read(self._master, _CHUNK)
+        except OSError:
+            return b""
+
+    def send(self, data: bytes) -> int:
+        """Write as much as the terminal takes."""
+        if self._master < 0:
+            return 0
+        try:
+            return os.write(self._master, data)
+        except OSError:
+            return 0
+
+    def cut(self, selector: selectors.BaseSelector) -> None:
+        """Close both ends; the name goes too, as the kernel may give the terminal to others."""
+        if self._master >= 0:
+            selector.unregister(self._master)
+            self._shut()
+            self._forget()
+
+    def restore(self, selector: selectors.BaseSelector, name: str) -> None:
+        """Open a new terminal under the old name."""
+        if self._master < 0:
+            self._open()
+            self.register(selector, name)
+
+    def _shut(self) -> None:
+        for descriptor in (self._master, self._slave):
+            if descriptor >= 0:
+                os.close(descriptor)
+        self._master = self._slave = -1
+
+    def close(self) -> None:
+        """Close both ends and take the name away."""
+        if self._master >= 0:
+            self._shut()
+            self._forget()
+
+    def _forget(self) -> None:
+        with contextlib.suppress(OSError):
+            self._name.unlink()
+
+
+def _is_foreign(name: Path) -> bool:
+    """Say whether a living terminal, somebody else's, hides behind a name."""
+    target = str(name.resolve())
+    return target.startswith(("/dev/pts/", "/dev/ttys"))
+
+
+class _Tcp:
+    """A loopback TCP port for one host at a time."""
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._client: socket.socket | None = None
+        self._listener: socket.socket | None = None
+        self._listen()
+
+    def _listen(self) -> None:
+        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        try:
+            if sys.platform != "win32":
+                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind(("127.0.0.1", self._number))
+            listener.listen(1)
+            listener.setblocking(False)
+        except OSError:
+            listener.close()
+            raise
+        self._listener = listener
+        self._number = int(listener.getsockname()[1])
+
+    @property
+    def port(self) -> str:
+        """The address as pyserial takes it."""
+        return f"socket://127.0.0.1:{self._number}"
+
+    def register(self, selector: selectors.BaseSelector, name: str) -> None:
+        """Watch for a host."""
+        if self._listener is not None:
+            selector.register(self._listener, selectors.EVENT_READ, name)
+
+    def receive(self, selector: selectors.BaseSelector, name: str) -> bytes:
+        """Accept a host, or read what it has sent."""
+        self._accept(selector, name)
+        if self._client is None:
+            return b""
+        try:
+            data = self._client.recv(_CHUNK)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._drop(selector)
+        return data
+
+    def _accept(self, selector: selectors.BaseSelector, name: str) -> None:
+        if self._listener is None:
+            return
+        try:
+            client, _ = self._listener.accept()
+        except OSError:
+            return
+        if self._client is not None and self._alive():
+            # a plotter has one cable
+            client.close()
+            return
+        self._drop(selector)
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._client = client
+        selector.register(client, selectors.EVENT_READ, name)
+
+    def _alive(self) -> bool:
+        if self._client is None:
+            return False
+        try:
+            return self._client.recv(1, socket.MSG_PEEK) != b""
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+
+    def _drop(self, selector: selectors.BaseSelector) -> None:
+        if self._client is not None:
+            selector.unregister(self._client)
+            self._client.close()
+            self._client = None
+
+    def send(self, data: bytes) -> int:
+        """Send as much as the connection takes."""
+        if self._client is None:
+            return 0
+        try:
+            return self._client.send(data)
+        except OSError:
+            return 0
+
+    def cut(self, selector: selectors.BaseSelector) -> None:
+        """Drop the host and listen no longer."""
+        self._drop(selector)
+        if self._listener is not None:
+            selector.unregister(self._listener)
+            self._listener.close()
+            self._listener = None
+
+    def restore(self, selector: selectors.BaseSelector, name: str) -> None:
+        """Listen again on the same port."""
+        if self._listener is None:
+            self._listen()
+            self.register(selector, name)
+
+    def close(self) -> None:
+        """Close everything."""
+        for end in (self._client, self._listener):
+            if end is not None:
+                end.close()
+        self._client = self._listener = None

@@ -1,0 +1,209 @@
+from __future__ import annotations
+
+import io
+import os
+import re
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from anaplot.errors import InputError, LinkError
+from anaplot.plotter import serialport
+from anaplot.plotter.commands import (
+    check_profile,
+    describe,
+    grid_photographs,
+    list_instruments,
+    obey,
+    parse_ports,
+    run_simulator,
+    watch,
+)
+from anaplot.plotter.profile import find_profiles, load_profile
+from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
+from anaplot.plotter.server import SimulatorServer
+from anaplot.plotter.simulator import Hand, SimulatedPlotter
+
+pytestmark = pytest.mark.usefixtures("nothing_left")
+
+
+class Lines(io.StringIO):
+    """A text stream on which lines can be waited for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.condition = threading.Condition()
+
+    def write(self, text: str) -> int:
+        with self.condition:
+            count = super().write(text)
+            self.condition.notify_all()
+            return count
+
+    def wait(self, pattern: str) -> re.Match[str]:
+        with self.condition:
+            assert self.condition.wait_for(lambda: re.search(pattern, self.getvalue()), 30)
+            found = re.search(pattern, self.getvalue())
+            assert found is not None
+            return found
+
+
+def test_list(monkeypatch, tmp_path):
+    monkeypatch.setattr(
+        serialport.list_ports,
+        "comports",
+        lambda: [
+            SimpleNamespace(
+                device="/dev/ttyUSB0",
+                description="\x1b[2Jadapter",
+                vid=0x403,
+                pid=0x6001,
+                serial_number="A1",
+            ),
+            SimpleNamespace(
+                device="/dev/ttyS0", description="n/a", vid=None, pid=None, serial_number=None
+            ),
+        ],
+    )
+    out = io.StringIO()
+    assert list_instruments(out) == 0
+    text = out.getvalue()
+    assert "/dev/ttyUSB0          \\x1b[2Jadapter  usb:0403:6001:A1" in text
+    assert "heidenhain-nd281b     from-manual" in text
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    folder = tmp_path / "anaplot" / "device_profiles"
+    folder.mkdir(parents=True)
+    (folder / "broken.toml").write_text("schema = 1\nidd = 2\n")
+    out = io.StringIO()
+    assert list_instruments(out) == 2
+    assert 'broken.toml: line 2: idd: unknown key (did you mean "id"?)' in out.getvalue()
+
+
+def test_check(any_profile, tmp_path):
+    out = io.StringIO()
+    assert check_profile(any_profile.id, out) == 0
+    assert f"examples  {len(any_profile.examples)}, all right" in out.getvalue()
+    assert any_profile.sha256 in out.getvalue()
+
+
+def test_check_tells_which_example_is_wrong(tmp_path):
+    text = find_profiles()["heidenhain-nd281b"].read_text()
+    file = tmp_path / "mine.toml"
+    file.write_text(text.replace("xl = -5.23", "xl = 5.23"))
+    with pytest.raises(InputError, match=r"mine\.toml: example 1: axis xl is -5\.23"):
+        check_profile(str(file), io.StringIO())
+
+
+def test_ports_as_typed():
+    one, four = load_profile("simulated"), load_profile("heidenhain-nd281b")
+    assert parse_ports(one, ["COM3"]) == {"main": "COM3"}
+    assert parse_ports(one, ["main=COM3"]) == {"main": "COM3"}
+    assert parse_ports(four, ["xl=a,yl=b", "xr=c", "yr=socket://h:1"])["yr"] == "socket://h:1"
+    for texts, part in [
+        (["COM3"], "LINK=PORT"),
+        (["xl=a,xl=b"], "twice"),
+        (["xk=a"], "known: xl, yl, xr, yr"),
+        (["xl=a,yl=b,xr=c"], '"yr"'),
+        (["xl="], "LINK=PORT"),
+    ]:
+        with pytest.raises(InputError, match=part):
+            parse_ports(four, texts)
+
+
+def test_watch(simulated, photographs):
+    plotter = SimulatedPlotter(simulated, photographs)
+    out, stop = Lines(), threading.Event()
+    with SimulatorServer(plotter) as server:
+        thread = threading.Thread(
+            target=watch, args=([server.port], "simulated", out), kwargs={"raw": True, "stop": stop}
+        )
+        thread.start()
+        out.wait("link      live")
+        plotter.press()
+        out.wait(r"record 1  x' +\+0\.0000")
+        out.wait("position  x'")
+        out.wait(r"out +main: \?\\x0a")
+        stop.set()
+        thread.join()
+    assert "link      closed" in out.getvalue()
+
+
+def test_watch_ends_after_some_time_and_tells_a_wrong_port(simulated):
+    plotter = SimulatedPlotter(simulated, {})
+    with SimulatorServer(plotter) as server:
+        assert watch([server.port], "simulated", io.StringIO(), seconds=0.0) == 0
+    with pytest.raises(LinkError, match="no such file"):
+        watch(["/dev/none"], "simulated", io.StringIO())
+
+
+def test_readings_as_lines():
+    place = Position(1.0, -2.0, 3.0, 0.25)
+    assert describe(place).startswith("position  x'    +1.0000  y'    -2.0000")
+    assert describe(Record(place, "a\x1b")).endswith("mm  a\\x1b")
+    assert describe(InPosition(None)) == "arrived"
+    assert describe(InPosition(place)).startswith("arrived   x'")
+    assert describe(Fault("3", "stuck")) == "fault     3 stuck"
+    assert describe(Refused(b"\x1b[2J", "why")) == "refused   why  <\\x1b[2J>"
+
+
+def test_a_simulated_plotter_by_itself(tmp_path):
+    reader, writer = os.pipe()
+    out, stop = Lines(), threading.Event()
+    name = tmp_path / "plotter"
+    with open(reader) as control, open(writer, "w") as commands:  # noqa: PTH123
+        thread = threading.Thread(
+            target=run_simulator,
+            args=("simulated", out),
+            kwargs={
+                "symlink": name,
+                "control": control,
+                "stop": stop,
+                "hand": Hand(settle_time=0.0),
+            },
+        )
+        thread.start()
+        out.wait(f"SIMULATED  simulated  main={re.escape(str(name))}")
+        for line, answer in [
+            ("press", "pressed"),
+            ("move 1 2 3 4", r"at x' +\+1\.0000"),
+            ("lay right left", "laid right left"),
+            ("flip", "fault flip"),
+            ("freeze 0.1", "fault freeze"),
+            ("power", "switched off and on"),
+            ("dance", '"dance" is not understood'),
+            ("press knee", 'no footswitch "knee"'),
+            ("", ""),
+        ]:
+            commands.write(line + "\n")
+            commands.flush()
+            out.wait(answer)
+        commands.write("quit\n")
+        commands.flush()
+        thread.join(30)
+        assert not thread.is_alive()
+    assert out.getvalue().endswith("SIMULATED  ended\n")
+    assert not name.exists()
+
+
+def test_control_lines(simulated, photographs):
+    plotter = SimulatedPlotter(simulated, photographs)
+    for words in (["move", "1"], ["move", "a", "0", "0", "0"], ["flip", "inf"], ["lay", "x", "y"]):
+        with pytest.raises(InputError):
+            obey(plotter, words)
+    key = SimulatedPlotter(load_profile("heidenhain-nd720"), photographs)
+    assert "host" in obey(key, ["press", "key"])
+
+
+def test_the_grid_has_points_common_to_both_photographs():
+    grid = grid_photographs()
+    assert set(grid) == {"left", "right"}
+    assert set(grid["left"]) == set(grid["right"])
+    assert len(grid["left"]) > 20
+
+
+def test_what_the_simulator_refuses(tmp_path):
+    with pytest.raises(InputError, match='"flip"'):
+        run_simulator("simulated", io.StringIO(), fault_rates={"flap": 0.1})
+    with pytest.raises(InputError, match="no photograph"):
+        run_simulator("simulated", io.StringIO(), laid=("a", "b"))

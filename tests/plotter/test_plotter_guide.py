@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from anaplot.plotter import profile as profile_module
+from anaplot.plotter.decoder import Decoder, check_examples
+from anaplot.plotter.profile import load_profile, parse_profile
+from anaplot.plotter.readings import Record
+from anaplot.plotter.simulator import SimulatedPlotter
+
+GUIDE = (Path(__file__).parents[2] / "docs" / "write-a-profile.md").read_text()
+
+
+def block(language: str) -> str:
+    match = re.search(rf"```{language}\n(.*?)```", GUIDE, re.DOTALL)
+    assert match is not None
+    return match.group(1)
+
+
+def test_the_smallest_profile_is_one():
+    profile = parse_profile(block("toml").encode(), "guide.toml")
+    assert check_examples(profile) == []
+    plotter = SimulatedPlotter(profile, {})
+    assert plotter.step(0.05) == b"+000.000 +000.000\r\n"
+
+
+def test_every_key_that_the_loader_knows_is_in_the_guide():
+    source = Path(profile_module.__file__).read_text()
+    keys = set(re.findall(r'table\.\w+\(\s*"(\w+)"', source)) - {"link", "mm"}
+    assert len(keys) > 40
+    missing = {key for key in keys if not re.search(rf"[`.]{key}\b", GUIDE)}
+    assert missing == set()
+
+
+def test_what_the_sketch_prints_is_understood():
+    sketch = block("cpp")
+    assert '" %c%03ld.%04ld"' in sketch
+    profile = load_profile("anaplot-ascii")
+
+    def say(head: str, steps: list[int]) -> bytes:
+        text = head
+        for value in (step * 10 for step in steps):
+            sign = "-" if value < 0 else "+"
+            text += f" {sign}{abs(value) // 10000:03d}.{abs(value) % 10000:04d}"
+        total = 0
+        for byte in text.encode():
+            total ^= byte
+        return f"{text}*{total:02X}\n".encode()
+
+    (record,) = Decoder(profile).feed(say("R 1 1", [12345, -1, 0, -150_000]), 0.0)
+    assert isinstance(record, Record)
+    assert record.position.xl == pytest.approx(12.345)
+    assert record.position.yl == pytest.approx(-0.001)
+    assert record.position.yr == pytest.approx(-150.0)

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from anaplot.plotter.template import TemplateError, parse_template
+from anaplot.plotter.text import safe_text
+
+
+@pytest.mark.parametrize(
+    ("template", "values", "expected"),
+    [
+        ("P {x:+09.4f}", {"x": 12.3456}, b"P +012.3456"),
+        ("P {x:+09.4f}", {"x": -0.00001}, b"P +000.0000"),
+        ("{x.sign}{x.abs:10.4f}", {"x": -5.23}, b"-    5.2300"),
+        ("{x.sign}{x.abs:10.4f}", {"x": -0.00001}, b"+    0.0000"),
+        ("{n:d} {n:+010d} {n:04X}", {"n": 171.2}, b"171 +000000171 00AB"),
+        ("{{{s}}}", {"s": "a"}, b"{a}"),
+        ("\x02{s}", {"s": b"\xff"}, b"\x02\xff"),
+        ("{s:5s}|", {"s": "ab"}, b"ab   |"),
+        ("", {}, b""),
+    ],
+)
+def test_render(template, values, expected):
+    assert parse_template(template).render(values) == expected
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "}",
+        "{}",
+        "{x",
+        "{x!r}",
+        "{x.__class__}",
+        "{x[0]}",
+        "{0}",
+        "{x:>5f}",
+        "{x:999f}",
+        "{x:.4d}",
+        "a" * 301,
+        "\u4e2d",
+        "{X}",
+        "{x:{y}f}",
+    ],
+)
+def test_what_is_no_template_is_refused(text):
+    with pytest.raises(TemplateError):
+        parse_template(text)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), "a", b"a"])
+def test_a_number_is_needed(value):
+    with pytest.raises(TemplateError):
+        parse_template("{x:.3f}").render({"x": value})
+    with pytest.raises(TemplateError):
+        parse_template("{x.sign}").render({"x": value if isinstance(value, str | bytes) else "b"})
+
+
+def test_a_missing_value_is_an_error():
+    with pytest.raises(TemplateError, match="no value"):
+        parse_template("{x}").render({})
+
+
+@settings(deadline=None)
+@given(st.floats(-999.9, 999.9), st.floats(-999.9, 999.9))
+def test_the_matcher_reads_back_what_was_written(x, y):
+    template = parse_template("G {x:+09.4f} {y:+09.4f}")
+    match = template.matcher().fullmatch(template.render({"x": x, "y": y}))
+    assert match is not None
+    assert abs(float(match["x"]) - x) <= 5.1e-5
+    assert abs(float(match["y"]) - y) <= 5.1e-5
+
+
+@settings(deadline=None)
+@given(st.one_of(st.text(max_size=200), st.binary(max_size=200)), st.integers(10, 150))
+def test_safe_text_is_short_printable_ascii(raw, limit):
+    shown = safe_text(raw, limit)
+    assert len(shown) <= limit
+    assert all(0x20 <= ord(character) < 0x7F for character in shown)
+
+
+def test_safe_text_escapes():
+    assert safe_text(b"\x1b[2J ok") == "\\x1b[2J ok"
+    assert safe_text("a\u202eb\n") == "a\\u{202e}b\\x0a"
+    assert safe_text("x" * 120) == "x" * 120
+    assert safe_text("x" * 121) == "x" * 117 + "..."
+    assert safe_text("[red]x[/]") == "[red]x[/]"
