@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import json
 import os
 import signal
@@ -12,7 +13,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from anaplot import __version__
 from anaplot.errors import AnaplotError, InputError
@@ -184,6 +185,139 @@ def _replay_watched(options: argparse.Namespace) -> int:
         station.close()
 
 
+def _plotter_list(_: argparse.Namespace) -> int:
+    from anaplot.plotter.commands import list_instruments
+
+    return list_instruments(sys.stdout)
+
+
+def _plotter_check(options: argparse.Namespace) -> int:
+    from anaplot.plotter.commands import check_profile
+
+    return check_profile(options.profile, sys.stdout)
+
+
+def _plotter_watch(options: argparse.Namespace) -> int:
+    from anaplot.plotter.commands import watch
+
+    return watch(
+        options.port, options.profile, sys.stdout, seconds=options.seconds, raw=options.raw
+    )
+
+
+def _plotter_sim(options: argparse.Namespace) -> int:
+    from anaplot.plotter.commands import run_simulator
+    from anaplot.plotter.simulator import Hand
+
+    photographs = None
+    if options.truth is not None:
+        from anaplot.station.opening import truth_of
+
+        photographs = truth_of(options.truth)
+    laid = None
+    if options.lay is not None:
+        left, _, right = options.lay.partition("/")
+        laid = (left, right or left)
+    return run_simulator(
+        options.profile,
+        sys.stdout,
+        photographs=photographs,
+        laid=laid,
+        symlink=options.link,
+        tcp=options.tcp is not None,
+        tcp_port=options.tcp or 0,
+        seed=options.seed,
+        noise_um=options.noise_um,
+        time_scale=options.time_scale,
+        fault_rates=dict(options.fault or ()),
+        hand=Hand(auto_pedal=options.auto_pedal),
+        control=None if sys.stdin is None or sys.stdin.closed else sys.stdin,
+    )
+
+
+def _fault(text: str) -> tuple[str, float]:
+    name, equals, rate = text.partition("=")
+    try:
+        value = float(rate) if equals else 0.01
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r}: the rate must lie between 0 and 1")
+    return name, value
+
+
+def _add_plotter(commands: Any) -> None:
+    plotter = commands.add_parser(
+        "plotter",
+        help="list ports and profiles, check a profile, watch a line, run a simulated plotter",
+        description="Instruments: ports, profiles, and a simulated plotter by itself.",
+        epilog="example: anaplot plotter check anaplot-ascii",
+    )
+    parts = plotter.add_subparsers(dest="part", metavar="COMMAND", required=True)
+
+    listing = parts.add_parser(
+        "list", help="ports and device profiles", epilog="example: anaplot plotter list"
+    )
+    listing.set_defaults(run=_plotter_list)
+
+    check = parts.add_parser(
+        "check",
+        help="read a profile and decode its examples",
+        epilog="example: anaplot plotter check ./my-counter.toml",
+    )
+    check.add_argument("profile", metavar="PROFILE", help="a name or a file")
+    check.set_defaults(run=_plotter_check)
+
+    watch = parts.add_parser(
+        "watch",
+        help="print what an instrument says",
+        epilog="example: anaplot plotter watch /dev/ttyUSB0 heidenhain-nd720",
+    )
+    watch.add_argument(
+        "port", nargs="+", metavar="PORT", help="an address; LINK=ADDRESS for several cables"
+    )
+    watch.add_argument("profile", metavar="PROFILE", help="a name or a file")
+    watch.add_argument("--seconds", type=_positive, metavar="S", help="end after so long")
+    watch.add_argument("--raw", action="store_true", help="print the bytes as well")
+    watch.set_defaults(run=_plotter_watch)
+
+    sim = parts.add_parser(
+        "sim",
+        help="run the simulated plotter by itself",
+        description="Runs the simulated plotter for a profile until interrupted; lines on standard "
+        "input press its pedal, move its plates and plant faults (help lists them).",
+        epilog="example: anaplot plotter sim anaplot-ascii --truth myblock --lay 101/102",
+    )
+    sim.add_argument("profile", metavar="PROFILE", help="a name or a file")
+    sim.add_argument(
+        "--truth",
+        type=Path,
+        metavar="FOLDER",
+        help="the block whose image_points.csv lies in the plates; a grid when left out",
+    )
+    sim.add_argument("--lay", metavar="LEFT/RIGHT", help="photographs to begin with")
+    sim.add_argument("--link", type=Path, metavar="PATH", help="stable name of the port")
+    sim.add_argument(
+        "--tcp", type=_whole(0, 65535), metavar="PORT", help="serve loopback TCP instead; 0: any"
+    )
+    sim.add_argument("--seed", type=_whole(0, 2**31), default=1, metavar="N", help="default 1")
+    sim.add_argument(
+        "--noise-um", type=_positive, default=5.0, metavar="UM", help="of a pointing, default 5"
+    )
+    sim.add_argument(
+        "--time-scale", type=_positive, default=1.0, metavar="X", help="simulated seconds a second"
+    )
+    sim.add_argument("--auto-pedal", action="store_true", help="press the pedal after pointing")
+    sim.add_argument(
+        "--fault",
+        type=_fault,
+        action="append",
+        metavar="NAME=RATE",
+        help="let a fault strike records at this rate; may be given again",
+    )
+    sim.set_defaults(run=_plotter_sim)
+
+
 def _parser() -> _Parser:
     parser = _Parser(
         prog="anaplot",
@@ -258,6 +392,18 @@ def _parser() -> _Parser:
         "--operator", default="", metavar="NAME", help="your name, for the journal"
     )
 
+    from anaplot.report.innercommand import add_inner_arguments, run_inner
+
+    inner = command(
+        "inner",
+        run_inner,
+        "inner orientation of measured fiducials",
+        "anaplot inner fiducials.toml",
+    )
+    add_inner_arguments(inner)
+
+    _add_plotter(commands)
+
     replay = command(
         "replay",
         _replay,
@@ -320,6 +466,10 @@ def _end_cleanly() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code; errors are one line on standard error."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # a name that the terminal's encoding cannot show is no reason to stop
+            stream.reconfigure(errors="backslashreplace")
     try:
         _end_cleanly()
         options = _parser().parse_args(arguments)
@@ -338,6 +488,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # the reader of our output went away (a pager was closed): nothing is wrong
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        from anaplot.report.text import printable
+
+        print(f"anaplot: {printable(str(error))}", file=sys.stderr)
+        return InputError.exit_code
 
 
 if __name__ == "__main__":

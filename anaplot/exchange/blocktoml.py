@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import cast
 
 from anaplot.errors import InputError
+from anaplot.exchange.camerafile import camera_path, frame_format, read_camera
 from anaplot.exchange.tomlfile import TomlFile, TomlTable
+from anaplot.exchange.tomltext import toml_number, toml_numbers, toml_text
 from anaplot.exchange.wording import hint, quoted
 from anaplot.photogrammetry.block import (
     Block,
@@ -20,7 +22,7 @@ from anaplot.photogrammetry.block import (
     TieVariance,
 )
 
-__all__ = ["BLOCK_FORMAT", "format_block_toml", "parse_block_toml"]
+__all__ = ["BLOCK_FORMAT", "format_block_toml", "parse_block_toml", "read_test"]
 
 BLOCK_FORMAT = 1
 
@@ -36,7 +38,7 @@ def parse_block_toml(text: str, path: Path) -> Block:
     text
         Content of the file.
     path
-        Its name, for messages.
+        Its name, for messages, and where camera files are looked for that it names.
 
     Raises
     ------
@@ -44,12 +46,12 @@ def parse_block_toml(text: str, path: Path) -> Block:
         Anything but a complete block of format 1, with file, line and key.
     """
     root = TomlFile(path, text).root
-    _check_format(root)
+    root.version(BLOCK_FORMAT)
     root.only("format", "name", "precision", "test", "camera", "strip", "photo")
     name = root.name("name")
     precision = _precision(root.table("precision", "[precision]"))
-    test = _test(root.table("test", "[test]"))
-    cameras = _cameras(root)
+    test = read_test(root.table("test", "[test]"))
+    cameras = _cameras(root, path.parent)
     photos = _photos(root, cameras)
     strips = _strips(root, photos)
     return Block(
@@ -66,49 +68,49 @@ def format_block_toml(block: Block) -> str:
     """Return the text of a block.toml; numbers are written so that they are read back exactly."""
     lines = [
         f"format = {BLOCK_FORMAT}",
-        f"name = {_text(block.name)}",
+        f"name = {toml_text(block.name)}",
         "",
         "[precision]",
-        f"image_um = {_number(block.precision.image_um)}",
-        f"tie_variance = {_text(block.precision.tie_variance)}",
-        f"control_m = {_number(block.precision.control_m)}",
+        f"image_um = {toml_number(block.precision.image_um)}",
+        f"tie_variance = {toml_text(block.precision.tie_variance)}",
+        f"control_m = {toml_number(block.precision.control_m)}",
         "",
         "[test]",
-        f"kind = {_text(block.test.kind)}",
-        f"alpha = {_number(block.test.alpha)}",
-        f"power = {_number(block.test.power)}",
+        f"kind = {toml_text(block.test.kind)}",
+        f"alpha = {toml_number(block.test.alpha)}",
+        f"power = {toml_number(block.test.power)}",
     ]
     for camera in block.cameras:
-        lines += ["", "[[camera]]", f"id = {_text(camera.id)}", f"c = {_number(camera.c)}"]
+        lines += ["", "[[camera]]", f"id = {toml_text(camera.id)}", f"c = {toml_number(camera.c)}"]
+        if camera.file is not None:
+            lines.append(f"file = {toml_text(camera.file)}")
+        elif camera.calibration is not None:
+            raise InputError(
+                f"camera {quoted(camera.id)} cannot be written: its calibration has no file"
+            )
         if camera.format is not None:
-            lines.append(f"format = {_numbers(camera.format)}")
+            lines.append(f"format = {toml_numbers(*camera.format)}")
     for strip in block.strips:
-        photos = ", ".join(_text(photo) for photo in strip.photos)
-        lines += ["", "[[strip]]", f"id = {_text(strip.id)}", f"photos = [{photos}]"]
+        photos = ", ".join(toml_text(photo) for photo in strip.photos)
+        lines += ["", "[[strip]]", f"id = {toml_text(strip.id)}", f"photos = [{photos}]"]
         if strip.base is not None:
-            lines.append(f"base = {_number(strip.base)}")
+            lines.append(f"base = {toml_number(strip.base)}")
     for photo in block.photos:
-        lines += ["", "[[photo]]", f"id = {_text(photo.id)}", f"camera = {_text(photo.camera)}"]
+        lines += [
+            "",
+            "[[photo]]",
+            f"id = {toml_text(photo.id)}",
+            f"camera = {toml_text(photo.camera)}",
+        ]
         if photo.position is not None:
-            lines.append(f"position = {_numbers(photo.position)}")
+            lines.append(f"position = {toml_numbers(*photo.position)}")
         if photo.rotation is not None:
             lines.append(f"rotation = {_angles(photo.rotation)}")
         if photo.position_sigma is not None:
-            lines.append(f"position_sigma = {_numbers(photo.position_sigma)}")
+            lines.append(f"position_sigma = {toml_numbers(*photo.position_sigma)}")
         if photo.rotation_sigma is not None:
             lines.append(f"rotation_sigma = {_angles(photo.rotation_sigma)}")
     return "\n".join(lines) + "\n"
-
-
-def _check_format(root: TomlTable) -> None:
-    # First of all: the keys of a newer format are not unknown keys but unread news.
-    number = root.integer("format")
-    if number > BLOCK_FORMAT:
-        raise root.fail(
-            "format", f"written by a newer version of anaplot: this one reads format {BLOCK_FORMAT}"
-        )
-    if number != BLOCK_FORMAT:
-        raise root.fail("format", f"format must be {BLOCK_FORMAT}")
 
 
 def _precision(table: TomlTable) -> Precision:
@@ -127,7 +129,8 @@ def _precision(table: TomlTable) -> Precision:
     )
 
 
-def _test(table: TomlTable) -> TestSettings:
+def read_test(table: TomlTable) -> TestSettings:
+    """Return the settings of a [test] table, each the default where it is left out."""
     table.only("kind", "alpha", "power")
     default = TestSettings()
     return TestSettings(
@@ -137,24 +140,43 @@ def _test(table: TomlTable) -> TestSettings:
     )
 
 
-def _cameras(root: TomlTable) -> dict[str, Camera]:
+def _cameras(root: TomlTable, folder: Path) -> dict[str, Camera]:
     cameras: dict[str, Camera] = {}
     tables: dict[str, TomlTable] = {}
     for table in root.tables("camera"):
-        table.only("id", "c", "format")
-        camera = table.name("id")
-        _refuse_second("camera", camera, table, tables)
-        c = table.positive("c")
-        size: tuple[float, float] | None = None
-        if "format" in table:
-            width, height = table.numbers("format", 2)
-            if width <= 0.0 or height <= 0.0:
-                raise table.fail("format", "format must hold two numbers greater than 0")
-            size = width, height
-        cameras[camera] = Camera(id=camera, c=c, format=size)
+        camera = _camera(table, folder)
+        _refuse_second("camera", camera.id, table, tables)
+        cameras[camera.id] = camera
     if not cameras:
         raise root.fail(None, "no camera: a block needs at least one [[camera]]")
     return cameras
+
+
+def _camera(table: TomlTable, folder: Path) -> Camera:
+    table.only("id", "c", "format", "file")
+    if "file" not in table:
+        return Camera(id=table.name("id"), c=table.positive("c"), format=frame_format(table))
+    file = table.text("file")
+    try:
+        path = camera_path(folder, file)
+    except ValueError as error:
+        raise table.fail("file", f"file: {error}") from None
+    calibration = read_camera(path)
+    # What stands in both places must be the same: nobody could say which of the two is meant.
+    name = table.name("id") if "id" in table else calibration.id
+    if name != calibration.id:
+        raise _differs(table, "id", quoted(name), quoted(calibration.id), file)
+    c = table.positive("c", calibration.c)
+    if c != calibration.c:
+        raise _differs(table, "c", repr(c), repr(calibration.c), file)
+    size = frame_format(table)
+    if size is not None and calibration.format is not None and size != calibration.format:
+        raise _differs(table, "format", repr(list(size)), repr(list(calibration.format)), file)
+    return Camera(name, c, size or calibration.format, calibration, file)
+
+
+def _differs(table: TomlTable, key: str, here: str, there: str, file: str) -> InputError:
+    return table.fail(key, f"{key} = {here}, but {quoted(file)} says {there}")
 
 
 def _photos(root: TomlTable, cameras: dict[str, Camera]) -> dict[str, Photo]:
@@ -255,21 +277,6 @@ def _sigma(table: TomlTable, of: str) -> tuple[float, float, float] | None:
     return sigma
 
 
-def _text(value: str) -> str:
-    if not value.isprintable():
-        raise InputError(f"the name {quoted(value)} holds a character that cannot be printed")
-    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
-
-
-def _number(value: float) -> str:
-    return repr(float(value))
-
-
-def _numbers(values: tuple[float, ...]) -> str:
-    return f"[{', '.join(_number(value) for value in values)}]"
-
-
 def _angles(values: tuple[float, float, float]) -> str:
-    pairs = [f"{name} = {_number(value)}" for name, value in zip(_ANGLES, values, strict=True)]
+    pairs = [f"{name} = {toml_number(value)}" for name, value in zip(_ANGLES, values, strict=True)]
     return f'{{ {", ".join(pairs)}, unit = "rad" }}'

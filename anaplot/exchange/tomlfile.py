@@ -98,6 +98,23 @@ class TomlTable:
         """Return the line of one key, or of the table."""
         return self._file.line(self._path if key is None else (*self._path, key))
 
+    def key_names(self) -> tuple[str, ...]:
+        """Return the keys, in file order."""
+        return tuple(self._values)
+
+    def version(self, newest: int) -> None:
+        """Refuse a file whose `format` is not the one that is read.
+
+        To be called first of all: the keys of a newer format are not unknown keys but unread news.
+        """
+        number = self.integer("format")
+        if number > newest:
+            raise self.fail(
+                "format", f"written by a newer version of anaplot: this one reads format {newest}"
+            )
+        if number != newest:
+            raise self.fail("format", f"format must be {newest}")
+
     def only(self, *known: str) -> None:
         """Refuse keys that are not known."""
         for key in self._values:
@@ -161,6 +178,13 @@ class TomlTable:
             raise self.fail(key, f"{key} = {quoted(value)} must be {one_of}{nearest}")
         return value
 
+    def text(self, key: str) -> str:
+        """Return a text."""
+        value = self.raw(key)
+        if not isinstance(value, str):
+            raise self._wrong(key, "text", value)
+        return value
+
     def name(self, key: str, *, photo: bool = False) -> str:
         """Return a name (see `names`)."""
         return self._name(key, self.raw(key), photo)
@@ -171,6 +195,14 @@ class TomlTable:
         if not isinstance(value, list):
             raise self._wrong(key, "a list of names", value)
         return tuple(self._name(key, item, photo) for item in value)
+
+    def name_at(self, key: str, value: object, index: int) -> str:
+        """Return a value found in element `index` of a list as a name."""
+        return self._name(key, value, photo=False, index=index)
+
+    def number_at(self, key: str, value: object, index: int) -> float:
+        """Return a value found in element `index` of a list as a finite number."""
+        return self._finite(key, value, index)
 
     def table(self, key: str, title: str) -> TomlTable:
         """Return a table within this one, empty when it is left out."""
@@ -191,26 +223,26 @@ class TomlTable:
                 raise self._file.fail((key, index), f"'{key}' must be written as tables [[{key}]]")
             yield TomlTable(self._file, (*self._path, key, index), f"[[{key}]]", item)
 
-    def _name(self, key: str, value: object, photo: bool) -> str:
+    def _name(self, key: str, value: object, photo: bool, index: int | None = None) -> str:
         if isinstance(value, int | float) and not isinstance(value, bool):
-            raise self.fail(key, f"{key}: a name stands in quotes, also one of digits")
+            raise self.fail(key, f"{key}: a name stands in quotes, also one of digits", index)
         if not isinstance(value, str):
-            raise self._wrong(key, "a name", value)
+            raise self._wrong(key, "a name", value, index)
         fault = name_fault(value, photo=photo)
         if fault is not None:
-            raise self.fail(key, f"{key}: the name {quoted(value)} {fault}")
+            raise self.fail(key, f"{key}: the name {quoted(value)} {fault}", index)
         return value
 
-    def _finite(self, key: str, value: object) -> float:
+    def _finite(self, key: str, value: object, index: int | None = None) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self._wrong(key, "a number", value)
+            raise self._wrong(key, "a number", value, index)
         try:
             number = float(value)
         except OverflowError:
             number = math.inf
         if not math.isfinite(number):
-            raise self.fail(key, f"{key} must be a finite number")
+            raise self.fail(key, f"{key} must be a finite number", index)
         return number
 
-    def _wrong(self, key: str, wanted: str, value: object) -> InputError:
-        return self.fail(key, f"{key} must be {wanted}, not {describe_type(value)}")
+    def _wrong(self, key: str, wanted: str, value: object, index: int | None = None) -> InputError:
+        return self.fail(key, f"{key} must be {wanted}, not {describe_type(value)}", index)

@@ -36,7 +36,7 @@ class TomlLines:
         self._found: dict[KeyPath, int] = {}
         self._counts: dict[KeyPath, int] = {}
         # Only lines of messages depend on this: what was found until it is lost still serves.
-        with contextlib.suppress(_LostError, RecursionError):
+        with contextlib.suppress(_LostError, RecursionError, tomllib.TOMLDecodeError):
             self._document()
 
     def line(self, path: KeyPath) -> int | None:
@@ -67,6 +67,9 @@ class TomlLines:
         keys = self._keys()
         end = self._text.find("\n", self._at)
         self._at = len(self._text) if end < 0 else end
+        for length in range(1, len(keys)):
+            # [photo.101] is where the table photo begins, when it does not stand by itself
+            self._found.setdefault(self._inside(keys[:length]), start)
         path = self._inside(keys[:-1])
         last: KeyPath = (*path, keys[-1])
         if is_array:

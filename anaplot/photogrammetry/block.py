@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from anaplot.photogrammetry.camera import CameraCalibration
+
 __all__ = [
     "Block",
     "Camera",
@@ -32,11 +34,17 @@ class Camera:
         Camera constant [mm].
     format
         Width along x and height along y [mm], or None when not stated.
+    calibration
+        Content of the camera's file: fiducials, principal point, distortion; or None.
+    file
+        Name of that file as block.toml gives it, or None.
     """
 
     id: str
     c: float
     format: tuple[float, float] | None = None
+    calibration: CameraCalibration | None = None
+    file: str | None = None
 
     def reach(self) -> tuple[float, float]:
         """Return the largest abs(x) and abs(y) [mm] that a coordinate in this camera can have.

@@ -1,0 +1,109 @@
+"""What a calibration certificate says of a metric camera: data, and nothing computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+__all__ = [
+    "CameraCalibration",
+    "Fiducial",
+    "FiducialDistance",
+    "RadialPolynomial",
+    "RadialTable",
+]
+
+
+class Fiducial(NamedTuple):
+    """A fiducial mark and its calibrated coordinates [mm] in the fiducial system."""
+
+    id: str
+    x: float
+    y: float
+
+
+class FiducialDistance(NamedTuple):
+    """The calibrated distance [mm] between the fiducials `first` and `second`."""
+
+    first: str
+    second: str
+    mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class RadialPolynomial:
+    """Radial distortion dr = K0 r + K1 r^3 + K2 r^5 + K3 r^7, r and dr in mm.
+
+    Attributes
+    ----------
+    k
+        K0, K1, K2, K3 [1, mm^-2, mm^-4, mm^-6].
+    """
+
+    k: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class RadialTable:
+    """Radial distortion as a certificate lists it.
+
+    Attributes
+    ----------
+    radius
+        Measured radii [mm], increasing, none negative.
+    dr_um
+        Distortion at each [um]; 0 at radius 0.
+    """
+
+    radius: tuple[float, ...]
+    dr_um: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraCalibration:
+    """A camera's calibration.
+
+    Fiducials are known by their coordinates, or only by distances between them, or not at all.
+    With distances only, the first runs along +x and the second along +y, each from its first to
+    its second fiducial; the origin is the fiducial centre.
+
+    Attributes
+    ----------
+    id
+        Name of the camera.
+    c
+        Camera constant [mm].
+    principal_point
+        Its coordinates [mm] in the fiducial system; the distortion is symmetrical about it.
+    format
+        Width along x and height along y [mm], or None.
+    fiducials
+        Calibrated fiducials, in file order.
+    distances
+        Calibrated distances between fiducials, in file order.
+    distance_sigma_um
+        Standard deviation [um] of a calibrated distance.
+    radial
+        Radial distortion, or None. Its sign: dr is subtracted from the measured radius to give
+        the ideal one.
+    decentring
+        P1, P2 [mm^-1]; dx = P1 (r^2 + 2 x^2) + 2 P2 x y and dy = P2 (r^2 + 2 y^2) + 2 P1 x y are
+        subtracted likewise.
+    """
+
+    id: str
+    c: float
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    format: tuple[float, float] | None = None
+    fiducials: tuple[Fiducial, ...] = ()
+    distances: tuple[FiducialDistance, ...] = ()
+    distance_sigma_um: float = 2.0
+    radial: RadialPolynomial | RadialTable | None = None
+    decentring: tuple[float, float] = (0.0, 0.0)
+
+    def fiducial_names(self) -> tuple[str, ...]:
+        """Return the names of all fiducials, in the order in which the certificate names them."""
+        if self.fiducials:
+            return tuple(mark.id for mark in self.fiducials)
+        ends = (end for d in self.distances for end in (d.first, d.second))
+        return tuple(dict.fromkeys(ends))

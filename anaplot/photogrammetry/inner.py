@@ -1,0 +1,226 @@
+"""Inner orientation: plate to image from measured fiducials, with the reliability of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from anaplot.adjustment.reliability import (
+    error_odds,
+    residual_correlations,
+    smallest_detectable_errors,
+    standardize,
+)
+from anaplot.adjustment.significance import noncentrality, tau_power
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.block import TestSettings
+from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.photogrammetry.distancefit import fit_distances
+from anaplot.photogrammetry.fiducialfit import fit_fiducials
+from anaplot.photogrammetry.innerfit import InnerFit, listed
+from anaplot.photogrammetry.innerresults import (
+    HARD_TO_TELL,
+    Axis,
+    DistanceRow,
+    InnerOrientation,
+    InnerPartner,
+    InnerRow,
+    InnerTest,
+)
+from anaplot.photogrammetry.platetransformation import (
+    TRANSFORMATIONS,
+    Placement,
+    PlateTransformation,
+    TransformationName,
+    random_placement,
+)
+
+__all__ = [
+    "HARD_TO_TELL",
+    "MINIMUM",
+    "TRANSFORMATIONS",
+    "DistanceRow",
+    "InnerOrientation",
+    "InnerPartner",
+    "InnerRow",
+    "InnerTest",
+    "Placement",
+    "PlateTransformation",
+    "TransformationName",
+    "candidates",
+    "orient_inner",
+    "random_placement",
+]
+
+MINIMUM: dict[TransformationName, int] = {
+    "distances": 2,
+    "scales": 3,
+    "helmert": 3,  # two would do, but for the side from which the plate is seen
+    "affine": 3,
+    "bilinear": 4,
+    "projective": 4,
+}
+"""Fewest fiducials of each transformation."""
+
+_NOTHING_MM = 1e-10
+"""Residuals of this size are rounding: nothing deviates from anything."""
+
+
+def candidates(calibration: CameraCalibration, count: int) -> tuple[TransformationName, ...]:
+    """Return the transformations for `count` measured fiducials, the one to try first first.
+
+    Distances only: two-parameter similarity; three fiducials: Helmert; four: affine; more:
+    bilinear. A poorer one follows for fiducials that lie so that they do not determine the first.
+    """
+    if calibration.distances:
+        return ("distances",)
+    if count > 4:
+        return ("bilinear", "affine", "helmert")
+    return ("affine", "helmert") if count == 4 else ("helmert",)
+
+
+def orient_inner(
+    calibration: CameraCalibration,
+    measured: Mapping[str, tuple[float, float]],
+    *,
+    transformation: TransformationName | None = None,
+    apriori_um: float = 5.0,
+    test: TestSettings | None = None,
+) -> InnerOrientation:
+    """Find the transformation plate -> image.
+
+    Parameters
+    ----------
+    calibration
+        The camera.
+    measured
+        Plate coordinates [mm] of fiducials by name; names that the camera does not know raise
+        KeyError.
+    transformation
+        Its name, or None to choose it from the data at hand (`candidates`).
+    apriori_um
+        A-priori standard deviation [um] of a measured coordinate.
+    test
+        The test that flags rows; the default is that of a block.
+
+    Raises
+    ------
+    NotComputableError
+        Too few fiducials, fiducials that do not determine the transformation (named), or a
+        transformation that the certificate does not allow.
+    """
+    settings = TestSettings() if test is None else test
+    known = calibration.fiducial_names()
+    for name in measured:
+        if name not in known:
+            raise KeyError(name)
+    names = tuple(name for name in known if name in measured)
+    plate = np.array([measured[name] for name in names], dtype=np.float64).reshape(-1, 2)
+    if not np.isfinite(plate).all():
+        raise ValueError("plate coordinates must be finite")
+    _check_choice(calibration, transformation, names)
+    if calibration.distances:
+        fit = fit_distances(calibration, names, plate, transformation or "distances", apriori_um)
+    else:
+        calibrated = {mark.id: (mark.x, mark.y) for mark in calibration.fiducials}
+        image = np.array([calibrated[name] for name in names])
+        wanted = (transformation,) if transformation else candidates(calibration, len(names))
+        fit = fit_fiducials(wanted, names, plate, image)
+    return _result(calibration, names, fit, apriori_um, settings)
+
+
+def _check_choice(
+    calibration: CameraCalibration, wanted: TransformationName | None, names: tuple[str, ...]
+) -> None:
+    if not calibration.fiducials and not calibration.distances:
+        raise NotComputableError(f"camera {calibration.id!r} states no fiducials")
+    from_distances = wanted in ("distances", "scales")
+    if wanted is not None and from_distances != bool(calibration.distances):
+        has = "distances between fiducials only" if calibration.distances else "their coordinates"
+        raise NotComputableError(
+            f"a transformation {wanted!r} is not possible: camera {calibration.id!r} states {has}"
+        )
+    if wanted is not None:
+        least = MINIMUM[wanted]
+    else:
+        least = MINIMUM["distances" if calibration.distances else "helmert"]
+    if len(names) < least:
+        title = f"the transformation {wanted!r}" if wanted else "inner orientation"
+        raise NotComputableError(
+            f"{title} needs {least} fiducials, {len(names)} measured" + listed(names)
+        )
+
+
+def _result(
+    calibration: CameraCalibration,
+    names: tuple[str, ...],
+    fit: InnerFit,
+    apriori_um: float,
+    test: TestSettings,
+) -> InnerOrientation:
+    adjusted = fit.adjustment
+    if (adjusted.sigma0 or 0.0) < _NOTHING_MM:
+        adjusted = replace(adjusted, w=np.zeros_like(adjusted.w), vtpv=0.0)
+    f = adjusted.redundancy
+    tested = standardize(adjusted, kind=test.kind, alpha=test.alpha, apriori=apriori_um * 1e-3)
+    detectable = smallest_detectable_errors(
+        adjusted.r, adjusted.q_l, apriori=apriori_um, alpha=test.alpha, power=test.power
+    )
+    odds = error_odds(adjusted.r, tested.ratio if f > 0 else None, f, test.kind)
+    keys: list[tuple[str, Axis]] = [(name, axis) for name in names for axis in _AXES]
+    rows = []
+    for k, (name, axis) in enumerate(keys):
+        sigf = None if tested.ratio is None else _number(tested.ratio[k])
+        rows.append(
+            InnerRow(
+                fiducial=name,
+                axis=axis,
+                redn=float(adjusted.r[k]),
+                residual_um=float(adjusted.w[k]) * 1e3,
+                expd_um=None if tested.expected is None else float(tested.expected[k]) * 1e3,
+                sigf=sigf,
+                flagged=sigf is not None and tested.critical is not None and sigf > tested.critical,
+                mdb_um=_number(detectable[k]),
+                probability=float(odds.rows[k]),
+            )
+        )
+    correlation = residual_correlations(adjusted.q_vv, adjusted.r)
+    first, second = np.nonzero(np.triu(np.abs(correlation) >= HARD_TO_TELL, 1))
+    sigma0 = adjusted.sigma0
+    power: float | None = None
+    if f > 0:
+        delta = noncentrality(test.alpha, test.power)
+        power = test.power if test.kind == "baarda" else tau_power(delta, test.alpha, f)
+    return InnerOrientation(
+        camera=calibration.id,
+        transformation=fit.transformation,
+        placement=fit.transformation.placement(),
+        sigma0_um=None if sigma0 is None else sigma0 * 1e3,
+        apriori_um=apriori_um,
+        redundancy=f,
+        iterations=fit.iterations,
+        test=InnerTest(test.kind, test.alpha, tested.critical),
+        rows=tuple(rows),
+        partners=tuple(
+            InnerPartner(keys[i], keys[j], float(correlation[i, j]))
+            for i, j in zip(first.tolist(), second.tolist(), strict=True)
+        ),
+        distances=fit.distances,
+        unmeasured=tuple(n for n in calibration.fiducial_names() if n not in names),
+        none=odds.none,
+        power=power,
+        overall=apriori_um * float(np.sqrt(chdtri(f, test.alpha) / f)) if f > 0 else None,
+        exchanged=fit.exchanged,
+        remarks=fit.remarks,
+        q_vv=adjusted.q_vv,
+    )
+
+
+_AXES: tuple[Axis, Axis] = ("x", "y")
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,131 @@
+"""What the operator is told of an inner orientation: what to measure again, what is not known."""
+
+from __future__ import annotations
+
+from anaplot.photogrammetry.innerresults import InnerOrientation, InnerRow
+from anaplot.photogrammetry.platetransformation import TITLES, TransformationName
+
+__all__ = ["advise"]
+
+_ODD_SCALE = 0.02  # film does not shrink by this much: another unit, or another camera
+_RICHER: dict[str, TransformationName] = {"distances": "scales", "helmert": "affine"}
+
+
+def advise(inner: InnerOrientation) -> tuple[str, ...]:
+    """Return sentences for the operator, the most useful first."""
+    out = [*_what_to_measure(inner), *_what_cannot_be_known(inner), *inner.remarks]
+    place = inner.placement
+    odd = max(abs(place.scale_x - 1.0), abs(place.scale_y - 1.0)) > _ODD_SCALE
+    if odd and not inner.exchanged:
+        out.append(
+            f"the scale of the plate is {place.scale_x:.4f} along x and {place.scale_y:.4f} along "
+            "y: are the plate coordinates in mm, and is it this camera?"
+        )
+    if inner.unmeasured:
+        out.append(f"not measured: {', '.join(inner.unmeasured)}")
+    return tuple(out)
+
+
+def _what_to_measure(inner: InnerOrientation) -> list[str]:
+    names = list(dict.fromkeys(row.fiducial for row in inner.rows))
+    title = TITLES[inner.kind]
+    if inner.exchanged:
+        first, second = inner.exchanged
+        return [
+            f"{first} and {second} seem to be exchanged: the other way round they fit; measure "
+            "both again"
+        ]
+    out = []
+    flagged = inner.flagged
+    if flagged:
+        row = flagged[0]
+        chances = _by_fiducial(inner)
+        if inner.locatable:
+            out.append(f"remeasure {row.fiducial} ({row.axis})" + _odds(row, chances))
+        else:
+            out.append(f"{_all(names)} must be measured again: which one is wrong is not known")
+        for partner in inner.partners:
+            if inner.locatable and row.key in (partner.first, partner.second):
+                other = partner.second if partner.first == row.key else partner.first
+                out.append(
+                    f"{row.fiducial} {row.axis} and {other[0]} {other[1]} are hard to tell apart "
+                    f"(correlation {partner.correlation:.2f})"
+                )
+        if inner.none > chances[row.fiducial]:
+            out.append(
+                f"no gross error at all: {_to_one(inner.none, chances[row.fiducial])} over "
+                f"{row.fiducial}"
+            )
+    elif inner.refused and inner.sigma0_um is not None:
+        times = f"sigma0 is {inner.sigma0_um / inner.apriori_um:.1f} times its a-priori value"
+        if inner.locatable:
+            out.append(
+                f"nothing is flagged, but {times}: a fiducial is wrong, or {title} does not suit "
+                "this plate"
+            )
+        else:
+            out.append(
+                f"{times}: one of {_all(names)} is wrong, which one is not known: measure all of "
+                "them again"
+            )
+        if inner.kind in _RICHER:
+            out.append(
+                "film that has shrunk unequally along x and y asks for "
+                f"{TITLES[_RICHER[inner.kind]]}"
+            )
+    elif inner.redundancy > 0:
+        out.append("nothing is flagged")
+    return out
+
+
+def _what_cannot_be_known(inner: InnerOrientation) -> list[str]:
+    count = len({row.fiducial for row in inner.rows})
+    title = TITLES[inner.kind]
+    if inner.redundancy == 0:
+        return [f"{_number_word(count)} fiducials and {title}: no check at all"]
+    if not inner.locatable:
+        return [
+            f"among {_number_word(count)} fiducials one wrong fiducial cannot be located by "
+            f"{title} (redundancy {inner.redundancy}): residuals of different fiducials are equal "
+            "but for sign and size"
+        ]
+    blind = [f"{row.fiducial} {row.axis}" for row in inner.rows if row.mdb_um is None]
+    return [f"cannot be tested: {', '.join(blind)}"] if blind else []
+
+
+def _by_fiducial(inner: InnerOrientation) -> dict[str, float]:
+    """Return each fiducial's probability of holding the gross error: the sum over its rows."""
+    out: dict[str, float] = {}
+    for row in inner.rows:
+        out[row.fiducial] = out.get(row.fiducial, 0.0) + row.probability
+    return out
+
+
+def _odds(row: InnerRow, chances: dict[str, float]) -> str:
+    others = {name: p for name, p in chances.items() if name != row.fiducial}
+    rival = max(others, key=others.__getitem__)
+    return f": {_to_one(chances[row.fiducial], others[rival])} over {rival}"
+
+
+def _all(names: list[str]) -> str:
+    return ", ".join(names[:-1]) + f" and {names[-1]}"
+
+
+_WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
+
+
+def _number_word(count: int) -> str:
+    return _WORDS[count] if count < len(_WORDS) else str(count)
+
+
+def _to_one(more: float, less: float) -> str:
+    if less <= 0.0 or more / less >= 1000.0:
+        return "more than 1000 to 1"
+    ratio = more / less
+    if ratio < 1.0:
+        return f"1 to {_rounded(1.0 / ratio)}"
+    return f"{_rounded(ratio)} to 1"
+
+
+def _rounded(ratio: float) -> str:
+    return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:.0f}"

@@ -1,0 +1,293 @@
+"""From the plotter's plate to the photograph's fiducial system, and back.
+
+Every kind is a case of one form. The plate coordinates are first brought into axes that lie as
+the image's do, (xi, eta) = f0 + F (x, y), so that a product of coordinates means the same however
+the plate lies in its holder; then
+
+    x = (a0 + a1 xi + a2 eta + a3 xi eta) / (1 + c1 xi + c2 eta), and y alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, isfinite, pi, sin
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.planar import as_points, solve_pairs
+
+__all__ = [
+    "TITLES",
+    "TRANSFORMATIONS",
+    "Placement",
+    "PlateTransformation",
+    "TransformationName",
+    "random_placement",
+]
+
+Array = NDArray[np.float64]
+
+TransformationName = Literal["distances", "scales", "helmert", "affine", "bilinear", "projective"]
+
+TRANSFORMATIONS: tuple[TransformationName, ...] = get_args(TransformationName)
+"""Names of all transformations that measured fiducials may determine."""
+
+TITLES: dict[str, str] = {
+    "identity": "the identity",
+    "distances": "the two-parameter similarity",
+    "scales": "scales along x and y",
+    "helmert": "the Helmert transformation",
+    "affine": "the affine transformation",
+    "bilinear": "the bilinear transformation",
+    "projective": "the projective transformation",
+}
+"""What a person calls them."""
+
+_STEPS = 50
+_CLOSED = 1e-12  # between a given image place and that of its inverse, relative
+
+Row4 = tuple[float, float, float, float]
+
+
+class Placement(NamedTuple):
+    """How a photograph lies on the plate, and what its film has done since exposure.
+
+    Attributes
+    ----------
+    x, y
+        Plate coordinates [mm] of the origin of the fiducial system.
+    rotation
+        Direction of the photograph's x axis on the plate [rad], from the plate's x towards its y,
+        in (-pi, pi].
+    shear
+        How far the angle from x to y has opened beyond a right angle [rad].
+    scale_x, scale_y
+        Plate millimetres for one millimetre along the photograph's x and y.
+    mirrored
+        Whether the plate shows the photograph from behind.
+    """
+
+    x: float
+    y: float
+    rotation: float = 0.0
+    shear: float = 0.0
+    scale_x: float = 1.0
+    scale_y: float = 1.0
+    mirrored: bool = False
+
+    @property
+    def shrinkage_ppm(self) -> tuple[float, float]:
+        """Film shrinkage along x and y, parts per million; negative where the film has grown."""
+        return (1.0 - self.scale_x) * 1e6, (1.0 - self.scale_y) * 1e6
+
+    def transformation(self) -> PlateTransformation:
+        """Return the affine transformation of a plate that lies so.
+
+        Raises
+        ------
+        ValueError
+            Scales that are not positive, or a shear of a right angle or more.
+        """
+        if not (self.scale_x > 0.0 and self.scale_y > 0.0 and abs(self.shear) < pi / 2):
+            raise ValueError(f"not a placement: {self}")
+        side = -1.0 if self.mirrored else 1.0
+        across = self.rotation + side * (pi / 2 + self.shear)
+        # columns: one millimetre along the photograph's x and y, seen on the plate
+        a, c = self.scale_x * cos(self.rotation), self.scale_x * sin(self.rotation)
+        b, d = self.scale_y * cos(across), self.scale_y * sin(across)
+        determinant = a * d - b * c
+        f = (d / determinant, -b / determinant, -c / determinant, a / determinant)
+        return PlateTransformation(
+            "affine",
+            (
+                (-(f[0] * self.x + f[1] * self.y), f[0], f[1]),
+                (-(f[2] * self.x + f[3] * self.y), f[2], f[3]),
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PlateTransformation:
+    """A transformation plate -> image and its exact inverse; without arguments, the identity.
+
+    "Image" is the camera's fiducial system here; `refinement` goes on from there.
+
+    Attributes
+    ----------
+    kind
+        Which terms are in use; "identity" where the plate is the image.
+    frame
+        (f0, F) by rows: plate [mm] to (xi, eta).
+    numerator
+        a0, a1, a2, a3 of x and of y [mm].
+    denominator
+        c1, c2.
+
+    Raises
+    ------
+    ValueError
+        A number is not finite, or the frame is singular.
+    """
+
+    kind: TransformationName | Literal["identity"] = "identity"
+    frame: tuple[tuple[float, float, float], tuple[float, float, float]] = (
+        (0.0, 1.0, 0.0),
+        (0.0, 0.0, 1.0),
+    )
+    numerator: tuple[Row4, Row4] = ((0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+    denominator: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        numbers = (*self.frame[0], *self.frame[1], *self.numerator[0], *self.numerator[1])
+        if not all(isfinite(number) for number in (*numbers, *self.denominator)):
+            raise ValueError("a transformation of numbers that are not finite")
+        (_, a, b), (_, c, d) = self.frame
+        if not abs(a * d - b * c) > 1e-12 * (hypot(a, b) * hypot(c, d)):
+            raise ValueError("a transformation that folds the plate into a line")
+
+    def to_image(self, plate: Array) -> Array:
+        """Return image coordinates in the fiducial system.
+
+        Parameters
+        ----------
+        plate
+            (n, 2) plate coordinates [mm].
+
+        Returns
+        -------
+        ndarray
+            (n, 2) [mm]; infinite or NaN on the vanishing line of a projective transformation.
+        """
+        return self._evaluate(self._to_frame(as_points(plate)))[0]
+
+    def jacobian(self, plate: Array) -> Array:
+        """Return (n, 2, 2) derivatives of `to_image` at (n, 2) plate coordinates [mm]."""
+        _, slope = self._evaluate(self._to_frame(as_points(plate)))
+        by_plate: Array = slope @ np.array(self.frame)[:, 1:]
+        return by_plate
+
+    def to_plate(self, image: Array) -> Array:
+        """Return plate coordinates, the inverse of `to_image`.
+
+        Parameters
+        ----------
+        image
+            (n, 2) coordinates [mm] in the fiducial system.
+
+        Raises
+        ------
+        NotComputableError
+            A place to which no place of the plate belongs.
+        """
+        wanted = as_points(image)
+        a = np.array(self.numerator)
+        c = np.array(self.denominator)
+        # without a product term the form is linear in (xi, eta): this is the inverse itself
+        at = solve_pairs(a[None, :, 1:3] - wanted[:, :, None] * c, wanted - a[:, 0])
+        if a[:, 3].any():
+            for _ in range(_STEPS):
+                value, slope = self._evaluate(at)
+                step = solve_pairs(slope, value - wanted)
+                at = at - step
+                size = np.abs(at).max(initial=0.0)
+                if not np.abs(step).max(initial=0.0) > 1e-15 * (1.0 + size):
+                    break
+        gap = np.abs(self._evaluate(at)[0] - wanted).max(axis=1, initial=0.0)
+        lost = np.flatnonzero(~(gap <= _CLOSED * (1.0 + np.abs(wanted).max(axis=1, initial=0.0))))
+        if lost.size:
+            x, y = wanted[lost[0]].tolist()
+            raise NotComputableError(
+                f"no place on the plate belongs to the image coordinates x = {x:.6g}, "
+                f"y = {y:.6g} mm"
+            )
+        frame = np.array(self.frame)
+        return solve_pairs(np.broadcast_to(frame[:, 1:], (len(at), 2, 2)), at - frame[:, 0])
+
+    def inverse_jacobian(self, image: Array) -> Array:
+        """Return (n, 2, 2) derivatives of `to_plate` at (n, 2) image coordinates [mm].
+
+        Raises
+        ------
+        NotComputableError
+            As `to_plate`.
+        """
+        slope = self.jacobian(self.to_plate(image))
+        along_x = solve_pairs(slope, np.tile((1.0, 0.0), (len(slope), 1)))
+        along_y = solve_pairs(slope, np.tile((0.0, 1.0), (len(slope), 1)))
+        return np.stack((along_x, along_y), axis=2)
+
+    def placement(self) -> Placement:
+        """Return how the photograph lies on the plate, at the origin of the fiducial system.
+
+        For kinds with product or projective terms this is the placement of the affine
+        transformation that touches them there.
+
+        Raises
+        ------
+        NotComputableError
+            The origin has no place on the plate.
+        """
+        origin = np.zeros((1, 2))
+        (x, y) = self.to_plate(origin)[0].tolist()
+        (ax, bx), (ay, by) = self.inverse_jacobian(origin)[0].tolist()
+        mirrored = ax * by - ay * bx < 0.0
+        rotation, across = atan2(ay, ax), atan2(by, bx)
+        opening = rotation - across if mirrored else across - rotation
+        shear = (opening - pi / 2 + pi) % (2.0 * pi) - pi
+        return Placement(
+            x, y, pi if rotation == -pi else rotation, shear, hypot(ax, ay), hypot(bx, by), mirrored
+        )
+
+    def _to_frame(self, plate: Array) -> Array:
+        frame = np.array(self.frame)
+        at: Array = plate @ frame[:, 1:].T + frame[:, 0]
+        return at
+
+    def _evaluate(self, at: Array) -> tuple[Array, Array]:
+        """(n, 2) values and (n, 2, 2) derivatives with respect to (xi, eta)."""
+        a = np.array(self.numerator)
+        c = np.array(self.denominator)
+        xi, eta = at[:, 0], at[:, 1]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            terms = np.column_stack((np.ones_like(xi), xi, eta, xi * eta))
+            under = 1.0 + at @ c
+            value: Array = (terms @ a.T) / under[:, None]
+            slope: Array = a[None, :, 1:3] + a[None, :, 3:] * at[:, None, ::-1]
+            slope = (slope - value[:, :, None] * c) / under[:, None, None]
+        return value, slope
+
+
+def random_placement(
+    seed: int,
+    *,
+    centre: tuple[float, float] = (0.0, 0.0),
+    shift_mm: float = 2.0,
+    rotation: float = 0.02,
+    shrinkage_ppm: float = 500.0,
+) -> PlateTransformation:
+    """Lay a photograph on a plate as a hand would; `to_plate` leads from image to plate.
+
+    Parameters
+    ----------
+    seed
+        The same seed gives the same placement.
+    centre
+        Plate coordinates [mm] about which it is laid.
+    shift_mm
+        Largest shift [mm] along either axis.
+    rotation
+        Largest rotation [rad] in either direction.
+    shrinkage_ppm
+        Largest film shrinkage, drawn for x and y each; the film may have grown as much.
+    """
+    draw = np.random.default_rng(seed).uniform(-1.0, 1.0, 5).tolist()
+    return Placement(
+        x=centre[0] + shift_mm * draw[0],
+        y=centre[1] + shift_mm * draw[1],
+        rotation=rotation * draw[2],
+        scale_x=1.0 - shrinkage_ppm * 1e-6 * draw[3],
+        scale_y=1.0 - shrinkage_ppm * 1e-6 * draw[4],
+    ).transformation()

@@ -1,0 +1,196 @@
+"""Image refinement: from the fiducial system to ideal image coordinates, and back.
+
+ideal = measured - principal point - distortion, the distortion taken at the measured place
+(Brown 1966 for the decentring part). In d = measured - principal point, r = abs(d): radial
+distortion is dr(r) d / r, decentring distortion (P1 (r^2 + 2 x^2) + 2 P2 x y,
+P2 (r^2 + 2 y^2) + 2 P1 x y).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.errors import InputError, NotComputableError
+from anaplot.photogrammetry.camera import CameraCalibration, RadialPolynomial, RadialTable
+from anaplot.photogrammetry.planar import as_points, solve_pairs
+
+__all__ = ["Refinement"]
+
+Array = NDArray[np.float64]
+
+_STEPS = 50
+_CENTRE = 1e-9  # mm; nearer to the centre the limits are reached to the last digit
+_CLOSED = 1e-12  # between a given ideal place and that of its inverse, relative
+
+
+@dataclass(frozen=True, slots=True)
+class Refinement:
+    """Principal point and distortion of a camera; without arguments, the identity.
+
+    Attributes
+    ----------
+    principal_point
+        [mm] in the fiducial system.
+    radial
+        Radial distortion, or None. Between a table's radii dr follows cubic pieces with the slopes
+        of the parabolas through neighbouring entries (continuous slope, dr(-r) = -dr(r)); beyond
+        its last radius the last dr holds.
+    decentring
+        P1, P2 [mm^-1].
+    """
+
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    radial: RadialPolynomial | RadialTable | None = None
+    decentring: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def of(cls, calibration: CameraCalibration) -> Self:
+        """Return the refinement of a camera.
+
+        Raises
+        ------
+        InputError
+            The distortion folds the image within the format: two measured places would have the
+            same ideal one.
+        """
+        made = cls(calibration.principal_point, calibration.radial, calibration.decentring)
+        made._refuse_fold(calibration)
+        return made
+
+    @property
+    def calibrated_radius(self) -> float | None:
+        """Largest radius [mm] that a distortion table lists; None where there is no table."""
+        return self.radial.radius[-1] if isinstance(self.radial, RadialTable) else None
+
+    def refine(self, xy: Array) -> Array:
+        """Return ideal image coordinates.
+
+        Parameters
+        ----------
+        xy
+            (n, 2) measured coordinates [mm] in the fiducial system.
+
+        Returns
+        -------
+        ndarray
+            (n, 2) [mm], origin at the principal point.
+        """
+        away = as_points(xy) - np.array(self.principal_point)
+        ideal: Array = away - self._distortion(away)[0]
+        return ideal
+
+    def distort(self, xy: Array) -> Array:
+        """Return measured coordinates of ideal ones, the inverse of `refine`.
+
+        Parameters
+        ----------
+        xy
+            (n, 2) ideal image coordinates [mm].
+
+        Raises
+        ------
+        NotComputableError
+            A place that no measured one refines to.
+        """
+        ideal = as_points(xy)
+        away = ideal.copy()
+        for _ in range(_STEPS):
+            distortion, slope = self._distortion(away)
+            gap = away - distortion - ideal
+            step = solve_pairs(np.eye(2) - slope, gap)
+            away = away - step
+            if not np.abs(step).max(initial=0.0) > 1e-14 * (1.0 + np.abs(away).max(initial=0.0)):
+                break
+        gap = np.abs(away - self._distortion(away)[0] - ideal).max(axis=1, initial=0.0)
+        lost = np.flatnonzero(~(gap <= _CLOSED * (1.0 + np.abs(ideal).max(axis=1, initial=0.0))))
+        if lost.size:
+            x, y = ideal[lost[0]].tolist()
+            raise NotComputableError(
+                f"the distortion cannot be inverted at x = {x:.6g}, y = {y:.6g} mm"
+            )
+        measured: Array = away + np.array(self.principal_point)
+        return measured
+
+    def jacobian(self, xy: Array) -> Array:
+        """Return (n, 2, 2) derivatives of `refine` at (n, 2) measured coordinates [mm]."""
+        away = as_points(xy) - np.array(self.principal_point)
+        jacobian: Array = np.eye(2) - self._distortion(away)[1]
+        return jacobian
+
+    def radial_distortion(self, radius: Array) -> tuple[Array, Array]:
+        """Return (n,) dr [mm] and its slope at (n,) measured radii [mm]."""
+        if isinstance(self.radial, RadialPolynomial):
+            square = radius * radius
+            k0, k1, k2, k3 = self.radial.k
+            ratio = k0 + square * (k1 + square * (k2 + square * k3))
+            slope = k0 + square * (3.0 * k1 + square * (5.0 * k2 + square * 7.0 * k3))
+            return radius * ratio, slope
+        if isinstance(self.radial, RadialTable):
+            return _interpolate(self.radial, radius)
+        return np.zeros_like(radius), np.zeros_like(radius)
+
+    def _distortion(self, away: Array) -> tuple[Array, Array]:
+        """(n, 2) distortion and its (n, 2, 2) derivatives at (n, 2) places about the centre."""
+        x, y = away.T
+        radius = np.hypot(x, y)
+        dr, slope = self.radial_distortion(radius)
+        # dr / r and its derivative along r: both have limits in the centre, where dr is odd
+        inside = radius > _CENTRE
+        ratio = np.divide(dr, radius, out=slope.copy(), where=inside)
+        bend = np.divide(slope - ratio, radius * radius, out=np.zeros_like(dr), where=inside)
+        p1, p2 = self.decentring
+        out = np.empty_like(away)
+        out[:, 0] = x * ratio + p1 * (3.0 * x * x + y * y) + 2.0 * p2 * x * y
+        out[:, 1] = y * ratio + p2 * (x * x + 3.0 * y * y) + 2.0 * p1 * x * y
+        derivative = np.empty((len(away), 2, 2))
+        derivative[:, 0, 0] = ratio + bend * x * x + 6.0 * p1 * x + 2.0 * p2 * y
+        derivative[:, 0, 1] = derivative[:, 1, 0] = bend * x * y + 2.0 * p1 * y + 2.0 * p2 * x
+        derivative[:, 1, 1] = ratio + bend * y * y + 6.0 * p2 * y + 2.0 * p1 * x
+        return out, derivative
+
+    def _refuse_fold(self, calibration: CameraCalibration) -> None:
+        if calibration.format is None:
+            reach = max([calibration.c, *(hypot(m.x, m.y) for m in calibration.fiducials)])
+        else:
+            reach = 0.5 * hypot(*calibration.format) + hypot(*self.principal_point)
+        radius, angle = np.meshgrid(np.linspace(0.0, reach, 200), np.linspace(0.0, 2 * np.pi, 25))
+        away = np.column_stack(((radius * np.cos(angle)).ravel(), (radius * np.sin(angle)).ravel()))
+        with np.errstate(over="ignore", invalid="ignore"):
+            determinant = np.linalg.det(np.eye(2) - self._distortion(away)[1])
+        folded = ~(determinant > 0.0)
+        if folded.any():
+            where = float(np.hypot(*away[folded].T).min())
+            raise InputError(
+                f"camera {calibration.id!r}: the distortion folds the image at radius "
+                f"{where:.4g} mm: its coefficients refer to r in mm"
+            )
+
+
+def _interpolate(table: RadialTable, radius: Array) -> tuple[Array, Array]:
+    """Cubic Hermite pieces through the table and, odd, through its mirror image."""
+    r, dr = np.array(table.radius), np.array(table.dr_um) * 1e-3
+    if r[0] > 0.0:
+        r, dr = np.append(0.0, r), np.append(0.0, dr)
+    if len(r) == 1:
+        return np.zeros_like(radius), np.zeros_like(radius)
+    width = np.diff(r)
+    chord = np.diff(dr) / width
+    slope = np.empty_like(r)
+    slope[0] = chord[0]  # the parabola through (-r1, -d1), (0, 0), (r1, d1) is this line
+    slope[1:-1] = (width[1:] * chord[:-1] + width[:-1] * chord[1:]) / (width[1:] + width[:-1])
+    # in the last entry the parabola through the last three, in a table of one piece its line
+    slope[-1] = 2.0 * chord[-1] - slope[-2] if len(r) > 2 else chord[-1]
+    piece = np.clip(np.searchsorted(r, radius, side="right") - 1, 0, len(width) - 1)
+    h = width[piece]
+    t = (radius - r[piece]) / h
+    s0, s1, m = slope[piece], slope[piece + 1], chord[piece]
+    second, third = 3.0 * m - 2.0 * s0 - s1, s0 + s1 - 2.0 * m
+    value = dr[piece] + h * t * (s0 + t * (second + t * third))
+    rate = s0 + t * (2.0 * second + 3.0 * t * third)
+    beyond = radius > r[-1]
+    return np.where(beyond, dr[-1], value), np.where(beyond, 0.0, rate)
