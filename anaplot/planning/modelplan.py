@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from itertools import count
 from math import hypot
 from typing import NamedTuple
 
 from anaplot.orientation.patterns import Pattern
 from anaplot.photogrammetry.block import Block, Camera
 
-__all__ = ["Candidates", "PlannedPosition", "plan_positions", "standard_d"]
+__all__ = ["Candidates", "PlannedPosition", "plan_positions", "predicted_right", "standard_d"]
 
 Candidates = Mapping[str, Mapping[str, tuple[float, float]]]
 """Approximate image coordinates [mm] of known points, by photo and point."""
 
+_NAME = 80  # characters of a photo's name that go into the names of its points
 _TWIN = (4.0, 4.0)  # mm between the two points of a doubled position
 
 
@@ -35,6 +37,7 @@ def plan_positions(
     nominal_base: float | None,
     preceding: Mapping[str, tuple[float, float]],
     candidates: Candidates | None,
+    avoid: Collection[str] = (),
 ) -> tuple[PlannedPosition, ...]:
     """Choose the points of a model.
 
@@ -56,6 +59,8 @@ def plan_positions(
         Points of the preceding model: their coordinates [mm] in its right photo, now the left.
     candidates
         Known points, or None when there are none to choose from.
+    avoid
+        Names that other points have: no new point gets one of them.
     """
     left, right = photos
     camera = block.camera_of(left)
@@ -74,7 +79,8 @@ def plan_positions(
         if label in taken:
             continue
         if candidates is None:
-            name = _new_name(label, left, right)
+            used = {p.point for p in taken.values()} | preceding.keys() | set(avoid)
+            name = _free_name(_new_name(label, left, right), used)
             taken[label] = PlannedPosition(name, x, y, x - base, y)
             continue
         used = {p.point for p in taken.values()}
@@ -82,7 +88,42 @@ def plan_positions(
         found = _nearest((x, y), {name: xy[:2] for name, xy in free.items()}, near)
         if found is not None:
             taken[label] = PlannedPosition(found, *free[found])
-    return tuple(taken[label] for label in pattern.labels if label in taken)
+    positions = [taken[label] for label in pattern.labels if label in taken]
+    # ties first also where some are missing: they bring the scale
+    return tuple(sorted(positions, key=lambda p: p.point not in preceding))
+
+
+def predicted_right(
+    measured: Sequence[tuple[float, float, float, float]], xl: float, yl: float
+) -> tuple[float, float] | None:
+    """Predict where a point of the left photo lies in the right one, from points measured so far.
+
+    Parameters
+    ----------
+    measured
+        xl, yl, xr, yr [mm] of at least three points, not all in one place.
+    xl, yl
+        Where it lies in the left photo [mm].
+
+    Returns
+    -------
+    tuple of float or None
+        xr, yr [mm] by a plane similarity; None while there is too little to tell.
+    """
+    if len(measured) < 3:
+        return None
+    left = [complex(m[0], m[1]) for m in measured]
+    right = [complex(m[2], m[3]) for m in measured]
+    n = len(measured)
+    left_mean, right_mean = sum(left) / n, sum(right) / n
+    spread = sum(abs(z - left_mean) ** 2 for z in left)
+    if spread < 1.0:
+        return None
+    turned = sum(
+        (z - left_mean).conjugate() * (w - right_mean) for z, w in zip(left, right, strict=True)
+    )
+    place = right_mean + turned / spread * (complex(xl, yl) - left_mean)
+    return place.real, place.imag
 
 
 def standard_d(camera: Camera) -> float:
@@ -151,10 +192,18 @@ def _nearest(
     return best
 
 
+def _free_name(name: str, used: Collection[str]) -> str:
+    """Return the name, with a number behind it when other points have it."""
+    if name not in used:
+        return name
+    return next(other for k in count(2) if (other := f"{name}.{k}") not in used)
+
+
 def _new_name(label: str, left: str, right: str) -> str:
     """Name a new point after the photo under which it lies: 1, 2, 3 there, 7, 8, 9 between."""
     under_right = {"4": "1", "5": "2", "6": "3"}
     digit, mark = label[0], label[1:]
+    left, right = left[:_NAME], right[:_NAME]
     if digit in under_right:
         return f"{right}-{under_right[digit]}{mark}"
     return f"{left}-{digit}{mark}"

@@ -94,11 +94,14 @@ class HandSettled:
         Where the carriages stand, plate coordinates [mm].
     times
         How often the point was pointed at in this model, this time included.
+    drive
+        After which drive it was, counted from 1; see `SimulatedPlotter.drives`.
     """
 
     point: str | None
     position: Position
     times: int
+    drive: int = 0
 
 
 def transfer_error(
@@ -231,6 +234,7 @@ class SimulatedPlotter:
         )
         self._motion: _Motion | None = None
         self._generation = 0
+        self._drives = 0
         self._side = [0.0] * len(self._axes)
         self._origin = (0.0,) * len(self._axes)
         self._held: Footswitch | None = None
@@ -318,6 +322,11 @@ class SimulatedPlotter:
         """(left, right, point) -> how often it was pointed at."""
         with self._lock:
             return dict(self._pointed)
+
+    @property
+    def drives(self) -> int:
+        """How many drives were begun."""
+        return self._drives
 
     def remember(self, pointed: Mapping[tuple[str, str, str], int]) -> None:
         """Take over how often points were pointed at before, as in the constructor."""
@@ -584,6 +593,7 @@ class SimulatedPlotter:
         self._halt()
         distance = max(abs(b - a) for a, b in zip(self._axes, target, strict=True))
         seconds = distance / self._profile.simulate.speed
+        self._drives += 1
         self._motion = _Motion(self._axes, target, self._now, self._now + seconds)
         generation = self._generation
         self._at(seconds, lambda: self._arrive(generation))
@@ -611,7 +621,7 @@ class SimulatedPlotter:
             return
         point = self._nearest()
         if point is None:
-            self._settled.append(HandSettled(None, self._position(self._axes), 0))
+            self._settled.append(HandSettled(None, self._position(self._axes), 0, self._drives))
             return
         key = (self._left, self._right, point)
         times = self._pointed.get(key, 0) + 1
@@ -623,7 +633,7 @@ class SimulatedPlotter:
         )
         place = self._pointing(point, times, in_model)
         self._set_axes(self._profile.stage.to_axes(self._plate(place)))
-        self._settled.append(HandSettled(point, self._position(self._axes), times))
+        self._settled.append(HandSettled(point, self._position(self._axes), times, self._drives))
         if self._hand.auto_pedal:
             self._at(self._hand.pedal_time, lambda: self._press_if(generation))
 

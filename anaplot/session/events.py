@@ -120,7 +120,7 @@ class ModelAccepted:
 
 @dataclass(frozen=True, slots=True)
 class Undone:
-    """The last event that was not itself an undo was taken back."""
+    """The last event that was no undo, suspension or resumption was taken back."""
 
     kind: ClassVar[str] = "undone"
 

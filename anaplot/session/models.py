@@ -9,7 +9,7 @@ from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 from anaplot.orientation.results import Diagnosis, ModelSolution
 from anaplot.orientation.strip import stereopair
-from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.block import Block, Camera, Precision, TestSettings
 from anaplot.session.state import ModelState, SessionState
 
 __all__ = ["diagnosis_of", "preceding_models", "solve", "strip_solutions"]
@@ -17,12 +17,14 @@ __all__ = ["diagnosis_of", "preceding_models", "solve", "strip_solutions"]
 
 def preceding_models(state: SessionState, model: ModelState) -> tuple[ModelState, ...]:
     """Return the accepted models of the strip before a model, first to last."""
+    by_right = {m.right: m for m in state.models if m.strip == model.strip}
     found: list[ModelState] = []
     left = model.left
-    while (before := state.preceding(model.strip, left)) is not None and before not in found:
-        found.insert(0, before)
+    # a strip has every photo once: the walk ends
+    while (before := by_right.get(left)) is not None:
+        found.append(before)
         left = before.left
-    return tuple(found)
+    return tuple(reversed(found))
 
 
 def solve(state: SessionState, model: ModelState) -> ModelSolution:
@@ -33,24 +35,43 @@ def solve(state: SessionState, model: ModelState) -> ModelSolution:
     NotComputableError
         The measurements do not determine it (yet); says why.
     """
-    return _solve(state.block, preceding_models(state, model), model)
+    block = state.block
+    base = next(s.base for s in block.strips if s.id == model.strip)
+    solution: ModelSolution | None = None
+    for before in preceding_models(state, model):
+        solution = _solve(before, _cameras(block, before), base, solution, *_settings(block))
+    return _solve(model, _cameras(block, model), base, solution, *_settings(block))
 
 
-@lru_cache(maxsize=256)
-def _solve(block: Block, before: tuple[ModelState, ...], model: ModelState) -> ModelSolution:
-    preceding = _solve(block, before[:-1], before[-1]) if before else None
-    strip = next(s for s in block.strips if s.id == model.strip)
+def _cameras(block: Block, model: ModelState) -> tuple[Camera, Camera]:
+    return block.camera_of(model.left), block.camera_of(model.right)
+
+
+def _settings(block: Block) -> tuple[Precision, TestSettings]:
+    return block.precision, block.test
+
+
+# Keyed by the preceding solution itself, which is remembered too: a chain, without recursion.
+@lru_cache(maxsize=1024)
+def _solve(
+    model: ModelState,
+    cameras: tuple[Camera, Camera],
+    base: float | None,
+    preceding: ModelSolution | None,
+    precision: Precision,
+    test: TestSettings,
+) -> ModelSolution:
     used = model.used
     pair = stereopair(
         model.photos,
         {m.point: (m.xl, m.yl) for m in used},
         {m.point: (m.xr, m.yr) for m in used},
-        (block.camera_of(model.left), block.camera_of(model.right)),
+        cameras,
         preceding=preceding,
-        base=strip.base,
+        base=base,
         off=frozenset((point, axis) for point, axis in model.off),
     )
-    return orient(pair, block.precision, block.test)
+    return orient(pair, precision, test)
 
 
 @lru_cache(maxsize=256)

@@ -198,7 +198,7 @@ def apply(state: SessionState, event: Event) -> SessionState:
         case ModelChosen():
             return replace(state._remembered(), current=_chosen(state, event))
         case PointAdded():
-            return _with_current(state, _added(_current(state), event.planned))
+            return _with_current(state, _added(state, event.planned))
         case PointMeasured():
             return _with_current(state, _measured(state, event))
         case RowSwitched():
@@ -239,20 +239,26 @@ def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
     names = [p.point for p in event.plan]
     if len(set(names)) != len(names):
         raise EventRefusedError(f"{model}: a point is planned twice")
-    known = set() if preceding is None else {m.point for m in preceding.used}
     for p in event.plan:
-        if (p.role == "tie") != (p.point in known):
-            raise EventRefusedError(
-                f"{model}: point {p.point} is planned as {p.role}, but "
-                + ("is" if p.point in known else "is not")
-                + " a point of the preceding model"
-            )
+        _check_role(model, p, preceding)
     return ModelState(event.strip, event.left, event.right, event.plan)
 
 
-def _added(model: ModelState, planned: PlannedPoint) -> ModelState:
+def _check_role(model: str, planned: PlannedPoint, preceding: ModelState | None) -> None:
+    known = preceding is not None and any(m.point == planned.point for m in preceding.used)
+    if (planned.role == "tie") != known:
+        raise EventRefusedError(
+            f"{model}: point {planned.point} is planned as {planned.role}, but "
+            + ("is" if known else "is not")
+            + " a point of the preceding model"
+        )
+
+
+def _added(state: SessionState, planned: PlannedPoint) -> ModelState:
+    model = _current(state)
     if model.planned(planned.point) is not None:
         raise EventRefusedError(f"point {planned.point} is in model {model.name} already")
+    _check_role(f"model {model.name}", planned, state.preceding(model.strip, model.left))
     return replace(model, plan=(*model.plan, planned))
 
 

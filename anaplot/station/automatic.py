@@ -2,20 +2,19 @@
 
 He sees snapshots and gives the commands that the console gives; the pedal is pressed by the
 simulated hand, and its record comes over the line. What is flagged he measures again, the most
-suspicious row first, a row at most twice; then he switches it off and reports it, so that he
-always comes to an end.
+suspicious row first, its point at most twice; then he switches the row off and reports it, so
+that he always comes to an end.
 """
 
 from __future__ import annotations
 
 import threading
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
 
-from anaplot.errors import AnaplotError, LinkError, NotComputableError
+from anaplot.errors import AnaplotError, InputError, LinkError, NotComputableError
 from anaplot.orientation.results import ModelSolution
 from anaplot.session.events import Axis
 from anaplot.station.snapshot import Snapshot
@@ -26,8 +25,10 @@ if TYPE_CHECKING:
 __all__ = ["AutomaticOperator", "Handled", "ModelRecord"]
 
 _REPEATS = 2
-_PATIENCE = 5.0  # s without any change before he drives to the point again
-_ATTEMPTS = 6
+_PATIENCE = 5.0  # s without a record before he drives to the point again
+_LINE_PATIENCE = 60.0  # s that the line may be down
+_PAUSE = 0.2  # s before another command to a line that took none
+_ATTEMPTS = 8  # drives to one point without a record
 
 Row = tuple[str, Axis | None]
 
@@ -81,7 +82,9 @@ class AutomaticOperator:
         self._woken = threading.Event()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
-        self._measured_again: Counter[tuple[str, Row]] = Counter()
+        self._noted: set[tuple[str, Row, int]] = set()
+        self._drives = 0
+        self._since = 0.0
         self._records: dict[str, ModelRecord] = {}
 
     @property
@@ -107,9 +110,10 @@ class AutomaticOperator:
         try:
             self.run()
         except AnaplotError as error:
-            self._station.tell("error", f"the simulated operator gives up: {error}")
+            self._station.operator_ended("error", f"the simulated operator gives up: {error}")
+            return
         if not self._stopping.is_set():
-            self._station.operator_finished()
+            self._station.operator_ended("info", "the simulated operator has finished")
 
     # -- the job ---------------------------------------------------------------------------------
 
@@ -136,42 +140,52 @@ class AutomaticOperator:
             end()
 
     def _loop(self) -> None:
-        seen = -1
-        changed = monotonic()
-        attempts = 0
+        done: object = None
         while not self._stopping.is_set():
             self._woken.clear()
+            state = self._station.state
             picture = self._station.snapshot()
             if picture.finished:
                 return
-            if picture.serial != seen:
-                seen, changed = picture.serial, monotonic()
-                if picture.target is None:
-                    attempts = 0
-            if not picture.suspended and not self._step(picture):
-                # waiting for a record: a lost byte must not end the job
-                if monotonic() - changed > _PATIENCE and picture.link.state == "live":
-                    attempts += 1
-                    if attempts > _ATTEMPTS:
-                        raise LinkError("the simulated plotter does not answer any more")
-                    changed = monotonic()
-                    if picture.target is not None:
-                        self._station.drive(picture.target)
-                self._woken.wait(0.5)
-            elif picture.suspended:
+            if done != _progress(picture):
+                done = _progress(picture)
+                self._since, self._drives = monotonic(), 0
+            try:
+                waiting = picture.suspended or not self._step(picture)
+            except _GivenUpError:
+                raise
+            except LinkError:
+                # the line has gone and the station is about to hear of it
+                if monotonic() - self._since > _LINE_PATIENCE:
+                    raise
+                waiting = False
+                self._stopping.wait(_PAUSE)
+            except InputError:
+                # somebody else's command came first: look again
+                waiting = False
+                if self._station.state is state:
+                    raise
+            if waiting:
                 self._woken.wait(0.5)
 
     def _step(self, picture: Snapshot) -> bool:
         """Do the next thing; False when there is nothing to do but wait."""
         station = self._station
+        if picture.link.state != "live":
+            if monotonic() - self._since > _LINE_PATIENCE:
+                raise _GivenUpError(f"the plotter's line is {picture.link.state}")
+            return False
         if not picture.left:
             station.next_model()
             return True
         if picture.target is not None:
+            # waiting for a record: a lost byte must not end the job
+            if monotonic() - self._since > _PATIENCE:
+                self._drive(picture.target)
             return False
         pending = [p.point for p in picture.points if p.status == "pending"]
         if pending:
-            station.drive(pending[0])
+            self._drive(pending[0])
             return True
         name = f"{picture.left}/{picture.right}"
         record = self._records.setdefault(name, ModelRecord(picture.left, picture.right))
@@ -180,9 +194,9 @@ class AutomaticOperator:
         if picture.solution is None:
             if picture.next_point is None:
                 raise NotComputableError(picture.problem or f"model {name} is not determined")
-            self._handle(record, name, (picture.next_point, None))
+            self._handle(picture, record, (picture.next_point, None))
         elif picture.diagnosis is not None and picture.diagnosis.suspects:
-            self._handle(record, name, picture.diagnosis.suspects[0])
+            self._handle(picture, record, picture.diagnosis.suspects[0])
         else:
             record.after = picture.solution
             station.accept()
@@ -190,12 +204,40 @@ class AutomaticOperator:
                 self._on_accepted(record)
         return True
 
-    def _handle(self, record: ModelRecord, model: str, row: Row) -> None:
+    def _drive(self, point: str) -> None:
+        """Drive to a point, but not for ever to one of which no record comes."""
+        if self._drives >= _ATTEMPTS:
+            raise _GivenUpError(f"point {point} was not recorded in {_ATTEMPTS} attempts")
+        self._station.drive(point)
+        self._drives += 1
+        self._since = monotonic()
+
+    def _handle(self, picture: Snapshot, record: ModelRecord, row: Row) -> None:
         point, axis = row
-        if self._measured_again[model, row] < _REPEATS:
-            self._measured_again[model, row] += 1
-            record.handled.append(Handled(model, point, axis, "measured again"))
-            self._station.drive(point)
+        name = f"{picture.left}/{picture.right}"
+        # counted by the session, so that an interrupted job goes on as if it had not been
+        times = next(p.times for p in picture.points if p.point == point)
+        if times <= _REPEATS:
+            # driven to a second time when the line failed, but measured once
+            if (name, row, times) not in self._noted:
+                self._noted.add((name, row, times))
+                record.handled.append(Handled(name, point, axis, "measured again"))
+            self._drive(point)
             return
-        record.handled.append(Handled(model, point, axis, "switched off"))
+        record.handled.append(Handled(name, point, axis, "switched off"))
         self._station.switch(point, axis, False)
+
+
+class _GivenUpError(LinkError):
+    """The job cannot be finished over this line."""
+
+
+def _progress(picture: Snapshot) -> tuple[object, ...]:
+    """Return what changes when, and only when, the job has come a step further."""
+    return (
+        picture.accepted,
+        picture.left,
+        picture.right,
+        picture.suspended,
+        tuple((p.times, p.off_axes) for p in picture.points),
+    )

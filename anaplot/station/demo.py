@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import write_block_toml
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import TestSettings
@@ -163,4 +164,9 @@ def run_demo(
     with demo.open(folder, time_scale) as station:
         operator = AutomaticOperator(station, on_accepted)
         operator.run()
+        if not station.points_written:
+            raise InputError(
+                f"{folder}: image_points.csv could not be written; the measurements are safe in "
+                "the journal"
+            )
         return judge(demo.plot.planted, operator.records)

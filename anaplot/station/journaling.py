@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
@@ -11,9 +12,10 @@ from anaplot.session.events import Event
 
 __all__ = ["Recorder"]
 
-_BATCH_BYTES = 16_384
+_BATCH_CHARACTERS = 40_000
 _BATCH_SECONDS = 1.0
-_MOST_BYTES = 200_000  # what one record holds safely; more gathers only while the disk is full
+_MOST_CHARACTERS = 600_000  # what one line holds safely; more gathers only while a disk is full
+_ITEM_CHARACTERS = 40  # brackets, quotes, commas and the time of one item
 
 
 class Recorder:
@@ -35,24 +37,41 @@ class Recorder:
         self._clock = clock
         self._traffic: list[list[str | float]] = []
         self._bytes = 0
+        self._characters = 0
+        self._refused = False
         self._since = self._begin = clock()
 
     def traffic(self, direction: Literal["in", "out"], link: str, data: bytes, when: float) -> None:
         """Remember bytes of the line (as Latin-1 text, one character a byte) and their time [s]."""
-        self._traffic.append([direction, link, data.decode("latin-1"), self._time(when)])
         self._bytes += len(data)
-        if self._bytes > _MOST_BYTES:
-            lost = self._bytes
-            self._forget()
-            self._traffic.append(
-                ["lost", link, f"{lost} bytes: the disk took no records", self._time(when)]
-            )
-        if self._bytes >= _BATCH_BYTES or self._clock() - self._since >= _BATCH_SECONDS:
+        self._gather(direction, link, data.decode("latin-1"), when)
+        # a disk that is full is not asked with every byte
+        full = self._characters >= _BATCH_CHARACTERS and not self._refused
+        if full or self._clock() - self._since >= _BATCH_SECONDS:
             self.flush()
 
     def told(self, kind: str, text: str, when: float) -> None:
         """Remember what else the decoder was told (a press, a reference)."""
-        self._traffic.append(["decoder", kind, text, self._time(when)])
+        self._gather("decoder", kind, text, when)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the journal did not take the last batch of traffic."""
+        return self._refused
+
+    def _gather(self, kind: str, name: str, text: str, when: float) -> None:
+        size = len(json.dumps(text)) + len(json.dumps(name)) + _ITEM_CHARACTERS
+        if self._characters + size > _MOST_CHARACTERS:
+            lost = self._bytes
+            self._forget()
+            self._bytes = lost
+            words = f"{lost} bytes: the disk took no records"
+            self._traffic.append(["lost", name, words, self._time(when)])
+            self._characters = len(words) + len(name) + _ITEM_CHARACTERS
+            if kind != "decoder":
+                return
+        self._traffic.append([kind, name, text, self._time(when)])
+        self._characters += size
 
     def _time(self, when: float) -> float:
         return round(when - self._begin, 5)
@@ -68,8 +87,10 @@ class Recorder:
         self._since = self._clock()
         records = self._gathered()
         if records:
+            self._refused = True
             self._journal.append_many(records, durable=False)
             self._forget()
+        self._refused = False
 
     def event(self, event: Event) -> None:
         """Write an event and bring it to disk, the traffic before it first.
@@ -94,4 +115,4 @@ class Recorder:
 
     def _forget(self) -> None:
         self._traffic = []
-        self._bytes = 0
+        self._bytes = self._characters = 0

@@ -9,7 +9,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from anaplot.orientation.model import orient
+from anaplot.errors import NotComputableError
+from anaplot.orientation.diagnosis import diagnose
+from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.patterns import Pattern
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
@@ -26,6 +28,9 @@ Truth = Mapping[str, Mapping[str, tuple[float, float]]]
 
 SMALLEST = 10.0
 """A detectable mistake is at least this many sigma0 sqrt(q/r)."""
+
+_TRIES = 20
+_CLEAR = 4.0  # standard deviations by which a wrong row must stand out from all right ones
 
 _DETECTABLE: tuple[Kind, ...] = ("gross parallax", "swapped pair", "wrong point", "x error")
 
@@ -80,7 +85,8 @@ def plant_mistakes(
 
     Every model gets one mistake that its table can show, the kinds taking turns, and one that no
     table of this model can show: an x error at a point that is no tie, or a pair swapped alike in
-    both photos.
+    both photos. Without noise, whoever re-measures the most suspicious row finds the first kind
+    beside what the preceding model has handed on: errors that mask each other are not planted.
 
     Parameters
     ----------
@@ -101,6 +107,8 @@ def plant_mistakes(
     planted: list[Planted] = []
     offsets: dict[tuple[str, str, str], Offsets] = {}
     used: set[tuple[str, str]] = set()
+    before: ModelSolution | None = None
+    carried: set[str] = set()
     for k, model in enumerate(models):
         following = models[k + 1] if k + 1 < len(models) else None
         kind = _DETECTABLE[(turn + k) % 4]
@@ -110,7 +118,18 @@ def plant_mistakes(
         spoiled = {point for name, point in used if name == model.name}
         # the hidden mistake comes first: the other one must not sit on its points
         entries, moved = _hidden(hidden, model, following, truth, rng)
-        more, also = _detectable(kind, model, truth, spoiled | set(moved), rng)
+        more: list[Planted] = []
+        also: dict[str, Offsets] = {}
+        for attempt in range(2 * _TRIES):
+            choice: Kind = kind if attempt < _TRIES else "gross parallax"
+            more, also = _detectable(choice, model, truth, spoiled | set(moved), rng)
+            repaired = _repaired(block, truth, model, before, moved, also, carried)
+            if repaired is not None:
+                break
+        else:
+            more, also = [], {}
+            repaired = _repaired(block, truth, model, before, moved, also, carried)
+        before, carried = repaired, set(moved)
         planted += [*entries, *more]
         for point, offset in (moved | also).items():
             offsets[(*model.photos, point)] = offset
@@ -119,6 +138,66 @@ def plant_mistakes(
     order = {model.name: k for k, model in enumerate(models)}
     planted.sort(key=lambda p: order[p.model])
     return Plot(tuple(planted), offsets)
+
+
+def _repaired(
+    block: Block,
+    truth: Truth,
+    model: _Model,
+    before: ModelSolution | None,
+    hidden: Mapping[str, Offsets],
+    shown: Mapping[str, Offsets],
+    carried: set[str],
+) -> ModelSolution | None:
+    """Do the operator's job without noise; None when an innocent row would be accused.
+
+    Parameters
+    ----------
+    before
+        The preceding model with the errors left in it.
+    hidden, shown
+        Mistakes that this model cannot show, and those that it is to show.
+    carried
+        Ties whose coordinates from the preceding model are wrong.
+    """
+    left, right = model.photos
+    wrong = dict(hidden) | dict(shown)
+    off: set[tuple[str, str]] = set()
+    names = [p.point for p in model.plan]
+    for _ in range(2 * len(names)):
+        none = Offsets()
+        at = {name: wrong.get(name, none) for name in names}
+        pair = stereopair(
+            model.photos,
+            {n: (truth[left][n][0] + at[n].dxl, truth[left][n][1] + at[n].dyl) for n in names},
+            {n: (truth[right][n][0] + at[n].dxr, truth[right][n][1] + at[n].dyr) for n in names},
+            (block.camera_of(left), block.camera_of(right)),
+            preceding=before,
+            base=block.strips[0].base,
+            off=frozenset(off),
+        )
+        try:
+            solution = orient(pair, block.precision, block.test)
+        except WrongPointsError as error:
+            point = error.suspects[0]
+            if wrong.pop(point, None) is None:
+                return None
+            continue
+        except NotComputableError:
+            return None
+        suspects = diagnose(solution, block.test.power).suspects
+        if not suspects:
+            return None if wrong.keys() & shown.keys() else solution
+        guilty = carried | (wrong.keys() & shown.keys())
+        others = [row.sigf or 0.0 for row in solution.table if row.point not in guilty]
+        accused = next(row for row in solution.table if row.key == suspects[0])
+        if accused.point not in guilty or (accused.sigf or 0.0) < max(others, default=0.0) + _CLEAR:
+            return None
+        if accused.point in shown:
+            wrong.pop(accused.point, None)
+        else:
+            off.add(accused.key)
+    return None
 
 
 def _models(block: Block, truth: Truth, candidates: Candidates, pattern: Pattern) -> list[_Model]:

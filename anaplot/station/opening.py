@@ -12,7 +12,7 @@ from anaplot.station.demo import rough
 from anaplot.station.plotting import InstrumentSetup, SimulationSetup
 from anaplot.station.station import DEFAULT_PATTERN, Station
 
-__all__ = ["open_station"]
+__all__ = ["open_station", "truth_of"]
 
 
 def open_station(
@@ -78,10 +78,24 @@ def open_station(
     )
 
 
-def _measured(block: Block, truth: Path) -> Truth:
+def truth_of(folder: Path) -> Truth:
+    """Return a block's image points as the truth of simulated plates: the first row of each.
+
+    Raises
+    ------
+    InputError
+        The block is wrong or has no image points.
+    """
     points: dict[str, dict[str, tuple[float, float]]] = {}
-    for row in read_block(truth).image_points:
+    for row in read_block(folder).image_points:
         points.setdefault(row.photo, {}).setdefault(row.point, (row.x, row.y))
+    if not points:
+        raise InputError(f"{folder}: image_points.csv has no points")
+    return points
+
+
+def _measured(block: Block, truth: Path) -> Truth:
+    points = truth_of(truth)
     for strip in block.strips:
         for photo in strip.photos:
             if photo not in points:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from anaplot.plotter.commands import parse_ports
 from anaplot.plotter.link import Link
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position, Reading
@@ -39,7 +40,15 @@ class Listener(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class InstrumentSetup:
-    """An instrument on serial ports: profile name or file, and port addresses."""
+    """An instrument on serial ports.
+
+    Attributes
+    ----------
+    profile
+        Name or file of its profile.
+    port
+        The port's address; LINK=ADDRESS,LINK=ADDRESS where there are several cables.
+    """
 
     profile: str
     port: str
@@ -101,12 +110,14 @@ class Plotting:
                 self.simulator, tcp=setup.tcp, time_scale=setup.time_scale
             ).start()
             self.port = self._server.port
+            addresses = {self.profile.default_link: self.port}
         else:
             self.profile = load_profile(setup.profile)
             self.port = setup.port
+            addresses = parse_ports(self.profile, [setup.port])
         self.link = Link(
             self.profile,
-            self.port,
+            addresses,
             on_reading=listener.on_reading,
             on_state=listener.on_link_state,
             on_traffic=listener.on_traffic,
@@ -131,6 +142,16 @@ class Plotting:
         """Lay photographs into a simulated device; a real one is loaded by hand."""
         if self.simulator is not None:
             self.simulator.lay(left, right)
+
+    def remember(self, pointed: Mapping[tuple[str, str, str], int]) -> None:
+        """Tell a simulated hand how often it set the mark on points before this session."""
+        if self.simulator is not None:
+            self.simulator.remember(pointed)
+
+    @property
+    def drives_begun(self) -> int:
+        """How many drives a simulated device has begun; 0 for a real one."""
+        return 0 if self.simulator is None else self.simulator.drives
 
     def drive(self, position: Position) -> None:
         """Drive the plates."""

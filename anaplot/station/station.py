@@ -25,7 +25,7 @@ from anaplot.exchange.journal import Journal, JournalError, events_of
 from anaplot.orientation.patterns import pattern
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block
-from anaplot.planning.modelplan import Candidates, plan_positions
+from anaplot.planning.modelplan import Candidates, plan_positions, predicted_right
 from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
 from anaplot.plotter.simulator import HandSettled
 from anaplot.session.events import (
@@ -97,6 +97,8 @@ class _Ear:
 
     def __init__(self) -> None:
         self.items: queue.SimpleQueue[_Item] = queue.SimpleQueue()
+        # the time that the decoder was given: a journal that keeps it replays to the same readings
+        self.time: Callable[[], float] = time.monotonic
 
     def on_reading(self, reading: Reading) -> None:
         self.items.put(reading)
@@ -105,10 +107,10 @@ class _Ear:
         self.items.put(_LinkState(state, detail))
 
     def on_traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
-        self.items.put(_Traffic(direction, link, data, time.monotonic()))
+        self.items.put(_Traffic(direction, link, data, self.time()))
 
     def on_decoder(self, kind: str, text: str) -> None:
-        self.items.put(_Told(kind, text, time.monotonic()))
+        self.items.put(_Told(kind, text, self.time()))
 
     def on_settled(self, settled: HandSettled) -> None:
         self.items.put(settled)
@@ -163,6 +165,7 @@ class Station:
         self._target: str | None = None
         self._drive_target: Position | None = None
         self._pointing = False
+        self._settles_after: int | None = None
         self._automatic = False
         self._operator: AutomaticOperator | None = None
         self._refusal_told = float("-inf")
@@ -175,6 +178,8 @@ class Station:
             self._plotting = None if plotter is None else Plotting(plotter, self._ear)
             if self._plotting is not None:
                 undo.callback(self._plotting.close)
+                link = self._plotting.link
+                self._ear.time = lambda: link.event_time
             self._journal, recovered = Journal.open(
                 folder, self._header(operator), keep=lambda kind: kind in EVENT_KINDS
             )
@@ -556,7 +561,8 @@ class Station:
                         self._arrived()
             case HandSettled():
                 with self._change():
-                    self._pointing = False
+                    if self._settles_after is not None and item.drive > self._settles_after:
+                        self._pointing = False
                     if item.point is None:
                         self._tell("warning", "the simulated operator finds no point here")
             case Record():
@@ -715,11 +721,14 @@ class Station:
         plotting = self._plotting
         if plotting is None or not plotting.drives:
             return
-        target = plate_of(planned.xl, planned.yl, planned.xr, planned.yr)
+        target = plate_of(planned.xl, planned.yl, *self._right_place(planned))
         self._drive_target = target
         self._pointing = plotting.simulated
+        # the mark that counts is the one set after this drive, not after one given up before
+        self._settles_after = None
 
         def drive() -> None:
+            self._settles_after = plotting.drives_begun
             try:
                 plotting.drive(target)
             except AnaplotError:
@@ -728,6 +737,16 @@ class Station:
                 raise
 
         self._after.append(drive)
+
+    def _right_place(self, planned: PlannedPoint) -> tuple[float, float]:
+        """Return where to drive in the right photo: where it is known to lie, or as far as told."""
+        model = self._state.current
+        if self._candidates is None and model is not None:
+            seen = [(m.xl, m.yl, m.xr, m.yr) for m in model.used if m.point != planned.point]
+            place = predicted_right(seen, planned.xl, planned.yl)
+            if place is not None:
+                return place
+        return planned.xr, planned.yr
 
     def _advance(self) -> None:
         """Go to the next point of the plan by itself, where that is wanted."""

@@ -1,0 +1,140 @@
+"""The state is a pure fold: properties over random sequences of events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sessionscene import Scene
+
+from anaplot.session.events import (
+    Event,
+    ModelAccepted,
+    ModelChosen,
+    PlannedPoint,
+    PointAdded,
+    PointMeasured,
+    Resumed,
+    RowSwitched,
+    Suspended,
+    Undone,
+)
+from anaplot.session.state import EventRefusedError, SessionState, apply, fold
+
+SCENE = Scene(4)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What is to happen, made into an event for whatever state it meets."""
+
+    kind: int
+    number: int
+    flag: bool
+
+    def event(self, state: SessionState) -> Event:
+        models = SCENE.block.strips[0].models()
+        model = models[self.number % len(models)]
+        current = state.current
+        point = "nowhere"
+        if current is not None and current.plan:
+            point = current.plan[self.number % len(current.plan)].point
+            if self.flag:
+                model = current.photos
+        match self.kind % 12:
+            case 0 | 1:
+                accepted = len(state.models)
+                if self.flag and current is None and accepted < len(models):
+                    return SCENE.choice(state, accepted)
+                return ModelChosen("1", *model, ())
+            case 2 | 3 | 4 | 5 if point.startswith("extra"):
+                return PointMeasured(*model, point, 1.0, 2.0, -90.0, self.number * 0.1, "key")
+            case 2 | 3 | 4 | 5 if current is not None and point != "nowhere":
+                return SCENE.measurement(state, point, dyr=self.number * 1e-3)
+            case 6:
+                axis = (None, "x", "y")[self.number % 3]
+                return RowSwitched(point, axis, self.flag)
+            case 7:
+                name = f"extra{self.number % 3}"
+                return PointAdded(PlannedPoint(name, "new", 1.0, 2.0, -90.0, 2.0))
+            case 8:
+                return ModelAccepted(*model)
+            case 9:
+                return Undone()
+            case 10:
+                return Suspended() if self.flag else Resumed()
+            case 11:
+                return Resumed()
+            case _:
+                return PointMeasured(*model, point, 500.0, 0.0, 0.0, 0.0, "pedal")
+
+
+drafts = st.lists(
+    st.builds(
+        Draft, st.integers(0, 11), st.integers(0, 40), st.integers(0, 4).map(lambda n: n > 0)
+    ),
+    max_size=120,
+)
+
+
+def played(steps: list[Draft]) -> tuple[list[Event], list[SessionState]]:
+    """Return the events that were accepted, and the state before each and after the last."""
+    state = SCENE.start
+    events: list[Event] = []
+    states = [state]
+    for step in steps:
+        event = step.event(state)
+        try:
+            after = apply(state, event)
+        except EventRefusedError:
+            continue
+        events.append(event)
+        states.append(after)
+        state = after
+    return events, states
+
+
+@given(drafts)
+@settings(deadline=None, max_examples=120)
+def test_the_fold_of_what_was_accepted_is_the_state(steps: list[Draft]) -> None:
+    events, states = played(steps)
+    assert fold(SCENE.start, events) == states[-1]
+    assert fold(SCENE.start, events)._history == states[-1]._history
+    half = len(events) // 2
+    assert fold(states[half], events[half:]) == states[-1]
+
+
+@given(drafts)
+@settings(deadline=None, max_examples=120)
+def test_undo_is_the_exact_inverse_and_undoing_all_gives_the_start(steps: list[Draft]) -> None:
+    events, states = played(steps)
+    for before, event, after in zip(states, events, states[1:], strict=False):
+        if not isinstance(event, Undone | Suspended | Resumed):
+            again = apply(after, Undone())
+            assert again == before
+            assert again._history == before._history
+    state = states[-1]
+    if state.suspended:
+        state = apply(state, Resumed())
+    while state.may_undo:
+        state = apply(state, Undone())
+    assert state == SCENE.start
+
+
+@given(drafts)
+@settings(deadline=None, max_examples=60)
+def test_what_holds_in_every_state(steps: list[Draft]) -> None:
+    _, states = played(steps)
+    models = SCENE.block.strips[0].models()
+    for state in states:
+        # models are accepted in the order of the strip, each once
+        assert tuple(m.photos for m in state.models) == models[: len(state.models)]
+        if state.current is not None:
+            assert state.current.photos == models[len(state.models)]
+            names = [p.point for p in state.current.plan]
+            assert len(set(names)) == len(names)
+            measured = [m.point for m in state.current.measured]
+            assert measured == [name for name in names if name in set(measured)]
+            assert {point for point, _ in state.current.off} <= set(measured)
+            assert {p.point for p in state.current.pending} == set(names) - set(measured)

@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from stationbench import Bench
+
+from anaplot.photogrammetry.block import TestSettings
+from anaplot.planning.synthetic import synthetic_strip
+
+
+def _descriptors() -> int:
+    folder = Path("/proc/self/fd")
+    return len(list(folder.iterdir())) if folder.is_dir() else 0
+
+
+@pytest.fixture(autouse=True)
+def nothing_left() -> Iterator[None]:
+    """No descriptor and no thread may be left when a test is over."""
+    threads, descriptors = set(threading.enumerate()), _descriptors()
+    yield
+    assert set(threading.enumerate()) <= threads
+    assert _descriptors() == descriptors
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = synthetic_strip(4, seed=11, image_um=3.0, test=TestSettings(kind="baarda"))
+    # significance so small that pure noise is never flagged: the tests below know their mistakes
+    block = replace(made.block, test=TestSettings(kind="baarda", alpha=1e-7))
+    bench = Bench(tmp_path / "block", replace(made, block=block))
+    with bench.stack:
+        yield bench

@@ -1,0 +1,193 @@
+"""Fifty strips measured through the real link: what was planted, found, repaired and missed."""
+
+from __future__ import annotations
+
+import json
+from math import exp, sqrt
+from pathlib import Path
+
+import pytest
+
+from anaplot.adjustment.significance import noncentrality
+from anaplot.orientation.model import orient
+from anaplot.orientation.strip import stereopair
+from anaplot.report.contract import demo_json
+from anaplot.station.demo import DEFAULT_MODELS, DEFAULT_SEED, Demo, Outcome, run_demo
+from anaplot.station.mistakes import SMALLEST, Planted
+
+MODELS = 4
+
+
+def run(demo: Demo, folder: Path, time_scale: float = 5000.0) -> Outcome:
+    demo.write(folder)
+    return run_demo(demo, folder, time_scale)
+
+
+def standardized(demo: Demo) -> dict[tuple[str, str, str], float]:
+    """Return how many sigma0 sqrt(q/r) each detectable mistake is large."""
+    block, truth = demo.strip.block, demo.strip.truth
+    sigma_um = block.precision.image_um
+    before = None
+    out = {}
+    for left, right in block.strips[0].models():
+        used = {p.point for p in demo.plot.planted if p.model == f"{left}/{right}"}
+        names = sorted(demo_points(demo, left, right))
+        pair = stereopair(
+            (left, right),
+            {n: truth[left][n] for n in names},
+            {n: truth[right][n] for n in names},
+            (block.camera_of(left), block.camera_of(right)),
+            preceding=before,
+            base=block.strips[0].base,
+        )
+        before = orient(pair, block.precision, block.test)
+        rows = zip(before.table, before.q_l.tolist(), strict=True)
+        unit = {row.key: sigma_um * sqrt(q / row.redn) for row, q in rows}
+        assert used <= set(names)
+        for p in demo.plot.planted:
+            if p.model == f"{left}/{right}" and p.detectable:
+                out[p.model, p.point, p.axis] = abs(p.size_um) / unit[p.point, p.axis]
+    return out
+
+
+def demo_points(demo: Demo, left: str, right: str) -> set[str]:
+    from anaplot.orientation.patterns import pattern
+    from anaplot.planning.modelplan import plan_positions
+
+    before: dict[str, tuple[float, float]] = {}
+    for photos in demo.strip.block.strips[0].models():
+        plan = plan_positions(
+            demo.strip.block,
+            photos,
+            pattern("13"),
+            nominal_base=demo.strip.block.strips[0].base,
+            preceding=before,
+            candidates=demo.candidates,
+        )
+        before = {p.point: demo.strip.truth[photos[1]][p.point] for p in plan}
+        if photos == (left, right):
+            return set(before)
+    raise AssertionError((left, right))
+
+
+def missing_power(deviations: float, alpha: float) -> float:
+    """Return the probability that the normal test misses an error of so many deviations."""
+    from scipy.special import ndtr, ndtri
+
+    critical = -ndtri(alpha / 2.0)
+    return float(ndtr(critical - deviations))
+
+
+def test_the_power_is_that_of_the_normal_test() -> None:
+    # conventions: 0.001 and 0.80 give 4.132
+    assert noncentrality(0.001, 0.80) == pytest.approx(4.132, abs=5e-4)
+    assert missing_power(noncentrality(0.001, 0.80), 0.001) == pytest.approx(0.2, abs=1e-6)
+
+
+@pytest.mark.parametrize("tens", range(5))
+def test_ten_seeds_counted(tmp_path: Path, tens: int) -> None:
+    predicted_missed = 0.0
+    missed: list[tuple[int, Planted]] = []
+    false_flags = rows = detectable = 0
+    for seed in range(1 + 10 * tens, 11 + 10 * tens):
+        demo = Demo.make(MODELS, seed)
+        outcome = run(demo, tmp_path / str(seed))
+        sizes = standardized(demo)
+        alpha = demo.strip.block.test.alpha
+        assert min(sizes.values()) >= SMALLEST
+        predicted_missed += sum(missing_power(size, alpha) for size in sizes.values())
+        wanted = [p for p in outcome.planted if p.detectable]
+        # every model has one that shows and one that does not
+        for record in outcome.models:
+            name = f"{record.left}/{record.right}"
+            kinds = [p.detectable for p in outcome.planted if p.model == name]
+            assert True in kinds
+            assert False in kinds
+        detectable += len(wanted)
+        missed += [(seed, p) for p in outcome.missed]
+        missed += [(seed, p) for p in wanted if p not in outcome.repaired and p in outcome.found]
+        false_flags += len(outcome.false_flags)
+        for record in outcome.models:
+            assert record.before is not None
+            assert record.after is not None
+            assert not record.after.flagged
+            rows += len(record.before.table)
+    assert detectable >= 10 * MODELS
+    # at least ten deviations: the normal test misses one in a hundred thousand millions
+    assert predicted_missed < 1e-6
+    assert not missed
+    # 0.001 of the rows, twice at most as every flag is measured again; a Poisson bound of 1e-4
+    expected = 2 * 0.001 * rows
+    assert false_flags <= _bound(expected, 1e-4)
+
+
+def _bound(mean: float, beyond: float) -> int:
+    """Return the count that a Poisson variable of this mean exceeds with this probability."""
+    term = total = exp(-mean)
+    k = 0
+    while 1.0 - total > beyond:
+        k += 1
+        term *= mean / k
+        total += term
+    return k
+
+
+def test_the_default_seed_misses_none_and_accuses_nobody(tmp_path: Path) -> None:
+    outcome = run(Demo.make(DEFAULT_MODELS, DEFAULT_SEED), tmp_path / "demo")
+    assert outcome.missed == ()
+    assert outcome.false_flags == ()
+    detectable = tuple(p for p in outcome.planted if p.detectable)
+    assert outcome.repaired == detectable
+    assert {p.kind for p in detectable} == {
+        *("gross parallax", "wrong point", "swapped pair", "x error")
+    }
+    # what this model cannot show is said to show in a later one, and does
+    hidden = [p for p in outcome.planted if not p.detectable]
+    assert {p.kind for p in hidden} == {"x error", "pair swapped alike"}
+    for p in hidden:
+        assert p not in outcome.repaired
+        assert (p.shows_in is not None) == (p in outcome.found)
+
+
+def test_the_same_seed_tells_the_same_whatever_the_speed(tmp_path: Path) -> None:
+    texts = []
+    for k, scale in enumerate((300.0, 3000.0, 30000.0)):
+        outcome = run(Demo.make(2, 6), tmp_path / str(k), scale)
+        texts.append(json.dumps(demo_json(6, outcome), allow_nan=False))
+    assert texts[0] == texts[1] == texts[2]
+    other = run(Demo.make(2, 7), tmp_path / "other")
+    assert json.dumps(demo_json(7, other), allow_nan=False) != texts[0]
+    contents = {(tmp_path / str(k) / "image_points.csv").read_bytes() for k in range(3)}
+    assert len(contents) == 1
+
+
+def test_the_json_is_what_the_contract_says(tmp_path: Path) -> None:
+    demo = Demo.make(2, 3)
+    outcome = run(demo, tmp_path / "demo")
+    answer = json.loads(json.dumps(demo_json(3, outcome), allow_nan=False))
+    assert answer["seed"] == 3
+    for key in ("planted", "found", "repaired", "missed", "false_flags"):
+        for entry in answer[key]:
+            assert entry.keys() >= {
+                *("model", "point", "photo", "axis", "size_um", "kind", "detectable")
+            }
+            assert entry["axis"] in ("x", "y")
+            assert isinstance(entry["size_um"], float)
+    assert answer["planted"]
+    assert [p for p in answer["found"] if p not in answer["planted"]] == []
+    for model in answer["models"]:
+        for table in (model["before"], model["after"]):
+            assert table
+            for row in table:
+                assert row.keys() == {
+                    *("point", "axis", "redn", "parx_um", "expd_um", "sigf", "flagged")
+                }
+        assert any(row["flagged"] for row in model["before"])
+        assert not any(row["flagged"] for row in model["after"])
+
+
+@pytest.mark.parametrize("models", [1, 7])
+def test_any_number_of_models(tmp_path: Path, models: int) -> None:
+    outcome = run(Demo.make(models, 2), tmp_path / "demo", 20000.0)
+    assert len(outcome.models) == models
+    assert outcome.missed == ()

@@ -1,0 +1,118 @@
+"""`anaplot demo --auto`: the whole job in one command."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from clibench import TIMEOUT, anaplot, command, environment, one_line
+
+from anaplot.exchange.blockfolder import read_block
+
+
+def test_the_demo_tells_its_story() -> None:
+    result = anaplot("demo", "--auto", "--models", "2")
+    assert (result.returncode, result.stderr) == (0, "")
+    for words in ("MODEL 101/102", "MODEL 102/103", "MISTAKES PLANTED", "missed although", "RED-N"):
+        assert words in result.stdout
+    assert "missed although detectable: none" in result.stdout
+
+
+def test_json_is_the_same_twice() -> None:
+    texts = [anaplot("demo", "--auto", "--json", "--seed", "5", "--models", "1") for _ in range(2)]
+    assert [t.returncode for t in texts] == [0, 0]
+    assert texts[0].stdout == texts[1].stdout
+    answer = json.loads(texts[0].stdout)
+    assert answer.keys() >= {
+        *("seed", "planted", "found", "repaired", "missed", "false_flags", "models")
+    }
+    assert answer["seed"] == 5
+
+
+def test_keep(tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    assert anaplot("demo", "--auto", "--models", "1", "--keep", folder).returncode == 0
+    block = read_block(folder)
+    assert {row.model for row in block.image_points} == {"101/102"}
+    assert anaplot("bridge", folder, "--fail-on-flag").returncode == 0
+    points = (folder / "image_points.csv").read_bytes()
+    one_line(anaplot("demo", "--auto", "--keep", folder), 2, "exists already")
+    assert (folder / "image_points.csv").read_bytes() == points
+
+
+def test_temporary_folders_are_taken_away(tmp_path: Path) -> None:
+    result = anaplot("demo", "--auto", "--models", "1", env={"TMPDIR": str(tmp_path)})
+    assert result.returncode == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are others there")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_it_leaves_everything_in_order(tmp_path: Path, number: signal.Signals) -> None:
+    with subprocess.Popen(
+        command("demo", "--auto", "--models", "150"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(TMPDIR=str(tmp_path)),
+        start_new_session=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("MODEL 101/102")
+        assert list(tmp_path.iterdir()) != []
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 128 + number
+    assert "Traceback" not in errors
+    if number == signal.SIGINT:
+        assert errors == "anaplot: interrupted\n"
+    assert list(tmp_path.iterdir()) == []
+    # nothing of its session lives on
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are others there")
+def test_interrupted_a_kept_block_is_good(tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    with subprocess.Popen(
+        command("demo", "--auto", "--models", "150", "--keep", folder),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 130
+    assert "101/102" in {row.model for row in read_block(folder).image_points}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes are others there")
+def test_the_reader_goes_away(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        command("demo", "--auto", "--models", "3"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(TMPDIR=str(tmp_path)),
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        errors = process.stderr.read()
+        process.wait(TIMEOUT)
+    assert (process.returncode, errors) == (0, "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    one_line(anaplot("demo", "--auto", "--keep", tmp_path / "file" / "x"), 2, "cannot be made")

@@ -1,0 +1,84 @@
+"""`anaplot open`: what fails, fails before the screen starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from clibench import anaplot, contents, make_block, one_line
+
+from anaplot.exchange.journal import Journal
+
+
+@pytest.fixture
+def block(tmp_path: Path) -> Path:
+    return make_block(tmp_path / "block")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--simulate", "--port", "/dev/ttyS0"), "exclude each other"),
+        (("--simulate", "--profile", "anaplot-ascii"), "exclude each other"),
+        (("--truth", "x"), "--truth goes with --simulate"),
+        (("--profile", "anaplot-ascii"), "both --profile and --port"),
+        (("--port", "/dev/ttyS0"), "both --profile and --port"),
+        (("--pattern", "14"), "no point pattern '14'"),
+        (("--profile", "anaplot-asci", "--port", "/dev/ttyS0"), "anaplot-ascii"),
+        (("--simulate", "--truth", "/nowhere"), "no such folder"),
+    ],
+)
+def test_options_that_make_no_sense(block: Path, arguments: tuple[str, ...], words: str) -> None:
+    before = contents(block)
+    one_line(anaplot("open", block, *arguments), 2, words)
+    assert contents(block) == before
+
+
+def test_a_port_that_does_not_exist(block: Path) -> None:
+    for port in ("/dev/does-not-exist", "socket://127.0.0.1:1"):
+        result = anaplot("open", block, "--profile", "anaplot-ascii", "--port", port)
+        one_line(result, 3, "port", port)
+        assert result.stdout == ""
+
+
+def test_a_block_that_is_open_elsewhere(block: Path) -> None:
+    journal, _ = Journal.open(block, {})
+    with journal:
+        before = contents(block)
+        one_line(anaplot("open", block, "--simulate"), 2, "open in another anaplot")
+        assert contents(block) == before
+        assert anaplot("bridge", block).returncode == 0
+
+
+def test_a_journal_of_a_newer_version(block: Path) -> None:
+    journal, _ = Journal.open(block, {})
+    journal.close()
+    path = block / "sessions" / "0001.jsonl"
+    path.write_bytes(path.read_bytes().replace(b'"format":1', b'"format":7'))
+    before = contents(block)
+    one_line(anaplot("open", block, "--simulate"), 2, "newer version")
+    after = contents(block)
+    before.pop("sessions/lock", None)
+    after.pop("sessions/lock", None)
+    assert after == before
+
+
+def test_a_damaged_journal(block: Path) -> None:
+    journal, _ = Journal.open(block, {})
+    for _ in range(3):
+        journal.append("note", {"text": "something"}, durable=False)
+    journal.close()
+    path = block / "sessions" / "0001.jsonl"
+    damaged = path.read_bytes().replace(b"something", b"sometHing", 1)
+    path.write_bytes(damaged)
+    one_line(anaplot("open", block), 2, "damaged", "line 2")
+    assert path.read_bytes() == damaged
+
+
+def test_truth_that_lacks_a_photo(block: Path, tmp_path: Path) -> None:
+    other = make_block(tmp_path / "other", photos=2)
+    one_line(
+        anaplot("open", block, "--simulate", "--truth", other),
+        2,
+        "has no point of photo 103",
+    )
