@@ -78,6 +78,7 @@ def solution(gross: bool = True) -> ModelSolution:
         condition=17.3,
         apriori_um=5.0,
         tie_variance="propagated",
+        outliers=(),
         remarks=(),
         q_l=np.array([2.0] * 13 + [6.0] * 5),
         q_vv=np.eye(n),

@@ -1,0 +1,138 @@
+"""Collinearity: where a ground point appears in a photo, with all derivatives.
+
+With u = R'(X - X0) the point in the photo's own axes, x = -c u1/u3 and y = -c u2/u3; u3 is
+negative for a point in front of the photo (conventions: a ray is (x, y, -c)).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Projection", "Projections", "project", "project_with_derivatives", "turns"]
+
+Array = NDArray[np.float64]
+
+
+class Projection(NamedTuple):
+    """Image coordinates of points.
+
+    Attributes
+    ----------
+    xy
+        (n, 2) image coordinates [mm].
+    depth
+        (n,) distance in front of the photo along its axis [m]; negative behind it.
+    """
+
+    xy: Array
+    depth: Array
+
+
+class Projections(NamedTuple):
+    """Image coordinates of points and their derivatives.
+
+    Attributes
+    ----------
+    xy
+        (n, 2) image coordinates [mm].
+    depth
+        (n,) distance in front of the photo along its axis [m].
+    photo
+        (n, 2, 6) derivatives with respect to the projection centre [mm/m] and to a small rotation
+        of the photo about the ground axes [mm/rad].
+    point
+        (n, 2, 3) derivatives with respect to the ground point [mm/m].
+    """
+
+    xy: Array
+    depth: Array
+    photo: Array
+    point: Array
+
+
+def project(centres: Array, rotations: Array, c: Array, points: Array) -> Projection:
+    """Project points, one into each photo.
+
+    Parameters
+    ----------
+    centres
+        (n, 3) projection centres [m].
+    rotations
+        (n, 3, 3) rotations from image to ground.
+    c
+        (n,) camera constants [mm].
+    points
+        (n, 3) ground points [m].
+
+    Returns
+    -------
+    Projection
+        A point in the plane of the projection centre gives infinite or NaN coordinates.
+    """
+    u = np.einsum("nji,nj->ni", rotations, points - centres)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        xy = (-c / u[:, 2])[:, None] * u[:, :2]
+    return Projection(xy, -u[:, 2])
+
+
+def project_with_derivatives(
+    centres: Array, rotations: Array, c: Array, points: Array
+) -> Projections:
+    """Project points, one into each photo, and differentiate.
+
+    Parameters
+    ----------
+    centres, rotations, c, points
+        As in `project`.
+
+    Notes
+    -----
+    The rotation's derivatives refer to R -> (I + [d x]) R, d about the ground axes; with
+    D = X - X0 and J = d(x, y)/dX they are J x D.
+    """
+    away = points - centres
+    u = np.matmul(away[:, None, :], rotations)[:, 0, :]
+    n = len(u)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        factor = -c / u[:, 2]
+        xy = factor[:, None] * u[:, :2]
+        slope = -xy / u[:, 2:]
+    photo = np.empty((n, 2, 6))
+    j = np.empty((n, 2, 3))
+    for row in range(2):
+        for axis in range(3):
+            j[:, row, axis] = (
+                factor * rotations[:, axis, row] + slope[:, row] * rotations[:, axis, 2]
+            )
+        jr = j[:, row]
+        photo[:, row, 3] = jr[:, 1] * away[:, 2] - jr[:, 2] * away[:, 1]
+        photo[:, row, 4] = jr[:, 2] * away[:, 0] - jr[:, 0] * away[:, 2]
+        photo[:, row, 5] = jr[:, 0] * away[:, 1] - jr[:, 1] * away[:, 0]
+    np.negative(j, out=photo[:, :, :3])
+    # d(x, y)/dX projects along the ray, so J (X - X0) = 0: J x D needs no other term
+    return Projections(xy, -u[:, 2], photo, j)
+
+
+def turns(vectors: Array) -> Array:
+    """Return (n, 3, 3) rotations about (n, 3) vectors by their lengths [rad] (Rodrigues)."""
+    n = len(vectors)
+    angle = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    small = angle < 1e-6
+    safe = np.where(small, 1.0, angle)
+    s = np.where(small, 1.0 - angle**2 / 6.0, np.sin(safe) / safe)
+    k = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    out = k[:, None, None] * vectors[:, :, None] * vectors[:, None, :]
+    x, y, z = (s * vectors[:, axis] for axis in range(3))
+    out[:, 0, 1] -= z
+    out[:, 1, 0] += z
+    out[:, 0, 2] += y
+    out[:, 2, 0] -= y
+    out[:, 1, 2] -= x
+    out[:, 2, 1] += x
+    diagonal = 1.0 - k * angle**2
+    for axis in range(3):
+        out[:, axis, axis] += diagonal
+    return out.reshape(n, 3, 3)
