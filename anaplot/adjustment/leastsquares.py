@@ -13,7 +13,6 @@ from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgesdd
 
 from anaplot.errors import NotComputableError
 
@@ -152,6 +151,9 @@ def adjust(
         raise RankDefectError(names, inf)
     scaled = weighted / length
     # straight to LAPACK: the wrapper costs as much as the decomposition of a model's size
+    # loaded with the first adjustment: scipy.linalg costs more than the rest of a start
+    from scipy.linalg.lapack import dgesdd
+
     left, singular, right, info = dgesdd(scaled, full_matrices=0)
     smallest = float(singular[-1]) if n >= u and info == 0 else 0.0
     condition = float(singular[0]) / smallest if smallest > 0.0 else inf

@@ -1,14 +1,13 @@
 """Critical values of the tests of single residuals, and their powers.
 
-Only scipy.special is used: importing scipy.stats costs more than a whole model.
+Only scipy.special is used, and loaded with the first test: importing scipy.stats costs more than a
+whole model.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
 from math import sqrt
-
-from scipy.special import nctdtr, ndtr, ndtri, stdtr, stdtrit
 
 __all__ = [
     "TESTABLE",
@@ -27,6 +26,8 @@ TESTABLE = 1e-9
 @lru_cache(maxsize=256)
 def critical_normal(alpha: float) -> float:
     """Two-sided critical value of the normal distribution (Baarda's w-test); 3.29 at 0.001."""
+    from scipy.special import ndtri
+
     return float(-ndtri(alpha / 2.0))
 
 
@@ -36,6 +37,8 @@ def critical_tau(alpha: float, redundancy: int) -> float | None:
 
     tau = t sqrt(f) / sqrt(f - 1 + t^2) with t of f - 1 degrees of freedom.
     """
+    from scipy.special import stdtrit
+
     f = redundancy
     if f < 2:
         return None
@@ -45,6 +48,8 @@ def critical_tau(alpha: float, redundancy: int) -> float | None:
 
 def tau_significance(tau: float, redundancy: int) -> float | None:
     """Two-sided probability of a larger tau under no error; None for f < 2."""
+    from scipy.special import stdtr
+
     f = redundancy
     if f < 2:
         return None
@@ -57,6 +62,8 @@ def tau_significance(tau: float, redundancy: int) -> float | None:
 
 def normal_power(delta: float, alpha: float) -> float:
     """Power of the two-sided normal test at noncentrality `delta`."""
+    from scipy.special import ndtr
+
     k = critical_normal(alpha)
     return float(ndtr(delta - k) + ndtr(-delta - k))
 
@@ -68,6 +75,8 @@ def tau_power(delta: float, alpha: float, redundancy: int) -> float | None:
     tau is a monotonic function of the t of f - 1 degrees of freedom whose sigma leaves the tested
     row out; under a single gross error that t is noncentral with `delta`.
     """
+    from scipy.special import nctdtr, stdtrit
+
     f = redundancy
     if f < 2:
         return None
@@ -87,6 +96,8 @@ def noncentrality(alpha: float, power: float) -> float:
     ValueError
         The power is not between alpha and 1.
     """
+    from scipy.special import ndtri
+
     if not alpha < power < 1.0:
         raise ValueError(f"power {power} must lie between alpha {alpha} and 1")
     low, high = 0.0, critical_normal(alpha) + float(ndtri(power)) + 10.0

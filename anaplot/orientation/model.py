@@ -25,7 +25,7 @@ from anaplot.orientation.solver import (
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
-__all__ = ["BADLY_SPREAD", "UNKNOWNS", "WrongPointsError", "orient"]
+__all__ = ["BADLY_SPREAD", "UNKNOWNS", "WrongPointsError", "orient", "warm_up"]
 
 Array = NDArray[np.float64]
 
@@ -53,6 +53,12 @@ class WrongPointsError(NotComputableError):
             f"model {model}: no orientation with {', '.join(suspects)}; the other points agree: "
             f"remeasure {suspects[0]}"
         )
+
+
+def warm_up() -> None:
+    """Load what the first model needs, so that it is as quick as the others."""
+    import scipy.linalg.lapack
+    import scipy.special  # noqa: F401
 
 
 def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelSolution:

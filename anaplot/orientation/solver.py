@@ -16,7 +16,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
 
 from anaplot.errors import NotComputableError
 from anaplot.orientation.pair import Stereopair
@@ -264,6 +263,8 @@ def _iterate(conditions: Conditions, start: State, ties: bool) -> Solution | Non
 
 def _solved(matrix: Array, right: Array, damping: float) -> tuple[list[float], float] | None:
     """Return the correction of damped normal equations, and the damping that it took."""
+    from scipy.linalg.lapack import dposv  # loaded with the first model
+
     while True:
         damped = matrix
         if damping:
