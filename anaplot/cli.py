@@ -70,6 +70,19 @@ def _bridge(options: argparse.Namespace) -> int:
     return 0
 
 
+def _adjust(options: argparse.Namespace) -> int:
+    from anaplot.report.adjustcommand import run_adjust
+
+    return run_adjust(
+        options.block,
+        as_json=options.json,
+        fail_on_flag=options.fail_on_flag,
+        datum=options.datum,
+        additional=options.additional,
+        additional_sigma_um=options.additional_sigma_um,
+    )
+
+
 def _demo(options: argparse.Namespace) -> int:
     from anaplot.station.demo import Demo
 
@@ -345,6 +358,36 @@ def _parser() -> _Parser:
     bridge.add_argument(
         "--fail-on-flag", action="store_true", help="exit with 1 when a row is flagged"
     )
+    adjust = command(
+        "adjust",
+        _adjust,
+        "adjust the block as one bundle, with the redundancy number of every observation",
+        "anaplot adjust myblock --additional ebner",
+    )
+    adjust.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
+    adjust.add_argument("--json", action="store_true", help="print JSON for programs")
+    adjust.add_argument(
+        "--fail-on-flag", action="store_true", help="exit with 1 when an observation is flagged"
+    )
+    adjust.add_argument(
+        "--datum",
+        choices=("control", "minimal", "free"),
+        default="control",
+        help="from control and priors (the default), minimal, or free by inner constraints",
+    )
+    adjust.add_argument(
+        "--additional",
+        metavar="SET",
+        help="additional parameters: ebner, gruen or physical, with :block (the default), :strip, "
+        ":camera or :photo",
+    )
+    adjust.add_argument(
+        "--additional-sigma-um",
+        type=_positive,
+        metavar="UM",
+        help="weigh the additional parameters by what they may do at the edge of the format",
+    )
+
     demo = command(
         "demo",
         _demo,

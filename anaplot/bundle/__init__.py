@@ -1,0 +1,1 @@
+"""The block as one bundle: adjustment, self-calibration, reliability of every observation."""

@@ -1,0 +1,207 @@
+"""Additional parameters: what self-calibration may say about the image (Gruen 1978, section B).
+
+Every set is linear in its parameters: the systematic image error at a measured point is the sum
+of the parameters times basis functions of the measured coordinates. The sets of Ebner and Gruen
+are orthogonal on their grids, and to what an exterior orientation does there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.errors import InputError
+
+__all__ = [
+    "AdditionalParameters",
+    "ParameterSet",
+    "Scope",
+    "additional_parameters",
+    "ebner",
+    "exterior_effects",
+    "gruen",
+    "physical",
+]
+
+Array = NDArray[np.float64]
+Column = list[Array | float]
+Scope = Literal["block", "strip", "camera", "photo"]
+SetName = Literal["ebner", "gruen", "physical"]
+
+_SCOPES: tuple[Scope, ...] = ("block", "strip", "camera", "photo")
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSet:
+    """A set of basis functions.
+
+    Attributes
+    ----------
+    name
+        "ebner", "gruen" or "physical".
+    names
+        Names of the parameters.
+    basis
+        Function of x, y (n,) [mm], the reach b [mm] and the camera constant (n,) [mm] that
+        returns (n, 2, len(names)).
+    """
+
+    name: SetName
+    names: tuple[str, ...]
+    basis: Callable[[Array, Array, float, Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class AdditionalParameters:
+    """Which additional parameters a bundle carries.
+
+    Attributes
+    ----------
+    set
+        The basis functions.
+    scope
+        One set for the block, or one for each strip, camera or photo.
+    sigma_um
+        A-priori standard deviation of every parameter, expressed as its largest effect in the
+        image [um]; None when the parameters are free.
+    """
+
+    set: ParameterSet
+    scope: Scope = "block"
+    sigma_um: float | None = None
+
+
+def _columns(x: Array, dx: Column, dy: Column) -> Array:
+    out = np.empty((len(x), 2, len(dx)))
+    for k, (first, second) in enumerate(zip(dx, dy, strict=True)):
+        out[:, 0, k] = first
+        out[:, 1, k] = second
+    return out
+
+
+def _ebner_basis(x: Array, y: Array, b: float, c: Array) -> Array:
+    """Twelve parameters, orthogonal on the 3 x 3 grid {-b, 0, b}^2 (Ebner 1976); unit: mm."""
+    x, y = x / b, y / b
+    k, m = x * x - 2.0 / 3.0, y * y - 2.0 / 3.0
+    dx: Column = [x, y, -2.0 * k, x * y, m, 0.0, x * m, 0.0, y * k, 0.0, k * m, 0.0]
+    dy: Column = [-y, x, x * y, -2.0 * m, 0.0, k, 0.0, y * k, 0.0, x * m, 0.0, k * m]
+    return _columns(x, dx, dy)
+
+
+def _gruen_basis(x: Array, y: Array, b: float, c: Array) -> Array:
+    """44 parameters, orthogonal on the 5 x 5 grid {-b, -b/2, 0, b/2, b}^2 (1978, eq. 7).
+
+    The paper prints y q in the terms of a43 and b43; orthogonality asks for y k q.
+    """
+    x, y = x / b, y / b
+    k, m = x * x - 0.5, y * y - 0.5
+    p, q = x * x - 17.0 / 20.0, y * y - 17.0 / 20.0
+    r = x * x * (x * x - 31.0 / 28.0) + 9.0 / 70.0
+    s = y * y * (y * y - 31.0 / 28.0) + 9.0 / 70.0
+    both: list[tuple[Array | float, Array | float]] = [
+        (x, -y),
+        (y, x),
+        (x * y, -10.0 / 7.0 * m),
+        (m, 0.0),
+        (0.0, k),
+        (-10.0 / 7.0 * k, x * y),
+    ]
+    rows = [
+        [x * p, y * k, x * m, y * q],
+        [r, x * y * p, k * m, x * y * q, s],
+        [y * r, x * m * p, y * k * q, x * s],
+        [m * r, x * y * p * q, k * s],
+        [y * q * r, x * p * s],
+        [r * s],
+    ]
+    for row in rows:
+        both += [(term, 0.0) for term in row]
+        both += [(0.0, term) for term in row]
+    return _columns(x, [first for first, _ in both], [second for _, second in both])
+
+
+def _gruen_names() -> tuple[str, ...]:
+    rows = (("14", "23", "32", "41"), ("15", "24", "33", "42", "51"), ("25", "34", "43", "52"))
+    rows += (("35", "44", "53"), ("45", "54"), ("55",))  # type: ignore[assignment]
+    names = ["a12", "a21", "a22", "a31", "b13", "b22"]
+    for row in rows:
+        names += [f"a{k}" for k in row] + [f"b{k}" for k in row]
+    return tuple(names)
+
+
+def _physical_basis(x: Array, y: Array, b: float, c: Array) -> Array:
+    """Camera constant, principal point, radial, decentring, affinity and shear.
+
+    dc, x0, y0 in mm; the other parameters are the effect in mm at the reach b.
+    """
+    u, v = x / b, y / b
+    r2 = u * u + v * v
+    dx: Column = [x / c, 1.0, 0.0, u * r2, u * r2**2, u * r2**3, r2 + 2 * u * u, 2 * u * v, u, v]
+    dy: Column = [
+        y / c,
+        0.0,
+        1.0,
+        v * r2,
+        v * r2**2,
+        v * r2**3,
+        2 * u * v,
+        r2 + 2 * v * v,
+        0.0,
+        0.0,
+    ]
+    return _columns(x, dx, dy)
+
+
+ebner = ParameterSet("ebner", tuple(f"b{k}" for k in range(1, 13)), _ebner_basis)
+"""Ebner's twelve parameters; each is its effect in mm where the term in x/b and y/b is 1."""
+
+gruen = ParameterSet("gruen", _gruen_names(), _gruen_basis)
+"""Gruen's 44 parameters; unit as in `ebner`."""
+
+physical = ParameterSet(
+    "physical",
+    ("dc", "x0", "y0", "K1", "K2", "K3", "P1", "P2", "affinity", "shear"),
+    _physical_basis,
+)
+"""The physical set: dc, x0, y0 [mm]; the others as effect [mm] at the reach b."""
+
+_SETS: dict[str, ParameterSet] = {"ebner": ebner, "gruen": gruen, "physical": physical}
+
+
+def additional_parameters(text: str, sigma_um: float | None = None) -> AdditionalParameters:
+    """Return the parameters that "set" or "set:scope" names.
+
+    Raises
+    ------
+    InputError
+        No such set or scope, or a standard deviation that is not positive.
+    """
+    name, _, scope = text.partition(":")
+    chosen = _SETS.get(name)
+    if chosen is None:
+        raise InputError(
+            f"additional parameters {text!r}: no set {name!r}; there are {', '.join(_SETS)}"
+        )
+    found = next((s for s in _SCOPES if s == (scope or "block")), None)
+    if found is None:
+        raise InputError(
+            f"additional parameters {text!r}: no scope {scope!r}; there are {', '.join(_SCOPES)}"
+        )
+    if sigma_um is not None and not 0.0 < sigma_um < float("inf"):
+        raise InputError(f"additional parameters: the sigma {sigma_um:g} um must be positive")
+    return AdditionalParameters(chosen, found, sigma_um)
+
+
+def exterior_effects(x: Array, y: Array, c: float) -> Array:
+    """Return (n, 2, 6): what the exterior orientation of a vertical photo over flat ground does.
+
+    Columns: X0, Y0, Z0, omega, phi, kappa, in image units up to constant factors.
+    """
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    dx = [one, zero, x, x * y / c, c + x * x / c, -y]
+    dy = [zero, one, y, c + y * y / c, x * y / c, x]
+    return _columns(x, list(dx), list(dy))

@@ -1,0 +1,428 @@
+"""An adjusted bundle: values, tests and reliability, as arrays and as rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.significance import TESTABLE, noncentrality
+from anaplot.bundle.minimum import Convergence
+from anaplot.bundle.normal import State
+from anaplot.bundle.problem import Problem
+from anaplot.bundle.reliability import Cofactors
+from anaplot.bundle.rows import (
+    ControlRow,
+    Indicators,
+    ParameterRow,
+    PhotoRow,
+    PointRow,
+    PriorRow,
+    RayRow,
+)
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
+
+__all__ = ["SPUR", "AdjustedBlock"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+SPUR = 1e-4
+"""Redundancy number below which no error of a size that occurs can be seen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AdjustedBlock:
+    """An adjusted bundle.
+
+    Attributes
+    ----------
+    problem, state
+        What was adjusted, and the values of the unknowns.
+    cofactors
+        Cofactors and redundancy numbers.
+    convergence
+        How it was found.
+    vtpv, redundancy
+        Weighted sum of squares, n - u + defect.
+    sigma0
+        Factor sqrt(v'Pv / redundancy); None without redundancy.
+    sigma
+        The factor that the test and the standard deviations use; None when it does not exist.
+    critical
+        Critical value of a single test; None where there is none.
+    v
+        (m, 2) residuals of the image coordinates in units of their a-priori sigmas.
+    remarks
+        Sentences for a person.
+    """
+
+    problem: Problem = field(repr=False)
+    state: State = field(repr=False)
+    cofactors: Cofactors = field(repr=False)
+    convergence: Convergence
+    vtpv: float
+    redundancy: int
+    sigma0: float | None
+    sigma: float | None
+    critical: float | None
+    v: Array = field(repr=False)
+    remarks: tuple[str, ...]
+
+    @property
+    def delta0(self) -> float:
+        """Noncentrality that smallest detectable errors refer to."""
+        return noncentrality(self.problem.test.alpha, self.problem.test.power)
+
+    @property
+    def w(self) -> Array:
+        """(m, 2) standardized residuals; NaN where a coordinate cannot be tested."""
+        return _standardized(self.v, self.cofactors.r, self.sigma)
+
+    @property
+    def flagged(self) -> NDArray[np.bool_]:
+        """(m, 2) which image coordinates exceed the critical value."""
+        if self.critical is None:
+            return np.zeros(self.v.shape, dtype=bool)
+        with np.errstate(invalid="ignore"):
+            return np.abs(self.w) > self.critical
+
+    @property
+    def any_flagged(self) -> bool:
+        """Whether any observation exceeds the critical value."""
+        return (
+            bool(self.flagged.any())
+            or any(row.flagged for row in self.control_rows())
+            or any(row.flagged for row in self.prior_rows())
+        )
+
+    def indicators(self) -> Indicators:
+        """Return the global indicators."""
+        x, y = self.cofactors.r.mean(axis=0).tolist()
+        # a coordinate free of error has the cofactor zero
+        deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.cofactors.points), 0.0))
+        ai_x, ai_y, ai_z = deviation.mean(axis=0).tolist()
+        return Indicators(x, y, (x + y) / 2.0, ai_x, ai_y, ai_z, (ai_x + ai_y + ai_z) / 3.0)
+
+    def ray_rows(self) -> Iterator[RayRow]:
+        """Return the image points in file order."""
+        problem, r = self.problem, self.cofactors.r
+        order = np.argsort(problem.source)
+        sigma_um = (problem.sigma * 1e3).tolist()
+        v, w = self.v, self.w
+        size = _detectable(r, self.delta0)
+        effect = self.cofactors.response.transpose(0, 2, 1) * size[:, :, None]
+        flagged = np.asarray(self.flagged.any(axis=1))
+        for k in order.tolist():
+            source = int(problem.source[k])
+            row = problem.block.image_points[source]
+            s = sigma_um[k]
+            testable = [bool(np.isfinite(size[k, axis])) for axis in (0, 1)]
+            yield RayRow(
+                source,
+                row.photo,
+                row.point,
+                row.model,
+                (float(v[k, 0]) * s, float(v[k, 1]) * s),
+                (float(r[k, 0]), float(r[k, 1])),
+                (_number(w[k, 0]), _number(w[k, 1])),
+                (_number(size[k, 0] * s), _number(size[k, 1] * s)),
+                (
+                    _triple(effect[k, 0]) if testable[0] else None,
+                    _triple(effect[k, 1]) if testable[1] else None,
+                ),
+                bool(flagged[k]),
+            )
+
+    def control_rows(self) -> list[ControlRow]:
+        """Return the weighted control coordinates in the order of the control file."""
+        problem = self.problem
+        at = {name: k for k, name in enumerate(problem.points)}
+        linear = self.cofactors.normal.linear
+        rows = []
+        for name in problem.control_rows:
+            k = at.get(name)
+            if k is None:
+                continue
+            for axis, label in enumerate(("X", "Y", "Z")):
+                sigma = float(problem.known_sigma[k, axis])
+                if np.isnan(sigma):
+                    continue
+                white = float(linear.point_e[k, axis])
+                r = float(self.cofactors.r_control[k, axis])
+                w = _number(_standardized(np.array(white), np.array(r), self.sigma))
+                size = _number(_detectable(np.array(r), self.delta0))
+                effect = None
+                if size is not None:
+                    column = self.cofactors.points[k, :, axis] / sigma
+                    effect = _triple(column * size)
+                rows.append(
+                    ControlRow(
+                        name,
+                        label,  # type: ignore[arg-type]
+                        white * sigma,
+                        r,
+                        w,
+                        None if size is None else size * sigma,
+                        effect,
+                        self._exceeds(w),
+                    )
+                )
+        return rows
+
+    def prior_rows(self) -> list[PriorRow]:
+        """Return the priors on orientations and on additional parameters."""
+        problem, linear = self.problem, self.cofactors.normal.linear
+        found: list[tuple[str, str, float, float, float]] = []
+        names = ("X", "Y", "Z", "omega", "phi", "kappa")
+        sigmas = np.concatenate((problem.position_sigma, problem.rotation_sigma), axis=1)
+        for k, index in np.argwhere(np.isfinite(self.cofactors.r_photo)).tolist():
+            found.append(
+                (
+                    problem.photos[k],
+                    names[index],
+                    float(linear.photo_e[k, index]),
+                    float(self.cofactors.r_photo[k, index]),
+                    float(sigmas[k, index]),
+                )
+            )
+        if len(problem.additional_sigma) and problem.additional is not None:
+            e = (linear.own_e if problem.photo_invariant else linear.shared_e).reshape(-1)
+            r = (
+                self.cofactors.r_own if problem.photo_invariant else self.cofactors.r_shared
+            ).reshape(-1)
+            labels = problem.additional.set.names
+            for k in range(len(e)):
+                group, index = divmod(k, len(labels))
+                found.append(
+                    (
+                        problem.additional_groups[group],
+                        labels[index],
+                        float(e[k]),
+                        float(r[k]),
+                        float(problem.additional_sigma[index]),
+                    )
+                )
+        rows = []
+        for owner, unknown, white, r_value, sigma in found:
+            w = _number(_standardized(np.array(white), np.array(r_value), self.sigma))
+            size = _number(_detectable(np.array(r_value), self.delta0))
+            rows.append(
+                PriorRow(
+                    owner,
+                    unknown,
+                    white * sigma,
+                    r_value,
+                    w,
+                    None if size is None else size * sigma,
+                    self._exceeds(w),
+                )
+            )
+        return rows
+
+    def photo_rows(self) -> list[PhotoRow]:
+        """Return the adjusted orientations in the block's order."""
+        rows = []
+        diagonal = np.einsum("nii->ni", self.cofactors.photos)
+        for k, name in enumerate(self.problem.photos):
+            rotation = self.state.rotations[k]
+            angles = rotation_angles(rotation)
+            q = self.cofactors.photos[k, 3:6, 3:6]
+            axes = rotation_axes(angles[0], angles[1])
+            s_angles: tuple[float | None, ...] = (None, None, None)
+            if abs(np.linalg.det(axes)) > 1e-9:  # omega and kappa are one at phi = 90 degrees
+                inverse = np.linalg.inv(axes)
+                s_angles = self._deviations(np.diag(inverse @ q @ inverse.T))
+            rows.append(
+                PhotoRow(
+                    name,
+                    _triple(self.state.centres[k] + self.state.origin),
+                    angles,
+                    self._deviations(diagonal[k, :3]),  # type: ignore[arg-type]
+                    s_angles,  # type: ignore[arg-type]
+                )
+            )
+        return rows
+
+    def point_rows(self) -> list[PointRow]:
+        """Return the adjusted points in the order of the image points' file."""
+        problem = self.problem
+        rays = np.bincount(problem.point, minlength=len(problem.points))
+        first = np.full(len(problem.points), len(problem.block.image_points))
+        np.minimum.at(first, problem.point, problem.source)
+        diagonal = np.einsum("nii->ni", self.cofactors.points)
+        at = self.state.points + self.state.origin
+        return [
+            PointRow(
+                problem.points[k],
+                _triple(at[k]),
+                self._deviations(diagonal[k]),  # type: ignore[arg-type]
+                int(rays[k]),
+            )
+            for k in np.argsort(first).tolist()
+        ]
+
+    def check_rows(self) -> list[tuple[str, tuple[float | None, float | None, float | None]]]:
+        """Return adjusted minus given coordinates [m] of the check points.
+
+        With a free or minimal datum the control points are check points too.
+        """
+        problem = self.problem
+        at = {name: k for k, name in enumerate(problem.points)}
+        rows = []
+        for name, row in problem.control_rows.items():
+            k = at.get(name)
+            if k is None or (row.use == "control" and problem.datum == "control"):
+                continue
+            found = self.state.points[k] + self.state.origin
+            difference = tuple(
+                None if value is None else float(found[axis] - value)
+                for axis, value in enumerate(row.xyz)
+            )
+            rows.append((name, difference))
+        return rows  # type: ignore[return-value]
+
+    def parameter_rows(self) -> list[ParameterRow]:
+        """Return the additional parameters."""
+        problem = self.problem
+        if problem.additional is None:
+            return []
+        names = problem.additional.set.names
+        if problem.photo_invariant:
+            values = self.state.own.reshape(-1)
+            q = np.einsum("nii->ni", self.cofactors.photos)[:, 6:].reshape(-1)
+        else:
+            values, q = self.state.shared, np.diag(self.cofactors.shared)
+        deviations = self._deviations(q)
+        return [
+            ParameterRow(problem.additional_groups[k // len(names)], names[k % len(names)],
+                         float(values[k]), deviations[k])
+            for k in range(len(values))
+        ]  # fmt: skip
+
+    def parameter_correlations(self, limit: float = 0.9) -> list[tuple[str, str, float]]:
+        """Return pairs of unknowns correlated beyond a limit, one an additional parameter."""
+        problem = self.problem
+        if problem.additional is None:
+            return []
+        own = problem.photo_invariant
+        labels = problem.additional.set.names
+        orientation = ("X", "Y", "Z", "d1", "d2", "d3")
+        found: list[tuple[str, str, float]] = []
+        if own:
+            names = [*orientation, *labels]
+            for k, photo in enumerate(problem.photos):
+                rho = _correlation(self.cofactors.photos[k])
+                for i, j in np.argwhere(np.tril(np.abs(rho) > limit, -1)).tolist():
+                    if i >= 6:
+                        found.append(
+                            (f"{names[i]} of {photo}", f"{names[j]} of {photo}", float(rho[i, j]))
+                        )
+            return found
+        shared = [f"{label} of {group}" for group in problem.additional_groups for label in labels]
+        rho = _correlation(self.cofactors.shared)
+        for i, j in np.argwhere(np.tril(np.abs(rho) > limit, -1)).tolist():
+            found.append((shared[i], shared[j], float(rho[i, j])))
+        size = np.sqrt(np.einsum("nii->ni", self.cofactors.photos))
+        cross = self.cofactors.inverse.border / size[:, :, None]
+        cross = cross / np.sqrt(np.diag(self.cofactors.shared))
+        for k, index, j in np.argwhere(np.abs(cross) > limit).tolist():
+            found.append(
+                (
+                    shared[j],
+                    f"{orientation[index]} of {problem.photos[k]}",
+                    float(cross[k, index, j]),
+                )
+            )
+        return found
+
+    def spurs(self) -> list[tuple[str, str, str]]:
+        """Return (photo, point, axis) of the 'spur' image coordinates: next to nothing checks them.
+
+        Exactly r = 0 stands in ideal geometry only; tilts of 1e-3 make it their square.
+        """
+        problem = self.problem
+        return [
+            (problem.photos[problem.photo[k]], problem.points[problem.point[k]], "xy"[axis])
+            for k, axis in np.argwhere(self.cofactors.r < SPUR).tolist()
+        ]
+
+    def suspects(self) -> list[tuple[float, str, str, str]]:
+        """Return (abs(w), photo, point, axis) of flagged image coordinates, the worst first."""
+        problem, w = self.problem, np.abs(self.w)
+        flagged = np.argwhere(self.flagged)
+        order = np.argsort(-w[flagged[:, 0], flagged[:, 1]], kind="stable")
+        return [
+            (
+                float(w[k, axis]),
+                problem.photos[problem.photo[k]],
+                problem.points[problem.point[k]],
+                "xy"[axis],
+            )
+            for k, axis in flagged[order].tolist()
+        ]
+
+    def point_correlations(self, point: str) -> tuple[list[tuple[str, str | None, str]], Array]:
+        """Return the correlations of the residuals of a point's rays.
+
+        Returns
+        -------
+        tuple
+            (photo, model, axis) of the 2k image coordinates, and (2k, 2k) correlations; NaN for
+            coordinates that nothing checks.
+        """
+        problem = self.problem
+        rays, q = self.cofactors.point_rays(problem.points.index(point))
+        labels = [
+            (
+                problem.photos[problem.photo[k]],
+                problem.block.image_points[problem.source[k]].model,
+                axis,
+            )
+            for k in rays.tolist()
+            for axis in "xy"
+        ]
+        diagonal = np.diag(q)
+        size = np.sqrt(np.where(diagonal > TESTABLE, diagonal, np.nan))
+        return labels, q / size[:, None] / size
+
+    def _exceeds(self, w: float | None) -> bool:
+        return w is not None and self.critical is not None and abs(w) > self.critical
+
+    def _deviations(self, q: Array) -> tuple[float | None, ...]:
+        if self.sigma is None:
+            return (None,) * len(q)
+        return tuple(self.sigma * sqrt(max(value, 0.0)) for value in q.tolist())
+
+
+def _number(value: float | Array) -> float | None:
+    out = float(value)
+    return out if abs(out) < float("inf") else None
+
+
+def _triple(values: Array) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _correlation(q: Array) -> Array:
+    size = np.sqrt(np.diag(q))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.nan_to_num(q / size[:, None] / size)
+
+
+def _standardized(v: Array, r: Array, sigma: float | None) -> Array:
+    out = np.full(np.shape(v), np.nan)
+    if sigma is not None and sigma > 0.0:
+        np.divide(v, sigma * np.sqrt(np.maximum(r, TESTABLE)), out=out, where=r >= TESTABLE)
+    return out
+
+
+def _detectable(r: Array, delta0: float) -> Array:
+    """Smallest detectable errors in units of the a-priori sigmas; NaN where nothing checks."""
+    out = np.full(np.shape(r), np.nan)
+    np.divide(delta0, np.sqrt(np.maximum(r, TESTABLE)), out=out, where=r >= TESTABLE)
+    return out

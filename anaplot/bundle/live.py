@@ -1,0 +1,277 @@
+"""The live block: adjusted again after every model, photo and re-measurement.
+
+The last solution is the start of the next; where only coordinates have changed, the structure and
+even the last factor of the normal equations serve again, so that the solution follows by
+back-substitutions before one full step gives the exact redundancy numbers. The object belongs to
+one thread; a progress function that raises stops it, and the last answer stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anaplot.bundle.accuse import AccusedRay, accuse
+from anaplot.bundle.additional import AdditionalParameters
+from anaplot.bundle.adjust import adjust_bundle, evaluate
+from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.approximate import approximate_state, extended_state
+from anaplot.bundle.datum import components
+from anaplot.bundle.minimum import find_minimum
+from anaplot.bundle.normal import State, linearise, move, objective
+from anaplot.bundle.problem import Datum, Problem, make_problem
+from anaplot.errors import InputError, NotComputableError
+from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
+
+__all__ = ["LiveAnswer", "LiveBlock"]
+
+Progress = Callable[[str, float], None]
+Coordinate = tuple[str, str, str]
+
+_CHORD_STEPS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveAnswer:
+    """What the block as a whole says now.
+
+    Attributes
+    ----------
+    adjusted
+        The adjusted block.
+    datum
+        "control", or "free" as long as control does not suffice.
+    newly_flagged
+        (photo, point, axis) flagged now and not in the answer before: also points measured long
+        ago that only now show up.
+    no_longer_flagged
+        The reverse.
+    accused
+        For every flagged point its rays, the most probably wrong one first.
+    aside
+        Photos that do not hang together with the rest yet.
+    reused
+        Whether the structure of the equations could be used again.
+    """
+
+    adjusted: AdjustedBlock
+    datum: Datum
+    newly_flagged: tuple[Coordinate, ...]
+    no_longer_flagged: tuple[Coordinate, ...]
+    accused: dict[str, tuple[AccusedRay, ...]]
+    aside: tuple[str, ...]
+    reused: bool
+
+
+class LiveBlock:
+    """A block that is adjusted as it grows.
+
+    Parameters
+    ----------
+    block
+        The block as it is when measuring begins; its image points may be none.
+    additional
+        Additional parameters.
+    """
+
+    def __init__(self, block: Block, *, additional: AdditionalParameters | None = None) -> None:
+        self._block = block
+        self._additional = additional
+        self._answer: LiveAnswer | None = None
+
+    @property
+    def block(self) -> Block:
+        """The block as it is now."""
+        return self._block
+
+    @property
+    def answer(self) -> LiveAnswer | None:
+        """The last answer; None before the first."""
+        return self._answer
+
+    def add(
+        self,
+        rows: Iterable[ImagePoint],
+        *,
+        photos: Iterable[Photo] = (),
+        strips: Iterable[Strip] = (),
+        progress: Progress | None = None,
+    ) -> LiveAnswer:
+        """Take up a model, a photo or any image points, and adjust.
+
+        Parameters
+        ----------
+        rows
+            New image points; a row of the same photo, point and model takes the place of the old.
+        photos, strips
+            New photos; strips that are new or longer than before.
+        progress
+            Called with what is being done and the fraction of it.
+
+        Raises
+        ------
+        InputError, NotComputableError
+            As `adjust_block`; the measurements are kept, the last answer stays.
+        """
+        merged = {(r.photo, r.point, r.model): r for r in self._block.image_points}
+        merged.update({(r.photo, r.point, r.model): r for r in rows})
+        known = {p.id: p for p in self._block.photos} | {p.id: p for p in photos}
+        lines = {s.id: s for s in self._block.strips} | {s.id: s for s in strips}
+        return self.update(
+            replace(
+                self._block,
+                image_points=tuple(merged.values()),
+                photos=tuple(known.values()),
+                strips=tuple(lines.values()),
+            ),
+            progress=progress,
+        )
+
+    def remeasure(
+        self,
+        photo: str,
+        point: str,
+        xy: tuple[float, float],
+        *,
+        model: str | None = None,
+        progress: Progress | None = None,
+    ) -> LiveAnswer:
+        """Replace one measurement [mm] and adjust.
+
+        Raises
+        ------
+        InputError
+            There is no such measurement.
+        """
+        rows = list(self._block.image_points)
+        at = next(
+            (
+                k
+                for k, r in enumerate(rows)
+                if r.photo == photo and r.point == point and r.model == model
+            ),
+            None,
+        )
+        if at is None:
+            raise InputError(f"point {point} has not been measured in photo {photo}")
+        rows[at] = replace(rows[at], x=xy[0], y=xy[1])
+        return self.update(replace(self._block, image_points=tuple(rows)), progress=progress)
+
+    def remove(self, photo: str, point: str, *, progress: Progress | None = None) -> LiveAnswer:
+        """Take out every measurement of a point in a photo, and adjust."""
+        rows = tuple(r for r in self._block.image_points if r.photo != photo or r.point != point)
+        return self.update(replace(self._block, image_points=rows), progress=progress)
+
+    def update(self, block: Block, *, progress: Progress | None = None) -> LiveAnswer:
+        """Adjust the block as it is now; the general case of the other methods."""
+        # whatever bad data makes infinite on the way is looked at where it matters
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return self._updated(block, progress)
+
+    def _updated(self, block: Block, progress: Progress | None) -> LiveAnswer:
+        before = self._block
+        self._block = block
+        fast = self._only_coordinates(before, block, progress)
+        if fast is not None:
+            return self._keep(fast, self._answer.aside if self._answer else (), reused=True)
+        error: NotComputableError | None = None
+        datums: tuple[Datum, ...] = ("control", "free")
+        for datum in datums:
+            problem = make_problem(block, datum=datum, additional=self._additional)
+            aside: tuple[str, ...] = ()
+            if datum == "free":
+                problem, aside = self._connected(problem)
+            try:
+                start = self._start(problem, progress)
+                adjusted = adjust_bundle(problem, start, progress=progress)
+            except NotComputableError as caught:
+                error = error or caught
+                continue
+            return self._keep(adjusted, aside, reused=False)
+        assert error is not None
+        raise error
+
+    def _connected(self, problem: Problem) -> tuple[Problem, tuple[str, ...]]:
+        """Restrict to the part with most rays; names the photos of the others."""
+        labels = components(problem)
+        if labels.max() == 0:
+            return problem, ()
+        largest = int(np.argmax(np.bincount(labels[problem.photo])))
+        aside = tuple(
+            name for name, label in zip(problem.photos, labels, strict=True) if label != largest
+        )
+        gone = set(aside)
+        block = problem.block
+        rows = tuple(r for r in block.image_points if r.photo not in gone)
+        smaller = replace(block, image_points=rows)
+        return make_problem(smaller, datum=problem.datum, additional=self._additional), aside
+
+    def _start(self, problem: Problem, progress: Progress | None) -> State:
+        """Approximate values from the last answer where it has them."""
+        if self._answer is not None and self._answer.datum == problem.datum:
+            last = self._answer.adjusted
+            extended = extended_state(problem, last.problem, last.state)
+            if extended is not None:
+                return extended
+        return approximate_state(problem, progress)
+
+    def _only_coordinates(
+        self, before: Block, block: Block, progress: Progress | None
+    ) -> AdjustedBlock | None:
+        """Adjust by what is there already, when only image coordinates have changed."""
+        if self._answer is None or self._answer.aside:
+            return None
+        same = replace(block, image_points=()) == replace(before, image_points=())
+        rows, old = block.image_points, before.image_points
+        last = self._answer.adjusted
+        if not same or last.problem.block is not before or len(rows) != len(old):
+            return None
+        changed = [k for k, (a, b) in enumerate(zip(rows, old, strict=True)) if a != b]
+        for k in changed:
+            if replace(rows[k], x=old[k].x, y=old[k].y) != old[k]:
+                return None
+        if self._additional is not None:
+            return None  # their basis functions belong to the measured coordinates
+        problem = last.problem
+        xy = problem.xy.copy()
+        at = {int(source): k for k, source in enumerate(problem.source)}
+        for k in changed:
+            if k in at:
+                xy[at[k]] = rows[k].x, rows[k].y
+        problem = replace(problem, block=block, xy=xy)
+        normal, factor = last.cofactors.normal, last.cofactors.factor
+        state = last.state
+        value = objective(problem, state)[0]
+        for _ in range(_CHORD_STEPS):
+            # the last factor as it is: right to first order, and only the way to the minimum
+            photos, points, shared = normal.gradient(linearise(problem, state))
+            step = normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
+            trial = move(problem, state, step[0][:, :, 0], step[1][:, :, 0], step[2][:, 0])
+            trial_value = objective(problem, trial)[0]
+            if not trial_value < value * (1.0 - 1e-12):
+                break
+            state, value = trial, trial_value
+        try:
+            found = find_minimum(problem, state, normal.structure, progress=progress)
+        except NotComputableError:
+            return None
+        return evaluate(problem, found, progress=progress)
+
+    def _keep(self, adjusted: AdjustedBlock, aside: tuple[str, ...], *, reused: bool) -> LiveAnswer:
+        flagged = [(photo, point, axis) for _, photo, point, axis in adjusted.suspects()]
+        old: set[Coordinate] = set()
+        if self._answer is not None:
+            old = {(f, p, a) for _, f, p, a in self._answer.adjusted.suspects()}
+        points = dict.fromkeys(point for _, point, _ in flagged)
+        self._answer = LiveAnswer(
+            adjusted=adjusted,
+            datum=adjusted.problem.datum,
+            newly_flagged=tuple(item for item in flagged if item not in old),
+            no_longer_flagged=tuple(sorted(old - set(flagged))),
+            accused={point: accuse(adjusted, point) for point in points},
+            aside=aside,
+            reused=reused,
+        )
+        return self._answer

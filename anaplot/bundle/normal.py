@@ -1,0 +1,589 @@
+"""Normal equations of the photos: every point eliminated as soon as its rays are known.
+
+With A, B, H the whitened derivatives of a ray with respect to its photo, its point and the
+additional parameters that belong to several photos, V = sum B'B + prior = L L' of a point,
+Z = A'B L^-T and T = L^-1 sum B'H, the points leave
+
+    N_pq = sum A'A - Z_p Z_q',   N_pg = sum A'H - Z_p T,   N_gg = sum H'H - T'T.
+
+Points are taken in groups of equal numbers of rays, all points of a group at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from anaplot.bundle.dissection import dissect
+from anaplot.bundle.factor import Factor, Pattern, make_pattern
+from anaplot.bundle.problem import Group, Problem
+from anaplot.photogrammetry.collinearity import project, project_with_derivatives, turns
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
+
+__all__ = [
+    "Linearised",
+    "NormalEquations",
+    "PointError",
+    "State",
+    "Structure",
+    "linearise",
+    "make_structure",
+    "move",
+    "objective",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_CHUNK = 40_000_000  # bytes of the largest temporary array
+_FLATTEST = 1e-12  # pivot over diagonal below which a point is not determined
+
+
+class PointError(ArithmeticError):
+    """The rays of points do not meet at an angle.
+
+    Attributes
+    ----------
+    points
+        Their indices.
+    """
+
+    def __init__(self, points: Index) -> None:
+        self.points = points
+        super().__init__(f"{len(points)} points are not determined")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Values of the unknowns.
+
+    Attributes
+    ----------
+    centres, rotations
+        (photos, 3) projection centres [m] relative to `origin`, (photos, 3, 3) image to ground.
+    points
+        (points, 3) [m] relative to `origin`.
+    own
+        (photos, q) photo-invariant additional parameters.
+    shared
+        (g,) additional parameters of several photos.
+    origin
+        (3,) [m], so that the numbers stay small.
+    """
+
+    centres: Array
+    rotations: Array
+    points: Array
+    own: Array
+    shared: Array
+    origin: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    """Some points of a group: no temporary array becomes large."""
+
+    group: Group
+    start: int
+    stop: int
+    pairs: tuple[Index, Index, Index]  # point within piece, row ray, column ray
+    sums: sparse.csr_matrix  # (blocks, pairs): which pair belongs to which block
+    block: Index  # (points, k, k) ids of the blocks, for the selected inverse
+    flipped: NDArray[np.bool_]  # (points, k, k): the block is stored the other way round
+
+    @property
+    def points(self) -> slice:
+        first = self.group.first_point
+        return slice(first + self.start, first + self.stop)
+
+    @property
+    def rays(self) -> slice:
+        first, k = self.group.first_ray, self.group.rays
+        return slice(first + self.start * k, first + self.stop * k)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Structure:
+    """What depends on who is seen where, but on no number.
+
+    Attributes
+    ----------
+    pattern
+        The symbolic factorisation.
+    pieces
+        Points in portions.
+    by_photo
+        (photos, rays) sums over the rays of each photo.
+    """
+
+    pattern: Pattern
+    pieces: tuple[_Piece, ...]
+    by_photo: sparse.csr_matrix
+
+
+def make_structure(problem: Problem, places: Array) -> Structure:
+    """Find the pattern of the normal equations and the order of elimination.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    places
+        (photos, 3) rough projection centres, for the dissection.
+    """
+    n = len(problem.photos)
+    d, g = problem.per_photo, problem.in_border
+    keys = []
+    for group in problem.groups:
+        photo = problem.photo[group.ray_slice].reshape(group.points, group.rays)
+        pair = (photo[:, :, None] * n + photo[:, None, :]).reshape(-1)
+        keys.append(np.unique(pair))
+    both = np.unique(np.concatenate(keys))
+    indptr = np.searchsorted(both, np.arange(n + 1) * n)
+    order = dissect(places, indptr.astype(np.intp), both % n)
+    position = order.position
+    first, second = both // n, both % n
+    lower = position[first] >= position[second]
+    rows, columns = first[lower], second[lower]
+    # id of the block of every ordered pair of photos, by binary search in `both`
+    ids = np.full(len(both), -1)
+    ids[lower] = np.arange(len(rows))
+    mirrored = np.searchsorted(both, second[~lower] * n + first[~lower])
+    ids[~lower] = ids[mirrored]
+    pieces = []
+    for group in problem.groups:
+        k = group.rays
+        step = max(1, _CHUNK // (8 * (k * d) ** 2))
+        photo = problem.photo[group.ray_slice].reshape(group.points, k)
+        for start in range(0, group.points, step):
+            stop = min(start + step, group.points)
+            mine = photo[start:stop]
+            at = np.searchsorted(both, mine[:, :, None] * n + mine[:, None, :])
+            keep = lower[at]
+            which, row, column = np.nonzero(keep)
+            block = ids[at]
+            count = len(which)
+            sums = sparse.csr_matrix(
+                (np.ones(count), (block[keep], np.arange(count))), shape=(len(rows), count)
+            )
+            pieces.append(_Piece(group, start, stop, (which, row, column), sums, block, ~keep))
+    m = len(problem.photo)
+    by_photo = sparse.csr_matrix((np.ones(m), (problem.photo, np.arange(m))), shape=(n, m))
+    return Structure(make_pattern(order, rows, columns, d, g), tuple(pieces), by_photo)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """Whitened derivatives and misclosures at a state: rows are divided by their sigmas.
+
+    Attributes
+    ----------
+    a
+        (m, 2, d) with respect to the ray's photo.
+    b
+        (m, 2, 3) with respect to its point; columns of coordinates free of error are zero.
+    h
+        (m, 2, q) with respect to the additional parameters of its group; q = 0 when they are
+        photo-invariant or none.
+    e
+        (m, 2) computed minus observed.
+    point_weight, point_e
+        (points, 3) weights of control and its whitened misclosure.
+    photo_rows, photo_e
+        (photos, 6, d) rows of the priors of every photo (zero where there is none) and (photos, 6)
+        their misclosures.
+    own_e, shared_e
+        Misclosures of the priors on additional parameters.
+    own_weight, shared_weight
+        Their weights.
+    depth
+        (m,) distance of the point in front of the photo [m].
+    """
+
+    a: Array
+    b: Array
+    h: Array
+    e: Array
+    point_weight: Array
+    point_e: Array
+    photo_rows: Array
+    photo_e: Array
+    own_weight: Array
+    own_e: Array
+    shared_weight: Array
+    shared_e: Array
+    depth: Array
+
+    @property
+    def vtpv(self) -> float:
+        """Weighted sum of squares of all misclosures."""
+        return sum(
+            float(np.vdot(e, e))
+            for e in (self.e, self.point_e, self.photo_e, self.own_e, self.shared_e)
+        )
+
+
+def _systematic(problem: Problem, state: State) -> Array | float:
+    """(m, 2) image error that the additional parameters stand for [mm]."""
+    q = problem.basis.shape[2]
+    if q == 0:
+        return 0.0
+    if problem.photo_invariant:
+        values = state.own[problem.photo]
+    else:
+        values = state.shared.reshape(-1, q)[problem.additional_group]
+    out: Array = np.einsum("mij,mj->mi", problem.basis, values)
+    return out
+
+
+def _angles(rotations: Array) -> Array:
+    return np.array([rotation_angles(r) for r in rotations]).reshape(-1, 3)
+
+
+def _wrapped(angle: Array) -> Array:
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _prior_misclosures(problem: Problem, state: State) -> tuple[Array, Array, Array, Array]:
+    """Whitened misclosures of control, photo priors, own and shared additional parameters."""
+    point = np.where(
+        np.isfinite(problem.known_sigma),
+        (state.points + state.origin - problem.known) / problem.known_sigma,
+        0.0,
+    )
+    photo = np.zeros((len(problem.photos), 6))
+    with_position = np.isfinite(problem.position_sigma)
+    if with_position.any():
+        off = (state.centres + state.origin - problem.position) / problem.position_sigma
+        photo[:, :3] = np.where(with_position, off, 0.0)
+    with_rotation = np.isfinite(problem.rotation_sigma[:, 0])
+    if with_rotation.any():
+        found = _angles(state.rotations[with_rotation])
+        off = _wrapped(found - problem.rotation[with_rotation])
+        photo[with_rotation, 3:] = off / problem.rotation_sigma[with_rotation]
+    own, shared = np.zeros_like(state.own), np.zeros_like(state.shared)
+    if len(problem.additional_sigma):
+        own = state.own / problem.additional_sigma if state.own.size else own
+        if shared.size:
+            shared = state.shared / np.tile(
+                problem.additional_sigma, len(problem.additional_groups)
+            )
+    return point, photo, own, shared
+
+
+def objective(problem: Problem, state: State) -> tuple[float, Array]:
+    """Return v'Pv at a state, and the depth of every ray's point [m]."""
+    seen = project(
+        state.centres[problem.photo],
+        state.rotations[problem.photo],
+        problem.c[problem.photo],
+        state.points[problem.point],
+    )
+    e = (seen.xy + _systematic(problem, state) - problem.xy) / problem.sigma[:, None]
+    total = float(np.vdot(e, e))
+    for part in _prior_misclosures(problem, state):
+        total += float(np.vdot(part, part))
+    return (total if total == total else float("inf")), seen.depth
+
+
+def linearise(problem: Problem, state: State) -> Linearised:
+    """Return derivatives and misclosures at a state."""
+    seen = project_with_derivatives(
+        state.centres[problem.photo],
+        state.rotations[problem.photo],
+        problem.c[problem.photo],
+        state.points[problem.point],
+    )
+    weight = 1.0 / problem.sigma
+    n, m = len(problem.photos), len(problem.photo)
+    d = problem.per_photo
+    white = problem.basis * weight[:, None, None]
+    if problem.photo_invariant:
+        a = np.empty((m, 2, d))
+        np.multiply(seen.photo, weight[:, None, None], out=a[:, :, :6])
+        a[:, :, 6:] = white
+        h = np.empty((m, 2, 0))
+    else:
+        a, h = seen.photo * weight[:, None, None], white
+    b = seen.point * weight[:, None, None]
+    if problem.fixed.any():
+        b *= ~problem.fixed[problem.point][:, None, :]
+    e = (seen.xy + _systematic(problem, state) - problem.xy) * weight[:, None]
+    point_e, photo_e, own_e, shared_e = _prior_misclosures(problem, state)
+    rows = np.zeros((n, 6, d))
+    with_position = np.isfinite(problem.position_sigma)
+    for axis in range(3):
+        rows[:, axis, axis] = np.where(
+            with_position[:, axis], 1.0 / problem.position_sigma[:, axis], 0.0
+        )
+    for k in np.nonzero(np.isfinite(problem.rotation_sigma[:, 0]))[0]:
+        omega, phi, _ = rotation_angles(state.rotations[k])
+        # d angles = axes^-1 d(small rotation)
+        inverse = np.linalg.pinv(rotation_axes(omega, phi), rcond=1e-9)
+        rows[k, 3:, 3:6] = inverse / problem.rotation_sigma[k][:, None]
+    prior = 1.0 / problem.additional_sigma**2 if len(problem.additional_sigma) else None
+    return Linearised(
+        a=a,
+        b=b,
+        h=h,
+        e=e,
+        point_weight=np.where(np.isfinite(problem.known_sigma), problem.known_sigma**-2.0, 0.0),
+        point_e=point_e,
+        photo_rows=rows,
+        photo_e=photo_e,
+        own_weight=prior if prior is not None and problem.photo_invariant else np.zeros(d - 6),
+        own_e=own_e,
+        shared_weight=(
+            np.tile(prior, len(problem.additional_groups))
+            if prior is not None and not problem.photo_invariant
+            else np.zeros(problem.in_border)
+        ),
+        shared_e=shared_e,
+        depth=seen.depth,
+    )
+
+
+def move(problem: Problem, state: State, photos: Array, points: Array, shared: Array) -> State:
+    """Add corrections: (photos, d), (points, 3) and (g,)."""
+    return State(
+        centres=state.centres + photos[:, :3],
+        rotations=turns(photos[:, 3:6]) @ state.rotations,
+        points=state.points + points,
+        own=state.own + photos[:, 6:],
+        shared=state.shared + shared,
+        origin=state.origin,
+    )
+
+
+def _lower3(v: Array, fixed: NDArray[np.bool_]) -> Array:
+    """(n, 3, 3) inverses of the lower Cholesky factors; rows of fixed coordinates are zero."""
+    out = np.zeros_like(v)
+    l00 = np.sqrt(v[:, 0, 0])
+    l10 = v[:, 1, 0] / l00
+    l20 = v[:, 2, 0] / l00
+    p1 = v[:, 1, 1] - l10**2
+    l11 = np.sqrt(np.maximum(p1, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        l21 = (v[:, 2, 1] - l20 * l10) / l11
+        p2 = v[:, 2, 2] - l20**2 - l21**2
+        l22 = np.sqrt(np.maximum(p2, 0.0))
+        bad = ~((p1 > _FLATTEST * v[:, 1, 1]) & (p2 > _FLATTEST * v[:, 2, 2]))
+        if bad.any():
+            raise PointError(np.nonzero(bad)[0])
+        out[:, 0, 0] = 1.0 / l00
+        out[:, 1, 1] = 1.0 / l11
+        out[:, 2, 2] = 1.0 / l22
+        out[:, 1, 0] = -l10 * out[:, 0, 0] * out[:, 1, 1]
+        out[:, 2, 1] = -l21 * out[:, 1, 1] * out[:, 2, 2]
+        out[:, 2, 0] = -(l20 * out[:, 0, 0] + l21 * out[:, 1, 0]) * out[:, 2, 2]
+    if fixed.any():
+        # a fixed coordinate stands on a diagonal of 1 with nothing beside it
+        point, axis = np.nonzero(fixed)
+        out[point, axis, axis] = 0.0
+    return out
+
+
+class NormalEquations:
+    """The reduced normal equations of the photos at one state.
+
+    Parameters
+    ----------
+    problem, structure, linear
+        The bundle, its structure and its derivatives.
+    damping
+        Levenberg-Marquardt: every diagonal element grows by this fraction of itself.
+    anchor
+        (photos, d) weights that take the datum's defect away, or None.
+
+    Raises
+    ------
+    PointError
+        Points whose rays do not meet at an angle.
+
+    Attributes
+    ----------
+    inverse_root
+        (points, 3, 3) L^-1 of every point.
+    z
+        (m, d, 3) Z of every ray.
+    t
+        (points, 3, g) T of every point.
+    blocks, border, corner
+        The matrix.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        structure: Structure,
+        linear: Linearised,
+        damping: float = 0.0,
+        anchor: Array | None = None,
+    ) -> None:
+        self.problem = problem
+        self.structure = structure
+        self.linear = linear
+        d, g = problem.per_photo, problem.in_border
+        n, m = len(problem.photos), len(problem.photo)
+        a, b, h = linear.a, linear.b, linear.h
+        q = h.shape[2]
+        grow = 1.0 + damping
+        blocks = np.zeros((len(structure.pattern.rows), d * d))
+        at = a.transpose(0, 2, 1)
+        photo_own = structure.by_photo @ np.matmul(at, a).reshape(m, d * d)
+        own = photo_own.reshape(n, d, d)
+        own += np.matmul(linear.photo_rows.transpose(0, 2, 1), linear.photo_rows)
+        diagonal = np.einsum("nii->ni", own)
+        diagonal[:, 6:] += linear.own_weight
+        if anchor is not None:
+            diagonal += anchor * diagonal
+        diagonal *= grow
+        blocks[structure.pattern.diagonal] = own.reshape(n, d * d)
+        self.border = np.zeros((n, d, g))
+        self.corner = np.zeros((g, g))
+        self.z = np.empty((m, d, 3))
+        self.inverse_root = np.empty((len(problem.points), 3, 3))
+        self.t = np.zeros((len(problem.points), 3, g))
+        if g:
+            self._border_of_rays(at, h)
+            corner_diagonal = np.einsum("ii->i", self.corner)
+            corner_diagonal += linear.shared_weight
+            corner_diagonal *= grow
+        for piece in structure.pieces:
+            k, count = piece.group.rays, piece.stop - piece.start
+            rays, points = piece.rays, piece.points
+            bp = b[rays]
+            stacked = bp.reshape(count, 2 * k, 3)
+            v = np.matmul(stacked.transpose(0, 2, 1), stacked)
+            fixed = problem.fixed[points]
+            v_diagonal = np.einsum("nii->ni", v)
+            v_diagonal += linear.point_weight[points]
+            v_diagonal *= grow
+            v_diagonal[fixed] = 1.0
+            try:
+                root = _lower3(v, fixed)
+            except PointError as error:
+                raise PointError(error.points + points.start) from None
+            self.inverse_root[points] = root
+            scaled = np.matmul(bp.reshape(count, 2 * k, 3), root.transpose(0, 2, 1)).reshape(
+                count * k, 2, 3
+            )
+            z = np.matmul(at[rays], scaled)
+            self.z[rays] = z
+            tall = z.reshape(count, k * d, 3)
+            product = np.matmul(tall, tall.transpose(0, 2, 1))
+            which, i, j = piece.pairs
+            picked = product.reshape(count, k, d, k, d)[which, i, :, j, :]
+            blocks -= piece.sums @ picked.reshape(len(which), d * d)
+            if g:
+                self._border_of_points(piece, scaled, z, h, q)
+        self.blocks = blocks.reshape(-1, d, d)
+
+    def border_columns(self, group: Index) -> Index:
+        """(rays, q) columns of the border that rays of these groups touch."""
+        q = self.linear.h.shape[2]
+        out: Index = group[:, None] * q + np.arange(q)
+        return out
+
+    def _border_of_rays(self, at: Array, h: Array) -> None:
+        """Add sum A'H and sum H'H."""
+        problem = self.problem
+        q = h.shape[2]
+        for k in range(len(problem.additional_groups)):
+            mine = problem.additional_group == k
+            if not mine.any():
+                continue
+            hk = h[mine]
+            flat = hk.reshape(-1, q)
+            part = slice(k * q, (k + 1) * q)
+            self.corner[part, part] = flat.T @ flat
+            columns = np.nonzero(mine)[0]
+            sums = self.structure.by_photo[:, columns]
+            product = np.matmul(at[mine], hk).reshape(len(columns), -1)
+            self.border[:, :, part] += (sums @ product).reshape(len(self.border), -1, q)
+
+    def _border_of_points(self, piece: _Piece, scaled: Array, z: Array, h: Array, q: int) -> None:
+        """Subtract Z T and T'T."""
+        problem = self.problem
+        count, k = piece.stop - piece.start, piece.group.rays
+        d, g = z.shape[1], self.corner.shape[0]
+        each = np.matmul(scaled.transpose(0, 2, 1), h[piece.rays]).reshape(count, k, 3, q)
+        group = problem.additional_group[piece.rays].reshape(count, k)
+        t = self.t[piece.points]
+        if g == q:
+            t += each.sum(axis=1)
+        else:
+            for ray in range(k):
+                columns = self.border_columns(group[:, ray])
+                t[np.arange(count)[:, None, None], np.arange(3)[:, None], columns[:, None, :]] += (
+                    each[:, ray]
+                )
+        flat = t.reshape(-1, g)
+        self.corner -= flat.T @ flat
+        zt = np.matmul(z.reshape(count, k * d, 3), t).reshape(count * k, d * g)
+        sums = self.structure.by_photo[:, piece.rays]
+        self.border -= (sums @ zt).reshape(self.border.shape)
+
+    def factor(self, progress: Callable[[float], None] | None = None) -> Factor:
+        """Factorise; raises NotPositiveError."""
+        return Factor(self.structure.pattern, self.blocks, self.border, self.corner, progress)
+
+    def gradient(self, linear: Linearised | None = None) -> tuple[Array, Array, Array]:
+        """Right-hand sides -J'e of photos (n, d), points (p, 3) and border (g,).
+
+        Parameters
+        ----------
+        linear
+            Where the misclosures come from; None for the state of the matrix itself.
+        """
+        problem = self.problem
+        other = self.linear if linear is None else linear
+        mine = self.linear
+        ae = np.einsum("mij,mi->mj", mine.a, other.e)
+        photos = -(self.structure.by_photo @ ae)
+        photos -= np.einsum("nij,ni->nj", mine.photo_rows, other.photo_e)
+        photos[:, 6:] -= np.sqrt(mine.own_weight) * other.own_e
+        be = np.einsum("mij,mi->mj", mine.b, other.e)
+        points = np.empty((len(problem.points), 3))
+        for group in problem.groups:
+            mine_be = be[group.ray_slice].reshape(group.points, group.rays, 3)
+            points[group.point_slice] = -mine_be.sum(axis=1)
+        points -= np.sqrt(mine.point_weight) * other.point_e
+        shared = -np.sqrt(mine.shared_weight) * other.shared_e
+        if len(shared):
+            he = np.einsum("mij,mi->mj", mine.h, other.e)
+            columns = self.border_columns(problem.additional_group)
+            shared -= np.bincount(columns.ravel(), he.ravel(), minlength=len(shared))
+        return photos, points, shared
+
+    def solve(
+        self, factor: Factor, photos: Array, points: Array, shared: Array
+    ) -> tuple[Array, Array, Array]:
+        """Solve the full normal equations for k right-hand sides.
+
+        Parameters
+        ----------
+        factor
+            The factor of this matrix.
+        photos, points, shared
+            (n, d, k), (p, 3, k), (g, k).
+        """
+        problem = self.problem
+        k = photos.shape[2]
+        m, d = self.z.shape[:2]
+        y = np.matmul(self.inverse_root, points)
+        zy = np.matmul(self.z, y[problem.point]).reshape(m, d * k)
+        right = photos - (self.structure.by_photo @ zy).reshape(photos.shape)
+        corner = shared - np.einsum("pig,pik->gk", self.t, y) if len(shared) else shared
+        x, s = factor.solve(right, corner)
+        back = np.matmul(self.z.transpose(0, 2, 1), x[problem.photo])
+        for group in problem.groups:
+            rays = back[group.ray_slice].reshape(group.points, group.rays, 3, k)
+            y[group.point_slice] -= rays.sum(axis=1)
+        if len(shared):
+            y -= np.matmul(self.t, s)
+        return x, np.matmul(self.inverse_root.transpose(0, 2, 1), y), s

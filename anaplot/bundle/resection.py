@@ -1,0 +1,220 @@
+"""Space resection from nothing: three points exactly, many points robustly."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.photogrammetry.collinearity import project, project_with_derivatives, turns
+
+__all__ = ["Resection", "resect", "three_point_resection"]
+
+Array = NDArray[np.float64]
+
+
+class Resection(NamedTuple):
+    """An orientation found by resection.
+
+    Attributes
+    ----------
+    centre, rotation
+        Projection centre and (3, 3) rotation from image to ground.
+    residual
+        (n,) distances between measured and computed image points [mm].
+    """
+
+    centre: Array
+    rotation: Array
+    residual: Array
+
+
+def three_point_resection(rays: Array, points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return every orientation that agrees with three points (Grunert 1841).
+
+    Parameters
+    ----------
+    rays
+        (k, 3, 3) rays of unit length in image axes, three for each of k cases.
+    points
+        (k, 3, 3) their ground points.
+
+    Returns
+    -------
+    tuple
+        Centres (m, 3), rotations (m, 3, 3) and the case each belongs to.
+
+    Notes
+    -----
+    The quartic in v = s3/s1 in the notation of Haralick et al. (1994), eq. (9).
+    """
+    a2 = ((points[:, 1] - points[:, 2]) ** 2).sum(axis=1)
+    b2 = ((points[:, 0] - points[:, 2]) ** 2).sum(axis=1)
+    c2 = ((points[:, 0] - points[:, 1]) ** 2).sum(axis=1)
+    ca = (rays[:, 1] * rays[:, 2]).sum(axis=1)
+    cb = (rays[:, 0] * rays[:, 2]).sum(axis=1)
+    cg = (rays[:, 0] * rays[:, 1]).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        m = (a2 - c2) / b2
+        p = (a2 + c2) / b2
+        a4 = (m - 1.0) ** 2 - 4.0 * c2 / b2 * ca**2
+        a3 = 4.0 * (m * (1.0 - m) * cb - (1.0 - p) * ca * cg + 2.0 * c2 / b2 * ca**2 * cb)
+        a1 = 4.0 * (-m * (1.0 + m) * cb + 2.0 * a2 / b2 * cg**2 * cb - (1.0 - p) * ca * cg)
+        a0 = (1.0 + m) ** 2 - 4.0 * a2 / b2 * cg**2
+        second = 2.0 * (
+            m**2
+            - 1.0
+            + 2.0 * m**2 * cb**2
+            + 2.0 * (b2 - c2) / b2 * ca**2
+            - 4.0 * p * ca * cb * cg
+            + 2.0 * (b2 - a2) / b2 * cg**2
+        )
+        a4 = np.where(np.abs(a4) < 1e-14, 1e-14, a4)
+        monic = np.stack((a3, second, a1, a0), axis=1) / a4[:, None]
+    usable = np.nonzero(np.isfinite(monic).all(axis=1))[0]
+    companion = np.zeros((len(usable), 4, 4))
+    companion[:, 0, :] = -monic[usable]
+    companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
+    roots = np.linalg.eigvals(companion)
+    real = np.abs(roots.imag) < 1e-3 * (1.0 + np.abs(roots.real))
+    real &= roots.real > 0.0
+    which, _ = np.nonzero(real)
+    case = usable[which]
+    v = roots.real[real]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        u = ((m[case] - 1.0) * v**2 - 2.0 * m[case] * cb[case] * v + 1.0 + m[case]) / (
+            2.0 * (cg[case] - v * ca[case])
+        )
+        s1 = np.sqrt(b2[case] / (1.0 + v**2 - 2.0 * v * cb[case]))
+    good = np.isfinite(s1) & np.isfinite(u) & (u > 0.0)
+    case, s1, u, v = case[good], s1[good], u[good], v[good]
+    camera = rays[case] * np.stack((s1, u * s1, v * s1), axis=1)[:, :, None]
+    world = points[case]
+    mean_c, mean_w = camera.mean(axis=1), world.mean(axis=1)
+    left, _, right = np.linalg.svd(
+        np.matmul((world - mean_w[:, None]).transpose(0, 2, 1), camera - mean_c[:, None])
+    )
+    left[:, :, 2] *= np.sign(np.linalg.det(np.matmul(left, right)))[:, None]
+    rotation = np.matmul(left, right)
+    centre = mean_w - np.einsum("kij,kj->ki", rotation, mean_c)
+    return centre, rotation, case
+
+
+def resect(
+    xy: Array, c: float, points: Array, *, samples: int = 80, seed: int = 0
+) -> Resection | None:
+    """Orient a photo to known points of which a minority may be wrong.
+
+    Parameters
+    ----------
+    xy
+        (n, 2) image coordinates [mm].
+    c
+        Camera constant [mm].
+    points
+        (n, 3) ground points, n >= 4.
+
+    Returns
+    -------
+    Resection or None
+        None when no orientation has the points in front of the photo.
+    """
+    n = len(xy)
+    if n < 4:
+        return None
+    rng = np.random.default_rng(seed)
+    rays = np.column_stack((xy, np.full(n, -c)))
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    if n <= 8:
+        index = np.array(
+            [(i, j, k) for i in range(n) for j in range(i + 1, n) for k in range(j + 1, n)]
+        )
+    else:
+        index = _spread_triples(xy, samples, rng)
+    centres, rotations, _ = three_point_resection(rays[index], points[index])
+    if len(centres) == 0:
+        return None
+    error = _residuals(centres, rotations, c, points, xy)
+    middle = np.partition(error, min(n - 1, max(n // 2, 3)), axis=1)[:, min(n - 1, max(n // 2, 3))]
+    best: Resection | None = None
+    best_size = float("inf")
+    for k in np.argsort(middle)[:4].tolist():
+        centre, rotation = _refine(centres[k], rotations[k], c, points, xy)
+        residual = _residuals(centre[None], rotation[None], c, points, xy)[0]
+        size = float(np.sort(residual)[: max(4, (3 * n) // 4)].mean())
+        if size < best_size:
+            best, best_size = Resection(centre, rotation, residual), size
+    return best
+
+
+def _spread_triples(xy: Array, samples: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Triples of points, the larger triangles of many random ones."""
+    index = rng.integers(0, len(xy), (6 * samples, 3))
+    p = xy[index]
+    e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    area = np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
+    return index[np.argsort(-area)[: 2 * samples]]
+
+
+def _residuals(centres: Array, rotations: Array, c: float, points: Array, xy: Array) -> Array:
+    """(k, n) distances in the image [mm]; infinite for points behind the photo."""
+    away = points[None] - centres[:, None]
+    u = np.matmul(away, rotations)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        seen = -c * u[..., :2] / u[..., 2:]
+        size = np.linalg.norm(seen - xy[None], axis=2)
+    out: Array = np.where((u[..., 2] < 0.0) & np.isfinite(size), size, np.inf)
+    return out
+
+
+def _refine(
+    centre: Array, rotation: Array, c: float, points: Array, xy: Array
+) -> tuple[Array, Array]:
+    """Robust damped Gauss-Newton for one photo."""
+    n = len(xy)
+    cs = np.full(n, c)
+
+    def cost(at: Array, turned: Array) -> tuple[float, Array]:
+        seen = project(np.broadcast_to(at, (n, 3)), np.broadcast_to(turned, (n, 3, 3)), cs, points)
+        size = np.linalg.norm(seen.xy - xy, axis=1)
+        size = np.where((seen.depth > 0.0) & np.isfinite(size), size, 1e6)
+        return float(np.log1p((size / scale) ** 2).sum()), size
+
+    scale = 1.0
+    _, size = cost(centre, rotation)
+    scale = max(2.0 * float(np.median(size)), 1e-6)
+    value, size = cost(centre, rotation)
+    damping = 1e-3
+    for _ in range(25):
+        seen = project_with_derivatives(
+            np.broadcast_to(centre, (n, 3)), np.broadcast_to(rotation, (n, 3, 3)), cs, points
+        )
+        weight = np.where(size < 1e5, 1.0 / (1.0 + (size / scale) ** 2), 0.0)
+        design = np.nan_to_num(seen.photo)
+        e = np.nan_to_num(seen.xy - xy)
+        normal = np.einsum("n,nij,nik->jk", weight, design, design)
+        right = -np.einsum("n,nij,ni->j", weight, design, e)
+        diagonal = np.diag(normal)
+        improved = False
+        for _ in range(8):
+            try:
+                step = np.linalg.solve(
+                    normal + np.diag(damping * diagonal + 1e-12 * diagonal.max()), right
+                )
+            except np.linalg.LinAlgError:
+                return centre, rotation
+            trial = centre + step[:3], turns(step[None, 3:])[0] @ rotation
+            new_value, new_size = cost(*trial)
+            if new_value < value:
+                improved = True
+                break
+            damping *= 10.0
+        if not improved:
+            break
+        small = value - new_value < 1e-9 * (1.0 + value)
+        (centre, rotation), value, size = trial, new_value, new_size
+        damping = max(damping * 0.1, 1e-9)
+        if small:
+            break
+    return centre, rotation

@@ -1,0 +1,136 @@
+"""Spatial similarity between two sets of points, closed form, robust, and to partial control."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.photogrammetry.collinearity import turns
+
+__all__ = ["Similarity", "fit_similarity", "fit_to_partial", "robust_similarity"]
+
+Array = NDArray[np.float64]
+
+
+class Similarity(NamedTuple):
+    """target = scale * rotation @ source + shift."""
+
+    scale: float
+    rotation: Array
+    shift: Array
+
+    def apply(self, points: Array) -> Array:
+        """Transform (n, 3) points."""
+        out: Array = self.scale * points @ self.rotation.T + self.shift
+        return out
+
+
+def _closed_form(source: Array, target: Array) -> tuple[Array, Array, Array]:
+    """Similarities of batches of (k, n, 3) points (Umeyama 1991): scales, rotations, shifts."""
+    a, b = source.mean(axis=1), target.mean(axis=1)
+    s, t = source - a[:, None], target - b[:, None]
+    left, singular, right = np.linalg.svd(np.matmul(t.transpose(0, 2, 1), s))
+    sign = np.sign(np.linalg.det(np.matmul(left, right)))
+    singular[:, 2] *= sign
+    left[:, :, 2] *= sign[:, None]
+    rotation = np.matmul(left, right)
+    size = np.einsum("kni,kni->k", s, s)
+    scale = singular.sum(axis=1) / np.where(size > 0.0, size, 1.0)
+    shift = b - scale[:, None] * np.einsum("kij,kj->ki", rotation, a)
+    return scale, rotation, shift
+
+
+def fit_similarity(source: Array, target: Array) -> Similarity:
+    """Return the least-squares similarity of (n, 3) points, n >= 3."""
+    scale, rotation, shift = _closed_form(source[None], target[None])
+    return Similarity(float(scale[0]), rotation[0], shift[0])
+
+
+def robust_similarity(
+    source: Array, target: Array, samples: int = 200, seed: int = 0
+) -> tuple[Similarity, NDArray[np.bool_]] | None:
+    """Return the similarity that most points agree on, and those points.
+
+    Least median of squares over triples; None when there are fewer than three points or they lie
+    on a line.
+    """
+    n = len(source)
+    if n < 3:
+        return None
+    rng = np.random.default_rng(seed)
+    if n <= 8:
+        index = np.array(
+            [(i, j, k) for i in range(n) for j in range(i + 1, n) for k in range(j + 1, n)]
+        )
+    else:
+        index = np.argsort(rng.random((samples, n)), axis=1)[:, :3] if n < 400 else (
+            rng.integers(0, n, (samples, 3))
+        )  # fmt: skip
+    base = source[index]
+    edge1, edge2 = base[:, 1] - base[:, 0], base[:, 2] - base[:, 0]
+    area = np.linalg.norm(np.cross(edge1, edge2), axis=1)
+    span = float(np.ptp(source, axis=0).max())
+    good = area > 1e-4 * span * span
+    if not good.any() or not float(np.ptp(target, axis=0).max()) > 0.0:
+        return None
+    index = index[good]
+    scale, rotation, shift = _closed_form(source[index], target[index])
+    moved = scale[:, None, None] * np.matmul(source, rotation.transpose(0, 2, 1)) + shift[:, None]
+    distance = np.linalg.norm(moved - target, axis=2)
+    # three points always agree: at least one more must
+    middle = np.sort(distance, axis=1)[:, min(n - 1, max(n // 2, 3))]
+    best = int(np.argmin(middle))
+    limit = 6.0 * float(middle[best]) + 1e-9 * float(np.ptp(target, axis=0).max() + 1e-12)
+    inliers = distance[best] <= limit
+    inliers[index[best]] = True
+    return fit_similarity(source[inliers], target[inliers]), inliers
+
+
+def fit_to_partial(source: Array, target: Array, start: Similarity) -> Similarity | None:
+    """Refine a similarity with targets that lack coordinates (NaN).
+
+    Gauss-Newton over scale, rotation and shift with Cauchy's weights; None when the coordinates do
+    not determine the seven parameters.
+    """
+    known = np.isfinite(target)
+    if int(known.sum()) < 7:
+        return None
+    now = start
+    middle = source.mean(axis=0)
+    for _ in range(30):
+        at = now.apply(source)
+        centre = now.apply(middle[None])[0]
+        arm = at - centre
+        rows = np.zeros((*at.shape, 7))
+        for axis in range(3):
+            rows[:, axis, axis] = 1.0
+            unit = np.zeros(3)
+            unit[axis] = 1.0
+            rows[:, :, 3 + axis] = np.cross(unit, arm)
+        rows[:, :, 6] = arm
+        e = (at - target)[known]
+        design = rows[known]
+        size = np.abs(e)
+        spread = max(1.5 * float(np.median(size)), 1e-12)
+        weight = 1.0 / np.sqrt(1.0 + (size / (3.0 * spread)) ** 2)
+        length = np.linalg.norm(design, axis=0)
+        length[length == 0.0] = 1.0
+        solved, _, rank, singular = np.linalg.lstsq(
+            design / length * weight[:, None], -e * weight, rcond=1e-9
+        )
+        if rank < 7 or singular[-1] < 1e-6 * singular[0]:
+            return None
+        step = solved / length
+        angle = float(np.linalg.norm(step[3:6]))
+        if angle > 0.5:
+            step *= 0.5 / angle
+        rotation = turns(step[None, 3:6])[0] @ now.rotation
+        scale = now.scale * float(np.exp(np.clip(step[6], -0.5, 0.5)))
+        shift = centre + step[:3] - scale * rotation @ middle
+        now = Similarity(scale, rotation, shift)
+        extent = max(float(np.abs(arm).max()), 1e-12)
+        if float(np.abs(step[3:]).max()) < 1e-10 and float(np.abs(step[:3]).max()) < 1e-10 * extent:
+            break
+    return now

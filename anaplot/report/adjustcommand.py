@@ -1,0 +1,73 @@
+"""The command `anaplot adjust`: a block folder in, a report or JSON out."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TextIO
+
+from anaplot.bundle.additional import additional_parameters
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.problem import Datum
+from anaplot.exchange.blockfolder import read_block
+from anaplot.report.bundlecontract import adjust_json
+from anaplot.report.bundletext import adjust_printout
+from anaplot.report.progress import ProgressLine
+
+__all__ = ["run_adjust"]
+
+
+def run_adjust(
+    folder: Path,
+    *,
+    as_json: bool = False,
+    fail_on_flag: bool = False,
+    datum: Datum = "control",
+    additional: str | None = None,
+    additional_sigma_um: float | None = None,
+    out: TextIO | None = None,
+    err: TextIO | None = None,
+) -> int:
+    """Adjust a block folder and print the result.
+
+    Parameters
+    ----------
+    folder
+        The block; it is only read.
+    as_json
+        Print the contract's JSON instead of the report.
+    fail_on_flag
+        Return 1 when an observation is flagged.
+    datum
+        "control", "minimal" or "free".
+    additional
+        "set" or "set:scope" of additional parameters: ebner, gruen, physical; block, strip,
+        camera, photo.
+    additional_sigma_um
+        Their a-priori standard deviation as effect in the image [um]; None: free.
+    out, err
+        Standard output and standard error when None.
+
+    Returns
+    -------
+    int
+        Exit code 0, or 1 with `fail_on_flag`.
+
+    Raises
+    ------
+    AnaplotError
+        Bad input or a block that cannot be computed; nothing is printed then.
+    """
+    block = read_block(folder)
+    chosen = None
+    if additional is not None:
+        chosen = additional_parameters(additional, additional_sigma_um)
+    with ProgressLine(sys.stderr if err is None else err) as progress:
+        adjusted = adjust_block(block, datum=datum, additional=chosen, progress=progress)
+    if as_json:
+        text = json.dumps(adjust_json(adjusted), indent=1, allow_nan=False)
+    else:
+        text = adjust_printout(adjusted)
+    print(text, file=sys.stdout if out is None else out)
+    return 1 if fail_on_flag and adjusted.any_flagged else 0

@@ -1,0 +1,146 @@
+"""The adjusted block as the JSON that other programs read (conventions, "What programs read")."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from anaplot.bundle.accuse import accuse
+from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.rows import RayRow
+
+__all__ = ["adjust_json"]
+
+Json = dict[str, Any]
+
+
+def adjust_json(block: AdjustedBlock) -> Json:
+    """Return an adjusted block; what does not exist is None.
+
+    Lengths in metres, angles in radians, residuals and detectable errors in micrometres. Beyond
+    the contract: the test, the datum, priors, additional parameters, what is left out, remarks.
+    """
+    problem = block.problem
+    rays = {row.row: row for row in block.ray_rows()}
+    indicators = block.indicators()
+    sigma0 = block.sigma0
+    out: Json = {
+        "observations": problem.observations,
+        "unknowns": problem.unknowns,
+        "redundancy": block.redundancy,
+        "sigma0": sigma0,
+        "sigma0_um": None if sigma0 is None else sigma0 * problem.block.precision.image_um,
+        "test": {
+            "kind": problem.test.kind,
+            "alpha": problem.test.alpha,
+            "power": problem.test.power,
+            "critical": block.critical,
+        },
+        "datum": {"kind": problem.datum, "defect": problem.defect},
+        "iterations": block.convergence.iterations,
+        "photos": [
+            {
+                "photo": row.photo,
+                **dict(zip("XYZ", row.position, strict=True)),
+                **dict(zip(("omega", "phi", "kappa"), row.angles, strict=True)),
+                **dict(zip(("sX", "sY", "sZ"), row.s_position, strict=True)),
+                **dict(zip(("somega", "sphi", "skappa"), row.s_angles, strict=True)),
+            }
+            for row in block.photo_rows()
+        ],
+        "points": [
+            {
+                "point": row.point,
+                **dict(zip("XYZ", row.xyz, strict=True)),
+                **dict(zip(("sX", "sY", "sZ"), row.s_xyz, strict=True)),
+                "rays": row.rays,
+            }
+            for row in block.point_rows()
+        ],
+        "image_points": [
+            _ray(rays.get(k), row.photo, row.point, row.model)
+            for k, row in enumerate(problem.block.image_points)
+        ],
+        "control": [
+            {
+                "point": row.point,
+                "axis": row.axis,
+                "v": row.v,
+                "r": row.r,
+                "w": row.w,
+                "mdb": row.mdb,
+                "effect": _list(row.effect_m),
+                "flagged": row.flagged,
+            }
+            for row in block.control_rows()
+        ],
+        "check": [
+            {"point": name, **dict(zip(("dX", "dY", "dZ"), difference, strict=True))}
+            for name, difference in block.check_rows()
+        ],
+        "indicators": {
+            "RI_x": indicators.ri_x,
+            "RI_y": indicators.ri_y,
+            "RI": indicators.ri,
+            "AI_X": indicators.ai_x,
+            "AI_Y": indicators.ai_y,
+            "AI_Z": indicators.ai_z,
+            "AI": indicators.ai,
+        },
+        "priors": [
+            {
+                "owner": row.owner,
+                "unknown": row.unknown,
+                "v": row.v,
+                "r": row.r,
+                "w": row.w,
+                "mdb": row.mdb,
+                "flagged": row.flagged,
+            }
+            for row in block.prior_rows()
+        ],
+        "spurs": [
+            {"photo": photo, "point": point, "axis": axis} for photo, point, axis in block.spurs()
+        ],
+        "accused": {
+            point: [ray._asdict() for ray in accuse(block, point)]
+            for point in dict.fromkeys(point for _, _, point, _ in block.suspects())
+        },
+        "left_out": [o._asdict() for o in problem.left_out],
+        "remarks": list(block.remarks),
+    }
+    if problem.additional is not None:
+        out["additional"] = {
+            "set": problem.additional.set.name,
+            "scope": problem.additional.scope,
+            "parameters": [row._asdict() for row in block.parameter_rows()],
+            "correlations": [
+                {"first": first, "second": second, "correlation": rho}
+                for first, second, rho in block.parameter_correlations()
+            ],
+        }
+    return out
+
+
+def _ray(row: RayRow | None, photo: str, point: str, model: str | None) -> Json:
+    """Return one image point; a row that takes no part has no numbers."""
+    out: Json = {"photo": photo, "point": point, "model": model}
+    if row is None:
+        names = ("vx_um", "vy_um", "rx", "ry", "wx", "wy", "mdb_x_um", "mdb_y_um")
+        return out | dict.fromkeys(names) | {"effect_x": None, "effect_y": None, "flagged": False}
+    return out | {
+        "vx_um": row.v_um[0],
+        "vy_um": row.v_um[1],
+        "rx": row.r[0],
+        "ry": row.r[1],
+        "wx": row.w[0],
+        "wy": row.w[1],
+        "mdb_x_um": row.mdb_um[0],
+        "mdb_y_um": row.mdb_um[1],
+        "effect_x": _list(row.effect_m[0]),
+        "effect_y": _list(row.effect_m[1]),
+        "flagged": row.flagged,
+    }
+
+
+def _list(values: tuple[float, float, float] | None) -> list[float] | None:
+    return None if values is None else list(values)

@@ -1,0 +1,231 @@
+"""The adjusted block as text for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import degrees, hypot
+
+from anaplot.bundle.accuse import accuse
+from anaplot.bundle.adjusted import SPUR, AdjustedBlock
+from anaplot.report.text import printable
+
+__all__ = ["adjust_printout"]
+
+_MOST = 30  # of flagged rows, spurs and correlations in the summary; the tables hold them all
+
+
+def _cell(value: float | None, width: int, digits: int) -> str:
+    return f"{'-':>{width}}" if value is None else f"{value:{width}.{digits}f}"
+
+
+def _width(names: Iterator[str], least: int = 5) -> int:
+    return max([least, *(len(printable(name)) for name in names)])
+
+
+def adjust_printout(block: AdjustedBlock) -> str:
+    """Return the report of an adjusted block.
+
+    Angles in degrees, ground coordinates in metres, residuals in micrometres, effects on the
+    ground in millimetres.
+    """
+    lines = _summary(block)
+    lines += _photos(block) + _control(block) + _check(block) + _priors(block) + _parameters(block)
+    lines += _points(block) + _rays(block)
+    return "\n".join(lines)
+
+
+def _summary(block: AdjustedBlock) -> list[str]:
+    problem, test = block.problem, block.problem.test
+    sigma0 = "none" if block.sigma0 is None else f"{block.sigma0:.4f}"
+    um = ""
+    if block.sigma0 is not None:
+        um = f" ({block.sigma0 * problem.block.precision.image_um:.2f} um)"
+    critical = "none" if block.critical is None else f"{block.critical:.2f}"
+    datum = {
+        "control": "control and priors",
+        "minimal": "minimal constraints",
+        "free": "inner constraints over the points",
+    }[problem.datum]
+    i = block.indicators()
+    lines = [
+        f"BLOCK {printable(problem.block.name)}",
+        f"  {len(problem.photos)} photos, {len(problem.points)} points, {len(problem.photo)} rays;"
+        f" datum: {datum}",
+        f"  observations {problem.observations}, unknowns {problem.unknowns}, "
+        f"redundancy {block.redundancy}"
+        + (f" (rank defect {problem.defect} of the datum)" if problem.defect else ""),
+        f"  sigma0 {sigma0}{um}, a priori 1 ({problem.block.precision.image_um:g} um); "
+        f"{block.convergence.iterations} iterations, {block.convergence.damped} damped",
+        f"  test {test.kind}, alpha {test.alpha:g}, critical value {critical}",
+        f"  reliability  RI x {i.ri_x:.3f}  y {i.ri_y:.3f}  all {i.ri:.3f}",
+        f"  accuracy     AI X {i.ai_x:.4f}  Y {i.ai_y:.4f}  Z {i.ai_z:.4f}  all {i.ai:.4f} m",
+    ]
+    lines += [f"  note: {printable(remark)}" for remark in block.remarks]
+    suspects = block.suspects()
+    if suspects:
+        first = suspects[0]
+        what = "image coordinate" if len(suspects) == 1 else "image coordinates"
+        lines.append(
+            f"  {len(suspects)} {what} flagged; remeasure {printable(first[2])} in "
+            f"photo {printable(first[1])} ({first[3]}) first:"
+        )
+        lines += [
+            f"    photo {printable(photo)}  point {printable(point)}  {axis}  w {w:.2f}"
+            for w, photo, point, axis in suspects[:_MOST]
+        ]
+        if len(suspects) > _MOST:
+            lines.append(f"    and {len(suspects) - _MOST} more in the table")
+        lines += _accusations(block, list(dict.fromkeys(point for _, _, point, _ in suspects)))
+    elif block.critical is not None:
+        lines.append("  no image coordinate is flagged")
+    spurs = block.spurs()
+    if spurs:
+        lines.append(
+            f"  {len(spurs)} image coordinates (spurs, r below {SPUR:g}) are checked by nothing:"
+        )
+        cells = [f"{printable(f)}:{printable(p)} {axis}" for f, p, axis in spurs[:_MOST]]
+        lines.append("    " + ", ".join(cells) + (" ..." if len(spurs) > _MOST else ""))
+    return [*lines, ""]
+
+
+def _accusations(block: AdjustedBlock, points: list[str]) -> list[str]:
+    """Say which ray of a flagged point is probably the wrong one."""
+    lines = ["  which ray of the point is wrong, if one is:"]
+    for point in points[:_MOST]:
+        rays = accuse(block, point)
+        cells = [
+            f"photo {printable(ray.photo)}"
+            + (f" in {printable(ray.model)}" if ray.model is not None else "")
+            + f" {100.0 * ray.probability:.0f} %"
+            for ray in rays[:4]
+        ]
+        lines.append(f"    point {printable(point)}: {', '.join(cells)}")
+    return lines
+
+
+def _photos(block: AdjustedBlock) -> list[str]:
+    rows = block.photo_rows()
+    width = _width(row.photo for row in rows)
+    lines = [
+        f"  {'PHOTO':<{width}}{'X':>15}{'Y':>15}{'Z':>12}{'sX':>8}{'sY':>8}{'sZ':>8}"
+        f"{'omega':>11}{'phi':>11}{'kappa':>12}{'somega':>9}{'sphi':>9}{'skappa':>9}"
+    ]
+    for row in rows:
+        x, y, z = row.position
+        angles = [degrees(angle) for angle in row.angles]
+        spread = [None if s is None else degrees(s) for s in row.s_angles]
+        lines.append(
+            f"  {printable(row.photo):<{width}}{x:15.3f}{y:15.3f}{z:12.3f}"
+            + "".join(_cell(s, 8, 3) for s in row.s_position)
+            + f"{angles[0]:11.5f}{angles[1]:11.5f}{angles[2]:12.5f}"
+            + "".join(_cell(s, 9, 5) for s in spread)
+        )
+    return [*lines, ""]
+
+
+def _control(block: AdjustedBlock) -> list[str]:
+    rows = block.control_rows()
+    if not rows:
+        return []
+    width = _width((row.point for row in rows), 7)
+    lines = [f"  {'CONTROL':<{width}}       v [m]     r       w   MDB [m]"]
+    lines += [
+        (
+            f"  {printable(row.point):<{width}} {row.axis}{row.v:10.4f}{row.r:6.3f}"
+            f"{_cell(row.w, 8, 2)}{_cell(row.mdb, 10, 4)}" + ("  << CHECK" if row.flagged else "")
+        )
+        for row in rows
+    ]
+    return [*lines, ""]
+
+
+def _check(block: AdjustedBlock) -> list[str]:
+    rows = block.check_rows()
+    if not rows:
+        return []
+    width = _width(name for name, _ in rows)
+    lines = [f"  {'CHECK':<{width}}    dX [m]    dY [m]    dZ [m]   (adjusted minus given)"]
+    lines += [
+        f"  {printable(name):<{width}}" + "".join(_cell(value, 10, 4) for value in difference)
+        for name, difference in rows
+    ]
+    return [*lines, ""]
+
+
+def _priors(block: AdjustedBlock) -> list[str]:
+    rows = block.prior_rows()
+    if not rows:
+        return []
+    width = _width(row.owner for row in rows)
+    unit = {"X": "m", "Y": "m", "Z": "m", "omega": "rad", "phi": "rad", "kappa": "rad"}
+    lines = [f"  {'PRIOR':<{width}}                      v     r       w         MDB"]
+    lines += [
+        (
+            f"  {printable(row.owner):<{width}} {row.unknown:<8} {unit.get(row.unknown, 'mm'):<3}"
+            f"{row.v:12.6f}{row.r:6.3f}{_cell(row.w, 8, 2)}{_cell(row.mdb, 12, 6)}"
+            + ("  << CHECK" if row.flagged else "")
+        )
+        for row in rows
+    ]
+    return [*lines, ""]
+
+
+def _parameters(block: AdjustedBlock) -> list[str]:
+    rows = block.parameter_rows()
+    if not rows:
+        return []
+    width = _width((row.group for row in rows), 6)
+    lines = [f"  {'GROUP':<{width}} PARAMETER  value [um]    s [um]"]
+    for row in rows:
+        spread = None if row.s is None else row.s * 1e3
+        lines.append(
+            f"  {printable(row.group):<{width}} {row.name:<9}{row.value * 1e3:12.3f}"
+            f"{_cell(spread, 10, 3)}"
+        )
+    found = block.parameter_correlations()
+    if found:
+        lines.append("  correlated beyond 0.9:")
+        lines += [
+            f"    {printable(first)} with {printable(second)}: {rho:.3f}"
+            for first, second, rho in found[:_MOST]
+        ]
+    return [*lines, ""]
+
+
+def _points(block: AdjustedBlock) -> list[str]:
+    rows = block.point_rows()
+    width = _width(row.point for row in rows)
+    lines = [f"  {'POINT':<{width}}{'X':>15}{'Y':>15}{'Z':>12}{'sX':>9}{'sY':>9}{'sZ':>9}  RAYS"]
+    for row in rows:
+        x, y, z = row.xyz
+        lines.append(
+            f"  {printable(row.point):<{width}}{x:15.4f}{y:15.4f}{z:12.4f}"
+            + "".join(_cell(s, 9, 4) for s in row.s_xyz)
+            + f"{row.rays:6d}"
+        )
+    return [*lines, ""]
+
+
+def _rays(block: AdjustedBlock) -> list[str]:
+    rows = list(block.ray_rows())
+    photos = _width(row.photo for row in rows)
+    points = _width(row.point for row in rows)
+    lines = [
+        f"  {'PHOTO':<{photos}} {'POINT':<{points}}      v [um]   RED-N       w  MDB [um]  "
+        "EFFECT [mm]"
+    ]
+    for row in rows:
+        for axis in (0, 1):
+            effect = row.effect_m[axis]
+            size = None if effect is None else hypot(*effect) * 1e3
+            w = row.w[axis]
+            flag = w is not None and block.critical is not None and abs(w) > block.critical
+            verdict = "<< REMEASURE" if flag else ("not testable" if effect is None else "")
+            lines.append(
+                (
+                    f"  {printable(row.photo):<{photos}} {printable(row.point):<{points}}  "
+                    f"{'xy'[axis]}{row.v_um[axis]:9.1f}{row.r[axis]:8.3f}{_cell(w, 8, 2)}"
+                    f"{_cell(row.mdb_um[axis], 10, 1)}{_cell(size, 13, 2)}  {verdict}"
+                ).rstrip()
+            )
+    return lines

@@ -1,0 +1,69 @@
+"""Additional parameters: orthogonality on the grids of Ebner and of Gruen 1978, eq. (7)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anaplot.bundle.additional import (
+    additional_parameters,
+    ebner,
+    exterior_effects,
+    gruen,
+    physical,
+)
+from anaplot.errors import InputError
+
+
+def gram(parameter_set, side: int):
+    b = 90.0
+    line = np.linspace(-b, b, side)
+    x, y = (axis.ravel() for axis in np.meshgrid(line, line))
+    columns = np.concatenate(
+        (parameter_set.basis(x, y, b, np.full(x.shape, 150.0)), exterior_effects(x, y, 150.0)),
+        axis=2,
+    ).reshape(2 * side * side, -1)
+    columns = columns / np.linalg.norm(columns, axis=0)
+    return columns.T @ columns
+
+
+@pytest.mark.parametrize(("parameter_set", "side"), [(ebner, 3), (gruen, 5)])
+def test_orthogonal_to_each_other_and_to_the_exterior_orientation(parameter_set, side) -> None:
+    product = gram(parameter_set, side)
+    count = len(parameter_set.names)
+    assert count + 6 == 2 * side * side
+    inner = product[:count, :count]
+    np.testing.assert_allclose(inner, np.eye(count), atol=1e-12)
+    np.testing.assert_allclose(product[:count, count:], 0.0, atol=1e-12)
+    # together with the six effects they span every possible image error of the grid
+    assert np.linalg.matrix_rank(product, tol=1e-6) == 2 * side * side
+
+
+def test_the_misprint_of_1978_is_not_orthogonal() -> None:
+    line = np.linspace(-1.0, 1.0, 5)
+    x, y = (axis.ravel() for axis in np.meshgrid(line, line))
+    q = y * y - 17.0 / 20.0
+    printed = y * q
+    a41 = gruen.basis(x, y, 1.0, np.ones_like(x))[:, 0, gruen.names.index("a41")]
+    assert abs(printed @ a41) > 0.1
+
+
+def test_names_are_unique_and_physical_terms_have_their_meaning() -> None:
+    for parameter_set in (ebner, gruen, physical):
+        assert len(set(parameter_set.names)) == len(parameter_set.names)
+    x, y, c = np.array([30.0, -40.0]), np.array([20.0, 10.0]), np.full(2, 120.0)
+    basis = physical.basis(x, y, 50.0, c)
+    # a longer camera constant stretches the image
+    np.testing.assert_allclose(basis[:, :, 0], np.column_stack((x, y)) / 120.0)
+    radial = basis[:, :, physical.names.index("K1")]
+    np.testing.assert_allclose(radial[:, 0] * y, radial[:, 1] * x, atol=1e-12)
+
+
+def test_names_of_sets_and_scopes() -> None:
+    assert additional_parameters("ebner").scope == "block"
+    assert additional_parameters("physical:camera", 10.0).sigma_um == 10.0
+    for text in ("brown", "ebner:model", ""):
+        with pytest.raises(InputError):
+            additional_parameters(text)
+    with pytest.raises(InputError):
+        additional_parameters("ebner", 0.0)

@@ -1,0 +1,104 @@
+"""The live block: same answers as from nothing, after models, photos and re-measurements."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundleblocks import aerial
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.live import LiveBlock
+from anaplot.errors import InputError, NotComputableError
+
+
+def agree(first, second) -> None:
+    assert first.redundancy == second.redundancy
+    assert first.sigma0 == pytest.approx(second.sigma0, rel=1e-6)
+    rows = {(r.photo, r.point, r.model): r for r in first.ray_rows()}
+    for other in second.ray_rows():
+        row = rows[other.photo, other.point, other.model]
+        assert row.v_um == pytest.approx(other.v_um, abs=1e-3)
+        assert row.r == pytest.approx(other.r, abs=1e-6)
+
+
+def test_a_block_grows_photo_by_photo() -> None:
+    scene = aerial(2, 4, per_base=2, noise_um=5.0)
+    whole = scene.block
+    live = LiveBlock(replace(whole, image_points=(), control=()))
+    with pytest.raises((InputError, NotComputableError)):
+        live.update(live.block)
+    order = [p.id for p in whole.photos]
+    for count in range(2, len(order) + 1):
+        rows = [r for r in whole.image_points if r.photo in order[:count]]
+        answer = live.add(rows)
+        assert answer.datum == "free"
+        fresh = adjust_block(replace(whole, image_points=tuple(rows), control=()), datum="free")
+        if not answer.aside:
+            agree(answer.adjusted, fresh)
+    answer = live.update(replace(live.block, control=whole.control))
+    assert answer.datum == "control"
+    agree(answer.adjusted, adjust_block(whole))
+
+
+def test_a_wrong_ray_is_accused_remeasured_and_forgotten() -> None:
+    scene = aerial(2, 4, per_base=2, noise_um=5.0, seed=6)
+    rows = list(scene.block.image_points)
+    at = next(k for k, r in enumerate(rows) if r.photo == "102" and abs(r.x) < 12 and abs(r.y) < 12)
+    good = rows[at]
+    rows[at] = replace(good, x=good.x + 0.2)
+    live = LiveBlock(replace(scene.block, image_points=tuple(rows)))
+    answer = live.update(live.block)
+    assert (good.photo, good.point, "x") in answer.newly_flagged
+    worst = answer.accused[good.point][0]
+    assert worst.photo == "102"
+    assert worst.probability > 0.9
+    assert sum(ray.probability for ray in answer.accused[good.point]) == pytest.approx(1.0)
+    answer = live.remeasure("102", good.point, (good.x, good.y))
+    assert answer.reused
+    assert (good.photo, good.point, "x") in answer.no_longer_flagged
+    assert good.point not in answer.accused
+    agree(answer.adjusted, adjust_block(scene.block))
+    # what was measured long ago and spoilt now shows up by name
+    old = rows[0]
+    answer = live.remeasure(old.photo, old.point, (old.x, old.y + 0.3))
+    assert any(point == old.point for _, point, _ in answer.newly_flagged)
+    answer = live.remove(old.photo, old.point)
+    assert not answer.reused
+    assert all(point != old.point for _, point, _ in answer.newly_flagged)
+
+
+def test_parts_that_do_not_hang_together_wait_aside() -> None:
+    scene = aerial(2, 4, per_base=2, noise_um=5.0)
+    rows = tuple(r for r in scene.block.image_points if r.photo in ("101", "102", "203", "204"))
+    names = {r.point: {q.photo for q in rows if q.point == r.point} for r in rows}
+    rows = tuple(
+        r for r in rows if not (names[r.point] & {"101", "102"} and names[r.point] & {"203", "204"})
+    )
+    rows = tuple(r for r in rows if r.photo != "204" or r.point != rows[-1].point)
+    live = LiveBlock(replace(scene.block, image_points=rows, control=()))
+    answer = live.update(live.block)
+    assert set(answer.aside) in ({"101", "102"}, {"203", "204"})
+    assert len(answer.adjusted.photo_rows()) == 2
+
+
+def test_errors_leave_the_last_answer() -> None:
+    scene = aerial(1, 3, per_base=2, noise_um=5.0)
+    live = LiveBlock(scene.block)
+    answer = live.update(scene.block)
+    with pytest.raises(InputError):
+        live.remeasure("101", "nowhere", (0.0, 0.0))
+
+    class Stop(Exception):
+        pass
+
+    def stop(what: str, fraction: float) -> None:
+        raise Stop
+
+    row = scene.block.image_points[0]
+    with pytest.raises(Stop):
+        live.remeasure(row.photo, row.point, (row.x, row.y + 0.01), progress=stop)
+    assert live.answer is answer
+    again = live.remeasure(row.photo, row.point, (row.x, row.y))
+    np.testing.assert_allclose(again.adjusted.v, answer.adjusted.v, atol=1e-6)

@@ -1,0 +1,270 @@
+"""`anaplot adjust`: the contract's JSON, the text, exit codes, progress."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.errors import InputError, NotComputableError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.photogrammetry.collinearity import project
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.report.adjustcommand import run_adjust
+from anaplot.report.bundlecontract import adjust_json
+from anaplot.report.bundletext import adjust_printout
+from anaplot.report.progress import ProgressLine
+
+TOML = """\
+format = 1
+name = "small"
+[precision]
+image_um = 5.0
+control_m = 0.05
+[test]
+kind = "tau"
+alpha = 0.001
+power = 0.80
+[[camera]]
+id = "rmk"
+c = 150.0
+[[strip]]
+id = "1"
+photos = ["101", "102", "103"]
+[[photo]]
+id = "101"
+camera = "rmk"
+[[photo]]
+id = "102"
+camera = "rmk"
+[[photo]]
+id = "103"
+camera = "rmk"
+"""
+
+
+def write_block(folder: Path, *, error_mm: float = 0.0, control: bool = True) -> Path:
+    """A strip of three photos, fifteen points, six control points and a check point."""
+    rng = np.random.default_rng(4)
+    folder.mkdir()
+    (folder / "block.toml").write_text(TOML)
+    lines = ["photo,point,x,y,sigma_um,model"]
+    points = {}
+    for k, (x, y) in enumerate((x, y) for x in range(0, 1300, 300) for y in (-500, 0, 500)):
+        points[f"{k + 1}"] = (x, y, rng.uniform(-30, 30))
+    for i, photo in enumerate(("101", "102", "103")):
+        centre = np.array([600.0 * i, 0.0, 1000.0])
+        rotation = rotation_matrix(*rng.normal(size=3) * 0.01)
+        for name, at in points.items():
+            if abs(at[0] - centre[0]) > 650:
+                continue
+            seen = project(centre[None], rotation[None], np.array([150.0]), np.array([at]))
+            x, y = seen.xy[0] + rng.normal(size=2) * 0.005
+            if photo == "102" and name == "8":
+                y += error_mm
+            lines.append(f"{photo},{name},{x!r},{y!r},,")
+    (folder / "image_points.csv").write_text("\n".join(lines).replace("np.float64", "") + "\n")
+    rows = ["point,X,Y,Z,sX,sY,sZ,use"]
+    for name in ("1", "3", "7", "9", "13", "15"):
+        x, y, z = points[name]
+        sigma = ",0,0,0," if name == "1" else ",,,,"
+        rows.append(f"{name},{x},{y},{z}{sigma}control")
+    rows.append("8,{},{},{},,,,check".format(*points["8"]))
+    if control:
+        (folder / "control.csv").write_text("\n".join(rows) + "\n")
+    text = (folder / "image_points.csv").read_text().replace("(", "").replace(")", "")
+    (folder / "image_points.csv").write_text(text)
+    return folder
+
+
+def run(folder: Path, **options) -> tuple[int, str, str]:
+    out, err = io.StringIO(), io.StringIO()
+    code = run_adjust(folder, out=out, err=err, **options)
+    return code, out.getvalue(), err.getvalue()
+
+
+def numbers(value) -> list[float]:
+    if isinstance(value, dict):
+        return [n for item in value.values() for n in numbers(item)]
+    if isinstance(value, list):
+        return [n for item in value for n in numbers(item)]
+    return [float(value)] if isinstance(value, (int, float)) else []
+
+
+def test_the_contract(tmp_path: Path) -> None:
+    folder = write_block(tmp_path / "b")
+    code, out, err = run(folder, as_json=True)
+    assert (code, err) == (0, "")
+    got = json.loads(out)
+    block = read_block(folder)
+    assert set(got) >= {
+        "observations", "unknowns", "redundancy", "sigma0", "sigma0_um", "photos", "points",
+        "image_points", "control", "check", "indicators",
+    }  # fmt: skip
+    assert got["observations"] - got["unknowns"] == got["redundancy"] > 0
+    assert got["observations"] == 2 * len(block.image_points) + 5 * 3
+    assert got["sigma0_um"] == pytest.approx(5.0 * got["sigma0"])
+    assert [p["photo"] for p in got["photos"]] == ["101", "102", "103"]
+    assert set(got["photos"][0]) >= {
+        "X", "Y", "Z", "omega", "phi", "kappa", "sX", "sY", "sZ", "somega", "sphi", "skappa",
+    }  # fmt: skip
+    keys = {
+        "photo", "point", "model", "vx_um", "vy_um", "rx", "ry", "wx", "wy", "mdb_x_um",
+        "mdb_y_um", "flagged",
+    }  # fmt: skip
+    assert [(r["photo"], r["point"]) for r in got["image_points"]] == [
+        (r.photo, r.point) for r in block.image_points
+    ]
+    assert all(set(r) >= keys for r in got["image_points"])
+    assert {c["axis"] for c in got["control"]} == {"X", "Y", "Z"}
+    assert len(got["control"]) == 15
+    assert [c["point"] for c in got["check"]] == ["8"]
+    assert abs(got["check"][0]["dX"]) < 1.0
+    # what is listed adds up to the redundancy
+    seen = [r for r in got["image_points"] if r["rx"] is not None]
+    total = sum(r["rx"] + r["ry"] for r in seen) + sum(c["r"] for c in got["control"])
+    assert total == pytest.approx(got["redundancy"], abs=1e-6)
+    rx = [r["rx"] for r in seen]
+    assert got["indicators"]["RI_x"] == pytest.approx(sum(rx) / len(rx))
+    # control free of error: no deviation, counted as zero in AI
+    held = next(p for p in got["points"] if p["point"] == "1")
+    assert held["sX"] == held["sY"] == held["sZ"] == 0.0
+    mean = sum(p["sX"] for p in got["points"]) / len(got["points"])
+    assert got["indicators"]["AI_X"] == pytest.approx(mean / got["sigma0"])
+    assert all(math.isfinite(n) for n in numbers(got))
+    # w is v over its standard deviation
+    row = got["image_points"][5]
+    expected = row["vy_um"] / (got["sigma0"] * 5.0 * math.sqrt(row["ry"]))
+    assert row["wy"] == pytest.approx(expected)
+
+
+def test_a_flag_and_its_exit_code(tmp_path: Path) -> None:
+    clean, spoilt = write_block(tmp_path / "a"), write_block(tmp_path / "b", error_mm=0.3)
+    assert run(clean, fail_on_flag=True)[0] == 0
+    assert run(spoilt)[0] == 0
+    code, out, _ = run(spoilt, fail_on_flag=True)
+    assert code == 1
+    assert "remeasure 8 in photo 102 (y) first" in out
+    assert "<< REMEASURE" in out
+    assert "point 8: photo 102 " in out
+    got = json.loads(run(spoilt, as_json=True)[1])
+    accused = got["accused"]["8"]
+    assert accused[0]["photo"] == "102"
+    assert sum(ray["probability"] for ray in accused) == pytest.approx(1.0)
+
+
+def test_the_text_says_everything(tmp_path: Path) -> None:
+    folder = write_block(tmp_path / "b")
+    _, out, _ = run(folder, additional="ebner", additional_sigma_um=5.0)
+    for piece in ("BLOCK small", "redundancy", "PHOTO", "CONTROL", "CHECK", "PRIOR", "PARAMETER",
+                  "POINT", "RED-N", "EFFECT", "RI x", "AI X"):  # fmt: skip
+        assert piece in out, piece
+    _, out, _ = run(folder, datum="free")
+    assert "rank defect 7" in out
+    assert "CHECK" in out  # control is compared with, not held
+    got = json.loads(
+        run(folder, as_json=True, datum="minimal", additional="ebner", additional_sigma_um=5.0)[1]
+    )
+    assert got["datum"] == {"kind": "minimal", "defect": 7}
+    assert len(got["additional"]["parameters"]) == 12
+
+
+def test_a_row_that_takes_no_part_has_no_numbers(tmp_path: Path) -> None:
+    folder = write_block(tmp_path / "b")
+    with (folder / "image_points.csv").open("a") as file:
+        file.write("101,lonely,1.0,2.0,,\n")
+    got = json.loads(run(folder, as_json=True)[1])
+    row = got["image_points"][-1]
+    assert row["point"] == "lonely"
+    assert row["rx"] is row["wx"] is row["vx_um"] is None
+    assert got["left_out"] == [{"kind": "point", "name": "lonely", "reason": "has one ray only"}]
+
+
+def test_without_redundancy_there_is_no_sigma(tmp_path: Path) -> None:
+    folder = write_block(tmp_path / "b")
+    block = read_block(folder)
+    # two photos, five points, no more than a datum: 20 observations, 27 unknowns, defect 7
+    keep = ("101", "102")
+    points = ("1", "3", "5", "7", "9")
+    rows = tuple(r for r in block.image_points if r.photo in keep and r.point in points)
+    small = replace(
+        block, image_points=rows, photos=block.photos[:2], control=(),
+        strips=(replace(block.strips[0], photos=keep),),
+    )  # fmt: skip
+    adjusted = adjust_block(small, datum="free")
+    assert adjusted.redundancy == 0
+    got = adjust_json(adjusted)
+    assert got["sigma0"] is None
+    assert got["sigma0_um"] is None
+    assert got["photos"][0]["sX"] is None
+    assert all(r["wx"] is None and r["mdb_x_um"] is None for r in got["image_points"])
+    assert "no redundancy" in adjust_printout(adjusted)
+    json.dumps(got, allow_nan=False)
+
+
+def test_errors_print_nothing(tmp_path: Path) -> None:
+    folder = write_block(tmp_path / "b", control=False)
+    out = io.StringIO()
+    with pytest.raises(NotComputableError, match="no control"):
+        run_adjust(folder, out=out)
+    with pytest.raises(InputError, match="no set"):
+        run_adjust(folder, additional="brown", out=out)
+    with pytest.raises(InputError, match="no such folder"):
+        run_adjust(tmp_path / "nowhere", out=out)
+    assert out.getvalue() == ""
+
+
+def test_names_cannot_control_the_terminal(tmp_path: Path) -> None:
+    block = read_block(write_block(tmp_path / "b"))
+    evil = "8\x1b[31m"
+    rows = tuple(replace(r, point=evil) if r.point == "8" else r for r in block.image_points)
+    text = adjust_printout(adjust_block(replace(block, image_points=rows)))
+    assert "\x1b" not in text
+    assert "8\\x1b[31m" in text
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_shows_late_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr("anaplot.report.progress.time.monotonic", lambda: clock[0])
+    watched, unwatched = Terminal(), io.StringIO()
+    for stream in (watched, unwatched):
+        clock[0] = 0.0
+        with ProgressLine(stream) as progress:
+            progress("factor", 0.1)
+            assert stream.getvalue() == ""
+            clock[0] = 2.0
+            progress("factor", 0.5)
+            progress("factor", 0.6)
+    assert unwatched.getvalue() == ""
+    shown = watched.getvalue()
+    assert "factor  50 %" in shown
+    assert "60 %" not in shown
+    assert shown.endswith("\r")
+
+
+def test_an_interrupt_clears_the_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    folder = write_block(tmp_path / "b")
+    clock = iter(float(k) for k in range(10_000))
+    monkeypatch.setattr("anaplot.report.progress.time.monotonic", lambda: next(clock))
+    err = Terminal()
+
+    def interrupted(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("anaplot.bundle.adjust.evaluate", interrupted)
+    out = io.StringIO()
+    with pytest.raises(KeyboardInterrupt):
+        run_adjust(folder, out=out, err=err)
+    assert out.getvalue() == ""
+    assert err.getvalue().endswith("\r")
