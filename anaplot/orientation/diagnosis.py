@@ -146,7 +146,11 @@ def _advice(
     if accused in solution.outliers:
         sentence += ": without it all other points agree"
     elif others:
-        rival = max(others, key=others.__getitem__)
+        shows: dict[str, float] = {}
+        for row in solution.table:
+            shows[row.point] = max(shows.get(row.point, 0.0), row.sigf or 0.0)
+        # where odds have run out of digits the significance tells who comes second
+        rival = max(others, key=lambda name: (others[name], shows[name]))
         sentence += f": {_to_one(points[accused], others[rival])} over {rival}"
     out.insert(0, sentence)
     if axis == "x":
