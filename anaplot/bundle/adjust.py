@@ -5,25 +5,35 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.approximate import approximate_state, laid_onto_control
+from anaplot.bundle.approximate import approximate_ways, laid_onto_control, restricted
 from anaplot.bundle.datum import check_datum, datum_change
-from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum, robust_suspects
-from anaplot.bundle.normal import State, Structure, linearise, make_structure
+from anaplot.bundle.minimum import (
+    Found,
+    NoConvergenceError,
+    RobustState,
+    find_minimum,
+    no_minimum,
+    robust_state,
+    robust_suspects,
+)
+from anaplot.bundle.normal import State, Structure, linearise, make_structure, objective
 from anaplot.bundle.problem import Datum, Problem, make_problem
 from anaplot.bundle.reliability import compute_cofactors
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
-__all__ = ["adjust_block", "adjust_bundle", "evaluate"]
+__all__ = ["adjust_block", "adjust_bundle", "adjust_problem", "evaluate"]
 
 Progress = Callable[[str, float], None]
 
+_FITS = 4.0  # sigma0 up to which a minimum is not held against others
 _TORN = 50.0  # sigma0 above which a robust solution is asked for the culprit
 
 
@@ -73,46 +83,158 @@ def _adjusted(
     progress: Progress | None,
 ) -> AdjustedBlock:
     problem = make_problem(block, datum=datum, additional=additional)
+    return adjust_problem(problem, progress=progress)
+
+
+def adjust_problem(problem: Problem, *, progress: Progress | None = None) -> AdjustedBlock:
+    """Adjust a bundle from nothing but its measurements.
+
+    One way after another to approximate values, until one leads to a minimum that fits the
+    measurements. Where none does, because there are gross errors, the best minimum counts.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Raises
+    ------
+    NotComputableError
+        As `adjust_block`.
+    """
+    if problem.additional is None:
+        found, robust = _searched(problem, progress)
+        return evaluate(problem, found, robust=robust, progress=progress)
+    # orientations do not wait for them: additional parameters start from the block without
+    bare = make_problem(problem.block, datum=problem.datum)
+    state = _searched(bare, progress)[0].state
+    start = replace(
+        state,
+        own=np.zeros((len(problem.photos), problem.per_photo - 6)),
+        shared=np.zeros(problem.in_border),
+    )
+    return adjust_bundle(problem, start, progress=progress)
+
+
+def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State | None]:
+    """Return the best minimum, and a robust solution where one was looked for."""
+    best: Found | None = None
+    closest: _Closest | None = None
     failure: NotComputableError | None = None
-    for bridging in (True, False) if block.strips else (False,):
+
+    def minimum(at: State, structure: Structure) -> Found | None:
+        nonlocal best, failure
         try:
-            start = approximate_state(problem, progress, bridging=bridging)
+            found = find_minimum(problem, at, structure, progress=progress, explain=False)
+        except NoConvergenceError:
+            return None
+        except NotComputableError as error:
+            failure = failure or error
+            return None
+        except np.linalg.LinAlgError:
+            return None
+        if best is None or found.convergence.last < best.convergence.last:
+            best = found
+        return found
+
+    def robust(at: State, structure: Structure) -> RobustState | None:
+        nonlocal closest
+        try:
+            solution = robust_state(problem, structure, at)
+        except (NotComputableError, np.linalg.LinAlgError):
+            return None
+        if closest is None or solution.off < closest.solution.off:
+            closest = _Closest(solution, structure)
+        return solution
+
+    for way in approximate_ways(problem):
+        try:
+            start = way(progress)
+            if start is None:
+                continue
+            structure = make_structure(problem, start.centres)
         except NotComputableError as error:
             failure = failure or error
             continue
-        try:
-            return adjust_bundle(problem, start, progress=progress)
-        except NoConvergenceError as error:
-            failure = failure or error
-            if datum != "control":
-                continue
-        better = _from_free_network(problem, start, progress)
-        if better is not None:
-            try:
-                return adjust_bundle(problem, better, progress=progress)
-            except NoConvergenceError:
-                continue
-    assert failure is not None
+        except np.linalg.LinAlgError:
+            continue
+        # what is not determined is so from every start
+        check_datum(problem, start, linearise(problem, start))
+        found = minimum(start, structure)
+        if found is not None and _fits(problem, found):
+            break
+        solution = robust(start if found is None else found.state, structure)
+        if found is not None and not (solution and solution.explains(len(problem.photo))):
+            solution = robust(start, structure) or solution
+        if solution is not None and not _led_there(problem, solution, found):
+            found = minimum(solution.state, structure)
+            if found is not None and _fits(problem, found):
+                break
+        if problem.datum == "control" and (
+            solution is None
+            or solution.control_off > 0
+            or not solution.explains(len(problem.photo))
+        ):
+            laid = _from_free_network(problem, start, progress)
+            if laid is not None:
+                other = robust(laid, structure)
+                found = minimum(laid, structure)
+                if other is not None and (found is None or not _fits(problem, found)):
+                    found = minimum(other.state, structure)
+                if other is not None and (solution is None or other.off < solution.off):
+                    solution = other
+                if found is not None and _fits(problem, found):
+                    break
+        if solution is not None and solution.explains(len(problem.photo)):
+            break
+    if best is not None:
+        return best, None if closest is None else closest.solution.state
+    if closest is not None:
+        raise no_minimum(problem, closest.structure, closest.solution.state)
+    if failure is None:
+        failure = NotComputableError(
+            f"block {problem.block.name}: no approximate values found: the measurements "
+            "contradict each other"
+        )
     raise failure
+
+
+class _Closest(NamedTuple):
+    """The robust solution that fits best, and the structure of its equations."""
+
+    solution: RobustState
+    structure: Structure
+
+
+def _fits(problem: Problem, found: Found) -> bool:
+    return found.convergence.last <= _FITS**2 * max(problem.redundancy, 1)
+
+
+def _led_there(problem: Problem, solution: RobustState, found: Found | None) -> bool:
+    """Whether a minimum is the one that a robust solution with a few gross errors leads to."""
+    if found is None or not solution.explains(len(problem.photo)):
+        return False
+    return found.convergence.last <= objective(problem, solution.state)[0]
 
 
 def _from_free_network(problem: Problem, start: State, progress: Progress | None) -> State | None:
     """Approximate values by way of the free network, in which control pulls at nothing.
 
-    None when there is none.
+    What only control determines (a control point in one photo) is added after the network lies on
+    control. None when there is no such network.
     """
-    block = problem.block
-    free = make_problem(block, datum="free")
-    if free.photos != problem.photos or free.points != problem.points:
-        return None
     try:
-        structure = make_structure(free, start.centres)
-        bare = replace(start, own=start.own[:, :0], shared=start.shared[:0])
+        free = make_problem(problem.block, datum="free")
+        bare = restricted(free, problem, start)
+        structure = make_structure(free, bare.centres)
         check_datum(free, bare, linearise(free, bare))
-        found = find_minimum(free, bare, structure, progress=progress)
-    except NotComputableError:
+        bare = robust_state(free, structure, bare).state
+        found = find_minimum(free, bare, structure, progress=progress, explain=False)
+        return laid_onto_control(problem, free, found.state)
+    except (NotComputableError, np.linalg.LinAlgError):
         return None
-    return laid_onto_control(problem, found.state)
 
 
 def adjust_bundle(
@@ -148,8 +270,24 @@ def adjust_bundle(
     return evaluate(problem, found, progress=progress)
 
 
-def evaluate(problem: Problem, found: Found, *, progress: Progress | None = None) -> AdjustedBlock:
-    """Compute cofactors, tests and remarks at a minimum."""
+def evaluate(
+    problem: Problem,
+    found: Found,
+    *,
+    robust: State | None = None,
+    progress: Progress | None = None,
+) -> AdjustedBlock:
+    """Compute cofactors, tests and remarks at a minimum.
+
+    Parameters
+    ----------
+    problem, found
+        The bundle and its minimum.
+    robust
+        A robust solution, if there is one: where the search for gross errors starts.
+    progress
+        Called with what is being done and the fraction of it.
+    """
     change = None if found.anchor is None else datum_change(problem, found.state, found.anchor)
     cofactors = compute_cofactors(
         found.normal,
@@ -177,11 +315,13 @@ def evaluate(problem: Problem, found: Found, *, progress: Progress | None = None
         sigma=sigma,
         critical=critical,
         v=linear.e,
-        remarks=tuple(_remarks(problem, found, sigma0)),
+        remarks=tuple(_remarks(problem, found, sigma0, robust)),
     )
 
 
-def _remarks(problem: Problem, found: Found, sigma0: float | None) -> list[str]:
+def _remarks(
+    problem: Problem, found: Found, sigma0: float | None, robust: State | None
+) -> list[str]:
     linear = found.normal.linear
     out = [f"{o.kind} {o.name} is left out: it {o.reason}" for o in problem.left_out[:20]]
     if len(problem.left_out) > 20:
@@ -195,7 +335,9 @@ def _remarks(problem: Problem, found: Found, sigma0: float | None) -> list[str]:
     if problem.redundancy == 0:
         out.append("no redundancy: nothing is checked")
     if sigma0 is not None and sigma0 > _TORN:
-        worst = robust_suspects(problem, found.normal.structure, found.state)
+        worst = robust_suspects(
+            problem, found.normal.structure, found.state if robust is None else robust
+        )
         out.append(
             f"sigma0 is {sigma0:.0f} times what was expected: there are gross errors"
             + "".join(f"; {suspect.what} is off by {suspect.size}" for suspect in worst[:3])

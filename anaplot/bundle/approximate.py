@@ -18,25 +18,32 @@ from scipy import sparse
 from anaplot.bundle.bridging import bridged_parts
 from anaplot.bundle.cluster import Cluster, intersect_rays
 from anaplot.bundle.ground import give_nominal_place, to_ground
+from anaplot.bundle.level import level_cluster
 from anaplot.bundle.normal import State
 from anaplot.bundle.problem import Problem, listed
 from anaplot.bundle.relative import orient_pair
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["approximate_state", "extended_state", "laid_onto_control", "state_of"]
+__all__ = [
+    "approximate_state",
+    "approximate_ways",
+    "extended_state",
+    "laid_onto_control",
+    "restricted",
+    "state_of",
+]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Progress = Callable[[str, float], None]
+Way = Callable[[Progress | None], State | None]
 
 _BELIEVED = 0.05  # share of c by which given orientations may miss, in the median
 
 
-def approximate_state(
-    problem: Problem, progress: Progress | None = None, *, bridging: bool = True
-) -> State:
-    """Find approximate values of all unknowns.
+def approximate_state(problem: Problem, progress: Progress | None = None) -> State:
+    """Find approximate values of all unknowns, on the first way that leads there.
 
     Parameters
     ----------
@@ -44,20 +51,68 @@ def approximate_state(
         The bundle.
     progress
         Called with what is being done and the fraction of it.
-    bridging
-        Whether the strips are bridged first.
 
     Raises
     ------
     NotComputableError
         Photos that cannot be oriented; names them.
     """
+    failure: NotComputableError | None = None
+    for way in approximate_ways(problem):
+        try:
+            state = way(progress)
+        except NotComputableError as error:
+            failure = failure or error
+            continue
+        if state is not None:
+            return state
+    if failure is None:
+        failure = NotComputableError(
+            f"block {problem.block.name}: no approximate values found: the measurements "
+            "contradict each other"
+        )
+    raise failure
+
+
+def approximate_ways(problem: Problem) -> list[Way]:
+    """Return the ways to approximate values, in the order in which to try them.
+
+    What the block states; bridged strips; the photos as vertical ones; pairs in any attitude. A way
+    returns None where it does not apply, and raises NotComputableError where it does not get
+    through.
+    """
     rays, by_photo = _rays(problem)
-    given = _given(problem, rays)
-    if given is not None and given.oriented.all():
+
+    def stated(progress: Progress | None) -> State | None:
+        given = _given(problem, rays)
+        if given is None or not given.oriented.all():
+            return None
         return state_of(problem, _completed(problem, given, rays))
-    ground = given
-    free = bridged_parts(problem, rays, progress) if bridging else []
+
+    def bridged(progress: Progress | None) -> State | None:
+        if not problem.block.strips:
+            return None
+        return _joined(problem, rays, by_photo, bridged_parts(problem, rays, progress), progress)
+
+    def level(progress: Progress | None) -> State | None:
+        cluster = level_cluster(problem)
+        return None if cluster is None else state_of(problem, cluster)
+
+    def paired(progress: Progress | None) -> State | None:
+        return _joined(problem, rays, by_photo, [], progress)
+
+    return [stated, bridged, level, paired]
+
+
+def _joined(
+    problem: Problem,
+    rays: Array,
+    by_photo: list[Index],
+    free: list[Cluster],
+    progress: Progress | None,
+) -> State:
+    """Join parts over common points and control, and add what is not in them."""
+    ground = _given(problem, rays)
     if ground is None:
         ground = Cluster.empty(problem)
     for cluster in free:
@@ -100,18 +155,7 @@ def extended_state(problem: Problem, last: Problem, state: State) -> State | Non
         None when something new cannot be placed from what is there.
     """
     rays, by_photo = _rays(problem)
-    cluster = Cluster.empty(problem)
-    photos = {name: k for k, name in enumerate(last.photos)}
-    points = {name: k for k, name in enumerate(last.points)}
-    for k, name in enumerate(problem.photos):
-        old = photos.get(name)
-        if old is not None:
-            cluster.centres[k] = state.centres[old] + state.origin
-            cluster.rotations[k] = state.rotations[old]
-    for k, name in enumerate(problem.points):
-        old = points.get(name)
-        if old is not None:
-            cluster.points[k] = state.points[old] + state.origin
+    cluster = _taken_over(problem, last, state)
     if not cluster.oriented.any():
         return None
     _grow(problem, cluster, rays, by_photo, [], None)
@@ -128,15 +172,52 @@ def extended_state(problem: Problem, last: Problem, state: State) -> State | Non
     return found
 
 
-def laid_onto_control(problem: Problem, state: State) -> State | None:
+def laid_onto_control(problem: Problem, free: Problem, state: State) -> State | None:
     """Return a solution without datum laid onto control and stated positions.
 
-    None when these do not suffice.
+    Parameters
+    ----------
+    problem
+        The bundle with its datum.
+    free, state
+        A bundle of the same block without, which may lack some points and photos, and its solution.
+
+    Returns
+    -------
+    State or None
+        None when control does not suffice, or what is lacking cannot be added.
     """
-    cluster = Cluster(
-        state.centres + state.origin, state.rotations.copy(), state.points + state.origin
-    )
-    return state_of(problem, cluster) if to_ground(problem, cluster) else None
+    rays, by_photo = _rays(problem)
+    cluster = _taken_over(problem, free, state)
+    if not to_ground(problem, cluster):
+        return None
+    _grow(problem, cluster, rays, by_photo, [], None)
+    if not cluster.oriented.all():
+        return None
+    return state_of(problem, _completed(problem, cluster, rays))
+
+
+def restricted(smaller: Problem, problem: Problem, state: State) -> State:
+    """Return the state of a bundle for another one with some of its photos and points."""
+    cluster = _taken_over(smaller, problem, state)
+    return state_of(smaller, cluster)
+
+
+def _taken_over(problem: Problem, last: Problem, state: State) -> Cluster:
+    """Return what another bundle has of this one's photos and points."""
+    cluster = Cluster.empty(problem)
+    photos = {name: k for k, name in enumerate(last.photos)}
+    points = {name: k for k, name in enumerate(last.points)}
+    for k, name in enumerate(problem.photos):
+        old = photos.get(name)
+        if old is not None:
+            cluster.centres[k] = state.centres[old] + state.origin
+            cluster.rotations[k] = state.rotations[old]
+    for k, name in enumerate(problem.points):
+        old = points.get(name)
+        if old is not None:
+            cluster.points[k] = state.points[old] + state.origin
+    return cluster
 
 
 def _rays(problem: Problem) -> tuple[Array, list[Index]]:

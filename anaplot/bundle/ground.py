@@ -34,6 +34,8 @@ def to_ground(problem: Problem, cluster: Cluster) -> bool:
     if found is not None:
         start = found[0]
     candidates = [start] if start is not None else _level_starts(problem, cluster, source, target)
+    if start is None and int(full.sum()) >= 2:
+        candidates += _line_starts(source[full], target[full])
     best, best_size = None, float("inf")
     for candidate in candidates:
         refined = fit_to_partial(source, target, candidate)
@@ -50,9 +52,10 @@ def to_ground(problem: Problem, cluster: Cluster) -> bool:
             best, best_size = refined, size
     if best is None:
         best = start
-    turned = _about_the_line(problem, cluster, source[full], target[full], best)
-    if turned is not None:
-        best = turned
+    if best is None or start is not None:
+        # single coordinates have not closed the rotation about a line of full points
+        turned = _about_the_line(problem, cluster, source[full], target[full], best)
+        best = best if turned is None else turned
     if best is None:
         return False
     cluster.transform(best)
@@ -74,17 +77,9 @@ def _about_the_line(
         return None
     known = np.asarray(np.isfinite(problem.known).all(axis=1))
     use = np.nonzero(cluster.oriented[problem.photo] & known[problem.point])[0]
+    start = _along_the_line(source, target) if start is None else start
     if start is None:
-        ends = [int(np.argmin(target[:, 0] + target[:, 1])), 0]
-        ends[1] = int(np.argmax(np.linalg.norm(target - target[ends[0]], axis=1)))
-        a, b = source[ends[1]] - source[ends[0]], target[ends[1]] - target[ends[0]]
-        lengths = float(np.linalg.norm(a)), float(np.linalg.norm(b))
-        if min(lengths) <= 0.0:
-            return None
-        rotation = _turn_onto(a / lengths[0], b / lengths[1])
-        scale = lengths[1] / lengths[0]
-        shift = target[ends[0]] - scale * rotation @ source[ends[0]]
-        start = Similarity(scale, rotation, shift)
+        return None
     if len(use) < 3:
         return start
     axis = np.linalg.svd(target - target.mean(axis=0))[2][0]
@@ -107,6 +102,34 @@ def _about_the_line(
         if float(miss.sum()) < best_size - 1e-9:
             best, best_size = trial, float(miss.sum())
     return best
+
+
+def _along_the_line(source: Array, target: Array) -> Similarity | None:
+    """Return a similarity that lays the two points farthest apart onto each other."""
+    first = int(np.argmin(target[:, 0] + target[:, 1]))
+    last = int(np.argmax(np.linalg.norm(target - target[first], axis=1)))
+    a, b = source[last] - source[first], target[last] - target[first]
+    lengths = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    if min(lengths) <= 0.0:
+        return None
+    rotation = _turn_onto(a / lengths[0], b / lengths[1])
+    scale = lengths[1] / lengths[0]
+    return Similarity(scale, rotation, target[first] - scale * rotation @ source[first])
+
+
+def _line_starts(source: Array, target: Array) -> list[Similarity]:
+    """Similarities on two points, turned about their line; single coordinates choose among them."""
+    start = _along_the_line(source, target)
+    if start is None:
+        return []
+    middle = target.mean(axis=0)
+    axis = np.linalg.svd(target - middle)[2][0]
+    found = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False).tolist():
+        rotation = turns(angle * axis[None])[0]
+        shift = middle + rotation @ (start.shift - middle)
+        found.append(Similarity(start.scale, rotation @ start.rotation, shift))
+    return found
 
 
 def _turn_onto(a: Array, b: Array) -> Array:

@@ -15,12 +15,12 @@ import numpy as np
 
 from anaplot.bundle.accuse import AccusedRay, accuse
 from anaplot.bundle.additional import AdditionalParameters
-from anaplot.bundle.adjust import adjust_bundle, evaluate
+from anaplot.bundle.adjust import adjust_bundle, adjust_problem, evaluate
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.approximate import approximate_state, extended_state
+from anaplot.bundle.approximate import extended_state
 from anaplot.bundle.datum import components
-from anaplot.bundle.minimum import find_minimum
-from anaplot.bundle.normal import State, linearise, move, objective
+from anaplot.bundle.minimum import NoConvergenceError, find_minimum
+from anaplot.bundle.normal import linearise, move, objective
 from anaplot.bundle.problem import Datum, Problem, make_problem
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
@@ -184,8 +184,7 @@ class LiveBlock:
             if datum == "free":
                 problem, aside = self._connected(problem)
             try:
-                start = self._start(problem, progress)
-                adjusted = adjust_bundle(problem, start, progress=progress)
+                adjusted = self._adjusted(problem, progress)
             except NotComputableError as caught:
                 error = error or caught
                 continue
@@ -208,14 +207,17 @@ class LiveBlock:
         smaller = replace(block, image_points=rows)
         return make_problem(smaller, datum=problem.datum, additional=self._additional), aside
 
-    def _start(self, problem: Problem, progress: Progress | None) -> State:
-        """Approximate values from the last answer where it has them."""
+    def _adjusted(self, problem: Problem, progress: Progress | None) -> AdjustedBlock:
+        """Adjust from the last answer where it has approximate values, else from nothing."""
         if self._answer is not None and self._answer.datum == problem.datum:
             last = self._answer.adjusted
             extended = extended_state(problem, last.problem, last.state)
             if extended is not None:
-                return extended
-        return approximate_state(problem, progress)
+                try:
+                    return adjust_bundle(problem, extended, progress=progress)
+                except NoConvergenceError:
+                    pass
+        return adjust_problem(problem, progress=progress)
 
     def _only_coordinates(
         self, before: Block, block: Block, progress: Progress | None

@@ -30,8 +30,11 @@ __all__ = [
     "Convergence",
     "Found",
     "NoConvergenceError",
+    "RobustState",
     "Suspect",
     "find_minimum",
+    "no_minimum",
+    "robust_state",
     "robust_suspects",
 ]
 
@@ -40,6 +43,7 @@ Progress = Callable[[str, float], None]
 
 MAX_ITERATIONS = 60
 _CONVERGED = 1e-13  # of n: squared change of the whitened residuals in the last step
+_ROBUST = 1e-4  # of n: the same where robust steps end
 _BEHIND = 1e2  # damping from which a step may put a point behind its photo
 _RESECTED = 30  # photos that are resected at most when a culprit is looked for
 _RUNAWAY = 1e12  # damping at which no step downhill is left
@@ -85,11 +89,30 @@ def find_minimum(
     *,
     progress: Progress | None = None,
     limit: int = MAX_ITERATIONS,
+    explain: bool = True,
 ) -> Found:
     """Minimise v'Pv by damped Gauss-Newton steps (Levenberg and Marquardt).
 
     A step is full until one would increase v'Pv or put more points behind their photos; the
     damping then grows until the step goes downhill, and fades as steps succeed.
+
+    Parameters
+    ----------
+    problem, start, structure
+        The bundle, approximate values, and the structure of its normal equations.
+    progress
+        Called with what is being done and the fraction of it.
+    limit
+        Steps after which the search ends.
+    explain
+        Whether the error says which measurements are to blame, which takes as long as some steps.
+
+    Raises
+    ------
+    NoConvergenceError
+        There is no minimum to be found from here.
+    NotComputableError
+        The observations leave something open at the minimum.
     """
     state = start
     value, depth = objective(problem, state)
@@ -122,6 +145,8 @@ def find_minimum(
             damped += 1
             damping = max(10.0 * damping, 1e-4)
             if damping > _RUNAWAY:
+                if not explain:
+                    raise NoConvergenceError(f"block {problem.block.name}: no solution found")
                 raise _no_minimum(problem, structure, start, state, tie)
         state, value, behind = trial, new_value, new_behind
         accepted += 1
@@ -131,6 +156,8 @@ def find_minimum(
             return _closed(problem, structure, state, tie, accepted, damped, first)
         # a step that hardly moves is only believed without damping
         damping = 0.0 if damping < 1e-3 or done else damping * 0.1
+    if not explain:
+        raise NoConvergenceError(f"block {problem.block.name}: no solution found")
     raise _no_minimum(problem, structure, start, state, tie)
 
 
@@ -253,6 +280,12 @@ def _no_minimum(
     return NoConvergenceError(f"block {problem.block.name}: no solution found{advice}")
 
 
+def no_minimum(problem: Problem, structure: Structure, start: State) -> NotComputableError:
+    """Return the error that says what is wrong where `find_minimum` finds nothing."""
+    tie = anchor(problem, start) if problem.defect else None
+    return _no_minimum(problem, structure, start, start, tie)
+
+
 class Suspect(NamedTuple):
     """A measurement far from a robust solution.
 
@@ -276,10 +309,95 @@ def robust_suspects(
 ) -> list[Suspect]:
     """Return the measurements that a robust adjustment leaves far off, the worst first.
 
-    The sigma of every ray and control point grows with its residual (Cauchy's weight function), so
-    that gross errors lose their pull; damped steps from the approximate orientations. Control free
-    of error is weighted here, for it may be what is wrong.
+    As `robust_state`; where that leaves many rays off, photos that fit badly are resected to the
+    points of the others first.
     """
+    state, held, least = _robust(problem, structure, start, steps)
+    image, control = _misfits(problem, held, state)
+    off = _off(problem, image)
+    if off > max(1, len(image) // 200):
+        again, _, _ = _robust(problem, structure, _reoriented(problem, start), steps)
+        others = _misfits(problem, held, again)
+        if _off(problem, others[0]) <= off:
+            state, (image, control) = again, others
+    found = []
+    scale = max(float(np.median(image)), float(np.median(problem.sigma)))
+    rays = np.bincount(problem.point, minlength=len(problem.points))
+    for k in np.argsort(-image, kind="stable")[:10].tolist():
+        photo, point = problem.photos[problem.photo[k]], problem.points[problem.point[k]]
+        what = f"point {point} in photo {photo}"
+        if rays[problem.point[k]] == 1 and held[problem.point[k]].any():
+            # a single ray and control contradict each other: nothing tells which is wrong
+            what = f"control point {point} or {what}"
+        found.append(Suspect(what, f"{image[k]:.3g} mm", image[k] / scale))
+    if held.any():
+        scale = max(float(np.median(control[held.any(axis=1)])), float(least[held].min()))
+        for k in np.argsort(-control, kind="stable")[:10].tolist():
+            what = f"control point {problem.points[k]}"
+            found.append(Suspect(what, f"{control[k]:.3g} m", control[k] / scale))
+    found = [suspect for suspect in found if suspect.times > 10.0]
+    found.sort(key=lambda suspect: -suspect.times)
+    return found
+
+
+class RobustState(NamedTuple):
+    """Where gross errors have lost their pull.
+
+    Attributes
+    ----------
+    state
+        The state; coordinates free of error have their values.
+    misfit
+        Median misfit of the rays [mm].
+    rays_off, control_off
+        How many rays and control points are off by more than 20 times what is expected.
+    """
+
+    state: State
+    misfit: float
+    rays_off: int
+    control_off: int
+
+    def explains(self, rays: int) -> bool:
+        """Whether all but a few of the rays fit: what is off is wrong, not the orientations."""
+        return self.rays_off <= max(1, rays // 200)
+
+    @property
+    def off(self) -> tuple[int, int]:
+        """How many rays and how many control points are off."""
+        return self.rays_off, self.control_off
+
+
+def robust_state(
+    problem: Problem, structure: Structure, start: State, steps: int = 12
+) -> RobustState:
+    """Return the state after some steps of a robust adjustment.
+
+    The sigma of every ray and control point grows with its residual (Cauchy's weight function), so
+    that gross errors lose their pull. The steps are damped; control free of error is weighted
+    here, for it may be what is wrong.
+    """
+    state, held, least = _robust(problem, structure, start, steps)
+    image, control = _misfits(problem, held, state)
+    off = control > 20.0 * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
+    points = np.where(problem.fixed, problem.known - state.origin, state.points)
+    return RobustState(
+        replace(state, points=points),
+        float(np.median(image)),
+        _off(problem, image),
+        int((off & held.any(axis=1)).sum()),
+    )
+
+
+def _off(problem: Problem, image: Array) -> int:
+    """Count the rays that are off by more than 20 times their sigma."""
+    return int((image > 20.0 * problem.sigma).sum())
+
+
+def _robust(
+    problem: Problem, structure: Structure, start: State, steps: int
+) -> tuple[State, NDArray[np.bool_], Array]:
+    """Robust steps; also which coordinates are control, and its smallest sigmas [m]."""
     held = problem.fixed | np.isfinite(problem.known_sigma)
     seen = linearise(problem, start)
     ground = float(np.median(np.abs(seen.depth) / problem.c[problem.photo] * problem.sigma))
@@ -289,7 +407,7 @@ def robust_suspects(
         fixed=np.zeros_like(problem.fixed),
         known_sigma=np.where(held, least, np.nan),
     )
-    state = _reoriented(soft, start)
+    state = start
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
     damping = 1e-3
@@ -309,24 +427,11 @@ def robust_suspects(
         trial = move(soft, state, *step[0])
         if objective(soft, trial)[0] <= linear.vtpv:
             state, damping = trial, damping * 0.3
+            if step[1] < _ROBUST * problem.observations:
+                break
         else:
             damping *= 10.0
-    image, control = _misfits(problem, held, state)
-    found = []
-    scale = max(float(np.median(image)), float(np.median(problem.sigma)))
-    for k in np.argsort(-image, kind="stable")[:10].tolist():
-        photo, point = problem.photos[problem.photo[k]], problem.points[problem.point[k]]
-        found.append(
-            Suspect(f"point {point} in photo {photo}", f"{image[k]:.3g} mm", image[k] / scale)
-        )
-    if held.any():
-        scale = max(float(np.median(control[held.any(axis=1)])), float(least[held].min()))
-        for k in np.argsort(-control, kind="stable")[:10].tolist():
-            what = f"control point {problem.points[k]}"
-            found.append(Suspect(what, f"{control[k]:.3g} m", control[k] / scale))
-    found = [suspect for suspect in found if suspect.times > 10.0]
-    found.sort(key=lambda suspect: -suspect.times)
-    return found
+    return state, held, least
 
 
 def _reoriented(problem: Problem, start: State, rounds: int = 3) -> State:
