@@ -80,6 +80,9 @@ def _adjust(options: argparse.Namespace) -> int:
         datum=options.datum,
         additional=options.additional,
         additional_sigma_um=options.additional_sigma_um,
+        snooping=options.snooping,
+        tolerance=options.snooping_tolerance / 100.0,
+        correlations=options.correlations,
     )
 
 
@@ -88,7 +91,7 @@ def _demo(options: argparse.Namespace) -> int:
 
     if options.json and not options.auto:
         raise InputError("--json goes with --auto")
-    demo = Demo.make(options.models, options.seed)
+    demo = Demo.make(options.models, options.seed, fiducials=options.fiducials)
     with contextlib.ExitStack() as stack:
         if options.keep is not None:
             folder = options.keep
@@ -387,6 +390,24 @@ def _parser() -> _Parser:
         metavar="UM",
         help="weigh the additional parameters by what they may do at the edge of the format",
     )
+    adjust.add_argument(
+        "--snooping",
+        action="store_true",
+        help="add the modified data snooping of 1980 beside the exact test, differences counted",
+    )
+    adjust.add_argument(
+        "--snooping-tolerance",
+        type=_percentage,
+        default=25.0,
+        metavar="PERCENT",
+        help="its k_q: what sqrt(q_vv) may differ from its model value, default 25",
+    )
+    adjust.add_argument(
+        "--correlations",
+        type=_correlation,
+        metavar="LIMIT",
+        help="name the pairs of a point's rays whose residuals are correlated at LIMIT or more",
+    )
 
     demo = command(
         "demo",
@@ -404,6 +425,12 @@ def _parser() -> _Parser:
         default=4,
         metavar="N",
         help="models of the strip, default 4",
+    )
+    demo.add_argument(
+        "--fiducials",
+        action="store_true",
+        help="begin every model with the inner orientation of its photos: eight fiducials, plates "
+        "that lie shifted, turned and shrunk, a little distortion, one fiducial missed",
     )
     demo.add_argument("--keep", type=Path, metavar="FOLDER", help="keep the block in a new folder")
 
@@ -479,6 +506,20 @@ def _positive(text: str) -> float:
         value = 0.0
     if not 0.0 < value < 1e6:
         raise argparse.ArgumentTypeError(f"{text!r} is no positive number")
+    return value
+
+
+def _percentage(text: str) -> float:
+    value = _positive(text)
+    if value >= 100.0:
+        raise argparse.ArgumentTypeError(f"{text!r} must lie below 100")
+    return value
+
+
+def _correlation(text: str) -> float:
+    value = _positive(text)
+    if value > 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no correlation: above 0, at most 1")
     return value
 
 

@@ -108,7 +108,8 @@ class ConsoleApp(App[int]):
         if screen is not self._main:
             return
         for action in ACTIONS:
-            title = action.label or action.id.replace("_", " ").capitalize()
+            label = "" if action.group else action.label
+            title = label or action.id.replace("_", " ").capitalize()
             yield SystemCommand(title, action.help, getattr(self._main, f"action_{action.id}"))
 
     async def action_quit(self) -> None:

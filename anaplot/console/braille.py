@@ -69,6 +69,20 @@ class Canvas:
         lower = self._layers[row, column] < layer
         self._layers[row[lower], column[lower]] = layer
 
+    def paste(self, dots: NDArray[np.bool_], layers: NDArray[np.int16]) -> None:
+        """Put a whole picture in place of what is there.
+
+        Parameters
+        ----------
+        dots
+            (4 rows, 2 columns) the raster.
+        layers
+            (rows, columns) the cells' layers.
+        """
+        self._dots[:] = dots
+        self._layers[:] = layers
+        self._text[:] = 0
+
     def lines(
         self,
         x0: ArrayLike,

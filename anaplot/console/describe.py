@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 
+from anaplot.console.blockline import block_line
+from anaplot.console.inwork import in_work
 from anaplot.console.rows import ShownRow
 from anaplot.orientation.results import AppliedTest, ModelSolution, RowDiagnosis
-from anaplot.station.snapshot import Snapshot
+from anaplot.photogrammetry.platetransformation import TITLES
+from anaplot.station.snapshot import InnerView, Snapshot
 
 __all__ = ["Entry", "advice_of", "describe_model", "describe_row", "describe_test"]
 
@@ -37,25 +40,32 @@ def _odds(ratio: float) -> str:
     return f"1 to {1.0 / ratio:.0f}" if ratio <= 0.1 else f"1 to {1.0 / ratio:.1f}"
 
 
-def _chances(mine: RowDiagnosis, snapshot: Snapshot) -> list[Entry]:
-    if snapshot.diagnosis is None:
+def _chances(mine: RowDiagnosis, rows: tuple[RowDiagnosis, ...], none: float | None) -> list[Entry]:
+    if none is None:
         return []
     entries = [("holds the error", f"probability {100.0 * mine.probability:.1f} %")]
     others = [
         row
-        for row in snapshot.diagnosis.rows
+        for row in rows
         if (row.point, row.axis) != (mine.point, mine.axis) and row.probability > 0.0
     ]
     rival = max(others, key=lambda row: row.probability, default=None)
     if rival is not None:
         odds = _odds(mine.probability / rival.probability)
         entries.append(("", f"{odds} over {rival.point} {rival.axis}"))
-    if snapshot.diagnosis.none > 0.0:
-        entries.append(("", f"{_odds(mine.probability / snapshot.diagnosis.none)} over no error"))
+    if none > 0.0:
+        entries.append(("", f"{_odds(mine.probability / none)} over no error"))
     return entries
 
 
 def _relations(key: tuple[str, str], snapshot: Snapshot) -> list[Entry]:
+    if snapshot.inner is not None and snapshot.inner.solution is not None:
+        alike = [
+            f"{_name(p.second if p.first == key else p.first)} ({p.correlation:+.2f})"
+            for p in snapshot.inner.solution.partners
+            if key in (p.first, p.second)
+        ]
+        return [("hard to tell from", ", ".join(alike))] if alike else []
     if snapshot.diagnosis is None:
         return []
     alike = [
@@ -78,8 +88,11 @@ def _relations(key: tuple[str, str], snapshot: Snapshot) -> list[Entry]:
 
 def describe_row(shown: ShownRow, snapshot: Snapshot) -> list[Entry]:
     """Return everything known of a row."""
-    view = next((v for v in snapshot.points if v.point == shown.point), None)
+    work = in_work(snapshot)
+    view = next((v for v in work.points if v.point == shown.point), None)
     role = "" if view is None else f", {'tie' if view.role == 'tie' else 'new point'}"
+    if snapshot.inner is not None:
+        role = f", fiducial of photo {snapshot.inner.photo}"
     entries: list[Entry] = [("row", f"{shown.point} {shown.axis}{role}")]
     if view is not None:
         times = {0: "not yet", 1: "once", 2: "twice"}.get(view.times, f"{view.times} times")
@@ -92,14 +105,17 @@ def describe_row(shown: ShownRow, snapshot: Snapshot) -> list[Entry]:
     else:
         entries += [
             ("RED-N", f"{row.redn:.3f}"),
-            ("PARX", _um(row.parx_um)),
+            ("PARX" if snapshot.inner is None else "RESID", _um(row.parx_um)),
             ("EXPD", _um(row.expd_um)),
             ("SIGF", "–" if row.sigf is None else f"{row.sigf:.2f}"),
             ("verdict", shown.verdict),
         ]
     if shown.diagnosis is not None:
         entries.append(("finds errors from", _um(shown.diagnosis.mdb_um)))
-        entries += _chances(shown.diagnosis, snapshot)
+        none = None if snapshot.diagnosis is None else snapshot.diagnosis.none
+        if snapshot.inner is not None and snapshot.inner.solution is not None:
+            none = snapshot.inner.solution.none
+        entries += _chances(shown.diagnosis, work.diagnoses, none)
     entries += _relations(shown.key, snapshot)
     if snapshot.solution is not None:
         for point in snapshot.solution.points:
@@ -110,7 +126,18 @@ def describe_row(shown: ShownRow, snapshot: Snapshot) -> list[Entry]:
 
 def advice_of(snapshot: Snapshot) -> list[str]:
     """Return the sentences for the operator, the most useful first."""
+    sentences = _of_model(snapshot)
+    block = block_line(snapshot)
+    if block:
+        # the model has the first word, and the block's is not the one for which there is no room
+        sentences.insert(1, block)
+    return sentences
+
+
+def _of_model(snapshot: Snapshot) -> list[str]:
     sentences = [snapshot.problem] if snapshot.problem else []
+    if snapshot.inner is not None:
+        return [*sentences, *snapshot.inner.advice]
     if snapshot.diagnosis is not None:
         sentences += snapshot.diagnosis.advice
     if snapshot.solution is not None:
@@ -141,6 +168,30 @@ def _orientation(solution: ModelSolution) -> list[Entry]:
     ]
 
 
+def _inner(view: InnerView) -> list[Entry]:
+    name = f"{view.side} photo"
+    inner = view.solution
+    if inner is None:
+        return [(name, f"{view.photo}: inner orientation not determined yet")]
+    place = inner.placement
+    shrunk_x, shrunk_y = place.shrinkage_ppm
+    state = "accepted" if view.accepted else "not accepted yet"
+    return [
+        (name, f"{view.photo}: {TITLES[inner.kind]}, {state}"),
+        (
+            "",
+            f"sigma0 {_um(inner.sigma0_um, 2)}, a priori {_um(inner.apriori_um, 2)}, "
+            f"redundancy {inner.redundancy}",
+        ),
+        (
+            "",
+            f"centre x {place.x:.3f} y {place.y:.3f} mm on the plate, rotation "
+            f"{math.degrees(place.rotation):.4f} deg",
+        ),
+        ("", f"film shrinkage x {shrunk_x:.0f} y {shrunk_y:.0f} ppm"),
+    ]
+
+
 def describe_model(snapshot: Snapshot) -> list[Entry]:
     """Return the model's orientation, or why there is none."""
     if not snapshot.left:
@@ -152,6 +203,12 @@ def describe_model(snapshot: Snapshot) -> list[Entry]:
             f"{snapshot.model_count} in strip {snapshot.strip}",
         )
     ]
+    for inner in snapshot.inners:
+        entries += _inner(inner)
+    if snapshot.inner is not None:
+        for i, sentence in enumerate(advice_of(snapshot)):
+            entries.append(("advice" if i == 0 else "", sentence))
+        return entries
     if snapshot.solution is None:
         entries.append(("orientation", snapshot.problem or "not determined yet"))
         return entries

@@ -95,7 +95,7 @@ class Page(ModalScreen[None]):
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape,q,enter,question_mark,d,l,f2,space", "close", "Close"),
+        Binding("escape,q,enter,question_mark,b,d,l,f2,space", "close", "Close"),
         Binding("up,k", "scroll(-1)", "Up"),
         Binding("down,j", "scroll(1)", "Down"),
         Binding("pageup", "page(-1)", "Page up"),
@@ -112,6 +112,13 @@ class Page(ModalScreen[None]):
             yield Static(Content(f"{self._title}   (escape closes)"), classes="page--title")
             with VerticalScroll(can_focus=False):
                 yield Static(Content("\n").join(self._lines), classes="page--text")
+
+    def show(self, lines: list[Content]) -> None:
+        """Show this from now on, scrolled as far as it was."""
+        if lines != self._lines:
+            self._lines = lines
+            if self.is_mounted:
+                self.query_one(".page--text", Static).update(Content("\n").join(lines))
 
     def action_close(self) -> None:
         """Close the page."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from rich.cells import cell_len
 from textual.content import Content
 
 from anaplot.console.keybar import show_key
-from anaplot.console.keys import ACTIONS
+from anaplot.console.keys import ACTIONS, Action
 from anaplot.console.text import fit, wrap
 
 __all__ = ["help_lines"]
+
+_HEAD = 14  # cells for names
 
 _SCREEN = (
     (
@@ -18,6 +21,12 @@ _SCREEN = (
         "The top lines name block, photos, model, link, the variance of ties, the test, and "
         "the model's sigma0 and redundancy r. Below them the read-out: image coordinates and "
         "parallaxes px = x' - x'', py = y' - y'' in mm, then what to do now.",
+    ),
+    (
+        "INNER",
+        "Where the camera has fiducials, every model begins with the inner orientation of its "
+        "photos, left then right: the table, map and keys are those of its fiducials, RESID is "
+        "adjusted minus measured, and the read-out says which coordinates are still the plate's.",
     ),
     ("SIMULATED", "No instrument is connected: the plotter is a simulated one."),
 )
@@ -54,21 +63,64 @@ _MAP = (
         "its head. Look at both before you remeasure.",
     ),
 )
+_STEREO = (
+    (
+        "patches",
+        "What a simulated plotter's eyepieces show, left and right, the ruler below giving the "
+        "width of the field. White discs are the marked points.",
+    ),
+    (
+        "the mark",
+        "The dot in the middle of both. Move it onto the point with x and y, then clear py and "
+        "px: both patches must look alike around it, the disc centred in both. Zoom in and do it "
+        "again; a fine step is 1/50 of the field.",
+    ),
+    (
+        "hand",
+        "On: after a drive the simulated hand sets the mark, with an operator's noise. Off: you "
+        "do. A drive under way cannot be turned.",
+    ),
+    ("no plates", "Without a simulated plotter: the bare read-out in large digits, in mm."),
+)
+
+_BLOCK = (
+    (
+        "block page",
+        "All accepted models, and the present one as soon as its pattern is complete and no y row "
+        "is flagged, adjusted as one bundle in the background. Flagged image coordinates with "
+        "their w and RED-N, and for each point which of its measurements is probably the wrong "
+        "one.",
+    ),
+    (
+        "only now",
+        "Points of earlier models that nothing was held against until the newest model came in.",
+    ),
+)
 
 
 def _section(title: str, pairs: tuple[tuple[str, str], ...], width: int) -> list[Content]:
     lines = [Content(""), Content.styled(title, "bold")]
     for name, sentence in pairs:
-        for i, part in enumerate(wrap(sentence, width - 14)):
-            head = fit(name if i == 0 else "", 14)
+        if cell_len(name) > _HEAD - 1:
+            lines.append(Content.styled(name, "bold $text-accent"))
+            name = ""
+        for i, part in enumerate(wrap(sentence, width - _HEAD)):
+            head = fit(name if i == 0 else "", _HEAD)
             lines.append(Content.assemble((head, "bold $text-accent"), part))
     return lines
 
 
 def help_lines(keys: Mapping[str, tuple[str, ...]], width: int) -> list[Content]:
     """Return the help for the keys in force, wrapped to `width` cells."""
+    grouped: dict[str, list[Action]] = {}
+    for action in ACTIONS:
+        grouped.setdefault(action.group or action.id, []).append(action)
     named = tuple(
-        (" ".join(show_key(key) for key in keys[action.id]), action.help) for action in ACTIONS
+        (
+            " ".join(show_key(key) for action in actions for key in keys[action.id]),
+            actions[0].help,
+        )
+        for actions in grouped.values()
     )
     palette = (
         ("^p", "The command palette: all of these by name, and points to drive to."),
@@ -78,5 +130,7 @@ def help_lines(keys: Mapping[str, tuple[str, ...]], width: int) -> list[Content]
         *_section("The screen", _SCREEN, width)[1:],
         *_section("The table", _COLUMNS, width),
         *_section("The map", _MAP, width),
+        *_section("The stereo view", _STEREO, width),
+        *_section("The block", _BLOCK, width),
         *_section("Keys", named + palette, width),
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from rich.cells import cell_len
@@ -11,7 +12,7 @@ from textual.keys import format_key
 from textual.message import Message
 from textual.widget import Widget
 
-__all__ = ["KeyBar", "KeyHint", "show_key"]
+__all__ = ["KeyBar", "KeyHint", "show_key", "show_keys"]
 
 _GAP = 2
 
@@ -37,6 +38,12 @@ def show_key(key: str) -> str:
     *modifiers, last = key.split("+") if len(key) > 1 else (key,)
     shown = names.get(last) or (last if len(last) == 1 else format_key(last))
     return "".join("^" if m == "ctrl" else f"{m}+" for m in modifiers) + shown
+
+
+def show_keys(keys: Iterable[str]) -> str:
+    """Return how keys that belong together are written: ←↑↓→, z/Z."""
+    shown = [show_key(key) for key in keys]
+    return ("" if all(len(key) == 1 and not key.isascii() for key in shown) else "/").join(shown)
 
 
 class KeyBar(Widget):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from textual.binding import Binding
 
+from anaplot.console.inwork import in_work
 from anaplot.station.snapshot import Snapshot
 
 __all__ = ["ACTIONS", "Action", "bindings", "is_live", "label_now"]
@@ -27,6 +28,8 @@ class Action:
         One sentence for help and palette.
     weight
         Place in the key bar when there is not room for all: the smaller, the sooner.
+    group
+        Actions of one group stand together in key bar and help, under the first one's words.
     """
 
     id: str
@@ -34,6 +37,7 @@ class Action:
     label: str
     help: str
     weight: int = 50
+    group: str = ""
 
 
 ACTIONS: tuple[Action, ...] = (
@@ -41,14 +45,38 @@ ACTIONS: tuple[Action, ...] = (
     Action("drive", "enter", "Drive", "Drive the plates to the selected row's point.", 2),
     Action("next_point", "n", "Next", "Drive to the point expected next.", 3),
     Action("next_flag", "f", "Flag", "Select the next flagged row, the most probable first.", 6),
-    Action("accept", "a,f4", "Accept", "Accept the model: the pattern is complete (A4).", 4),
+    Action(
+        "accept", "a,f4", "Accept", "Accept the model, or the inner orientation in work (A4).", 4
+    ),
     Action("next_model", "g", "Model", "Go on to the next model.", 5),
+    Action("left", "left", "x y", "Move the mark. Without stereo view ↑ ↓ select rows.", 3, "xy"),
+    Action("up", "up", "", "Move the mark up, or select the row above.", 50, "xy"),
+    Action("down", "down", "", "Move the mark down, or select the row below.", 50, "xy"),
+    Action("right", "right", "", "Move the mark to the right.", 50, "xy"),
+    Action("page_up", "pageup", "px", "Change px. Without stereo view: a page of rows.", 3, "px"),
+    Action("page_down", "pagedown", "", "Make px smaller, or select a page below.", 50, "px"),
+    Action("py_less", "comma", "py", "Change py.", 3, "py"),
+    Action("py_more", "full_stop", "", "Make py larger.", 50, "py"),
+    Action("far_left", "shift+left", "", "The same with coarse steps.", 50, "far"),
+    Action("far_up", "shift+up", "", "Move the mark far up.", 50, "far"),
+    Action("far_down", "shift+down", "", "Move the mark far down.", 50, "far"),
+    Action("far_right", "shift+right", "", "Move the mark far to the right.", 50, "far"),
+    Action("far_px_more", "shift+pageup", "", "Make px much larger.", 50, "far"),
+    Action("far_px_less", "shift+pagedown", "", "Make px much smaller.", 50, "far"),
+    Action("far_py_less", "less_than_sign", "", "Make py much smaller.", 50, "far"),
+    Action("far_py_more", "greater_than_sign", "", "Make py much larger.", 50, "far"),
+    Action("zoom_in", "z", "Zoom", "A smaller or a wider field; steps go with it.", 5, "zoom"),
+    Action("zoom_out", "Z", "", "Show a wider field.", 50, "zoom"),
+    Action("coarse", "c", "Coarse", "Take coarse steps (ten fine ones), or fine ones.", 5),
+    Action("hand", "h", "Hand", "Let the simulated hand set the mark, or set it yourself.", 4),
     Action("undo", "u", "Undo", "Take the last record, switch or acceptance back.", 7),
     Action("switch_row", "x", "Row off", "Switch the selected row off, or on again.", 8),
     Action("switch_point", "X", "Point off", "Switch the whole point off, or on again.", 9),
     Action("sort", "s", "Sort", "Sort: table order, significance, redundancy, point.", 12),
     Action("transfers", "t", "Arrows", "Show all critical transfers, or the selected row's.", 13),
     Action("layout", "m", "Map", "Show table and map, the map alone, the table alone.", 11),
+    Action("stereo", "v", "Stereo", "The stereo view in place of the map, or the map again.", 6),
+    Action("block", "b", "Block", "What the block as one bundle says of all its points.", 9),
     Action("details", "d", "More", "All that is known of the selected row.", 10),
     Action("add_point", "+", "Add", "Add a point beyond the plan.", 16),
     Action("automatic", "o", "Auto", "Let the simulated operator work, or stop him.", 14),
@@ -57,10 +85,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("orientation", "f2", "", "Show the model's orientation (A2)."),
     Action("messages", "l", "", "All messages so far, the newest first."),
     Action("redraw", "r", "", "Draw the whole screen again."),
-    Action("up", "up,k", "", "Select the row above."),
-    Action("down", "down,j", "", "Select the row below."),
-    Action("page_up", "pageup", "", "Select a row one page above."),
-    Action("page_down", "pagedown", "", "Select a row one page below."),
+    Action("row_up", "k", "", "Select the row above, or below.", 50, "row"),
+    Action("row_down", "j", "", "Select the row below.", 50, "row"),
     Action("first", "home", "", "Select the first row."),
     Action("last", "end", "", "Select the last row."),
     Action("help", "?", "Help", "Explain this screen.", 0),
@@ -76,19 +102,22 @@ def bindings() -> list[Binding]:
     ]
 
 
-def is_live(action: str, snapshot: Snapshot, *, rows: int) -> bool:
-    """Return whether a key makes sense now; `rows` is the number of rows in the table.
+def is_live(action: str, snapshot: Snapshot, *, rows: int, wheels: bool = False) -> bool:
+    """Return whether a key makes sense now.
 
-    This decides what the key bar shows. The station has the last word on what may be done.
+    `rows` is the number of rows in the table, `wheels` whether the stereo view with its handwheels
+    is shown. This decides what the key bar shows; the station has the last word on what may be
+    done.
     """
     model = bool(snapshot.left) and not snapshot.finished
     working = model and not snapshot.suspended
     accepted = (snapshot.left, snapshot.right) in snapshot.accepted
     live = {
+        **dict.fromkeys(("left", "page_up", "py_less", "zoom_in", "coarse", "hand"), wheels),
         "record": working,
         "drive": working and rows > 0,
         "next_point": working and snapshot.next_point is not None,
-        "next_flag": snapshot.solution is not None and bool(snapshot.solution.flagged),
+        "next_flag": bool(in_work(snapshot).flagged),
         "accept": snapshot.may_accept,
         "next_model": not snapshot.finished and (accepted or not snapshot.left),
         "undo": snapshot.may_undo,
@@ -96,8 +125,9 @@ def is_live(action: str, snapshot: Snapshot, *, rows: int) -> bool:
         "switch_point": working and rows > 0,
         "sort": rows > 0,
         "transfers": snapshot.diagnosis is not None and bool(snapshot.diagnosis.transfers),
+        "block": snapshot.block_view is not None,
         "details": rows > 0,
-        "add_point": working,
+        "add_point": working and snapshot.inner is None,
         "automatic": snapshot.link.simulated,
         "suspend": not snapshot.finished,
         "stop": working and snapshot.link.state == "live",
@@ -105,8 +135,27 @@ def is_live(action: str, snapshot: Snapshot, *, rows: int) -> bool:
     return live.get(action, True)
 
 
-def label_now(action: Action, snapshot: Snapshot, *, row_off: bool, point_off: bool) -> str:
-    """Return the label that says what the key would do now."""
+def label_now(
+    action: Action,
+    snapshot: Snapshot,
+    *,
+    row_off: bool,
+    point_off: bool,
+    stereo: bool = False,
+    coarse: bool = False,
+    hand: bool = True,
+) -> str:
+    """Return the label that says what the key would do now.
+
+    `row_off`, `point_off`: the selected row, its point is switched off. `stereo`: the stereo view
+    is shown. `coarse`: the handwheels take coarse steps. `hand`: the simulated hand sets the mark.
+    """
+    if action.id == "hand":
+        return "Hand off" if hand else "Hand on"
+    if action.id == "coarse" and coarse:
+        return "Fine"
+    if stereo and action.id in ("stereo", "layout"):
+        return "Map" if action.id == "stereo" else "Size"
     if action.id == "suspend" and snapshot.suspended:
         return "Resume"
     if action.id == "switch_row" and row_off:

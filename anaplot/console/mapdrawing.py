@@ -13,6 +13,7 @@ import numpy as np
 from rich.cells import cell_len
 
 from anaplot.console.braille import Canvas
+from anaplot.console.inwork import InWork, in_work
 from anaplot.console.text import plain
 from anaplot.orientation.results import Transfer
 from anaplot.station.snapshot import PointView, Snapshot
@@ -128,16 +129,16 @@ def _longest(raster: Canvas) -> int:
     return max((min(raster.width, raster.height) - 16) // 8, 5)
 
 
-def _um_per_dot(snapshot: Snapshot, raster: Canvas) -> float | None:
+def _um_per_dot(work: InWork, raster: Canvas) -> float | None:
     """Return the scale of the residual vectors [um per dot], a round number.
 
     The largest is as long as `_longest` at most. Residuals below three times the a-priori sigma0
     do not enlarge it, so that good models look calm.
     """
-    if snapshot.solution is None:
+    if not work.solved:
         return None
-    sizes = [abs(row.parx_um) for row in snapshot.solution.table if math.isfinite(row.parx_um)]
-    largest = max([3.0 * snapshot.solution.apriori_um, *sizes])
+    sizes = [abs(row.parx_um) for row in work.table if math.isfinite(row.parx_um)]
+    largest = max([3.0 * work.apriori_um, *sizes])
     return nice_above(largest / _longest(raster)) if 0.0 < largest < math.inf else None
 
 
@@ -180,7 +181,7 @@ def draw_map(
     *,
     all_transfers: bool = False,
 ) -> Canvas:
-    """Draw the map of the current model.
+    """Draw the map of the current model, or of the fiducials during an inner orientation.
 
     Parameters
     ----------
@@ -199,9 +200,10 @@ def draw_map(
         With the layers of `Layer`.
     """
     canvas = Canvas(columns, rows)
-    views = [v for v in snapshot.points if math.isfinite(v.x) and math.isfinite(v.y)]
+    work = in_work(snapshot)
+    views = [v for v in work.points if math.isfinite(v.x) and math.isfinite(v.y)]
     transfers = _transfers(snapshot, selected, all_transfers)
-    um_per_dot = _um_per_dot(snapshot, canvas)
+    um_per_dot = _um_per_dot(work, canvas)
     target = any(v.point == snapshot.target for v in views)
     legend = _legend(canvas, um_per_dot, bool(transfers), target)
     projection = Projection.around(
@@ -211,7 +213,7 @@ def draw_map(
         (max(_longest(canvas), 6), _longest(canvas) + 1),
     )
     places = {v.point: projection.dots(v.x, v.y) for v in views}
-    _draw_residuals(canvas, snapshot, places, um_per_dot)
+    _draw_residuals(canvas, work, places, um_per_dot)
     for source, sink in dict.fromkeys((t.source[0], t.target[0]) for t in transfers):
         if source in places and sink in places and source != sink:
             canvas.arrow(*places[source], *places[sink], Layer.TRANSFER)
@@ -313,15 +315,15 @@ def _transfers(
 
 def _draw_residuals(
     canvas: Canvas,
-    snapshot: Snapshot,
+    work: InWork,
     places: dict[str, tuple[float, float]],
     um_per_dot: float | None,
 ) -> None:
-    if snapshot.solution is None or um_per_dot is None:
+    if um_per_dot is None:
         return
     calm: list[tuple[float, float, float, float]] = []
     flagged: list[tuple[float, float, float, float]] = []
-    for row in snapshot.solution.table:
+    for row in work.table:
         place = places.get(row.point)
         if place is None:
             continue

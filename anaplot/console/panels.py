@@ -11,6 +11,7 @@ from textual.geometry import Size
 from textual.widget import Widget
 
 from anaplot.console.describe import Entry, advice_of, describe_row
+from anaplot.console.inwork import in_work
 from anaplot.console.rows import ShownRow
 from anaplot.console.text import fit, number, plain, wrap
 from anaplot.station.snapshot import ReadOut, Snapshot
@@ -114,7 +115,12 @@ class HeaderPanel(_Lines):
         parts: list[Part] = [(short(shown.block, names), "bold")]
         if shown.strip:
             parts += [_GAP, (f"strip {short(shown.strip, photos)}", "")]
-        if shown.left:
+        if shown.inner is not None:
+            photo = f"photo {short(shown.inner.photo, photos)} {shown.inner.side}"
+            parts += [_GAP, ("INNER ORIENTATION", "bold reverse $text-accent"), _NARROW_GAP]
+            parts += [(photo, "bold"), _GAP]
+            parts += [(f"model {shown.model_number} of {shown.model_count}", "")]
+        elif shown.left:
             pair = f"{short(shown.left, photos)} | {short(shown.right, photos)}"
             parts += [_GAP, ("photos ", "$foreground-muted"), (pair, "bold")]
             parts += [_GAP, (f"model {shown.model_number} of {shown.model_count}", "")]
@@ -147,21 +153,21 @@ class HeaderPanel(_Lines):
             ("test ", "$foreground-muted"),
             (plain(shown.test)[:20], ""),
         ]
-        solution = shown.solution
-        if solution is None:
-            done = sum(view.status != "pending" for view in shown.points)
-            if shown.points:
-                parts += [_GAP, (f"{done} of {len(shown.points)} measured", "$foreground-muted")]
+        work = in_work(shown)
+        if not work.solved:
+            done = sum(view.status != "pending" for view in work.points)
+            if work.points:
+                parts += [_GAP, (f"{done} of {len(work.points)} measured", "$foreground-muted")]
             return parts
-        critical = solution.test.critical
+        critical = work.critical
         if wide:
             parts += [(" critical ", "$foreground-muted")]
             parts += [("none" if critical is None else f"{critical:.2f}", "")]
-        sigma0 = f"{number(solution.sigma0_um, 4, 2).strip()} µm"
+        sigma0 = f"{number(work.sigma0_um, 4, 2).strip()} µm"
         parts += [_GAP, ("sigma0 ", "$foreground-muted"), (sigma0, "")]
-        parts += [_GAP, ("r ", "$foreground-muted"), (str(solution.redundancy), "")]
-        if solution.flagged:
-            parts += [_GAP, (f"{len(solution.flagged)} flagged", "bold $text-error")]
+        parts += [_GAP, ("r ", "$foreground-muted"), (str(work.redundancy), "")]
+        if work.flagged:
+            parts += [_GAP, (f"{len(work.flagged)} flagged", "bold $text-error")]
         if wide:
             parts += [_GAP, ("accepted ", "$foreground-muted"), (str(len(shown.accepted)), "")]
         return parts
@@ -171,7 +177,11 @@ class HeaderPanel(_Lines):
 
 
 class ReadOutLine(_Lines):
-    """x' y' x'' y'' px py [mm] as they are now; dashes while nothing is known."""
+    """x' y' x'' y'' px py [mm] as they are now; dashes while nothing is known.
+
+    Before a photo's inner orientation is accepted its coordinates are those of the plate, and in
+    place of the parallaxes, which mean nothing then, stands which photo's they are.
+    """
 
     DEFAULT_CSS = "ReadOutLine { height: 1; background: $surface; text-style: bold; }"
 
@@ -194,10 +204,24 @@ class ReadOutLine(_Lines):
             values = [r.xl, r.yl, r.xr, r.yr, r.px, r.py]
         parts: list[Part] = []
         gap = "   " if width >= 100 else " "
-        for name, value in zip(("x'", "y'", "x''", "y''", "px", "py"), values, strict=True):
+        names = ("x'", "y'", "x''", "y''", "px", "py")
+        plates = _plates(self._readout) if self._live else ""
+        for name, value in list(zip(names, values, strict=True))[: 4 if plates else 6]:
             shown = "–".rjust(8) if value is None else f"{value:8.3f}"
             parts += [(f"{gap}{name} ", "$foreground-muted not bold"), (shown, "")]
-        return [Content.assemble(*parts, (" mm", "$foreground-muted not bold"))]
+        parts.append((" mm", "$foreground-muted not bold"))
+        if plates:
+            parts += [(gap, ""), (f" {plates} ", "reverse $text-accent")]
+        return [Content.assemble(*parts)]
+
+
+def _plates(readout: ReadOut | None) -> str:
+    """Return which photos' coordinates are plate coordinates, or nothing."""
+    if readout is None or not (readout.plate_left or readout.plate_right):
+        return ""
+    if readout.plate_left and readout.plate_right:
+        return "left and right: PLATE"
+    return "left: PLATE" if readout.plate_left else "right: PLATE"
 
 
 class ExpectedLine(_Lines):
@@ -264,8 +288,7 @@ class AdvicePanel(_Lines):
             note = f" (+{len(lines) - height} lines: F2)"
             last = lines[height - 1]
             lines[height - 1] = fit(last, min(cell_len(last), width - len(note) - 1)) + note
-        flagged = self._snapshot.solution is not None and bool(self._snapshot.solution.flagged)
-        style = "bold" if flagged else ""
+        style = "bold" if in_work(self._snapshot).flagged else ""
         return [Content.styled(line, style if i == 0 else "") for i, line in enumerate(lines)]
 
 

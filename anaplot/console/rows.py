@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
+from anaplot.console.inwork import in_work
 from anaplot.orientation.results import RowDiagnosis, TableRow
 from anaplot.session.events import Axis
 from anaplot.station.snapshot import PointView, Snapshot
@@ -77,7 +78,7 @@ def _row(
     expected: bool,
     table: dict[tuple[str, str], TableRow],
     diagnoses: dict[tuple[str, str], RowDiagnosis],
-    accused: tuple[str, str] | None,
+    accused: tuple[str, str | None] | None,
 ) -> ShownRow:
     key = (view.point, axis)
     if axis in view.off_axes or view.status == "off":
@@ -92,22 +93,19 @@ def _row(
 def shown_rows(snapshot: Snapshot) -> tuple[ShownRow, ...]:
     """Return all rows of the current model: y of every point, then x of every tie, in plan order.
 
-    The order does not depend on what is measured already, so rows keep their places.
+    During an inner orientation x and y of every fiducial. The order does not depend on what is
+    measured already, so rows keep their places.
     """
-    table = {row.key: row for row in snapshot.solution.table} if snapshot.solution else {}
-    diagnoses: dict[tuple[str, str], RowDiagnosis] = (
-        {(row.point, row.axis): row for row in snapshot.diagnosis.rows}
-        if snapshot.diagnosis
-        else {}
-    )
-    suspects = snapshot.diagnosis.suspects if snapshot.diagnosis else ()
-    accused = suspects[0] if suspects else None
-    axes: tuple[Axis, ...] = ("y", "x")
+    work = in_work(snapshot)
+    table = {row.key: row for row in work.table}
+    diagnoses: dict[tuple[str, str], RowDiagnosis] = {
+        (row.point, row.axis): row for row in work.diagnoses
+    }
+    accused = work.suspects[0] if work.suspects else None
+    views = {view.point: view for view in work.points}
     return tuple(
-        _row(view, axis, view.point == snapshot.next_point, table, diagnoses, accused)
-        for axis in axes
-        for view in snapshot.points
-        if axis == "y" or view.role == "tie"
+        _row(views[point], axis, point == snapshot.next_point, table, diagnoses, accused)
+        for point, axis in work.keys
     )
 
 

@@ -12,13 +12,16 @@ from textual.containers import Horizontal
 from textual.message import Message
 from textual.screen import Screen
 
+from anaplot.console.blockpage import TITLE as BLOCK_TITLE
+from anaplot.console.blockpage import block_page
 from anaplot.console.commands import CommandThread
 from anaplot.console.describe import describe_model, describe_row
 from anaplot.console.dialogs import Ask, AskName, Page
 from anaplot.console.helptext import help_lines
-from anaplot.console.keybar import KeyBar, KeyHint, show_key
+from anaplot.console.inwork import in_work
+from anaplot.console.keybar import KeyBar, KeyHint, show_keys
 from anaplot.console.keymap import keys_in_force
-from anaplot.console.keys import ACTIONS, bindings, is_live, label_now
+from anaplot.console.keys import ACTIONS, Action, bindings, is_live, label_now
 from anaplot.console.mailbox import Mailbox
 from anaplot.console.mapview import MapView
 from anaplot.console.panels import (
@@ -32,8 +35,10 @@ from anaplot.console.panels import (
 )
 from anaplot.console.rows import SORT_ORDERS, ShownRow, shown_rows, sort_rows
 from anaplot.console.stationlike import StationLike
+from anaplot.console.stereoview import StereoView, Viewed
 from anaplot.console.tableview import TableView
 from anaplot.console.text import plain
+from anaplot.console.wheels import Wheels
 from anaplot.station.snapshot import Snapshot
 
 __all__ = ["OrientationScreen"]
@@ -42,6 +47,7 @@ _READOUT_HZ = 20.0
 _TOGETHER = 0.01  # s
 _LAYOUTS = ("both", "map", "table")
 _PAGE_WIDTH = 72
+_READABLE = ("live", "replay")  # states of a link whose read-out is one
 
 
 class OrientationScreen(Screen[None]):
@@ -76,6 +82,13 @@ class OrientationScreen(Screen[None]):
         &.-tall #advice { height: 5; }
         &.-tall #messages { height: 3; }
         &.-broad #keys { height: 1; }
+        #stereo { display: none; width: 1fr; }
+        &.-stereo #stereo { display: block; }
+        &.-stereo #map, &.-stereo #details { display: none; }
+        &.-stereo.-narrow #table { width: 31; }
+        &.-stereo.-broad #table { width: 53; }
+        &.-stereo.-broad #stereo { width: 66; }
+        &.-stereo.-broad #map { display: block; margin-left: 1; }
         &.-only-map #table { display: none; }
         &.-only-table #map { display: none; }
         &.-only-table #table { width: 1fr; }
@@ -98,7 +111,10 @@ class OrientationScreen(Screen[None]):
         self._layout_shown = _LAYOUTS[0]
         self._all_transfers = False
         self._moved_by_hand = False
+        self._stereo_on = False
+        self._wheels = Wheels()
         self._unread: list[tuple[str, str]] = []
+        self._block_page: Page | None = None
 
     # -- layout and life -------------------------------------------------------------------
 
@@ -109,6 +125,7 @@ class OrientationScreen(Screen[None]):
         yield ExpectedLine(id="expected")
         with Horizontal(id="body"):
             yield TableView(id="table")
+            yield StereoView(id="stereo")
             yield MapView(id="map")
             yield DetailsPane(id="details")
         yield AdvicePanel(id="advice")
@@ -164,8 +181,31 @@ class OrientationScreen(Screen[None]):
         if self._snapshot is None:
             return
         link = self._snapshot.link
-        self.query_one(ReadOutLine).show(self._station.readout(), live=link.state == "live")
+        self.query_one(ReadOutLine).show(self._station.readout(), live=link.state in _READABLE)
         self.query_one(HeaderPanel).show(self._snapshot, automatic=self._automatic())
+        self._show_stereo()
+
+    def _show_stereo(self) -> None:
+        """Look into the eyepieces, if they are on the screen."""
+        view, snapshot = self.query_one(StereoView), self._snapshot
+        if snapshot is None or not view.display:
+            return
+        raster = view.raster
+        pair = None if raster is None else self._station.stereo(*raster, self._wheels.field_mm)
+        readout = self._station.readout() if snapshot.link.state in _READABLE else None
+        view.show(
+            Viewed(snapshot.left, snapshot.right, pair, readout, self._wheels, self._station.hand)
+        )
+
+    @property
+    def _at_wheels(self) -> bool:
+        """Whether the keys turn the handwheels: a simulated plotter's stereo view is shown."""
+        snapshot = self._snapshot
+        return self._stereo_shown and snapshot is not None and snapshot.link.simulated
+
+    @property
+    def _stereo_shown(self) -> bool:
+        return self._stereo_on and self._layout_shown != "table"
 
     def _automatic(self) -> bool:
         simulated = self._snapshot is not None and self._snapshot.link.simulated
@@ -176,13 +216,13 @@ class OrientationScreen(Screen[None]):
     def _show(self, snapshot: Snapshot) -> None:
         before, self._snapshot = self._snapshot, snapshot
         table = self.query_one(TableView)
-        if before is None or (before.left, before.right) != (snapshot.left, snapshot.right):
+        if before is None or _phase(before) != _phase(snapshot):
             self._flagged = frozenset()
             self._moved_by_hand = False
             table.show((), self._order)  # the cursor begins anew
-        table.show(sort_rows(shown_rows(snapshot), self._order), self._order)
-        solution = snapshot.solution
-        flagged = frozenset(row.key for row in solution.flagged) if solution else frozenset()
+        rows = sort_rows(shown_rows(snapshot), self._order)
+        table.show(rows, self._order, fiducials=snapshot.inner is not None)
+        flagged = frozenset(in_work(snapshot).flagged)
         if flagged - self._flagged:
             if before is not None:
                 self.app.bell()
@@ -195,6 +235,8 @@ class OrientationScreen(Screen[None]):
         if snapshot.link.detail and (before is None or before.link != snapshot.link):
             faulty = snapshot.link.state not in ("live", "none", "opening")
             self._say("warning" if faulty else "info", f"link: {snapshot.link.detail}")
+        if self._block_page is not None:
+            self._block_page.show(block_page(snapshot.block_view, _PAGE_WIDTH))
         self._show_selected()
 
     def _show_selected(self) -> None:
@@ -218,14 +260,27 @@ class OrientationScreen(Screen[None]):
             tuple(
                 KeyHint(
                     action.id,
-                    show_key(self._keys[action.id][0]),
-                    label_now(action, snapshot, row_off=row_off, point_off=point_off),
+                    self._keys_of(action),
+                    label_now(
+                        action,
+                        snapshot,
+                        row_off=row_off,
+                        point_off=point_off,
+                        stereo=self._stereo_shown,
+                        coarse=self._wheels.coarse,
+                        hand=self._station.hand,
+                    ),
                     action.weight,
                 )
                 for action in ACTIONS
-                if action.label and is_live(action.id, snapshot, rows=rows)
+                if action.label and is_live(action.id, snapshot, rows=rows, wheels=self._at_wheels)
             )
         )
+
+    def _keys_of(self, action: Action) -> str:
+        """Return the keys shown for an action: its first, and those of the rest of its group."""
+        together = [a for a in ACTIONS if a.group == action.group] if action.group else [action]
+        return show_keys(self._keys[a.id][0] for a in together)
 
     @property
     def _selected(self) -> ShownRow | None:
@@ -233,7 +288,7 @@ class OrientationScreen(Screen[None]):
 
     def _point_off(self, point: str) -> bool:
         return self._snapshot is not None and any(
-            view.point == point and view.status == "off" for view in self._snapshot.points
+            view.point == point and view.status == "off" for view in in_work(self._snapshot).points
         )
 
     def _say(self, severity: str, text: str) -> None:
@@ -267,22 +322,26 @@ class OrientationScreen(Screen[None]):
             self.drive_to(self._snapshot.next_point)
 
     def action_accept(self) -> None:
-        """Accept the model when that may be done; with flagged rows, ask first."""
+        """Accept inner orientation or model when that may be done; with flagged rows, ask first."""
         snapshot = self._snapshot
         if snapshot is None:
             return
         if not snapshot.may_accept:
             reason = snapshot.problem or snapshot.expected
-            self._say("warning", f"the model cannot be accepted now: {reason}")
+            what = "the model" if snapshot.inner is None else "the inner orientation"
+            self._say("warning", f"{what} cannot be accepted now: {reason}")
             return
-        flagged = len(snapshot.solution.flagged) if snapshot.solution else 0
+        flagged = len(in_work(snapshot).flagged)
         if not flagged:
             self._submit(self._station.accept)
             return
         rows = "1 row is" if flagged == 1 else f"{flagged} rows are"
+        where = f"model {snapshot.left} / {snapshot.right}"
+        if snapshot.inner is not None:
+            where = f"the inner orientation of photo {snapshot.inner.photo}"
         self.app.push_screen(
             Ask(
-                f"{rows} still flagged in model {snapshot.left} / {snapshot.right}. Accept it?",
+                f"{rows} still flagged in {where}. Accept it?",
                 yes="accept as it is",
                 no="go on measuring",
             ),
@@ -345,6 +404,117 @@ class OrientationScreen(Screen[None]):
         if name:
             self._submit(partial(self._station.add_point, name))
 
+    # -- the handwheels --------------------------------------------------------------------
+
+    def _turn(
+        self, x: int = 0, y: int = 0, px: int = 0, py: int = 0, *, coarse: bool = False
+    ) -> None:
+        """Turn the handwheels by so many steps."""
+        if not self._at_wheels:
+            self._say("info", "the handwheels are those of a simulated plotter's stereo view (v)")
+            return
+        step = self._wheels.step_um(coarse=coarse) / 1000.0
+        self._submit(partial(self._station.turn, x * step, y * step, px * step, py * step))
+
+    def action_left(self) -> None:
+        """Move the mark to the left."""
+        self._turn(x=-1)
+
+    def action_right(self) -> None:
+        """Move the mark to the right."""
+        self._turn(x=1)
+
+    def action_up(self) -> None:
+        """Move the mark up, or select the row above."""
+        if self._at_wheels:
+            self._turn(y=1)
+        else:
+            self.action_row_up()
+
+    def action_down(self) -> None:
+        """Move the mark down, or select the row below."""
+        if self._at_wheels:
+            self._turn(y=-1)
+        else:
+            self.action_row_down()
+
+    def action_page_up(self) -> None:
+        """Make px larger, or select a row one page above."""
+        if self._at_wheels:
+            self._turn(px=1)
+        else:
+            table = self.query_one(TableView)
+            table.move(-table.page)
+
+    def action_page_down(self) -> None:
+        """Make px smaller, or select a row one page below."""
+        if self._at_wheels:
+            self._turn(px=-1)
+        else:
+            table = self.query_one(TableView)
+            table.move(table.page)
+
+    def action_py_more(self) -> None:
+        """Make py larger."""
+        self._turn(py=1)
+
+    def action_py_less(self) -> None:
+        """Make py smaller."""
+        self._turn(py=-1)
+
+    def action_far_left(self) -> None:
+        """Move the mark far to the left."""
+        self._turn(x=-1, coarse=True)
+
+    def action_far_right(self) -> None:
+        """Move the mark far to the right."""
+        self._turn(x=1, coarse=True)
+
+    def action_far_up(self) -> None:
+        """Move the mark far up."""
+        self._turn(y=1, coarse=True)
+
+    def action_far_down(self) -> None:
+        """Move the mark far down."""
+        self._turn(y=-1, coarse=True)
+
+    def action_far_px_more(self) -> None:
+        """Make px much larger."""
+        self._turn(px=1, coarse=True)
+
+    def action_far_px_less(self) -> None:
+        """Make px much smaller."""
+        self._turn(px=-1, coarse=True)
+
+    def action_far_py_more(self) -> None:
+        """Make py much larger."""
+        self._turn(py=1, coarse=True)
+
+    def action_far_py_less(self) -> None:
+        """Make py much smaller."""
+        self._turn(py=-1, coarse=True)
+
+    def action_zoom_in(self) -> None:
+        """Show a smaller field."""
+        self._set_wheels(self._wheels.zoomed(1))
+
+    def action_zoom_out(self) -> None:
+        """Show a wider field."""
+        self._set_wheels(self._wheels.zoomed(-1))
+
+    def action_coarse(self) -> None:
+        """Take coarse steps, or fine ones again."""
+        self._set_wheels(self._wheels.toggled())
+
+    def _set_wheels(self, wheels: Wheels) -> None:
+        self._wheels = wheels
+        self._show_stereo()
+        self._show_keys()
+
+    def action_hand(self) -> None:
+        """Let the simulated hand set the mark, or not."""
+        self._submit(lambda: self._station.set_hand(not self._station.hand))
+
     # -- looking around --------------------------------------------------------------------
 
     def on_table_view_selected(self) -> None:
@@ -360,23 +530,13 @@ class OrientationScreen(Screen[None]):
         """Do what a clicked key does."""
         await self.run_action(event.action)
 
-    def action_up(self) -> None:
+    def action_row_up(self) -> None:
         """Select the row above."""
         self.query_one(TableView).move(-1)
 
-    def action_down(self) -> None:
+    def action_row_down(self) -> None:
         """Select the row below."""
         self.query_one(TableView).move(1)
-
-    def action_page_up(self) -> None:
-        """Select a row one page above."""
-        table = self.query_one(TableView)
-        table.move(-table.page)
-
-    def action_page_down(self) -> None:
-        """Select a row one page below."""
-        table = self.query_one(TableView)
-        table.move(table.page)
 
     def action_first(self) -> None:
         """Select the first row."""
@@ -397,11 +557,9 @@ class OrientationScreen(Screen[None]):
 
     def _select_flag(self, *, after: tuple[str, str] | None) -> bool:
         """Select the first suspect, or the one after `after`; returns whether there is one."""
-        if self._snapshot is None or self._snapshot.solution is None:
+        if self._snapshot is None:
             return False
-        flagged = [row.key for row in self._snapshot.solution.flagged]
-        suspects = self._snapshot.diagnosis.suspects if self._snapshot.diagnosis else ()
-        ranked = list(dict.fromkeys([*(key for key in suspects if key in flagged), *flagged]))
+        ranked = in_work(self._snapshot).flagged
         if not ranked:
             return False
         place = ranked.index(after) + 1 if after in ranked else 0
@@ -414,7 +572,8 @@ class OrientationScreen(Screen[None]):
         self._order = SORT_ORDERS[(SORT_ORDERS.index(self._order) + 1) % len(SORT_ORDERS)]
         if self._snapshot is not None:
             rows = sort_rows(shown_rows(self._snapshot), self._order)
-            self.query_one(TableView).show(rows, self._order)
+            fiducials = self._snapshot.inner is not None
+            self.query_one(TableView).show(rows, self._order, fiducials=fiducials)
         self._say("info", f"sorted by {self._order}" if self._order != "table" else "table order")
 
     def action_transfers(self) -> None:
@@ -432,8 +591,22 @@ class OrientationScreen(Screen[None]):
         """Show table and map, the map alone, or the table alone."""
         place = (_LAYOUTS.index(self._layout_shown) + 1) % len(_LAYOUTS)
         self._layout_shown = _LAYOUTS[place]
+        self._lay_out()
+
+    def action_stereo(self) -> None:
+        """Show the stereo view in place of the map, or the map again."""
+        hidden = self._layout_shown == "table"
+        self._stereo_on = hidden or not self._stereo_on
+        if hidden:
+            self._layout_shown = "both"
+        self._lay_out()
+
+    def _lay_out(self) -> None:
         self.set_class(self._layout_shown == "map", "-only-map")
         self.set_class(self._layout_shown == "table", "-only-table")
+        self.set_class(self._stereo_shown, "-stereo")
+        self._show_keys()
+        self.call_after_refresh(self._show_stereo)
 
     def action_redraw(self) -> None:
         """Draw everything again."""
@@ -455,20 +628,32 @@ class OrientationScreen(Screen[None]):
         """Show the model's orientation."""
         if self._snapshot is not None:
             lines = entry_lines(describe_model(self._snapshot), _PAGE_WIDTH, 14)
-            self.app.push_screen(Page("Orientation of the model", lines))
+            inner = self._snapshot.inner is not None
+            title = "Inner orientation" if inner else "Orientation of the model"
+            self.app.push_screen(Page(title, lines))
 
     def action_messages(self) -> None:
         """Show all messages."""
         lines = self.query_one(MessagePanel).history(_PAGE_WIDTH)
         self.app.push_screen(Page("Messages", lines))
 
+    def action_block(self) -> None:
+        """Show what the block as a whole says, kept up to date while it is read."""
+        if self._snapshot is not None:
+            lines = block_page(self._snapshot.block_view, _PAGE_WIDTH)
+            self._block_page = Page(BLOCK_TITLE, lines)
+            self.app.push_screen(self._block_page, self._block_read)
+
+    def _block_read(self, _: None) -> None:
+        self._block_page = None
+
     def action_help(self) -> None:
         """Explain the screen."""
         self.app.push_screen(Page("Orientation screen", help_lines(self._keys, _PAGE_WIDTH)))
 
     def points(self) -> tuple[str, ...]:
-        """Return the points of the current model."""
-        return tuple(v.point for v in self._snapshot.points) if self._snapshot else ()
+        """Return the points of the current model, or the fiducials of an inner orientation."""
+        return tuple(v.point for v in in_work(self._snapshot).points) if self._snapshot else ()
 
     def action_leave(self) -> None:
         """Leave; with a model in progress, ask first."""
@@ -478,7 +663,7 @@ class OrientationScreen(Screen[None]):
             and bool(snapshot.left)
             and not snapshot.finished
             and (snapshot.left, snapshot.right) not in snapshot.accepted
-            and any(view.times for view in snapshot.points)
+            and _measured(snapshot)
         )
         if snapshot is None or not in_progress:
             self.app.exit(0)
@@ -497,3 +682,15 @@ class OrientationScreen(Screen[None]):
     def _leave_if(self, yes: bool | None) -> None:
         if yes:
             self.app.exit(0)
+
+
+def _phase(snapshot: Snapshot) -> tuple[str, ...]:
+    """Return what changes when other rows come into the table: photos, and the one oriented."""
+    inner = snapshot.inner
+    return (snapshot.left, snapshot.right, *(() if inner is None else (inner.photo, inner.side)))
+
+
+def _measured(snapshot: Snapshot) -> bool:
+    """Return whether anything was measured in the current model."""
+    fiducials = any(view.times for inner in snapshot.inners for view in inner.fiducials)
+    return fiducials or any(view.times for view in snapshot.points)

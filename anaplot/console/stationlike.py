@@ -7,6 +7,7 @@ from typing import Protocol
 
 from anaplot.session.events import Axis
 from anaplot.station.snapshot import ReadOut, Snapshot
+from anaplot.station.stereo import StereoPair
 
 __all__ = ["StationLike"]
 
@@ -30,6 +31,22 @@ class StationLike(Protocol):
 
     def readout(self) -> ReadOut | None:
         """Return the live read-out [mm], or None while there is none."""
+
+    def stereo(self, columns: int, rows: int, field_mm: float) -> StereoPair | None:
+        """Return what is seen around the mark, the same object while nothing changes.
+
+        `columns` and `rows` of square cells, `field_mm` wide. None without a simulated plotter.
+        """
+
+    def turn(self, dx: float = 0.0, dy: float = 0.0, dpx: float = 0.0, dpy: float = 0.0) -> None:
+        """Turn a simulated plotter's handwheels [mm]: both marks by x, y, the right by px, py."""
+
+    @property
+    def hand(self) -> bool:
+        """Whether the simulated hand sets the mark after a drive."""
+
+    def set_hand(self, on: bool) -> None:
+        """Let the simulated hand set the mark, or leave it to the operator."""
 
     def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call back with a new snapshot after each change; returns the end of the subscription."""

@@ -69,6 +69,8 @@ _NUMBERS = (
     _Column("EXPD µm", 8, _expd),
     _Column("SIGF", 6, _sigf, "significance"),
 )
+_FEWEST = (_NUMBERS[-1],)
+_RESIDUAL = _Column("RESID µm", 9, _parx)  # of a fiducial
 _MORE = (
     _Column("FINDS µm", 9, _mdb),
     _Column("ODDS %", 7, _chance),
@@ -117,6 +119,7 @@ class TableView(ScrollView):
         super().__init__(id=id)
         self._rows: tuple[ShownRow, ...] = ()
         self._order: SortOrder = "table"
+        self._fiducials = False
         self._cursor = 0
         self._styles: dict[tuple[str, bool], Style] = {}
 
@@ -130,10 +133,12 @@ class TableView(ScrollView):
         """The rows in the order shown."""
         return self._rows
 
-    def show(self, rows: tuple[ShownRow, ...], order: SortOrder) -> None:
-        """Show these rows; the cursor stays on its row, wherever that is now."""
+    def show(
+        self, rows: tuple[ShownRow, ...], order: SortOrder, *, fiducials: bool = False
+    ) -> None:
+        """Show these rows, of points or of fiducials; the cursor stays on its row."""
         key = self.selected.key if self.selected else None
-        self._rows, self._order = rows, order
+        self._rows, self._order, self._fiducials = rows, order, fiducials
         place = next((i for i, shown in enumerate(rows) if shown.key == key), None)
         self._cursor = min(self._cursor, max(len(rows) - 1, 0)) if place is None else place
         self._measure()
@@ -197,12 +202,20 @@ class TableView(ScrollView):
 
     def _columns(self) -> tuple[tuple[_Column, ...], int]:
         """Return the columns that have room, and the width of the point's name."""
-        room = self._width - 4 - _VERDICT - sum(column.width for column in _NUMBERS)
-        columns: tuple[_Column, ...] = _NUMBERS
-        extra = sum(column.width for column in _MORE)
-        if room - extra >= 6:
-            columns, room = (*_NUMBERS, *_MORE), room - extra
-        longest = max([5, *(cell_len(plain(shown.point)) for shown in self._rows)])
+        longest = max(
+            [len(self._name_title) - 2, 5, *(cell_len(plain(shown.point)) for shown in self._rows)]
+        )
+        room = self._width - 4 - _VERDICT
+        columns: tuple[_Column, ...] = ()
+        # beside the stereo view there is no room for more than what the verdict comes from
+        numbers: tuple[_Column, ...] = _NUMBERS
+        if self._fiducials:
+            numbers = tuple(_RESIDUAL if c.cell is _parx else c for c in _NUMBERS)
+        for choice, least in (((*numbers, *_MORE), 6), (numbers, 4), (_FEWEST, 4), ((), 0)):
+            rest = room - sum(column.width for column in choice)
+            if rest >= least:
+                columns, room = choice, rest
+                break
         return columns, max(min(room, longest + 1, 24), 4)
 
     def render_line(self, y: int) -> Strip:
@@ -232,6 +245,10 @@ class TableView(ScrollView):
         segments = [Segment(part, self._style(style, here)) for part, style in parts]
         return Strip(segments).adjust_cell_length(width, self._style("table--row", here))
 
+    @property
+    def _name_title(self) -> str:
+        return "FIDUCIAL" if self._fiducials else "POINT"
+
     def _style(self, name: str, here: bool = False) -> Style:
         """Return a component's style, on the cursor's background or not."""
         style = self._styles.get((name, here))
@@ -248,7 +265,9 @@ class TableView(ScrollView):
         super().notify_style_update()
 
     def _header(self, columns: tuple[_Column, ...], name: int, width: int) -> Strip:
-        titles = "  " + fit("POINT▴" if self._order == "point" else "POINT", name + 2)
+        first = self._name_title
+        shown = f"{first[: name + 1]}▴" if self._order == "point" else first
+        titles = "  " + fit(shown, name + 2)
         for column in columns:
             title = column.title
             if column.sorted_by == self._order:

@@ -8,8 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.blocktoml import format_block_toml, parse_block_toml
+from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_block_toml
 from anaplot.exchange.bridgecheck import check_for_bridge
+from anaplot.exchange.camerafile import read_camera, write_camera
 from anaplot.exchange.controlcsv import parse_control
 from anaplot.exchange.csvtable import MAX_CSV_BYTES
 from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
@@ -18,7 +19,13 @@ from anaplot.exchange.wholefile import create_whole, replace_whole
 from anaplot.exchange.wording import place, reason
 from anaplot.photogrammetry.block import Block, ImagePoint
 
-__all__ = ["check_for_bridge", "read_block", "write_block_toml", "write_image_points"]
+__all__ = [
+    "check_for_bridge",
+    "read_block",
+    "write_block_toml",
+    "write_image_points",
+    "write_new_block",
+]
 
 BLOCK_TOML = "block.toml"
 IMAGE_POINTS_CSV = "image_points.csv"
@@ -90,11 +97,47 @@ def write_block_toml(folder: Path, block: Block) -> None:
     path = folder / BLOCK_TOML
     text = format_block_toml(block)
     parse_block_toml(text, path)
+    _make(folder)
+    create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
+
+
+def write_new_block(folder: Path, block: Block) -> None:
+    """Write the block.toml of a new block, and before it the camera files that stand beside it.
+
+    Parameters
+    ----------
+    folder
+        The block folder, made when it does not exist.
+    block
+        The block. Camera files that it names by absolute paths are expected there.
+
+    Raises
+    ------
+    InputError
+        As `write_block_toml`, or there is a camera file of that name that says something else.
+    """
+    path = folder / BLOCK_TOML
+    if os.path.lexists(path):
+        raise InputError(f"{place(path)}: exists already and is not overwritten")
+    parse_block_toml(format_block_toml(block), path, camera_texts(block))
+    _make(folder)
+    for camera in block.cameras:
+        if camera.file is None or camera.calibration is None or Path(camera.file).is_absolute():
+            continue
+        target = folder / camera.file
+        if not os.path.lexists(target):
+            _make(target.parent)
+            write_camera(target, camera.calibration)
+        elif read_camera(target) != camera.calibration:
+            raise InputError(f"{place(target)}: exists already and says something else")
+    write_block_toml(folder, block)
+
+
+def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         raise InputError(f"{place(folder)}: cannot be made: {reason(error)}") from error
-    create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
 
 
 def _bounded(path: Path, data: bytes, max_bytes: int) -> bytes:

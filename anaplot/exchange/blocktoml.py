@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
 
 from anaplot.errors import InputError
-from anaplot.exchange.camerafile import camera_path, frame_format, read_camera
+from anaplot.exchange.camerafile import (
+    camera_path,
+    format_camera,
+    frame_format,
+    parse_camera,
+    read_camera,
+)
 from anaplot.exchange.tomlfile import TomlFile, TomlTable
 from anaplot.exchange.tomltext import toml_number, toml_numbers, toml_text
 from anaplot.exchange.wording import hint, quoted
@@ -22,7 +29,7 @@ from anaplot.photogrammetry.block import (
     TieVariance,
 )
 
-__all__ = ["BLOCK_FORMAT", "format_block_toml", "parse_block_toml", "read_test"]
+__all__ = ["BLOCK_FORMAT", "camera_texts", "format_block_toml", "parse_block_toml", "read_test"]
 
 BLOCK_FORMAT = 1
 
@@ -30,7 +37,7 @@ _ANGLES = ("omega", "phi", "kappa")
 _UNITS = {"deg": math.pi / 180.0, "gon": math.pi / 200.0, "rad": 1.0}
 
 
-def parse_block_toml(text: str, path: Path) -> Block:
+def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | None = None) -> Block:
     """Return the block that a block.toml declares, without its measured points.
 
     Parameters
@@ -39,6 +46,8 @@ def parse_block_toml(text: str, path: Path) -> Block:
         Content of the file.
     path
         Its name, for messages, and where camera files are looked for that it names.
+    camera_files
+        Content of camera files by the name that block.toml gives them; these are not looked for.
 
     Raises
     ------
@@ -51,7 +60,7 @@ def parse_block_toml(text: str, path: Path) -> Block:
     name = root.name("name")
     precision = _precision(root.table("precision", "[precision]"))
     test = read_test(root.table("test", "[test]"))
-    cameras = _cameras(root, path.parent)
+    cameras = _cameras(root, path.parent, camera_files or {})
     photos = _photos(root, cameras)
     strips = _strips(root, photos)
     return Block(
@@ -62,6 +71,15 @@ def parse_block_toml(text: str, path: Path) -> Block:
         photos=tuple(photos.values()),
         strips=tuple(strips.values()),
     )
+
+
+def camera_texts(block: Block) -> dict[str, str]:
+    """Return the content of a block's camera files by the name that block.toml gives them."""
+    return {
+        camera.file: format_camera(camera.calibration)
+        for camera in block.cameras
+        if camera.file is not None and camera.calibration is not None
+    }
 
 
 def format_block_toml(block: Block) -> str:
@@ -140,11 +158,11 @@ def read_test(table: TomlTable) -> TestSettings:
     )
 
 
-def _cameras(root: TomlTable, folder: Path) -> dict[str, Camera]:
+def _cameras(root: TomlTable, folder: Path, files: Mapping[str, str]) -> dict[str, Camera]:
     cameras: dict[str, Camera] = {}
     tables: dict[str, TomlTable] = {}
     for table in root.tables("camera"):
-        camera = _camera(table, folder)
+        camera = _camera(table, folder, files)
         _refuse_second("camera", camera.id, table, tables)
         cameras[camera.id] = camera
     if not cameras:
@@ -152,7 +170,7 @@ def _cameras(root: TomlTable, folder: Path) -> dict[str, Camera]:
     return cameras
 
 
-def _camera(table: TomlTable, folder: Path) -> Camera:
+def _camera(table: TomlTable, folder: Path, files: Mapping[str, str]) -> Camera:
     table.only("id", "c", "format", "file")
     if "file" not in table:
         return Camera(id=table.name("id"), c=table.positive("c"), format=frame_format(table))
@@ -161,7 +179,7 @@ def _camera(table: TomlTable, folder: Path) -> Camera:
         path = camera_path(folder, file)
     except ValueError as error:
         raise table.fail("file", f"file: {error}") from None
-    calibration = read_camera(path)
+    calibration = parse_camera(files[file], path) if file in files else read_camera(path)
     # What stands in both places must be the same: nobody could say which of the two is meant.
     name = table.name("id") if "id" in table else calibration.id
     if name != calibration.id:

@@ -10,6 +10,7 @@ from typing import Any
 from anaplot.errors import InputError
 from anaplot.exchange.names import name_fault
 from anaplot.exchange.wording import describe_type, hint, quoted
+from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS
 from anaplot.session.events import EVENT_KINDS, Event, PlannedPoint
 
 __all__ = ["event_from_dict", "event_from_payload", "event_to_dict", "event_to_payload"]
@@ -148,6 +149,7 @@ _PHOTO = _Field(_photo_name, _photo_name)
 _NUMBER = _Field(_number, _number)
 _TRUTH = _Field(_truth, _truth)
 _AXIS_OR_NONE = _word("x", "y", None)
+_SIDE = _word("left", "right")
 _COORDINATES = {"xl": _NUMBER, "yl": _NUMBER, "xr": _NUMBER, "yr": _NUMBER}
 
 _PLANNED_FIELDS: dict[str, _Field] = {
@@ -187,12 +189,58 @@ def _check_plan_length(title: str, name: str, plan: Any) -> None:
         raise InputError(f"{title}: {name} holds {len(plan)} points, more than {MAX_PLAN}")
 
 
+def _list_of(length: int, item: _Field) -> _Field:
+    """Return a field that holds so many of another, a tuple here and a list in the file."""
+    wanted = f"a list of {length}"
+
+    def each(
+        convert: Callable[[str, str, Any], Any], title: str, name: str, value: Any
+    ) -> list[Any]:
+        if len(value) != length:
+            raise InputError(f"{title}: {name} must be {wanted}, not of {len(value)}")
+        return [convert(title, f"{name}[{k}]", part) for k, part in enumerate(value)]
+
+    def write(title: str, name: str, value: Any) -> list[Any]:
+        if not isinstance(value, tuple):
+            raise _wrong(title, name, wanted, value)
+        return each(item.write, title, name, value)
+
+    def read(title: str, name: str, value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list):
+            raise _wrong(title, name, wanted, value)
+        return tuple(each(item.read, title, name, value))
+
+    return _Field(write, read)
+
+
 _EVENT_FIELDS: dict[str, dict[str, _Field]] = {
     "model-chosen": {
         "strip": _NAME,
         "left": _PHOTO,
         "right": _PHOTO,
         "plan": _Field(_write_plan, _read_plan),
+    },
+    "fiducial-measured": {
+        "photo": _PHOTO,
+        "side": _SIDE,
+        "fiducial": _NAME,
+        "x": _NUMBER,
+        "y": _NUMBER,
+        "switch": _NAME,
+    },
+    "fiducial-switched": {
+        "photo": _PHOTO,
+        "fiducial": _NAME,
+        "axis": _AXIS_OR_NONE,
+        "on": _TRUTH,
+    },
+    "inner-accepted": {
+        "photo": _PHOTO,
+        "side": _SIDE,
+        "transformation": _word(*TRANSFORMATIONS),
+        "frame": _list_of(2, _list_of(3, _NUMBER)),
+        "numerator": _list_of(2, _list_of(4, _NUMBER)),
+        "denominator": _list_of(2, _NUMBER),
     },
     "point-added": {"planned": _Field(_write_planned, _read_planned)},
     "point-measured": {

@@ -55,7 +55,11 @@ _TERMS: dict[str, tuple[int, ...]] = {
 
 
 def fit_fiducials(
-    wanted: tuple[TransformationName, ...], names: tuple[str, ...], plate: Array, image: Array
+    wanted: tuple[TransformationName, ...],
+    names: tuple[str, ...],
+    plate: Array,
+    image: Array,
+    keep: NDArray[np.bool_] | None = None,
 ) -> InnerFit:
     """Fit the first of the wanted transformations that the fiducials determine.
 
@@ -65,6 +69,8 @@ def fit_fiducials(
         Names, the one to try first first; a remark tells why one was passed over.
     names, plate, image
         Measured fiducials, their (n, 2) plate coordinates and calibrated coordinates [mm].
+    keep
+        (2 n,) which rows x, y of every fiducial take part; all of them when left out.
 
     Raises
     ------
@@ -74,7 +80,7 @@ def fit_fiducials(
     remarks: list[str] = []
     for k, kind in enumerate(wanted):
         try:
-            fit = fit_coordinates(kind, names, plate, image)
+            fit = fit_coordinates(kind, names, plate, image, keep)
         except UndeterminedError as error:
             if k == len(wanted) - 1:
                 raise NotComputableError(str(error)) from None
@@ -89,15 +95,20 @@ class UndeterminedError(Exception):
 
 
 def fit_coordinates(
-    kind: TransformationName, names: tuple[str, ...], plate: Array, image: Array
+    kind: TransformationName,
+    names: tuple[str, ...],
+    plate: Array,
+    image: Array,
+    keep: NDArray[np.bool_] | None = None,
 ) -> InnerFit:
+    rows = np.ones(2 * len(names), dtype=np.bool_) if keep is None else keep
     basis = _basis(kind)
     centre = image.mean(axis=0)
     reach = float(np.sqrt(np.mean((image - centre) ** 2)))
     if not reach > 0.0:
         raise NotComputableError(f"the fiducials{listed(names)} have the same place")
     target = (image - centre) / reach
-    _check_spread(kind, names, target, basis)
+    _check_spread(kind, names, target, basis, rows)
     frame = _laid_like(plate, target, names)
     g = basis.T @ _IDENTITY / np.diag(basis.T @ basis)
     observed = (plate @ frame[:, 1:].T + frame[:, 0]).ravel()
@@ -109,9 +120,9 @@ def fit_coordinates(
             iteration += 1
             at = (observed + v).reshape(-1, 2)
             value, by_place, by_terms = _general_form(basis @ g, at)
-            A = _blocks(by_place)
-            B = by_terms.reshape(len(observed), -1) @ basis
-            u = (value - target).ravel() - A @ v
+            A = _blocks(by_place)[rows]
+            B = by_terms.reshape(len(observed), -1)[rows] @ basis
+            u = (value - target).ravel()[rows] - A @ v
             if not np.isfinite(u).all():
                 raise NotComputableError(no_end(kind, names))
             try:
@@ -185,10 +196,14 @@ def _blocks(small: Array) -> Array:
 
 
 def _check_spread(
-    kind: TransformationName, names: tuple[str, ...], target: Array, basis: Array
+    kind: TransformationName,
+    names: tuple[str, ...],
+    target: Array,
+    basis: Array,
+    rows: NDArray[np.bool_],
 ) -> None:
     _, _, by_terms = _general_form(_IDENTITY, target)
-    design = by_terms.reshape(2 * len(target), -1) @ basis
+    design = by_terms.reshape(2 * len(target), -1)[rows] @ basis
     _, found, right = np.linalg.svd(design, full_matrices=True)
     unknowns = _UNKNOWNS[kind]
     singular = np.zeros(len(unknowns))
@@ -213,7 +228,7 @@ def _laid_like(plate: Array, target: Array, names: tuple[str, ...]) -> Array:
     middle = plate.mean(axis=0)
     away = plate - middle
     size = float((away**2).sum())
-    if not size > 0.0:
+    if not size > 1e-6:  # mm^2: a micrometre apart
         raise NotComputableError(f"the fiducials{listed(names)} are measured at the same place")
     left, singular, right = np.linalg.svd(target.T @ away)
     if not singular[1] > _LINE * singular[0]:

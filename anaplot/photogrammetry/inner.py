@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtri
+from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import (
     error_odds,
@@ -89,6 +89,7 @@ def orient_inner(
     transformation: TransformationName | None = None,
     apriori_um: float = 5.0,
     test: TestSettings | None = None,
+    off: Collection[tuple[str, Axis]] = (),
 ) -> InnerOrientation:
     """Find the transformation plate -> image.
 
@@ -105,6 +106,9 @@ def orient_inner(
         A-priori standard deviation [um] of a measured coordinate.
     test
         The test that flags rows; the default is that of a block.
+    off
+        Rows (fiducial, axis) that do not take part; where only distances are calibrated, both
+        rows of a fiducial or none.
 
     Raises
     ------
@@ -117,19 +121,27 @@ def orient_inner(
     for name in measured:
         if name not in known:
             raise KeyError(name)
-    names = tuple(name for name in known if name in measured)
+    names = tuple(
+        name
+        for name in known
+        if name in measured and not all((name, axis) in off for axis in _AXES)
+    )
+    keep = np.array([(name, axis) not in off for name in names for axis in _AXES], dtype=np.bool_)
     plate = np.array([measured[name] for name in names], dtype=np.float64).reshape(-1, 2)
     if not np.isfinite(plate).all():
         raise ValueError("plate coordinates must be finite")
     _check_choice(calibration, transformation, names)
+    if calibration.distances and not keep.all():
+        raise ValueError("where only distances are calibrated, a fiducial is off as a whole")
     if calibration.distances:
         fit = fit_distances(calibration, names, plate, transformation or "distances", apriori_um)
     else:
         calibrated = {mark.id: (mark.x, mark.y) for mark in calibration.fiducials}
         image = np.array([calibrated[name] for name in names])
-        wanted = (transformation,) if transformation else candidates(calibration, len(names))
-        fit = fit_fiducials(wanted, names, plate, image)
-    return _result(calibration, names, fit, apriori_um, settings)
+        count = int(keep.sum()) // 2
+        wanted = (transformation,) if transformation else candidates(calibration, count)
+        fit = fit_fiducials(wanted, names, plate, image, keep)
+    return _result(calibration, names, fit, apriori_um, settings, keep)
 
 
 def _check_choice(
@@ -160,8 +172,16 @@ def _result(
     fit: InnerFit,
     apriori_um: float,
     test: TestSettings,
+    keep: NDArray[np.bool_],
 ) -> InnerOrientation:
     adjusted = fit.adjustment
+    adjusted = replace(
+        adjusted,
+        w=adjusted.w[keep],
+        q_l=adjusted.q_l[keep],
+        q_vv=adjusted.q_vv[np.ix_(keep, keep)],
+        r=adjusted.r[keep],
+    )
     if (adjusted.sigma0 or 0.0) < _NOTHING_MM:
         adjusted = replace(adjusted, w=np.zeros_like(adjusted.w), vtpv=0.0)
     f = adjusted.redundancy
@@ -170,7 +190,8 @@ def _result(
         adjusted.r, adjusted.q_l, apriori=apriori_um, alpha=test.alpha, power=test.power
     )
     odds = error_odds(adjusted.r, tested.ratio if f > 0 else None, f, test.kind)
-    keys: list[tuple[str, Axis]] = [(name, axis) for name in names for axis in _AXES]
+    every: list[tuple[str, Axis]] = [(name, axis) for name in names for axis in _AXES]
+    keys = [key for key, kept in zip(every, keep.tolist(), strict=True) if kept]
     rows = []
     for k, (name, axis) in enumerate(keys):
         sigf = None if tested.ratio is None else _number(tested.ratio[k])
@@ -191,6 +212,8 @@ def _result(
     first, second = np.nonzero(np.triu(np.abs(correlation) >= HARD_TO_TELL, 1))
     sigma0 = adjusted.sigma0
     power: float | None = None
+    from scipy.special import chdtri  # loaded with the first inner orientation
+
     if f > 0:
         delta = noncentrality(test.alpha, test.power)
         power = test.power if test.kind == "baarda" else tau_power(delta, test.alpha, f)

@@ -114,7 +114,8 @@ class InnerOrientation:
     test
         The test that flags rows.
     rows
-        x and y of every fiducial in use, in the order of the certificate.
+        x and y of every fiducial in use, in the order of the certificate; rows switched off are
+        left out.
     partners
         Rows hard to tell apart.
     distances
@@ -134,7 +135,7 @@ class InnerOrientation:
     remarks
         Sentences on how the transformation was chosen.
     q_vv
-        (2 n, 2 n) cofactors of the residuals, in the order of the rows.
+        (m, m) cofactors of the residuals, in the order of the m rows.
     """
 
     camera: str

@@ -13,8 +13,10 @@ import math
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anaplot.errors import InputError
 from anaplot.plotter.encoding import encode_value
@@ -35,10 +37,15 @@ __all__ = [
     "HandSettled",
     "Offsets",
     "Photographs",
+    "Side",
     "SimulatedPlotter",
+    "fiducial_name",
     "transfer_error",
 ]
 
+Side = Literal["left", "right"]
+
+Array = NDArray[np.float64]
 Photographs = Mapping[str, Mapping[str, tuple[float, float]]]
 _MAX_COMMAND = 256
 SLOWER = 50.0
@@ -70,6 +77,8 @@ class Hand:
         Name of the footswitch.
     search_radius
         Farthest true point that it looks for [mm], judged in the left plate.
+    fiducial_radius
+        Farthest fiducial that it looks for [mm], judged in the plate where it points.
     settle_time, pedal_time
         Simulated seconds to set the mark, and until the pedal is pressed.
     """
@@ -78,6 +87,7 @@ class Hand:
     auto_pedal: bool = False
     pedal: str = "pedal"
     search_radius: float = 5.0
+    fiducial_radius: float = 25.0
     settle_time: float = 0.8
     pedal_time: float = 0.2
 
@@ -102,6 +112,18 @@ class HandSettled:
     position: Position
     times: int
     drive: int = 0
+
+
+def fiducial_name(side: Side, fiducial: str) -> str:
+    """Return the name that a fiducial has among the true points of a photograph in a carriage.
+
+    No point has it: a point's name does not begin with a blank.
+    """
+    return f" {side} {fiducial}"
+
+
+def _is_fiducial(point: str) -> bool:
+    return point.startswith(" ")
 
 
 def transfer_error(
@@ -167,7 +189,10 @@ class SimulatedPlotter:
     profile
         The device.
     photographs
-        Photo -> point -> true plate coordinates (x, y) [mm].
+        Photo -> point -> true plate coordinates (x, y) [mm]. Fiducials are among them, see
+        `fiducial_name`.
+    in_right
+        The same for the right carriage, where a photograph lies differently there.
     seed
         Of the pointing noise.
     noise_um
@@ -175,10 +200,11 @@ class SimulatedPlotter:
     hand
         What the operator's hand does.
     mistakes
-        (left, right, point) -> offsets added the first times the point is pointed at.
+        (left, right, point) -> offsets added the first times the point is pointed at; of a
+        fiducial the offsets of its own carriage.
     drift
         Added to every pointing, growing with each one: n times the offsets at the n-th pointing
-        in a model, counted over the model's points.
+        in a model, counted over the model's points; fiducials are free of it.
     on_settled
         Called when the mark is set; from whatever thread lets time pass, without any lock held.
     start
@@ -211,11 +237,16 @@ class SimulatedPlotter:
         on_settled: Callable[[HandSettled], None] | None = None,
         start: Position | None = None,
         pointed: Mapping[tuple[str, str, str], int] | None = None,
+        in_right: Photographs | None = None,
         fault_rates: Mapping[str, float] | None = None,
         fault_seconds: float = 2.0,
     ) -> None:
         self._profile = profile
         self._photographs = {photo: dict(points) for photo, points in photographs.items()}
+        self._in_right = self._photographs
+        if in_right is not None:
+            self._in_right = {photo: dict(points) for photo, points in in_right.items()}
+        self._attended: Side | None = None
         self._seed = seed
         self._noise = noise_um / 1000.0
         self._hand = hand if hand is not None else Hand()
@@ -271,7 +302,7 @@ class SimulatedPlotter:
         return self._hand
 
     def set_hand(self, hand: Hand) -> None:
-        """Change what the hand does from the next drive on."""
+        """Change what the hand does; one that is to follow does so from the next drive on."""
         with self._lock:
             self._hand = hand
 
@@ -298,14 +329,19 @@ class SimulatedPlotter:
         InputError
             When there is no such photograph.
         """
-        for photo in (left, right):
-            if photo is not None and photo not in self._photographs:
+        for photo, known in ((left, self._photographs), (right, self._in_right)):
+            if photo is not None and photo not in known:
                 raise InputError(f"the simulated plotter has no photograph {photo}")
         if right is None and not self._profile.mono:
             raise InputError("the simulated plotter holds two photographs")
         with self._lock:
             self._left = left
             self._right = right if right is not None else left
+
+    def attend(self, side: Side | None) -> None:
+        """Say in which plate the hand points at fiducials from now on; None: points, in both."""
+        with self._lock:
+            self._attended = side
 
     def add_mistakes(self, mistakes: Mapping[tuple[str, str, str], Offsets]) -> None:
         """Plant more mistakes; one of the same model and point is replaced."""
@@ -316,6 +352,19 @@ class SimulatedPlotter:
     def laid(self) -> tuple[str, str]:
         """The photographs in the left and the right carriage; "" when empty."""
         return self._left, self._right
+
+    def points_of(self, photo: str, side: Side = "left") -> dict[str, tuple[float, float]]:
+        """Return the true plate coordinates (x, y) [mm] of a photograph's points in a carriage.
+
+        Raises
+        ------
+        InputError
+            When there is no such photograph.
+        """
+        photographs = self._photographs if side == "left" else self._in_right
+        if photo not in photographs:
+            raise InputError(f"the simulated plotter has no photograph {photo}")
+        return dict(photographs[photo])
 
     @property
     def pointed(self) -> dict[tuple[str, str, str], int]:
@@ -617,7 +666,7 @@ class SimulatedPlotter:
             self._at(self._hand.settle_time, lambda: self._settle(generation))
 
     def _settle(self, generation: int) -> None:
-        if generation != self._generation:
+        if generation != self._generation or not self._hand.follow:
             return
         point = self._nearest()
         if point is None:
@@ -628,8 +677,8 @@ class SimulatedPlotter:
         self._pointed[key] = times
         in_model = sum(
             count
-            for (left, right, _), count in self._pointed.items()
-            if (left, right) == (self._left, self._right)
+            for (left, right, name), count in self._pointed.items()
+            if (left, right) == (self._left, self._right) and not _is_fiducial(name)
         )
         place = self._pointing(point, times, in_model)
         self._set_axes(self._profile.stage.to_axes(self._plate(place)))
@@ -642,9 +691,14 @@ class SimulatedPlotter:
             self._press(self._hand.pedal)
 
     def _nearest(self) -> str | None:
-        """Return the true point common to both photographs nearest to the left mark."""
+        """Return the true point common to both photographs nearest to the left mark.
+
+        Where the hand attends to fiducials, the nearest one of that plate to its mark.
+        """
         here = self._position(self._axes)
-        other = self._photographs.get(self._right, {})
+        if self._attended is not None:
+            return self._nearest_fiducial(self._attended, here)
+        other = self._in_right.get(self._right, {})
         best: tuple[float, str] | None = None
         for point, (x, y) in self._photographs.get(self._left, {}).items():
             if point not in other:
@@ -653,6 +707,19 @@ class SimulatedPlotter:
             if distance <= self._hand.search_radius and (best is None or (distance, point) < best):
                 best = (distance, point)
         return best[1] if best is not None else None
+
+    def _nearest_fiducial(self, side: Side, here: Position) -> str | None:
+        left = side == "left"
+        points = self._photographs[self._left] if left else self._in_right[self._right]
+        x, y = (here.xl, here.yl) if left else (here.xr, here.yr)
+        own = fiducial_name(side, "")
+        near = [
+            (math.hypot(at[0] - x, at[1] - y), point)
+            for point, at in points.items()
+            if point.startswith(own)
+        ]
+        distance, found = min(near, default=(math.inf, ""))
+        return found if distance <= self._hand.fiducial_radius else None
 
     def _pointing(self, point: str, times: int, pointing: int) -> Position:
         """Return where the hand sets the mark: truth, noise, mistake and drift."""
@@ -663,8 +730,10 @@ class SimulatedPlotter:
         mistake = self._mistakes.get((self._left, self._right, point), Offsets(count=0))
         if times > mistake.count:
             mistake = Offsets()
+        if _is_fiducial(point):
+            return self._on_fiducial(point, noise, mistake)
         xl, yl = self._photographs[self._left][point]
-        xr, yr = self._photographs[self._right][point]
+        xr, yr = self._in_right[self._right][point]
         drift = self._drift
         return Position(
             xl + float(noise[0]) + mistake.dxl + drift.dxl * pointing,
@@ -672,6 +741,17 @@ class SimulatedPlotter:
             xr + float(noise[2]) + mistake.dxr + drift.dxr * pointing,
             yr + float(noise[3]) + mistake.dyr + drift.dyr * pointing,
         )
+
+    def _on_fiducial(self, point: str, noise: Array, mistake: Offsets) -> Position:
+        """Return where the marks stand when one is on a fiducial; the other stays."""
+        here = self._position(self._axes)
+        if point.startswith(fiducial_name("left", "")):
+            x, y = self._photographs[self._left][point]
+            x += float(noise[0]) + mistake.dxl
+            return replace(here, xl=x, yl=y + float(noise[1]) + mistake.dyl)
+        x, y = self._in_right[self._right][point]
+        x += float(noise[2]) + mistake.dxr
+        return replace(here, xr=x, yr=y + float(noise[3]) + mistake.dyr)
 
     def _press(self, name: str) -> bool:
         switch = self._profile.footswitches.get(name)

@@ -10,10 +10,17 @@ from typing import TextIO
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.problem import Datum
+from anaplot.bundle.snooping import PAPER_TOLERANCE
 from anaplot.exchange.blockfolder import read_block
 from anaplot.report.bundlecontract import adjust_json
 from anaplot.report.bundletext import adjust_printout
+from anaplot.report.correlations import (
+    correlated_rays,
+    correlations_json,
+    correlations_printout,
+)
 from anaplot.report.progress import ProgressLine
+from anaplot.report.snoopingreport import snoop_block, snooping_json, snooping_printout
 
 __all__ = ["run_adjust"]
 
@@ -26,6 +33,9 @@ def run_adjust(
     datum: Datum = "control",
     additional: str | None = None,
     additional_sigma_um: float | None = None,
+    snooping: bool = False,
+    tolerance: float = PAPER_TOLERANCE,
+    correlations: float | None = None,
     out: TextIO | None = None,
     err: TextIO | None = None,
 ) -> int:
@@ -46,6 +56,12 @@ def run_adjust(
         camera, photo.
     additional_sigma_um
         Their a-priori standard deviation as effect in the image [um]; None: free.
+    snooping
+        Add the modified data snooping of 1980 beside the exact test.
+    tolerance
+        Its k_q, a share.
+    correlations
+        Add the pairs of a point's rays whose residuals are correlated at or above this.
     out, err
         Standard output and standard error when None.
 
@@ -65,9 +81,22 @@ def run_adjust(
         chosen = additional_parameters(additional, additional_sigma_um)
     with ProgressLine(sys.stderr if err is None else err) as progress:
         adjusted = adjust_block(block, datum=datum, additional=chosen, progress=progress)
+        progress("report", 0.0)
+        snooped = snoop_block(adjusted, tolerance=tolerance) if snooping else None
+        pairs = None if correlations is None else correlated_rays(adjusted, correlations)
     if as_json:
-        text = json.dumps(adjust_json(adjusted), indent=1, allow_nan=False)
+        found = adjust_json(adjusted)
+        if snooping:
+            found["snooping"] = snooping_json(snooped)
+        if pairs is not None:
+            found["correlations"] = correlations_json(pairs)
+        text = json.dumps(found, indent=1, allow_nan=False)
     else:
-        text = adjust_printout(adjusted)
+        parts = [adjust_printout(adjusted)]
+        if snooping:
+            parts.append(snooping_printout(snooped))
+        if pairs is not None and correlations is not None:
+            parts.append(correlations_printout(pairs, correlations))
+        text = "\n\n".join(parts)
     print(text, file=sys.stdout if out is None else out)
     return 1 if fail_on_flag and adjusted.any_flagged else 0

@@ -7,6 +7,8 @@ from typing import Any
 
 from anaplot.orientation.results import ModelSolution, TableRow
 from anaplot.orientation.strip import BridgedStrip
+from anaplot.report.innercontract import photo_json
+from anaplot.station.automatic import ModelRecord
 from anaplot.station.demo import Outcome
 from anaplot.station.mistakes import Planted
 
@@ -89,12 +91,33 @@ def demo_json(seed: int, outcome: Outcome) -> Json:
                 "before": [] if record.before is None else table_json(record.before.table),
                 "after": [] if record.after is None else table_json(record.after.table),
                 "handled": [
-                    {"point": h.point, "axis": h.axis, "action": h.action} for h in record.handled
+                    {"point": h.point, "axis": h.axis, "action": h.action}
+                    for h in record.handled
+                    if not h.photo
                 ],
+                **({"inner": _inners_json(record)} if record.inners else {}),
             }
             for record in outcome.models
         ],
     }
+
+
+def _inners_json(record: ModelRecord) -> list[Json]:
+    """Return the inner orientations of a model's photos, before and after re-measurements."""
+    return [
+        {
+            "photo": inner.photo,
+            "side": inner.side,
+            "before": None if inner.before is None else photo_json(inner.photo, inner.before),
+            "after": None if inner.after is None else photo_json(inner.photo, inner.after),
+            "handled": [
+                {"fiducial": h.point, "axis": h.axis, "action": h.action}
+                for h in record.handled
+                if h.photo == inner.photo
+            ],
+        }
+        for inner in record.inners
+    ]
 
 
 def _number(value: float) -> float | None:

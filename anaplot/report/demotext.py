@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from anaplot.orientation.diagnosis import diagnose
+from anaplot.photogrammetry.platetransformation import TITLES
+from anaplot.report.innertext import inner_table_lines
 from anaplot.report.text import printable, table_lines
-from anaplot.station.automatic import ModelRecord
+from anaplot.station.automatic import Handled, InnerRecord, ModelRecord
 from anaplot.station.demo import Outcome
 from anaplot.station.mistakes import Planted
 
@@ -16,18 +18,40 @@ __all__ = ["model_story", "outcome_text"]
 def model_story(record: ModelRecord) -> str:
     """Return a model's tables before and after, and what was done in between."""
     lines = [f"MODEL {printable(record.left)}/{printable(record.right)}"]
+    for inner in record.inners:
+        lines += _inner_story(inner, [h for h in record.handled if h.photo == inner.photo])
+    points = [h for h in record.handled if not h.photo]
     if record.before is not None:
         lines += [f"  pattern complete, {_sigma(record.before.sigma0_um)}"]
         lines += table_lines(record.before.table, diagnose(record.before).suspects)
-    for h in record.handled:
-        row = printable(h.point) + ("" if h.axis is None else f" ({h.axis})")
-        lines.append(f"  {row} {h.action}")
-    if record.handled and record.after is not None:
+    lines += _actions(points)
+    if points and record.after is not None:
         lines += [f"  accepted, {_sigma(record.after.sigma0_um)}"]
         lines += table_lines(record.after.table, diagnose(record.after).suspects)
     elif record.after is not None:
         lines.append("  nothing flagged: accepted")
     return "\n".join(lines)
+
+
+def _inner_story(record: InnerRecord, handled: list[Handled]) -> list[str]:
+    """Return what happened in an inner orientation; its tables when something was wrong in it."""
+    lines = []
+    title = f"  photo {printable(record.photo)} ({record.side})"
+    if handled and record.before is not None:
+        lines.append(f"{title}: fiducials measured, {_sigma(record.before.sigma0_um)}")
+        lines += inner_table_lines(record.before)
+        lines += _actions(handled)
+    if record.after is None:
+        return lines
+    lines.append(f"{title}: {TITLES[record.after.kind]} accepted, {_sigma(record.after.sigma0_um)}")
+    if handled:
+        lines += inner_table_lines(record.after)
+    return lines
+
+
+def _actions(handled: Iterable[Handled]) -> list[str]:
+    rows = [(printable(h.point) + ("" if h.axis is None else f" ({h.axis})"), h) for h in handled]
+    return [f"  {'fiducial ' if h.photo else ''}{row} {h.action}" for row, h in rows]
 
 
 def _sigma(sigma0_um: float | None) -> str:
@@ -36,11 +60,17 @@ def _sigma(sigma0_um: float | None) -> str:
 
 def _entries(title: str, entries: Iterable[Planted]) -> list[str]:
     lines = [
-        f"    {p.model}  {printable(p.point):<8} {p.axis}  {p.size_um:9.1f} um  {p.kind}"
+        f"    {p.model}  {printable(p.point):<8} {p.axis}  {p.size_um:9.1f} um  {_kind(p)}"
         + ("" if p.detectable or p.kind == "none" else _elsewhere(p))
         for p in entries
     ]
     return [f"  {title}: {len(lines) or 'none'}", *lines]
+
+
+def _kind(planted: Planted) -> str:
+    if planted.kind == "wrong fiducial":
+        return f"{planted.kind} of photo {printable(planted.photo)}"
+    return planted.kind
 
 
 def _elsewhere(planted: Planted) -> str:

@@ -9,6 +9,9 @@ __all__ = [
     "EVENT_KINDS",
     "Axis",
     "Event",
+    "FiducialMeasured",
+    "FiducialSwitched",
+    "InnerAccepted",
     "ModelAccepted",
     "ModelChosen",
     "PlannedPoint",
@@ -17,12 +20,16 @@ __all__ = [
     "Resumed",
     "Role",
     "RowSwitched",
+    "Side",
     "Suspended",
     "Undone",
 ]
 
 Axis = Literal["x", "y"]
 Role = Literal["tie", "new"]
+Side = Literal["left", "right"]
+Row3 = tuple[float, float, float]
+Row4 = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +74,64 @@ class ModelChosen:
 
 
 @dataclass(frozen=True, slots=True)
+class FiducialMeasured:
+    """A fiducial was recorded; measuring it again replaces the coordinates, never the history.
+
+    Attributes
+    ----------
+    photo, side, fiducial
+        Names, and the carriage in which the photo lies.
+    x, y
+        Plate coordinates [mm].
+    switch
+        What recorded it: a footswitch's name, or "key".
+    """
+
+    kind: ClassVar[str] = "fiducial-measured"
+    photo: str
+    side: Side
+    fiducial: str
+    x: float
+    y: float
+    switch: str
+
+
+@dataclass(frozen=True, slots=True)
+class FiducialSwitched:
+    """A fiducial (axis None) or one of its coordinates was switched off or on again."""
+
+    kind: ClassVar[str] = "fiducial-switched"
+    photo: str
+    fiducial: str
+    axis: Axis | None
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class InnerAccepted:
+    """The operator accepted the inner orientation of a photo in its carriage.
+
+    Attributes
+    ----------
+    photo, side
+        The photo, and the carriage in which it lies.
+    transformation
+        Name of the transformation plate -> image.
+    frame, numerator, denominator
+        Its coefficients, see `anaplot.photogrammetry.platetransformation.PlateTransformation`.
+        They are part of the event: coordinates that were recorded with them stay what they were.
+    """
+
+    kind: ClassVar[str] = "inner-accepted"
+    photo: str
+    side: Side
+    transformation: str
+    frame: tuple[Row3, Row3]
+    numerator: tuple[Row4, Row4]
+    denominator: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class PointAdded:
     """A point beyond the plan was added to the current model."""
 
@@ -83,7 +148,8 @@ class PointMeasured:
     left, right, point
         Names.
     xl, yl, xr, yr
-        Image coordinates [mm].
+        Image coordinates [mm], refined where the camera asks for it. The plate coordinates follow
+        from the recorded bytes, and these from them through the accepted inner orientations.
     switch
         What recorded it: a footswitch's name, or "key".
     """
@@ -141,6 +207,9 @@ class Resumed:
 
 Event = (
     ModelChosen
+    | FiducialMeasured
+    | FiducialSwitched
+    | InnerAccepted
     | PointAdded
     | PointMeasured
     | RowSwitched
@@ -154,6 +223,9 @@ EVENT_KINDS: dict[str, type[Event]] = {
     cls.kind: cls
     for cls in (
         ModelChosen,
+        FiducialMeasured,
+        FiducialSwitched,
+        InnerAccepted,
         PointAdded,
         PointMeasured,
         RowSwitched,

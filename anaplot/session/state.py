@@ -7,11 +7,14 @@ from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Self
 
-from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS, PlateTransformation
 from anaplot.session.events import (
     Axis,
     Event,
+    FiducialMeasured,
+    FiducialSwitched,
+    InnerAccepted,
     ModelAccepted,
     ModelChosen,
     PlannedPoint,
@@ -19,17 +22,16 @@ from anaplot.session.events import (
     PointMeasured,
     Resumed,
     RowSwitched,
+    Side,
     Suspended,
     Undone,
 )
+from anaplot.session.innerstate import InnerState
+from anaplot.session.refusal import EventRefusedError
 
 __all__ = ["EventRefusedError", "Measured", "ModelState", "SessionState", "apply", "fold", "start"]
 
 _HISTORY = 1000  # undo reaches back this many events
-
-
-class EventRefusedError(InputError):
-    """An event that cannot happen in the present state; the state is unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,8 @@ class ModelState:
         Measurements, in the order of the plan.
     off
         Rows (point, axis) switched off.
+    inner
+        Inner orientations of its photos, left first; none where the cameras have no fiducials.
     """
 
     strip: str
@@ -76,6 +80,7 @@ class ModelState:
     plan: tuple[PlannedPoint, ...]
     measured: tuple[Measured, ...] = ()
     off: frozenset[tuple[str, Axis]] = frozenset()
+    inner: tuple[InnerState, ...] = ()
 
     @property
     def photos(self) -> tuple[str, str]:
@@ -108,6 +113,15 @@ class ModelState:
     def used(self) -> tuple[Measured, ...]:
         """The measurements that are not switched off altogether."""
         return tuple(m for m in self.measured if not self.is_off(m.point))
+
+    @property
+    def open_inner(self) -> InnerState | None:
+        """The inner orientation to be done first, or None when points can be measured."""
+        return next((i for i in self.inner if i.accepted is None), None)
+
+    def inner_of(self, side: Side) -> InnerState | None:
+        """Return the inner orientation in a carriage; None where the camera has no fiducials."""
+        return next((i for i in self.inner if i.side == side), None)
 
     @property
     def pending(self) -> tuple[PlannedPoint, ...]:
@@ -197,6 +211,8 @@ def apply(state: SessionState, event: Event) -> SessionState:
             return _undone(state)
         case ModelChosen():
             return replace(state._remembered(), current=_chosen(state, event))
+        case FiducialMeasured() | FiducialSwitched() | InnerAccepted():
+            return _with_current(state, _inner(state, event))
         case PointAdded():
             return _with_current(state, _added(state, event.planned))
         case PointMeasured():
@@ -241,7 +257,66 @@ def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
         raise EventRefusedError(f"{model}: a point is planned twice")
     for p in event.plan:
         _check_role(model, p, preceding)
-    return ModelState(event.strip, event.left, event.right, event.plan)
+    return ModelState(
+        event.strip, event.left, event.right, event.plan, inner=_inners(state.block, event)
+    )
+
+
+def _inners(block: Block, event: ModelChosen) -> tuple[InnerState, ...]:
+    """Every photo lies anew in its carriage, also the left one that was the right one before."""
+    out = []
+    sides: tuple[tuple[str, Side], ...] = ((event.left, "left"), (event.right, "right"))
+    for photo, side in sides:
+        calibration = block.camera_of(photo).calibration
+        names = () if calibration is None else calibration.fiducial_names()
+        if calibration is not None and names:
+            out.append(InnerState(photo, side, names, rows=not calibration.distances))
+    return tuple(out)
+
+
+def _inner(
+    state: SessionState, event: FiducialMeasured | FiducialSwitched | InnerAccepted
+) -> ModelState:
+    model = _current(state)
+    if event.photo not in model.photos:
+        raise EventRefusedError(f"photo {event.photo}: model {model.name} is in the instrument")
+    side: Side = "left" if event.photo == model.left else "right"
+    if not isinstance(event, FiducialSwitched) and event.side != side:
+        raise EventRefusedError(f"photo {event.photo} lies on the {side}, not on the {event.side}")
+    inner = model.inner_of(side)
+    if inner is None:
+        raise EventRefusedError(f"photo {event.photo}: its camera has no fiducials")
+    if inner.accepted is not None:
+        raise EventRefusedError(f"the inner orientation of {inner.name} is accepted already")
+    first = model.open_inner
+    if first is not None and first != inner:
+        raise EventRefusedError(f"{inner.name}: the inner orientation of {first.name} comes first")
+    match event:
+        case FiducialMeasured():
+            after = inner.with_measurement(event.fiducial, event.x, event.y)
+        case FiducialSwitched():
+            after = inner.with_switch(event.fiducial, event.axis, event.on)
+        case InnerAccepted():
+            after = inner.with_acceptance(_transformation(inner, event))
+    return replace(model, inner=tuple(after if i == inner else i for i in model.inner))
+
+
+def _transformation(inner: InnerState, event: InnerAccepted) -> PlateTransformation:
+    name = next((n for n in TRANSFORMATIONS if n == event.transformation), None)
+    if name is None:
+        raise EventRefusedError(f"{inner.name}: there is no transformation {event.transformation}")
+    try:
+        return PlateTransformation(name, event.frame, event.numerator, event.denominator)
+    except ValueError as error:
+        raise EventRefusedError(f"{inner.name}: {error}") from None
+
+
+def _oriented(state: SessionState) -> ModelState:
+    """Return the current model, whose photos are ready for points."""
+    model = _current(state)
+    if model.open_inner is not None:
+        raise EventRefusedError(f"{model.open_inner.name}: inner orientation comes first")
+    return model
 
 
 def _check_role(model: str, planned: PlannedPoint, preceding: ModelState | None) -> None:
@@ -255,7 +330,7 @@ def _check_role(model: str, planned: PlannedPoint, preceding: ModelState | None)
 
 
 def _added(state: SessionState, planned: PlannedPoint) -> ModelState:
-    model = _current(state)
+    model = _oriented(state)
     if model.planned(planned.point) is not None:
         raise EventRefusedError(f"point {planned.point} is in model {model.name} already")
     _check_role(f"model {model.name}", planned, state.preceding(model.strip, model.left))
@@ -268,6 +343,7 @@ def _measured(state: SessionState, event: PointMeasured) -> ModelState:
         raise EventRefusedError(
             f"point {event.point} of {event.left}/{event.right}: {model.name} is in the instrument"
         )
+    _oriented(state)
     if model.planned(event.point) is None:
         raise EventRefusedError(f"point {event.point} is not in the plan of model {model.name}")
     for photo, x, y in ((event.left, event.xl, event.yl), (event.right, event.xr, event.yr)):
@@ -301,4 +377,5 @@ def _accepted(state: SessionState, event: ModelAccepted) -> SessionState:
     model = _current(state)
     if (event.left, event.right) != model.photos:
         raise EventRefusedError(f"model {model.name} is in the instrument")
+    _oriented(state)
     return replace(state._remembered(), models=(*state.models, model), current=None)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError
 from anaplot.orientation.results import Diagnosis, ModelSolution
+from anaplot.session.innerstate import InnerState
+from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.models import diagnosis_of, solve
 from anaplot.session.state import SessionState
 
@@ -24,15 +26,18 @@ class Outlook:
     problem
         Why there is no solution, or "".
     next_point
-        The point to measure next: pending, or to be re-measured; None when there is none.
+        The point to measure next: pending, or to be re-measured; None when there is none. During
+        an inner orientation, the fiducial.
     expected
         What the operator is expected to do, one sentence.
     may_accept
-        Whether the current model can be accepted.
+        Whether the current model can be accepted; during an inner orientation, whether that can.
     next_model
         (strip, left, right) of the model to choose next, or None.
     finished
         Whether every model of the block is accepted.
+    inner
+        The inner orientation that comes before the current model's points, or None.
     """
 
     solution: ModelSolution | None
@@ -43,6 +48,7 @@ class Outlook:
     may_accept: bool
     next_model: tuple[str, str, str] | None
     finished: bool
+    inner: InnerOutlook | None = None
 
 
 def next_model(state: SessionState) -> tuple[str, str, str] | None:
@@ -66,6 +72,8 @@ def outlook(state: SessionState) -> Outlook:
             expected = "work is suspended: resume"
         return Outlook(None, None, "", None, expected, False, following, following is None)
     model = state.current
+    if model.open_inner is not None:
+        return _inner(state, model.open_inner, following)
     solution: ModelSolution | None = None
     diagnosis: Diagnosis | None = None
     problem = ""
@@ -104,4 +112,21 @@ def outlook(state: SessionState) -> Outlook:
         may_accept=solution is not None and not state.suspended,
         next_model=following,
         finished=False,
+    )
+
+
+def _inner(
+    state: SessionState, inner: InnerState, following: tuple[str, str, str] | None
+) -> Outlook:
+    view = inner_outlook(state.block, inner)
+    return Outlook(
+        solution=None,
+        diagnosis=None,
+        problem=view.problem,
+        next_point=view.next_fiducial,
+        expected="work is suspended: resume" if state.suspended else view.expected,
+        may_accept=view.solution is not None and not state.suspended,
+        next_model=following,
+        finished=False,
+        inner=view,
     )

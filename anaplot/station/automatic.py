@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from anaplot.errors import AnaplotError, InputError, LinkError, NotComputableError
 from anaplot.orientation.results import ModelSolution
-from anaplot.session.events import Axis
-from anaplot.station.snapshot import Snapshot
+from anaplot.photogrammetry.inner import InnerOrientation
+from anaplot.session.events import Axis, Side
+from anaplot.station.snapshot import InnerView, Snapshot
 
 if TYPE_CHECKING:
     from anaplot.station.station import Station
 
-__all__ = ["AutomaticOperator", "Handled", "ModelRecord"]
+__all__ = ["AutomaticOperator", "Handled", "InnerRecord", "ModelRecord"]
 
 _REPEATS = 2
 _PATIENCE = 5.0  # s without a record before he drives to the point again
@@ -34,12 +35,34 @@ Row = tuple[str, Axis | None]
 
 
 class Handled(NamedTuple):
-    """A row that was flagged and measured again or switched off; axis None: the whole point."""
+    """A row that was flagged and measured again or switched off; axis None: the whole point.
+
+    For a fiducial `point` is its name and `photo` the photo; for a point `photo` is empty.
+    """
 
     model: str
     point: str
     axis: Axis | None
     action: str
+    photo: str = ""
+
+
+@dataclass(slots=True)
+class InnerRecord:
+    """What happened in one photo's inner orientation.
+
+    Attributes
+    ----------
+    photo, side
+        The photo, and the carriage in which it lies.
+    before, after
+        The inner orientation when every fiducial was measured, and when it was accepted.
+    """
+
+    photo: str
+    side: Side
+    before: InnerOrientation | None = None
+    after: InnerOrientation | None = None
 
 
 @dataclass(slots=True)
@@ -53,7 +76,9 @@ class ModelRecord:
     before, after
         The model when its pattern was complete, and when it was accepted.
     handled
-        What was measured again or switched off, in order.
+        What was measured again or switched off, in order; fiducials among it.
+    inners
+        The photos' inner orientations, left first; none where the cameras have no fiducials.
     """
 
     left: str
@@ -61,6 +86,7 @@ class ModelRecord:
     before: ModelSolution | None = None
     after: ModelSolution | None = None
     handled: list[Handled] = field(default_factory=list)
+    inners: list[InnerRecord] = field(default_factory=list)
 
 
 class AutomaticOperator:
@@ -82,7 +108,7 @@ class AutomaticOperator:
         self._woken = threading.Event()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
-        self._noted: set[tuple[str, Row, int]] = set()
+        self._noted: set[tuple[str, str, Row, int]] = set()
         self._drives = 0
         self._since = 0.0
         self._records: dict[str, ModelRecord] = {}
@@ -183,11 +209,15 @@ class AutomaticOperator:
             if monotonic() - self._since > _PATIENCE:
                 self._drive(picture.target)
             return False
+        name = f"{picture.left}/{picture.right}"
+        if picture.inner is not None:
+            record = self._records.setdefault(name, ModelRecord(picture.left, picture.right))
+            self._orient(picture, picture.inner, record)
+            return True
         pending = [p.point for p in picture.points if p.status == "pending"]
         if pending:
             self._drive(pending[0])
             return True
-        name = f"{picture.left}/{picture.right}"
         record = self._records.setdefault(name, ModelRecord(picture.left, picture.right))
         if record.before is None:
             record.before = picture.solution
@@ -204,10 +234,41 @@ class AutomaticOperator:
                 self._on_accepted(record)
         return True
 
+    def _orient(self, picture: Snapshot, inner: InnerView, record: ModelRecord) -> None:
+        """Do the next thing of an inner orientation."""
+        pending = [f.fiducial for f in inner.fiducials if f.status == "pending"]
+        if pending:
+            self._drive(pending[0])
+            return
+        key = (inner.photo, inner.side)
+        done = next((i for i in record.inners if (i.photo, i.side) == key), None)
+        if done is None:
+            done = InnerRecord(*key, before=inner.solution)
+            record.inners.append(done)
+        if inner.solution is None:
+            raise NotComputableError(
+                f"photo {inner.photo} ({inner.side}): "
+                + (picture.problem or "its inner orientation is not determined")
+            )
+        times = {f.fiducial: f.times for f in inner.fiducials}
+        row = inner.suspects[0] if inner.suspects else None
+        if row is not None and not inner.solution.locatable and times[row[0]] > _REPEATS:
+            # each was measured again, and which one to leave out cannot be known
+            record.handled.append(
+                Handled(f"{picture.left}/{picture.right}", *row, "accepted as it is", inner.photo)
+            )
+            row = None
+        if row is not None:
+            self._handle(picture, record, row)
+        else:
+            done.after = inner.solution
+            self._station.accept()
+
     def _drive(self, point: str) -> None:
         """Drive to a point, but not for ever to one of which no record comes."""
         if self._drives >= _ATTEMPTS:
-            raise _GivenUpError(f"point {point} was not recorded in {_ATTEMPTS} attempts")
+            what = "point" if self._station.snapshot().inner is None else "fiducial"
+            raise _GivenUpError(f"{what} {point} was not recorded in {_ATTEMPTS} attempts")
         self._station.drive(point)
         self._drives += 1
         self._since = monotonic()
@@ -215,16 +276,21 @@ class AutomaticOperator:
     def _handle(self, picture: Snapshot, record: ModelRecord, row: Row) -> None:
         point, axis = row
         name = f"{picture.left}/{picture.right}"
+        inner = picture.inner
+        photo = "" if inner is None else inner.photo
         # counted by the session, so that an interrupted job goes on as if it had not been
-        times = next(p.times for p in picture.points if p.point == point)
+        if inner is None:
+            times = next(p.times for p in picture.points if p.point == point)
+        else:
+            times = next(f.times for f in inner.fiducials if f.fiducial == point)
         if times <= _REPEATS:
             # driven to a second time when the line failed, but measured once
-            if (name, row, times) not in self._noted:
-                self._noted.add((name, row, times))
-                record.handled.append(Handled(name, point, axis, "measured again"))
+            if (name, photo, row, times) not in self._noted:
+                self._noted.add((name, photo, row, times))
+                record.handled.append(Handled(name, point, axis, "measured again", photo))
             self._drive(point)
             return
-        record.handled.append(Handled(name, point, axis, "switched off"))
+        record.handled.append(Handled(name, point, axis, "switched off", photo))
         self._station.switch(point, axis, False)
 
 
@@ -240,4 +306,7 @@ def _progress(picture: Snapshot) -> tuple[object, ...]:
         picture.right,
         picture.suspended,
         tuple((p.times, p.off_axes) for p in picture.points),
+        tuple(
+            (i.accepted, tuple((f.times, f.off_axes) for f in i.fiducials)) for i in picture.inners
+        ),
     )

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import write_block_toml
+from anaplot.exchange.blockfolder import write_new_block
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import TestSettings
 from anaplot.planning.modelplan import Candidates
 from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
-from anaplot.station.automatic import AutomaticOperator, ModelRecord
+from anaplot.planning.syntheticcamera import with_calibration
+from anaplot.station.automatic import AutomaticOperator, Handled, ModelRecord
+from anaplot.station.laidplates import Placements, random_placements
 from anaplot.station.mistakes import Planted, Plot, plant_mistakes
 from anaplot.station.plotting import SimulationSetup
 from anaplot.station.station import DEFAULT_PATTERN, Station
+from anaplot.station.wrongfiducial import plant_wrong_fiducial
 
 __all__ = ["DEFAULT_MODELS", "DEFAULT_SEED", "Demo", "Outcome", "rough", "run_demo"]
 
@@ -46,25 +49,49 @@ class Demo:
         The mistakes.
     candidates
         Approximate positions of the marked points.
+    placements
+        How the photographs lie in the carriages; none without fiducials.
     """
 
     seed: int
     strip: SyntheticStrip
     plot: Plot
     candidates: Candidates
+    placements: Placements = field(default_factory=dict)
 
     @classmethod
-    def make(cls, models: int = DEFAULT_MODELS, seed: int = DEFAULT_SEED) -> Demo:
-        """Make a strip of so many models, with its mistakes."""
+    def make(
+        cls, models: int = DEFAULT_MODELS, seed: int = DEFAULT_SEED, *, fiducials: bool = False
+    ) -> Demo:
+        """Make a strip of so many models, with its mistakes.
+
+        Parameters
+        ----------
+        models, seed
+            Length of the strip, and seed of everything that is drawn.
+        fiducials
+            Whether the camera has fiducials and distortion, the photographs lie shifted, turned
+            and shrunk in their carriages, and one fiducial is missed. All else stays the same.
+        """
         # the simulated operator's precision is known, so the a-priori sigma0 tests
         strip = synthetic_strip(models + 1, seed=seed, test=TestSettings(kind="baarda"))
         candidates = rough(strip.truth)
         plot = plant_mistakes(strip.block, strip.truth, candidates, pattern(DEFAULT_PATTERN), seed)
-        return cls(seed, strip, plot, candidates)
+        if not fiducials:
+            return cls(seed, strip, plot, candidates)
+        cameras = tuple(with_calibration(camera) for camera in strip.block.cameras)
+        block = replace(strip.block, cameras=cameras)
+        wrong, offsets = plant_wrong_fiducial(block, seed)
+        # before the points of its model, as it is made
+        order = [f"{left}/{right}" for left, right in block.strips[0].models()]
+        planted = sorted((wrong, *plot.planted), key=lambda p: order.index(p.model))
+        plot = Plot(tuple(planted), {**plot.offsets, **offsets})
+        placements = random_placements(block, seed)
+        return cls(seed, replace(strip, block=block), plot, candidates, placements)
 
     def write(self, folder: Path) -> None:
-        """Write the block folder: block.toml, nothing measured."""
-        write_block_toml(folder, self.strip.block)
+        """Write the block folder: block.toml and its camera file, nothing measured."""
+        write_new_block(folder, self.strip.block)
 
     def simulation(self, time_scale: float = 1.0) -> SimulationSetup:
         """Return the setup of the simulated plotter."""
@@ -74,6 +101,7 @@ class Demo:
             noise_um=self.strip.block.precision.image_um,
             mistakes=self.plot.offsets,
             time_scale=time_scale,
+            placements=self.placements,
         )
 
     def open(self, folder: Path, time_scale: float = 1.0) -> Station:
@@ -117,24 +145,32 @@ class Outcome:
 def judge(planted: tuple[Planted, ...], models: tuple[ModelRecord, ...]) -> Outcome:
     """Compare what was planted with what the operator did."""
     handled = [h for record in models for h in record.handled]
-    touched = {(h.model, h.point) for h in handled}
-    again = {(h.model, h.point) for h in handled if h.action == "measured again"}
-    own = tuple(p for p in planted if (p.model, p.point) in touched)
-    later = tuple(p for p in planted if p not in own and (p.shows_in, p.point) in touched)
-    guilty = {(p.model, p.point) for p in planted} | {(p.shows_in, p.point) for p in planted}
+    touched = {(h.model, h.point, h.photo) for h in handled}
+    again = {(h.model, h.point, h.photo) for h in handled if h.action == "measured again"}
+    own = tuple(p for p in planted if (p.model, *_what(p)) in touched)
+    later = tuple(p for p in planted if p not in own and (p.shows_in, *_what(p)) in touched)
+    guilty = {(where, *_what(p)) for p in planted for where in (p.model, p.shows_in)}
     false_flags = dict.fromkeys(
-        Planted(h.model, h.point, h.model.split("/")[1], h.axis or "y", 0.0, "none", False, None)
-        for h in handled
-        if (h.model, h.point) not in guilty
+        _innocent(h) for h in handled if (h.model, h.point, h.photo) not in guilty
     )
     return Outcome(
         planted=planted,
         found=tuple(p for p in planted if p in own or p in later),
-        repaired=tuple(p for p in own if (p.model, p.point) in again),
+        repaired=tuple(p for p in own if (p.model, *_what(p)) in again),
         missed=tuple(p for p in planted if p.detectable and p not in own),
         false_flags=tuple(false_flags),
         models=models,
     )
+
+
+def _what(planted: Planted) -> tuple[str, str]:
+    """Return the point, and the photo where it is a fiducial: as `Handled` names them."""
+    return planted.point, planted.photo if planted.kind == "wrong fiducial" else ""
+
+
+def _innocent(h: Handled) -> Planted:
+    photo = h.photo or h.model.split("/")[1]
+    return Planted(h.model, h.point, photo, h.axis or "y", 0.0, "none", False, None)
 
 
 def run_demo(

@@ -22,7 +22,13 @@ from anaplot.plotter.simulator import Offsets
 __all__ = ["SMALLEST", "Kind", "Planted", "Plot", "plant_mistakes"]
 
 Kind = Literal[
-    "gross parallax", "x error", "wrong point", "swapped pair", "pair swapped alike", "none"
+    "gross parallax",
+    "x error",
+    "wrong point",
+    "swapped pair",
+    "pair swapped alike",
+    "wrong fiducial",
+    "none",
 ]
 Truth = Mapping[str, Mapping[str, tuple[float, float]]]
 
@@ -41,7 +47,7 @@ class Planted(NamedTuple):
     Attributes
     ----------
     model, point, photo, axis
-        Where it is.
+        Where it is; for a wrong fiducial `point` is the fiducial.
     size_um
         Size in the image [um].
     kind

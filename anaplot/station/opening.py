@@ -9,6 +9,7 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import Truth, synthetic_truth
 from anaplot.station.demo import rough
+from anaplot.station.laidplates import random_placements
 from anaplot.station.plotting import InstrumentSetup, SimulationSetup
 from anaplot.station.station import DEFAULT_PATTERN, Station
 
@@ -39,7 +40,8 @@ def open_station(
         Connect a simulated plotter instead. It is never chosen silently.
     truth
         Folder of the block whose image points lie in the simulated plates; without it a
-        synthetic flight over the block's strips.
+        synthetic flight over the block's strips. Where the cameras have fiducials, the plates
+        lie shifted, turned and shrunk.
     seed
         Of the simulation.
     point_pattern
@@ -70,7 +72,11 @@ def open_station(
     return Station(
         folder,
         plotter=SimulationSetup(
-            points, seed=seed, noise_um=block.precision.image_um, time_scale=time_scale
+            points,
+            seed=seed,
+            noise_um=block.precision.image_um,
+            time_scale=time_scale,
+            placements=random_placements(block, seed),
         ),
         point_pattern=point_pattern,
         operator=operator,

@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 from anaplot.photogrammetry.block import Block
+from anaplot.planning.fiducialplan import expected_fiducials
+from anaplot.session.innerstate import InnerState
+from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.state import ModelState, SessionState
 from anaplot.session.workflow import Outlook
-from anaplot.station.snapshot import LinkView, PointStatus, PointView, Snapshot
+from anaplot.station.snapshot import (
+    FiducialView,
+    InnerView,
+    LinkView,
+    PointStatus,
+    PointView,
+    Snapshot,
+)
 
 __all__ = ["picture"]
 
@@ -62,6 +72,36 @@ def picture(
         link=link,
         tie_variance=block.precision.tie_variance,
         test=f"{block.test.kind} {block.test.alpha:g}",
+        inners=() if model is None else tuple(_inner(block, i, view) for i in model.inner),
+    )
+
+
+def _inner(block: Block, inner: InnerState, view: Outlook) -> InnerView:
+    current = view.inner is not None and view.inner.state is inner
+    found: InnerOutlook = view.inner if current and view.inner else inner_outlook(block, inner)
+    solution = found.solution
+    flagged = set() if solution is None else {row.fiducial for row in solution.flagged}
+    calibration = block.camera_of(inner.photo).calibration
+    places = {} if calibration is None else expected_fiducials(calibration)
+    fiducials = []
+    for name in inner.fiducials:
+        m = inner.measurement(name)
+        status: PointStatus = "pending"
+        if m is not None:
+            status = "flagged" if name in flagged else "measured"
+            if inner.is_off(name):
+                status = "off"
+        off = tuple(axis for axis in ("x", "y") if (name, axis) in inner.off)
+        times = 0 if m is None else m.times
+        fiducials.append(FiducialView(name, places.get(name), status, times, off))
+    return InnerView(
+        photo=inner.photo,
+        side=inner.side,
+        fiducials=tuple(fiducials),
+        solution=solution,
+        suspects=found.suspects,
+        advice=found.advice,
+        accepted=inner.accepted is not None,
     )
 
 

@@ -1,21 +1,128 @@
-"""From the plotter's plates to the photographs' image systems, and back.
+"""From the plotter's plates to the photographs' ideal image systems, and back.
 
-The plates lie in the image system: inner orientation has its place here and is the identity.
+Plate to ideal image is the accepted inner orientation and then the camera's refinement. A photo
+whose camera states no calibration lies in the image system, and where there are no fiducials
+plate and fiducial system are the same.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.photogrammetry.platetransformation import PlateTransformation
+from anaplot.photogrammetry.refinement import Refinement
 from anaplot.plotter.readings import Position
+from anaplot.session.events import Side
+from anaplot.session.state import SessionState
 from anaplot.station.snapshot import ReadOut
 
-__all__ = ["image_of", "plate_of"]
+__all__ = ["IN_IMAGE", "PlateSystem", "Plates", "image_of", "plate_of", "plates_of"]
+
+_DIGITS = 7
+"""Decimals of computed image coordinates [mm].
+
+Far below what any instrument resolves, and above what the arithmetic of different machines leaves
+uncertain: a replay finds the same coordinates to the last digit.
+"""
 
 
-def image_of(position: Position) -> ReadOut:
-    """Return image coordinates [mm] of plate coordinates."""
-    return ReadOut(position.xl, position.yl, position.xr, position.yr)
+@dataclass(frozen=True, slots=True)
+class PlateSystem:
+    """How plate coordinates of one carriage become image coordinates.
+
+    Attributes
+    ----------
+    transformation
+        Plate to fiducial system; None where the inner orientation is still to be accepted.
+    calibration
+        Of the camera; None where plate coordinates are image coordinates.
+    """
+
+    transformation: PlateTransformation | None = field(default_factory=PlateTransformation)
+    calibration: CameraCalibration | None = None
+
+    @property
+    def oriented(self) -> bool:
+        """Whether image coordinates can be had; plate coordinates stay what they are if not."""
+        return self.transformation is not None
+
+    def to_image(self, x: float, y: float) -> tuple[float, float]:
+        """Return image coordinates [mm] of plate coordinates [mm]."""
+        if self.transformation is None or self.calibration is None:
+            return x, y
+        measured = self.transformation.to_image(np.array([[x, y]]))
+        ideal = _refinement(self.calibration).refine(measured)[0].tolist()
+        return round(ideal[0], _DIGITS), round(ideal[1], _DIGITS)
+
+    def to_plate(self, x: float, y: float) -> tuple[float, float]:
+        """Return plate coordinates [mm] of image coordinates [mm].
+
+        Raises
+        ------
+        NotComputableError
+            Image coordinates to which no place of the plate belongs.
+        """
+        if self.transformation is None or self.calibration is None:
+            return x, y
+        measured = _refinement(self.calibration).distort(np.array([[x, y]]))
+        plate = self.transformation.to_plate(measured)[0].tolist()
+        return plate[0], plate[1]
 
 
-def plate_of(xl: float, yl: float, xr: float, yr: float) -> Position:
-    """Return plate coordinates [mm] of image coordinates."""
-    return Position(xl, yl, xr, yr)
+@lru_cache(maxsize=64)
+def _refinement(calibration: CameraCalibration) -> Refinement:
+    return Refinement.of(calibration)
+
+
+@dataclass(frozen=True, slots=True)
+class Plates:
+    """Both carriages."""
+
+    left: PlateSystem = field(default_factory=PlateSystem)
+    right: PlateSystem = field(default_factory=PlateSystem)
+
+
+IN_IMAGE = Plates()
+"""Plates that lie in the image system."""
+
+
+def plates_of(state: SessionState) -> Plates:
+    """Return how plate coordinates become image coordinates in a session's present state."""
+    model = state.current
+    if model is None:
+        return IN_IMAGE
+
+    def system(photo: str, side: Side) -> PlateSystem:
+        inner = model.inner_of(side)
+        transformation = PlateTransformation() if inner is None else inner.accepted
+        return PlateSystem(transformation, state.block.camera_of(photo).calibration)
+
+    return Plates(system(model.left, "left"), system(model.right, "right"))
+
+
+def image_of(position: Position, plates: Plates = IN_IMAGE) -> ReadOut:
+    """Return image coordinates [mm] of plate coordinates.
+
+    In a carriage without inner orientation they are still plate coordinates, and said to be.
+    """
+    return ReadOut(
+        *plates.left.to_image(position.xl, position.yl),
+        *plates.right.to_image(position.xr, position.yr),
+        plate_left=not plates.left.oriented,
+        plate_right=not plates.right.oriented,
+    )
+
+
+def plate_of(xl: float, yl: float, xr: float, yr: float, plates: Plates = IN_IMAGE) -> Position:
+    """Return plate coordinates of image coordinates [mm], the inverse of `image_of`.
+
+    Raises
+    ------
+    NotComputableError
+        Image coordinates to which no place of a plate belongs.
+    """
+    return Position(*plates.left.to_plate(xl, yl), *plates.right.to_plate(xr, yr))

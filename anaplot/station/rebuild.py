@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path
 
 from anaplot.errors import InputError, NotComputableError
-from anaplot.exchange.blockfolder import write_block_toml, write_image_points
+from anaplot.exchange.blockfolder import write_image_points, write_new_block
 from anaplot.orientation.results import ModelSolution
+from anaplot.photogrammetry.block import Block
 from anaplot.session.models import solve
 from anaplot.session.state import SessionState
 from anaplot.station.imagepoints import rows_of
@@ -16,7 +19,9 @@ __all__ = ["rebuild", "session_solutions"]
 
 
 def rebuild(replayed: Replayed, folder: Path) -> None:
-    """Write block.toml and image_points.csv of a replayed session into a new folder.
+    """Write block.toml, camera files and image_points.csv of a replayed session into a new folder.
+
+    Camera files that stood elsewhere come to stand beside block.toml.
 
     Raises
     ------
@@ -25,10 +30,24 @@ def rebuild(replayed: Replayed, folder: Path) -> None:
     """
     if (folder / "image_points.csv").exists():
         raise InputError(f"{folder}: there is an image_points.csv already")
-    write_block_toml(folder, replayed.block)
+    write_new_block(folder, _self_contained(replayed.block))
     rows = rows_of(replayed.state.models)
     if rows:
         write_image_points(folder, rows)
+
+
+def _self_contained(block: Block) -> Block:
+    cameras = []
+    taken = {c.file for c in block.cameras if c.file is not None and not Path(c.file).is_absolute()}
+    for camera in block.cameras:
+        if camera.file is not None and Path(camera.file).is_absolute():
+            own = Path(camera.file)
+            names = chain((own.name,), (f"{own.stem}-{k}{own.suffix}" for k in count(2)))
+            file = next(name for name in names if name not in taken)
+            taken.add(file)
+            camera = replace(camera, file=file)
+        cameras.append(camera)
+    return replace(block, cameras=tuple(cameras))
 
 
 def session_solutions(state: SessionState) -> tuple[tuple[str, ModelSolution], ...]:

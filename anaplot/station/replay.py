@@ -9,31 +9,38 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blocktoml import parse_block_toml
 from anaplot.exchange.eventcodec import event_from_payload
 from anaplot.exchange.journal import Record, read_journal
-from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.readings import Record as PlotterRecord
-from anaplot.session.events import EVENT_KINDS, Event, PointMeasured
+from anaplot.session.events import (
+    EVENT_KINDS,
+    Event,
+    FiducialMeasured,
+    InnerAccepted,
+    PointMeasured,
+)
+from anaplot.session.innerwork import InnerOutlook
 from anaplot.session.state import EventRefusedError, SessionState, apply, start
 from anaplot.session.workflow import Outlook, outlook
-from anaplot.station.plates import image_of
+from anaplot.station.plates import Plates, image_of, plates_of
+from anaplot.station.tables import inner_table_difference, table_difference
 
 __all__ = ["Difference", "Replayed", "Step", "recorded_block", "replay", "replay_session"]
 
 _REMEMBERED = 64  # records of the line that may still become measurements
-_RELATIVE = 1e-9  # tables agree to this, whatever machine recorded them
-_ABSOLUTE_UM = 1e-6
+_SAME = 1e-9  # mm, by which an accepted transformation may differ at its fiducials
 
 
 class Difference(NamedTuple):
@@ -112,7 +119,10 @@ def recorded_block(session: Path, records: Iterable[Record]) -> Block:
     for record in records:
         text = record.payload.get("block_toml") if record.kind in ("header", "opened") else None
         if isinstance(text, str):
-            return parse_block_toml(text, Path(record.file))
+            found = record.payload.get("camera_files")
+            files = found.items() if isinstance(found, dict) else ()
+            cameras = {str(file): str(camera) for file, camera in files}
+            return parse_block_toml(text, Path(record.file), cameras)
         if record.kind not in ("header", "opened"):
             break
     folder = session if session.is_dir() else session.parent
@@ -142,7 +152,8 @@ def replay_session(session: Path) -> Replayed:
     for step in replay(block, records):
         state = step.state
         tables += step.compared
-        measurements += isinstance(step.event, PointMeasured) and step.difference is None
+        measured = isinstance(step.event, PointMeasured | FiducialMeasured)
+        measurements += measured and step.difference is None
         if step.difference is not None:
             differences.append(step.difference)
     return Replayed(block, state, tables, measurements, tuple(differences))
@@ -189,16 +200,26 @@ def replay(
             line.traffic(record.payload)
         elif record.kind in EVENT_KINDS:
             event = event_from_payload(record.kind, record.payload)
-            if isinstance(event, PointMeasured):
-                difference = line.check(event)
+            if isinstance(event, PointMeasured | FiducialMeasured):
+                difference = line.check(event, plates_of(state))
             try:
                 state = apply(state, event)
             except EventRefusedError as error:
                 raise InputError(f"{record.file} line {record.line}: {error}") from error
+            if isinstance(event, InnerAccepted):
+                difference = _accepted_otherwise(event, state, view.inner)
             view = outlook(state)
         elif record.kind == "table":
             compared = True
-            difference = _compare(record.payload, view.solution)
+            difference = table_difference(record.payload, view.solution)
+        elif record.kind == "inner-table":
+            compared = True
+            inner = view.inner
+            difference = inner_table_difference(
+                record.payload,
+                None if inner is None else inner.state,
+                None if inner is None else inner.solution,
+            )
         yield Step(
             record=record,
             state=state,
@@ -266,35 +287,41 @@ class _Line:
         elif kind == "confirm":
             decoder.confirm_reference()
 
-    def check(self, event: PointMeasured) -> str | None:
-        """Find the measurement among what the bytes said."""
+    def check(self, event: PointMeasured | FiducialMeasured, plates: Plates) -> str | None:
+        """Find the measurement among what the bytes said, to the last digit."""
         if self._decoder is None:
             return None
         while self._records:
-            read = image_of(self._records.popleft().position)
-            if (read.xl, read.yl, read.xr, read.yr) == (event.xl, event.yl, event.xr, event.yr):
+            if _says(self._records.popleft().position, event, plates):
                 return None
-        return f"point {event.point}: the recorded bytes do not say what was measured"
+        name = (
+            f"point {event.point}"
+            if isinstance(event, PointMeasured)
+            else f"fiducial {event.fiducial} of photo {event.photo} ({event.side})"
+        )
+        return f"{name}: the recorded bytes do not say what was measured"
 
 
-def _compare(payload: dict[str, Any] | Any, solution: ModelSolution | None) -> str | None:
-    """Compare a recorded table with the one computed now; None when they agree."""
-    model = payload.get("model")
-    if solution is None or solution.name != model:
-        return f"model {model}: there is a recorded table, but none is computed now"
-    if not _same(payload.get("sigma0_um"), solution.sigma0_um):
-        return f"model {model}: sigma0 {solution.sigma0_um} instead of {payload.get('sigma0_um')}"
-    rows = payload.get("rows", [])
-    if len(rows) != len(solution.table):
-        return f"model {model}: {len(solution.table)} rows instead of {len(rows)}"
-    for recorded, row in zip(rows, solution.table, strict=True):
-        for name, was, now in zip(row._fields, recorded, row, strict=True):
-            if not _same(was, now):
-                return f"model {model}, row {row.point} {row.axis}: {name} {now} instead of {was}"
-    return None
+def _says(at: Position, event: PointMeasured | FiducialMeasured, plates: Plates) -> bool:
+    if isinstance(event, FiducialMeasured):
+        place = (at.xl, at.yl) if event.side == "left" else (at.xr, at.yr)
+        return place == (event.x, event.y)
+    read = image_of(at, plates)
+    return (read.xl, read.yl, read.xr, read.yr) == (event.xl, event.yl, event.xr, event.yr)
 
 
-def _same(was: object, now: object) -> bool:
-    if isinstance(was, float | int) and isinstance(now, float | int) and not isinstance(now, bool):
-        return isclose(was, now, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE_UM)
-    return was == now
+def _accepted_otherwise(
+    event: InnerAccepted, state: SessionState, inner: InnerOutlook | None
+) -> str | None:
+    """Compare an accepted inner orientation with the one computed now; None when they agree."""
+    after = None if state.current is None else state.current.inner_of(event.side)
+    was = None if after is None else after.accepted
+    name = f"photo {event.photo} ({event.side})"
+    if inner is None or inner.solution is None or was is None:
+        return f"{name}: an inner orientation was accepted, but none is computed now"
+    now = inner.solution.transformation
+    if now.kind != was.kind:
+        return f"{name}: {now.kind} instead of {was.kind}"
+    places = np.array([(m.x, m.y) for m in inner.state.used])
+    gap = float(np.abs(was.to_image(places) - now.to_image(places)).max())
+    return None if gap <= _SAME else f"{name}: a transformation that differs by {gap * 1e3:.3g} um"

@@ -11,13 +11,20 @@ from typing import TextIO
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.journal import Record, read_journal
-from anaplot.session.events import Axis, ModelAccepted, PointMeasured
+from anaplot.session.events import (
+    Axis,
+    FiducialMeasured,
+    InnerAccepted,
+    ModelAccepted,
+    PointMeasured,
+)
 from anaplot.session.state import start
 from anaplot.session.workflow import outlook
 from anaplot.station.picture import picture
-from anaplot.station.plates import image_of
+from anaplot.station.plates import image_of, plates_of
 from anaplot.station.replay import Step, recorded_block, replay
 from anaplot.station.snapshot import LinkView, ReadOut, Snapshot
+from anaplot.station.stereo import StereoPair
 
 __all__ = ["ReplayStation"]
 
@@ -100,7 +107,7 @@ class ReplayStation:
 
     def _show(self, step: Step) -> None:
         if step.position is not None:
-            self._readout = image_of(step.position)
+            self._readout = image_of(step.position, plates_of(step.state))
         if step.event is None and step.difference is None:
             return
         self._serial += 1
@@ -132,6 +139,15 @@ class ReplayStation:
     def readout(self) -> ReadOut | None:
         """Return the recorded read-out."""
         return self._readout
+
+    def stereo(self, columns: int, rows: int, field_mm: float) -> StereoPair | None:
+        """Return None: a journal keeps no photographs."""
+        return None
+
+    @property
+    def hand(self) -> bool:
+        """Whether a simulated hand sets the mark: never in a replay."""
+        return False
 
     def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call back with every new snapshot; the first subscriber starts the replay."""
@@ -200,6 +216,14 @@ class ReplayStation:
         """Refuse."""
         raise _refused()
 
+    def turn(self, dx: float = 0.0, dy: float = 0.0, dpx: float = 0.0, dpy: float = 0.0) -> None:
+        """Refuse."""
+        raise _refused()
+
+    def set_hand(self, on: bool) -> None:
+        """Refuse."""
+        raise _refused()
+
     def close(self) -> None:
         """Stop playing; a second call does nothing."""
         self._stop.set()
@@ -220,6 +244,13 @@ def _told(step: Step) -> list[str]:
         solution = step.view.solution
         if solution is not None and solution.flagged and step.view.diagnosis is not None:
             lines.append(step.view.diagnosis.advice[0])
+    elif isinstance(event, FiducialMeasured):
+        lines.append(f"photo {event.photo} ({event.side}): fiducial {event.fiducial} recorded")
+        inner = step.view.inner
+        if inner is not None and inner.suspects:
+            lines.append(inner.advice[0])
+    elif isinstance(event, InnerAccepted):
+        lines.append(f"inner orientation of photo {event.photo} ({event.side}) accepted")
     elif isinstance(event, ModelAccepted):
         lines.append(f"model {event.left}/{event.right} accepted")
     elif event is not None:

@@ -6,9 +6,19 @@ from dataclasses import dataclass
 from typing import Literal
 
 from anaplot.orientation.results import Diagnosis, ModelSolution
-from anaplot.session.events import Role
+from anaplot.photogrammetry.inner import InnerOrientation
+from anaplot.session.events import Axis, Role, Side
+from anaplot.station.blockview import BlockView
 
-__all__ = ["LinkView", "PointStatus", "PointView", "ReadOut", "Snapshot"]
+__all__ = [
+    "FiducialView",
+    "InnerView",
+    "LinkView",
+    "PointStatus",
+    "PointView",
+    "ReadOut",
+    "Snapshot",
+]
 
 PointStatus = Literal["pending", "measured", "flagged", "off"]
 
@@ -38,12 +48,18 @@ class LinkView:
 
 @dataclass(frozen=True, slots=True)
 class ReadOut:
-    """The live read-out: image coordinates [mm], parallaxes px = x' - x'', py = y' - y'' [mm]."""
+    """The live read-out: image coordinates [mm], parallaxes px = x' - x'', py = y' - y'' [mm].
+
+    `plate_left` and `plate_right` say that the coordinates of that photo are plate coordinates,
+    for its inner orientation is still to be accepted; parallaxes mean nothing then.
+    """
 
     xl: float
     yl: float
     xr: float
     yr: float
+    plate_left: bool = False
+    plate_right: bool = False
 
     @property
     def px(self) -> float:
@@ -73,6 +89,51 @@ class PointView:
 
 
 @dataclass(frozen=True, slots=True)
+class FiducialView:
+    """One fiducial of a photo: its place in the fiducial system [mm], None where it is not known.
+
+    `times` counts how often it was recorded; `off_axes` names the rows switched off.
+    """
+
+    fiducial: str
+    place: tuple[float, float] | None
+    status: PointStatus
+    times: int
+    off_axes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InnerView:
+    """The inner orientation of a photo of the current model.
+
+    Attributes
+    ----------
+    photo, side
+        The photo, and the carriage in which it lies.
+    fiducials
+        In the order of the certificate.
+    solution
+        The inner orientation as far as measured, its table in `solution.rows`; None while it is
+        not determined.
+    suspects
+        Rows (fiducial, axis) to measure again, the one to begin with first; axis None: the whole
+        fiducial.
+    advice
+        Sentences for the operator, the most useful first.
+    accepted
+        Whether it is accepted.
+    """
+
+    photo: str
+    side: Side
+    fiducials: tuple[FiducialView, ...]
+    solution: InnerOrientation | None
+    suspects: tuple[tuple[str, Axis | None], ...]
+    advice: tuple[str, ...]
+    accepted: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """Everything a screen needs, consistent in itself.
 
@@ -89,9 +150,10 @@ class Snapshot:
     points
         Points of the current model in plan order.
     target
-        The point the plates are at or driving to, or None.
+        The point, or during an inner orientation the fiducial, that the plates are at or driving
+        to, or None.
     next_point
-        The point the operator is expected to measure next, or None.
+        The point or fiducial the operator is expected to measure next, or None.
     solution, diagnosis
         The model as far as measured, or None while it is not determined.
     problem
@@ -104,6 +166,11 @@ class Snapshot:
         The link's state.
     tie_variance, test
         Names of the choices in force, e.g. "propagated", "baarda 0.001".
+    inners
+        Inner orientations of the current model's photos, left first; none where the cameras have
+        no fiducials.
+    block_view
+        What the block as one bundle says; None before there is anything to adjust.
     """
 
     serial: int
@@ -128,3 +195,10 @@ class Snapshot:
     link: LinkView
     tie_variance: str
     test: str
+    inners: tuple[InnerView, ...] = ()
+    block_view: BlockView | None = None
+
+    @property
+    def inner(self) -> InnerView | None:
+        """The inner orientation in work, or None when points are measured."""
+        return next((inner for inner in self.inners if not inner.accepted), None)

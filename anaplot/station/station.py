@@ -20,18 +20,23 @@ from typing import Any, Literal
 
 from anaplot.errors import AnaplotError, InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block, write_image_points
-from anaplot.exchange.blocktoml import format_block_toml
+from anaplot.exchange.blocktoml import camera_texts, format_block_toml
 from anaplot.exchange.journal import Journal, JournalError, events_of
+from anaplot.orientation.model import warm_up
 from anaplot.orientation.patterns import pattern
-from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.results import TableRow
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.inner import InnerRow
+from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.planning.modelplan import Candidates, plan_positions, predicted_right
 from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
-from anaplot.plotter.simulator import HandSettled
+from anaplot.plotter.simulator import HandSettled, fiducial_name
 from anaplot.session.events import (
     EVENT_KINDS,
     Axis,
     Event,
+    FiducialMeasured,
+    FiducialSwitched,
     ModelAccepted,
     ModelChosen,
     PlannedPoint,
@@ -39,18 +44,25 @@ from anaplot.session.events import (
     PointMeasured,
     Resumed,
     RowSwitched,
+    Side,
     Suspended,
     Undone,
 )
+from anaplot.session.innerstate import InnerState
+from anaplot.session.innerwork import InnerOutlook, acceptance
 from anaplot.session.state import EventRefusedError, ModelState, SessionState, apply, start
 from anaplot.session.workflow import Outlook, outlook
 from anaplot.station.automatic import AutomaticOperator
+from anaplot.station.blockwatch import BlockWatch
+from anaplot.station.fiducialdrive import fiducial_target
 from anaplot.station.imagepoints import merged_rows
 from anaplot.station.journaling import Recorder
 from anaplot.station.picture import picture
-from anaplot.station.plates import image_of, plate_of
+from anaplot.station.plates import image_of, plate_of, plates_of
 from anaplot.station.plotting import InstrumentSetup, Plotting, SimulationSetup
 from anaplot.station.snapshot import LinkView, ReadOut, Snapshot
+from anaplot.station.stereo import StereoPair
+from anaplot.station.tables import inner_table_payload, table_payload
 
 __all__ = ["Station"]
 
@@ -89,7 +101,11 @@ class _End:
     """Ends the station thread."""
 
 
-_Item = Reading | _Traffic | _Told | _LinkState | HandSettled | _End
+class _WarmUp:
+    """Loads what the first table needs, while the first points are still being measured."""
+
+
+_Item = _WarmUp | Reading | _Traffic | _Told | _LinkState | HandSettled | _End
 
 
 class _Ear:
@@ -174,8 +190,9 @@ class Station:
         self._serial = 0
         self._notices: list[tuple[Severity, str]] = []
         self._after: list[Callable[[], None]] = []
+        self._watch = BlockWatch(self._block_seen)
         with contextlib.ExitStack() as undo:
-            self._plotting = None if plotter is None else Plotting(plotter, self._ear)
+            self._plotting = None if plotter is None else Plotting(plotter, self._ear, self._block)
             if self._plotting is not None:
                 undo.callback(self._plotting.close)
                 link = self._plotting.link
@@ -199,6 +216,9 @@ class Station:
                     self._of_session.add(f"{event.left}/{event.right}")
                 elif isinstance(event, PointMeasured):
                     pointed[event.left, event.right, event.point] += 1
+                elif isinstance(event, FiducialMeasured) and self._state.current is not None:
+                    name = fiducial_name(event.side, event.fiducial)
+                    pointed[(*self._state.current.photos, name)] += 1
             for remark in recovered.remarks:
                 self._tell("warning", remark)
             self._candidates = self._known_points(candidates)
@@ -216,6 +236,7 @@ class Station:
                 self._plotting.open()
                 self._lay()
             undo.pop_all()
+        self._watch.tell(self._block, self._state, self._outlook, self._of_session)
         self._snapshot = self._picture()
         self._thread = threading.Thread(target=self._work, name="station", daemon=True)
         self._thread.start()
@@ -252,7 +273,29 @@ class Station:
         latest = None if plotting is None else plotting.link.latest()
         if latest is None or latest[1] > _STALE:
             return None
-        return image_of(latest[0])
+        return image_of(latest[0], plates_of(self._state))
+
+    def stereo(self, columns: int, rows: int, field_mm: float) -> StereoPair | None:
+        """Return what is seen around the mark, the same object while nothing changes.
+
+        Parameters
+        ----------
+        columns, rows
+            Size of each patch in square cells.
+        field_mm
+            Width of a patch [mm].
+
+        Returns
+        -------
+        StereoPair or None
+            None without a simulated plotter, and before photographs are laid.
+        """
+        return None if self._plotting is None else self._plotting.stereo(columns, rows, field_mm)
+
+    @property
+    def hand(self) -> bool:
+        """Whether the simulated hand sets the mark after a drive."""
+        return self._plotting is not None and self._plotting.hand
 
     def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call back with every new snapshot, from any thread; returns what ends it."""
@@ -283,6 +326,8 @@ class Station:
     def drive(self, point: str) -> None:
         """Drive the plates to a point of the current model; without a drive, name it as next.
 
+        During an inner orientation it is a fiducial.
+
         Raises
         ------
         InputError
@@ -294,6 +339,12 @@ class Station:
             model = self._model()
             if self._state.suspended:
                 raise InputError("work is suspended: resume first")
+            inner = model.open_inner
+            if inner is not None:
+                if point not in inner.fiducials:
+                    raise InputError(f"{inner.name} has no fiducial {point}")
+                self._aim_at_fiducial(inner, point)
+                return
             planned = model.planned(point)
             if planned is None:
                 raise InputError(f"point {point} is not in model {model.name}")
@@ -308,7 +359,7 @@ class Station:
                 self._after.append(self._plotting.link.stop)
 
     def record(self) -> None:
-        """Record the point at which the plates stand, with the next position that comes in.
+        """Record the point or fiducial at which the plates stand, with the next position coming in.
 
         Raises
         ------
@@ -325,9 +376,13 @@ class Station:
             self._after.append(plotting.link.record)
 
     def switch(self, point: str, axis: Axis | None, on: bool) -> None:
-        """Switch a row, or the whole point, off or on."""
+        """Switch a row, or the whole point, off or on; during an inner orientation a fiducial's."""
         with self._change():
-            self._happen(RowSwitched(point, axis, on))
+            model = self._state.current
+            if model is not None and model.open_inner is not None:
+                self._happen(FiducialSwitched(model.open_inner.photo, point, axis, on))
+            else:
+                self._happen(RowSwitched(point, axis, on))
 
     def undo(self) -> None:
         """Take the last event back."""
@@ -340,21 +395,28 @@ class Station:
             if _photos(before) != _photos(self._state):
                 self._nowhere()
                 self._lay()
+            elif _in_inner(before) != _in_inner(self._state):
+                self._nowhere()
+            elif _in_inner(before) is not None:
+                pass  # a fiducial is always one of its camera's
             elif self._target is not None and self._model().planned(self._target) is None:
                 self._nowhere()
 
     def accept(self) -> None:
-        """Accept the current model and write image_points.csv.
+        """Accept the inner orientation in work, else the model, and write image_points.csv.
 
         Raises
         ------
         InputError
             No model, or the journal or the file could not be written.
         NotComputableError
-            The model is not determined.
+            The model, or the inner orientation, is not determined.
         """
         with self._change():
             model = self._model()
+            if self._outlook.inner is not None:
+                self._accept_inner(self._outlook.inner)
+                return
             if self._outlook.solution is None:
                 raise NotComputableError(
                     f"model {model.name} is not determined yet"
@@ -366,6 +428,21 @@ class Station:
             self._points_written = False
             self._tell("info", f"model {model.name} accepted")
             self._write_points()
+
+    def _accept_inner(self, view: InnerOutlook) -> None:
+        inner = view.state
+        if view.solution is None:
+            raise NotComputableError(
+                f"the inner orientation of {inner.name} is not determined yet"
+                + (f": {view.problem}" if view.problem else "")
+            )
+        self._happen(acceptance(inner, view.solution))
+        self._nowhere()
+        self._tell(
+            "info",
+            f"inner orientation of {inner.name} accepted: {TITLES[view.solution.kind]}",
+        )
+        self._advance()
 
     def next_model(self) -> None:
         """Choose the next model: the right photo becomes left, ties are driven to first.
@@ -385,6 +462,7 @@ class Station:
             self._write_points()
             event = ModelChosen(strip, left, right, self._plan(strip, left, right))
             self._happen(event)
+            self._ear.items.put(_WarmUp())
             self._lay()
             self._tell("info", f"photos {left} and {right}: {len(event.plan)} points to measure")
             self._advance()
@@ -400,6 +478,8 @@ class Station:
         here = self.readout()
         with self._change():
             model = self._model()
+            if model.open_inner is not None:
+                raise InputError(f"{model.open_inner.name}: inner orientation comes first")
             if not name.strip() or not name.isprintable() or len(name) > 100:
                 raise InputError("a point needs a printable name of at most 100 characters")
             if here is None:
@@ -440,6 +520,61 @@ class Station:
             self._rest()
         self.tell("info", "the simulated operator " + ("works" if on else "rests"))
 
+    def turn(self, dx: float = 0.0, dy: float = 0.0, dpx: float = 0.0, dpy: float = 0.0) -> None:
+        """Turn the simulated plotter's handwheels; whoever turns takes over from the hand.
+
+        Parameters
+        ----------
+        dx, dy
+            Both marks move over the photographs [mm].
+        dpx, dpy
+            Changes of the parallaxes px = x' - x'', py = y' - y'' [mm]: the right mark moves.
+
+        Raises
+        ------
+        InputError
+            No simulated plotter, plates under way or at the end of their travel, or the
+            simulated operator is at work.
+        """
+        with self._lock:
+            plotting = self._by_hand()
+            if self._drive_target is not None:
+                raise InputError("the plates are still under way")
+            plates = plates_of(self._state)
+            here = image_of(plotting.stands(), plates)
+            there = (here.xl + dx, here.yl + dy, here.xr + dx - dpx, here.yr + dy - dpy)
+            plotting.turn(plate_of(*there, plates))
+            self._pointing = False
+
+    def set_hand(self, on: bool) -> None:
+        """Let the simulated hand set the mark from the next drive on, or leave it to the operator.
+
+        Raises
+        ------
+        InputError
+            No simulated plotter, or the simulated operator is at work.
+        """
+        with self._change():
+            self._by_hand().set_hand(on)
+            if not on:
+                self._pointing = False
+            self._tell(
+                "info",
+                "the simulated hand sets the mark from the next drive on"
+                if on
+                else "the mark is yours: clear the parallax, then record",
+            )
+
+    def _by_hand(self) -> Plotting:
+        """Return the simulated plotter for whoever works at its wheels himself."""
+        if self._closed:
+            raise InputError("the station is closed")
+        if self._plotting is None or not self._plotting.simulated:
+            raise InputError("only a simulated plotter is worked from here")
+        if self._automatic:
+            raise InputError("the simulated operator is at work: stop him first")
+        return self._plotting
+
     def tell(self, severity: Severity, text: str) -> None:
         """Tell whoever listens."""
         with self._change():
@@ -473,6 +608,7 @@ class Station:
             if self._plotting is not None:
                 self._plotting.close()
         finally:
+            self._watch.close()
             self._ear.items.put(_End())
             if self._thread is not threading.current_thread():
                 self._thread.join()
@@ -508,6 +644,7 @@ class Station:
                 notices = self._notices
                 self._notices = [] if self._listeners else notices[-_KEPT_NOTICES:]
                 after, self._after = self._after, []
+                self._watch.tell(self._block, self._state, self._outlook, self._of_session)
                 self._snapshot = taken = self._picture()
         for severity, text in notices:
             for listener in list(self._listeners):
@@ -578,6 +715,8 @@ class Station:
             case _LinkState():
                 with self._change():
                     self._link_state(item)
+            case _WarmUp():
+                warm_up()
             case _End():
                 pass
 
@@ -617,36 +756,35 @@ class Station:
         """Turn a record of the plotter into a measurement, or say why not."""
         try:
             model, point = self._recordable()
-            read = image_of(record.position)
             before = {row.key for row in self._flagged()}
-            self._happen(
-                PointMeasured(
-                    model.left,
-                    model.right,
-                    point,
-                    read.xl,
-                    read.yl,
-                    read.xr,
-                    read.yr,
-                    record.switch,
-                )
-            )
+            inner = model.open_inner
+            self._happen(self._measurement(model, point, record))
         except AnaplotError as error:
             self._tell("error", f"not recorded: {error}")
             if not isinstance(error, JournalError):
                 self._recorder.note("record-refused", {"reason": str(error)})
             return
         self._target = None
-        self._tell("record", f"{point} recorded")
-        fresh = [row for row in self._flagged() if row.key not in before]
+        self._tell("record", f"{point} recorded" if inner is None else f"fiducial {point} recorded")
+        fresh = [row.key for row in self._flagged() if row.key not in before]
         if fresh:
-            self._tell(
-                "warning", "flagged: " + ", ".join(f"{row.point} {row.axis}" for row in fresh)
-            )
+            self._tell("warning", "flagged: " + ", ".join(f"{name} {axis}" for name, axis in fresh))
         self._advance()
 
-    def _flagged(self) -> tuple[Any, ...]:
-        solution = self._outlook.solution
+    def _measurement(self, model: ModelState, point: str, record: Record) -> Event:
+        """Return the event that a record is: a fiducial on its plate, or a point in the images."""
+        at, inner = record.position, model.open_inner
+        if inner is not None:
+            x, y = (at.xl, at.yl) if inner.side == "left" else (at.xr, at.yr)
+            return FiducialMeasured(inner.photo, inner.side, point, x, y, record.switch)
+        read = image_of(at, plates_of(self._state))
+        return PointMeasured(
+            model.left, model.right, point, read.xl, read.yl, read.xr, read.yr, record.switch
+        )
+
+    def _flagged(self) -> tuple[TableRow | InnerRow, ...]:
+        view = self._outlook.inner
+        solution = self._outlook.solution if view is None else view.solution
         return () if solution is None else solution.flagged
 
     def _refused(self, refused: Refused) -> None:
@@ -672,22 +810,20 @@ class Station:
         state = apply(self._state, event)
         self._recorder.event(event)
         self._state = state
-        old = self._outlook.solution
-        self._outlook = outlook(state)
-        solution = self._outlook.solution
-        if solution is not None and solution is not old:
-            self._note_table(solution)
+        old = self._outlook
+        self._outlook = new = outlook(state)
+        if new.solution is not None and new.solution is not old.solution:
+            self._note("table", table_payload(new.solution))
+        if new.inner is not None and new.inner.solution is not None:
+            before = None if old.inner is None else old.inner.solution
+            if new.inner.solution is not before:
+                payload = inner_table_payload(new.inner.state, new.inner.solution)
+                self._note("inner-table", payload)
 
-    def _note_table(self, solution: ModelSolution) -> None:
-        """Put the table into the journal: what a replay will be compared with."""
-        payload = {
-            "model": solution.name,
-            "redundancy": solution.redundancy,
-            "sigma0_um": solution.sigma0_um,
-            "rows": [list(row) for row in solution.table],
-        }
+    def _note(self, kind: str, payload: dict[str, Any]) -> None:
+        """Put a table into the journal: what a replay will be compared with."""
         try:
-            self._recorder.note("table", payload)
+            self._recorder.note(kind, payload)
         except JournalError as error:
             # the measurement itself is safe; a table can be computed again
             self._tell("warning", str(error))
@@ -711,6 +847,11 @@ class Station:
         # Without a drive the operator finds the points in the order of the plan by hand. Plates
         # that are driven stand at the last point: a second press must not be taken for another.
         by_hand = self._plotting is None or not self._plotting.drives
+        inner = model.open_inner
+        if inner is not None:
+            if by_hand and inner.pending:
+                return model, inner.pending[0]
+            raise InputError("choose a fiducial first" if by_hand else "drive to a fiducial first")
         if by_hand and model.pending:
             return model, model.pending[0].point
         raise InputError("choose a point first" if by_hand else "drive to a point first")
@@ -721,14 +862,28 @@ class Station:
         plotting = self._plotting
         if plotting is None or not plotting.drives:
             return
-        target = plate_of(planned.xl, planned.yl, *self._right_place(planned))
+        place = (planned.xl, planned.yl, *self._right_place(planned))
+        self._go(plotting, plate_of(*place, plates_of(self._state)), None)
+
+    def _aim_at_fiducial(self, inner: InnerState, fiducial: str) -> None:
+        """Make a fiducial the target, and drive there where the plotter can."""
+        self._target = fiducial
+        plotting = self._plotting
+        if plotting is None or not plotting.drives:
+            return
+        target = fiducial_target(self._state, inner, fiducial, plotting.middle)
+        self._go(plotting, target, inner.side)
+
+    def _go(self, plotting: Plotting, target: Position, side: Side | None) -> None:
+        """Drive; the simulated hand then points in one plate, or (None) in both."""
         self._drive_target = target
-        self._pointing = plotting.simulated
+        self._pointing = plotting.hand
         # the mark that counts is the one set after this drive, not after one given up before
         self._settles_after = None
 
         def drive() -> None:
             self._settles_after = plotting.drives_begun
+            plotting.attend(side)
             try:
                 plotting.drive(target)
             except AnaplotError:
@@ -751,9 +906,14 @@ class Station:
     def _advance(self) -> None:
         """Go to the next point of the plan by itself, where that is wanted."""
         model = self._state.current
-        if not self._auto_drive or model is None or not model.pending:
+        if not self._auto_drive or model is None:
             return
-        self._aim(model.pending[0])
+        inner = model.open_inner
+        if inner is not None:
+            if inner.pending:
+                self._aim_at_fiducial(inner, inner.pending[0])
+        elif model.pending:
+            self._aim(model.pending[0])
 
     def _lay(self) -> None:
         model = self._state.current
@@ -817,9 +977,12 @@ class Station:
     def _header(self, operator: str) -> dict[str, Any]:
         header: dict[str, Any] = {"block": self._block.name, "operator": operator}
         declared = format_block_toml(self._block)
-        if len(declared) <= _LARGEST_DECLARATION:
+        cameras = camera_texts(self._block)
+        if len(declared) + sum(map(len, cameras.values())) <= _LARGEST_DECLARATION:
             # the session can be replayed whatever becomes of the folder
             header["block_toml"] = declared
+            if cameras:
+                header["camera_files"] = cameras
         if self._plotting is not None:
             profile = self._plotting.profile
             header |= {
@@ -833,18 +996,30 @@ class Station:
 
     # -- showing -------------------------------------------------------------------------------
 
+    def _block_seen(self) -> None:
+        """Show what the block says now, in the thread of the watch."""
+        with contextlib.suppress(InputError), self._change():
+            pass
+
     def _tell(self, severity: Severity, text: str) -> None:
         self._notices.append((severity, text))
 
     def _picture(self) -> Snapshot:
         self._serial += 1
-        return picture(
+        shown = picture(
             self._block, self._state, self._outlook, self._serial, self._target, self._link
         )
+        return replace(shown, block_view=self._watch.view)
 
 
 def _photos(state: SessionState) -> tuple[str, str] | None:
     return None if state.current is None else state.current.photos
+
+
+def _in_inner(state: SessionState) -> tuple[str, Side] | None:
+    """Return the photo and carriage of the inner orientation in work, or None."""
+    inner = None if state.current is None else state.current.open_inner
+    return None if inner is None else (inner.photo, inner.side)
 
 
 def _near(here: Position, target: Position, within: float) -> bool:

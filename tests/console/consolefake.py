@@ -18,7 +18,9 @@ from anaplot.orientation.results import (
     TableRow,
     Transfer,
 )
+from anaplot.plotter.readings import Position
 from anaplot.station.snapshot import LinkView, PointView, ReadOut, Snapshot
+from anaplot.station.stereo import StereoGround
 
 # point, role, x, y of the left photo [mm]
 PATTERN = (
@@ -173,6 +175,9 @@ class FakeStation:
         self.fault: Exception | None = None
         self.read: ReadOut | None = ReadOut(-12.3456, 98.7654, -104.25, 99.125)
         self.automatic = False
+        self.hand = True
+        self.ground: StereoGround | None = None
+        self.at = Position(-12.3456, 98.7654, -104.25, 99.125)
         self.closed = 0
         self.listeners: list = []
         self.notice_listeners: list = []
@@ -236,6 +241,16 @@ class FakeStation:
             raise AnaplotError("only a simulated plotter has a simulated operator")
         self.automatic = on
         self._did("set_automatic", on)
+
+    def stereo(self, columns, rows, field_mm):
+        return None if self.ground is None else self.ground.look(self.at, columns, rows, field_mm)
+
+    def turn(self, dx=0.0, dy=0.0, dpx=0.0, dpy=0.0):
+        self._did("turn", dx, dy, dpx, dpy)
+
+    def set_hand(self, on):
+        self.hand = on
+        self._did("set_hand", on)
 
     def close(self):
         self.closed += 1

@@ -75,7 +75,7 @@ AT_80_BY_24 = """\
 
 
  space Record  enter Drive  n Next  f Flag  a Accept  u Undo  x Row off
- X Point off  s Sort  t Arrows  m Map  d More  o Auto  p Pause  ? Help  q Quit"""
+ X Point off  s Sort  t Arrows  m Map  v Stereo  d More  o Auto  ? Help  q Quit"""
 
 
 async def test_the_screen_at_80_by_24():
@@ -356,12 +356,14 @@ async def test_pages_explain():
         await pilot.press("?")
         assert "Redundancy number: the share" in text(app)
         pages = []
-        for key in ("down", "up", "pagedown", "pagedown", "pagedown", "pagedown", "pageup"):
+        for key in ("down", "up", *("pagedown",) * 7, "pageup"):
             await pilot.press(key)
             pages.append(text(app))
         assert pages[1] != pages[0]
         read = "\n".join(pages)
-        assert all(action.help in read for action in ACTIONS)
+        # of actions that belong together the first speaks for all
+        speakers = {action.group or action.id: action for action in reversed(ACTIONS)}
+        assert all(action.help in read for action in speakers.values())
         await pilot.press("escape", "f2")
         assert "bx 91.8734, by 0.4121, bz -1.0932 mm" in text(app)
         assert "omega 0.70703" in text(app)

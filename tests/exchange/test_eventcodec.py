@@ -13,8 +13,12 @@ from hypothesis import strategies as st
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_from_dict, event_to_dict
 from anaplot.exchange.names import name_fault
+from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS
 from anaplot.session.events import (
     EVENT_KINDS,
+    FiducialMeasured,
+    FiducialSwitched,
+    InnerAccepted,
     ModelAccepted,
     ModelChosen,
     PlannedPoint,
@@ -39,7 +43,21 @@ photos = names.filter(lambda text: "/" not in text)
 planned = st.builds(
     PlannedPoint, names, st.sampled_from(["tie", "new"]), numbers, numbers, numbers, numbers
 )
+sides = st.sampled_from(["left", "right"])
+three = st.tuples(numbers, numbers, numbers)
+four = st.tuples(numbers, numbers, numbers, numbers)
 events = st.one_of(
+    st.builds(FiducialMeasured, photos, sides, names, numbers, numbers, names),
+    st.builds(FiducialSwitched, photos, names, st.sampled_from(["x", "y", None]), st.booleans()),
+    st.builds(
+        InnerAccepted,
+        photos,
+        sides,
+        st.sampled_from(TRANSFORMATIONS),
+        st.tuples(three, three),
+        st.tuples(four, four),
+        st.tuples(numbers, numbers),
+    ),
     st.builds(ModelChosen, names, photos, photos, st.lists(planned, max_size=4).map(tuple)),
     st.builds(PointAdded, planned),
     st.builds(PointMeasured, photos, photos, names, numbers, numbers, numbers, numbers, names),
@@ -58,6 +76,16 @@ ALL = [
     Undone(),
     Suspended(),
     Resumed(),
+    FiducialMeasured("101", "left", "1", -105.998, 106.0021, "pedal"),
+    FiducialSwitched("101", "1", "x", False),
+    InnerAccepted(
+        "101",
+        "right",
+        "bilinear",
+        ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)),
+        ((1.0, 0.1, 0.2, 0.3), (1.0, 0.1, 1.0 / 3.0, 1e-9)),
+        (0.0, -1e-17),
+    ),
 ]
 
 
@@ -88,6 +116,8 @@ def test_the_written_form_is_this_one():
 MEASURED = event_to_dict(ALL[2])
 SWITCHED = event_to_dict(ALL[3])
 CHOSEN = event_to_dict(ALL[0])
+FIDUCIAL = event_to_dict(ALL[-3])
+ACCEPTED = event_to_dict(ALL[-1])
 
 
 @pytest.mark.parametrize(
@@ -122,6 +152,20 @@ CHOSEN = event_to_dict(ALL[0])
             {**CHOSEN, "plan": [{**CHOSEN["plan"][0], "role": None}]},
             ['role must be "tie" or "new", not nothing'],
         ),
+        ({**FIDUCIAL, "side": "middle"}, ['side must be "left" or "right"']),
+        ({**FIDUCIAL, "side": None}, ['side must be "left" or "right", not nothing']),
+        ({**FIDUCIAL, "x": None}, ["x must be a number, not nothing"]),
+        ({**FIDUCIAL, "point": "1"}, ["unknown key 'point'"]),
+        ({**ACCEPTED, "transformation": "cubic"}, ['"bilinear" or "projective", not']),
+        ({**ACCEPTED, "transformation": "identity"}, ["transformation must be"]),
+        ({**ACCEPTED, "frame": [[1.0, 2.0, 3.0]]}, ["frame must be a list of 2, not of 1"]),
+        ({**ACCEPTED, "frame": [[1.0, 2.0, 3.0], 4.0]}, ["frame[1] must be a list of 3"]),
+        (
+            {**ACCEPTED, "frame": [[1.0, 2.0, 3.0], [1.0, "2", 3.0]]},
+            ["frame[1][1] must be a number, not text"],
+        ),
+        ({**ACCEPTED, "denominator": {"c1": 0.0}}, ["denominator must be a list of 2"]),
+        ({**ACCEPTED, "denominator": [0.0] * 9}, ["denominator must be a list of 2, not of 9"]),
         ({**CHOSEN, "plan": CHOSEN["plan"] * 4001}, ["holds 4001 points, more than 4000"]),
     ],
 )
@@ -142,6 +186,12 @@ def test_whatever_is_not_an_event_is_refused(data, words):
         RowSwitched("1", typing.cast(typing.Any, "z"), True),
         ModelChosen("1", "a", "b", (POINT,) * 4001),
         PointAdded(typing.cast(typing.Any, None)),
+        FiducialMeasured("101", typing.cast(typing.Any, "top"), "1", 1.0, 2.0, "key"),
+        FiducialMeasured("101", "left", " 1", 1.0, 2.0, "key"),
+        FiducialMeasured("101", "left", "1", float("nan"), 2.0, "key"),
+        InnerAccepted(
+            "101", "left", "affine", typing.cast(typing.Any, ()), ((0.0,) * 4,) * 2, (0, 0)
+        ),
     ],
 )
 def test_what_could_not_be_read_again_is_not_written(event):

@@ -11,7 +11,7 @@ from anaplot.station.demo import Demo
 
 def main() -> None:
     folder, models, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-    demo = Demo.make(models, seed)
+    demo = Demo.make(models, seed, fiducials=sys.argv[4:] == ["fiducials"])
     if not (folder / "block.toml").exists():
         demo.write(folder)
     with demo.open(folder, time_scale=2000.0) as station:

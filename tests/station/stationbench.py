@@ -12,6 +12,8 @@ from anaplot.exchange.journal import read_journal
 from anaplot.planning.synthetic import SyntheticStrip
 from anaplot.plotter.simulator import Offsets
 from anaplot.station.demo import rough
+from anaplot.station.laidplates import random_placements
+from anaplot.station.plates import image_of, plates_of
 from anaplot.station.plotting import SimulationSetup
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.station import Station
@@ -70,13 +72,13 @@ class Bench:
     """A synthetic strip in a folder, and stations on it."""
 
     def __init__(self, folder: Path, made: SyntheticStrip) -> None:
-        from anaplot.exchange.blockfolder import write_block_toml
+        from anaplot.exchange.blockfolder import write_new_block
 
         self.folder = folder
         self.made = made
         self.candidates = rough(made.truth)
         self.stack = ExitStack()
-        write_block_toml(folder, made.block)
+        write_new_block(folder, made.block)
 
     def setup(
         self,
@@ -92,6 +94,8 @@ class Bench:
             mistakes=mistakes,
             time_scale=time_scale,
             tcp=tcp,
+            # none where the camera has no fiducials
+            placements=random_placements(self.made.block, 7),
         )
 
     def open(
@@ -156,7 +160,7 @@ def settled(watch: Watch) -> None:
         read = station.readout()
         if station._drive_target is not None or station._pointing or read is None:
             return False
-        true = simulator.positions()
+        true = image_of(simulator.positions(), plates_of(station.state))
         pairs = zip(
             (read.xl, read.yl, read.xr, read.yr), (true.xl, true.yl, true.xr, true.yr), strict=True
         )

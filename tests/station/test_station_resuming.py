@@ -16,7 +16,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_block_toml
 from anaplot.exchange.journal import events_of, read_journal
 from anaplot.plotter.simulator import Offsets
-from anaplot.session.events import PointMeasured
+from anaplot.session.events import FiducialMeasured, PointMeasured
 from anaplot.session.state import SessionState, fold, start
 from anaplot.station.demo import Demo
 from anaplot.station.station import Station
@@ -30,10 +30,12 @@ def environment(folder: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(folder.parent)}
 
 
-def run_job(folder: Path, kill_after: int | None, seed: int = SEED) -> tuple[list[str], bool]:
+def run_job(
+    folder: Path, kill_after: int | None, seed: int = SEED, more: tuple[str, ...] = ()
+) -> tuple[list[str], bool]:
     """Run the job until it has said so many lines, then kill it; returns lines, and finished."""
     with subprocess.Popen(
-        [sys.executable, automaticjob.__file__, str(folder), str(MODELS), str(seed)],
+        [sys.executable, automaticjob.__file__, str(folder), str(MODELS), str(seed), *more],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -56,16 +58,29 @@ def run_job(folder: Path, kill_after: int | None, seed: int = SEED) -> tuple[lis
     return lines, finished
 
 
-def recovered(folder: Path) -> tuple[SessionState, list[PointMeasured]]:
+def _recorded(line: str) -> str:
+    """What "record 102-1 recorded" or "record fiducial 3 recorded" speaks of."""
+    return line.removeprefix("record ").removesuffix(" recorded")
+
+
+def _name(event: PointMeasured | FiducialMeasured) -> str:
+    if isinstance(event, FiducialMeasured):
+        return f"fiducial {event.fiducial}"
+    return event.point
+
+
+def recovered(folder: Path) -> tuple[SessionState, list[PointMeasured | FiducialMeasured]]:
     events = events_of(read_journal(folder).records)
     state = fold(start(read_block(folder)), events)
-    return state, [event for event in events if isinstance(event, PointMeasured)]
+    return state, [e for e in events if isinstance(e, PointMeasured | FiducialMeasured)]
 
 
-@pytest.mark.parametrize("chance", range(3))
-def test_killed_again_and_again_the_job_ends_as_if_undisturbed(tmp_path: Path, chance: int) -> None:
+@pytest.mark.parametrize(("chance", "more"), [(0, ()), (1, ()), (2, ()), (3, ("fiducials",))])
+def test_killed_again_and_again_the_job_ends_as_if_undisturbed(
+    tmp_path: Path, chance: int, more: tuple[str, ...]
+) -> None:
     calm = tmp_path / "calm"
-    run_job(calm, None)
+    run_job(calm, None, more=more)
     rng = random.Random(chance)
     folder = tmp_path / "killed"
     acknowledged: list[str] = []
@@ -73,11 +88,11 @@ def test_killed_again_and_again_the_job_ends_as_if_undisturbed(tmp_path: Path, c
     kills = 0
     while not finished:
         assert kills < 60
-        lines, finished = run_job(folder, rng.randint(1, 9) if kills < 12 else None)
-        acknowledged += [line.split()[1] for line in lines if line.startswith("record ")]
+        lines, finished = run_job(folder, rng.randint(1, 9) if kills < 12 else None, more=more)
+        acknowledged += [_recorded(line) for line in lines if line.startswith("record ")]
         _, measured = recovered(folder)
         # what was told is on disk, in that order
-        journaled = iter([event.point for event in measured])
+        journaled = iter([_name(event) for event in measured])
         assert all(any(point == other for other in journaled) for point in acknowledged)
         kills += 1
     one, events = recovered(calm)

@@ -1,0 +1,38 @@
+"""Numbers three lines high, to be read from across the room."""
+
+from __future__ import annotations
+
+from textual.renderables.digits import DIGITS, DIGITS3X3_BOLD
+
+__all__ = ["big_number"]
+
+
+def big_number(value: float | None, *, whole: int = 3, decimals: int = 3) -> tuple[str, str, str]:
+    """Return a number with its sign as three lines, as wide whatever the number is.
+
+    Parameters
+    ----------
+    value
+        The number; None shows a dash.
+    whole
+        Digits before the point for which there is room.
+    decimals
+        Digits after the point.
+    """
+    width = 3 * (1 + whole + decimals) + 1
+    if value is None:
+        return " " * width, "╺━╸".rjust(width), " " * width
+    shown = f"{value:+.{decimals}f}"
+    if not shown.strip("+-0."):
+        shown = f" {shown[1:]}"  # nothing has no sign
+    rows: list[list[str]] = [[], [], []]
+    for character in shown:
+        if character == ".":
+            parts = [" ", " ", "."]
+        else:
+            place = 3 * DIGITS.index(character)
+            parts = [line.ljust(3) for line in DIGITS3X3_BOLD[place : place + 3]]
+        for row, part in zip(rows, parts, strict=True):
+            row.append(part)
+    upper, middle, lower = ("".join(row).rjust(width) for row in rows)
+    return upper, middle, lower

@@ -1,0 +1,104 @@
+"""What is in work, in one form for table, map and keys: the model's points, or fiducials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+from anaplot.orientation.results import RowDiagnosis, TableRow
+from anaplot.session.events import Axis
+from anaplot.station.snapshot import InnerView, PointView, Snapshot
+
+__all__ = ["InWork", "in_work"]
+
+_AXES: tuple[Axis, Axis] = ("x", "y")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InWork:
+    """The model, or the inner orientation that comes before its points.
+
+    Attributes
+    ----------
+    points
+        Points, or fiducials with their place in the fiducial system; NaN where it is not known.
+    keys
+        Every row (point, axis) that there is or will be, in the order of the table.
+    table, diagnoses
+        The rows so far; `parx_um` of a fiducial's row is its residual.
+    suspects
+        Rows to measure again, the one to begin with first; axis None: the whole fiducial.
+    flagged
+        Rows that the test rejects, the most suspicious first.
+    solved
+        Whether there is a solution; what follows is of it.
+    sigma0_um, apriori_um, redundancy, critical
+        Estimated and a-priori sigma0, redundancy, critical value of the test.
+    """
+
+    points: tuple[PointView, ...]
+    keys: tuple[tuple[str, Axis], ...]
+    table: tuple[TableRow, ...] = ()
+    diagnoses: tuple[RowDiagnosis, ...] = ()
+    suspects: tuple[tuple[str, Axis | None], ...] = ()
+    flagged: tuple[tuple[str, str], ...] = ()
+    solved: bool = False
+    sigma0_um: float | None = None
+    apriori_um: float = 0.0
+    redundancy: int = 0
+    critical: float | None = None
+
+
+def in_work(snapshot: Snapshot) -> InWork:
+    """Return what is in work: y of every point, then x of every tie; or x and y of fiducials."""
+    if snapshot.inner is not None:
+        return _inner(snapshot.inner)
+    keys: list[tuple[str, Axis]] = [(view.point, "y") for view in snapshot.points]
+    keys += [(view.point, "x") for view in snapshot.points if view.role == "tie"]
+    solution, diagnosis = snapshot.solution, snapshot.diagnosis
+    if solution is None:
+        return InWork(snapshot.points, tuple(keys))
+    suspects = () if diagnosis is None else diagnosis.suspects
+    flagged = [row.key for row in solution.flagged]
+    return InWork(
+        points=snapshot.points,
+        keys=tuple(keys),
+        table=solution.table,
+        diagnoses=() if diagnosis is None else diagnosis.rows,
+        suspects=suspects,
+        flagged=tuple(dict.fromkeys([*(key for key in suspects if key in flagged), *flagged])),
+        solved=True,
+        sigma0_um=solution.sigma0_um,
+        apriori_um=solution.apriori_um,
+        redundancy=solution.redundancy,
+        critical=solution.test.critical,
+    )
+
+
+def _inner(inner: InnerView) -> InWork:
+    points = tuple(
+        PointView(f.fiducial, "new", *(f.place or (nan, nan)), f.status, f.times, f.off_axes)
+        for f in inner.fiducials
+    )
+    keys = tuple((f.fiducial, axis) for f in inner.fiducials for axis in _AXES)
+    solution = inner.solution
+    if solution is None:
+        return InWork(points, keys)
+    return InWork(
+        points=points,
+        keys=keys,
+        table=tuple(
+            TableRow(r.fiducial, r.axis, r.redn, r.residual_um, r.expd_um, r.sigf, r.flagged)
+            for r in solution.rows
+        ),
+        diagnoses=tuple(
+            RowDiagnosis(r.fiducial, r.axis, r.mdb_um, r.probability) for r in solution.rows
+        ),
+        suspects=inner.suspects,
+        flagged=tuple(row.key for row in solution.flagged),
+        solved=True,
+        sigma0_um=solution.sigma0_um,
+        apriori_um=solution.apriori_um,
+        redundancy=solution.redundancy,
+        critical=solution.test.critical,
+    )

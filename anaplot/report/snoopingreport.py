@@ -1,0 +1,312 @@
+"""Modified data snooping of a block beside the exact test: computed once, shown as text or JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.snooping import (
+    PAPER_TOLERANCE,
+    ClassModel,
+    ObservationClass,
+    Snooping,
+    classify,
+    estimate_models,
+    snoop,
+)
+from anaplot.report.text import printable
+
+__all__ = ["SnoopedBlock", "snoop_block", "snooping_json", "snooping_printout"]
+
+Json = dict[str, Any]
+
+_MOST = 30  # of single observations in the text; JSON holds them all
+
+
+class Decided(NamedTuple):
+    """An observation and what the two tests say of it.
+
+    Attributes
+    ----------
+    photo, point, model, axis
+        The image coordinate.
+    w
+        Standardized residual with the exact cofactor; None when it cannot be tested.
+    rejected, exact
+        What the modified and what the exact test decides.
+    """
+
+    photo: str
+    point: str
+    model: str | None
+    axis: str
+    w: float | None
+    rejected: bool
+    exact: bool
+
+
+class ClassRow(NamedTuple):
+    """A class of observations.
+
+    Attributes
+    ----------
+    kind
+        The class.
+    model
+        Its model value of sqrt(q_vv), in units of the a-priori sigma.
+    smallest, largest
+        Exact sqrt(q_vv) in the class.
+    accepted, rejected
+        Numbers of observations that the model value decides.
+    undecided
+        Number of those that it leaves to the exact cofactor.
+    beyond
+        Number of exact sqrt(q_vv) farther from the model value than the tolerance.
+    """
+
+    kind: ObservationClass
+    model: float
+    smallest: float
+    largest: float
+    accepted: int
+    rejected: int
+    undecided: int
+    beyond: int
+
+    @property
+    def observations(self) -> int:
+        """Number of its observations."""
+        return self.accepted + self.rejected + self.undecided
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SnoopedBlock:
+    """Both tests of a block.
+
+    Attributes
+    ----------
+    tolerance
+        k_q, a share.
+    critical
+        Critical value of both.
+    classes
+        Class by class.
+    undecided
+        Observations that the model values leave open, decided with their exact cofactors; in this
+        and the following the largest abs(w) first.
+    rejected
+        All observations that the modified test rejects.
+    wrongly_accepted, wrongly_rejected
+        Observations that the exact test decides the other way.
+    """
+
+    tolerance: float
+    critical: float
+    classes: tuple[ClassRow, ...]
+    undecided: tuple[Decided, ...]
+    rejected: tuple[Decided, ...]
+    wrongly_accepted: tuple[Decided, ...]
+    wrongly_rejected: tuple[Decided, ...]
+
+    @property
+    def observations(self) -> int:
+        """Number of image coordinates tested."""
+        return sum(row.observations for row in self.classes)
+
+    @property
+    def beyond(self) -> int:
+        """Number of exact sqrt(q_vv) farther from their model values than the tolerance."""
+        return sum(row.beyond for row in self.classes)
+
+
+def snoop_block(block: AdjustedBlock, *, tolerance: float = PAPER_TOLERANCE) -> SnoopedBlock | None:
+    """Test a block by model values estimated for it, and exactly.
+
+    Parameters
+    ----------
+    block
+        The adjusted block.
+    tolerance
+        k_q of Gruen (1980), eqs. (9) to (11).
+
+    Returns
+    -------
+    SnoopedBlock or None
+        None when there is no test at all: the redundancy does not suffice.
+    """
+    if block.critical is None or block.sigma is None or not block.sigma > 0.0:
+        return None
+    normal, factor = block.cofactors.normal, block.cofactors.factor
+    models = {
+        kind: ClassModel(model.root, tolerance)
+        for kind, model in estimate_models(normal, factor).items()
+    }
+    found = snoop(
+        normal,
+        factor,
+        block.v,
+        block.sigma,
+        block.critical,
+        models,
+        exact_r=block.cofactors.r,
+    )
+    exact = block.flagged
+    w = block.w
+
+    def listed(chosen: np.ndarray[Any, np.dtype[np.bool_]]) -> tuple[Decided, ...]:
+        problem = block.problem
+        rows = []
+        for ray, axis in np.argwhere(chosen).tolist():
+            row = problem.block.image_points[problem.source[ray]]
+            size = float(w[ray, axis])
+            rows.append(
+                Decided(
+                    row.photo,
+                    row.point,
+                    row.model,
+                    "xy"[axis],
+                    size if np.isfinite(size) else None,
+                    bool(found.rejected[ray, axis]),
+                    bool(exact[ray, axis]),
+                )
+            )
+        rows.sort(key=lambda row: -1.0 if row.w is None else abs(row.w), reverse=True)
+        return tuple(rows)
+
+    return SnoopedBlock(
+        tolerance,
+        block.critical,
+        _classes(block, models, found),
+        listed(found.computed),
+        listed(found.rejected),
+        listed(exact & ~found.rejected),
+        listed(found.rejected & ~exact),
+    )
+
+
+def _classes(
+    block: AdjustedBlock, models: dict[ObservationClass, ClassModel], found: Snooping
+) -> tuple[ClassRow, ...]:
+    rows = []
+    for kind, (rays, axis) in classify(block.problem).items():
+        model = models[kind]
+        root = np.sqrt(np.maximum(block.cofactors.r[rays, axis], 0.0))
+        undecided = found.computed[rays, axis]
+        rejected = found.rejected[rays, axis] & ~undecided
+        beyond = np.abs(root - model.root) > model.tolerance * model.root
+        rows.append(
+            ClassRow(
+                kind,
+                model.root,
+                float(root.min()),
+                float(root.max()),
+                int((~rejected & ~undecided).sum()),
+                int(rejected.sum()),
+                int(undecided.sum()),
+                int(beyond.sum()),
+            )
+        )
+    return tuple(rows)
+
+
+def snooping_printout(snooped: SnoopedBlock | None) -> str:
+    """Return both tests side by side as text."""
+    if snooped is None:
+        return "MODIFIED DATA SNOOPING\n  no test: the redundancy does not suffice"
+    share = f"{100.0 * snooped.tolerance:g} %"
+    lines = [
+        "MODIFIED DATA SNOOPING (Gruen 1980) BESIDE THE EXACT TEST",
+        f"  model values of sqrt(q_vv) estimated for this block, k_q {share}, critical value "
+        f"{snooped.critical:.2f}",
+        f"  {'CLASS':<28} AXIS    OBS  MODEL  EXACT FROM   TO  ACCEPT  REJECT  UNDECIDED  "
+        f"BEYOND k_q",
+    ]
+    for row in snooped.classes:
+        lines.append(
+            f"  {_named(row.kind):<28} {row.kind.axis:<4}{row.observations:7d}{row.model:7.3f}"
+            f"{row.smallest:12.3f}{row.largest:7.3f}{row.accepted:6d}{row.rejected:8d}"
+            f"{row.undecided:11d}{row.beyond:12d}"
+        )
+    accepted = sum(row.accepted for row in snooped.classes)
+    rejected = sum(row.rejected for row in snooped.classes)
+    lines.append(
+        f"  of {snooped.observations} image coordinates the model values accept {accepted} and "
+        f"reject {rejected}; {len(snooped.undecided)} undecided are decided exactly"
+    )
+    lines += _list("undecided, decided exactly", snooped.undecided)
+    lines += _list("rejected", snooped.rejected)
+    different = len(snooped.wrongly_accepted) + len(snooped.wrongly_rejected)
+    if different:
+        lines.append(
+            f"  the exact test decides {different} otherwise: {len(snooped.wrongly_accepted)} "
+            f"wrongly accepted, {len(snooped.wrongly_rejected)} wrongly rejected"
+        )
+    else:
+        lines.append("  the exact test decides all of them alike")
+    lines += _list("wrongly accepted", snooped.wrongly_accepted)
+    lines += _list("wrongly rejected", snooped.wrongly_rejected)
+    lines.append(
+        f"  {snooped.beyond} exact sqrt(q_vv) lie farther than {share} from their model value"
+    )
+    return "\n".join(lines)
+
+
+def _named(kind: ObservationClass) -> str:
+    rays = "1 ray" if kind.rays == 1 else "4+ rays" if kind.rays == 4 else f"{kind.rays} rays"
+    return f"{rays}, {'inner' if kind.inner else 'outer'}{', control' if kind.control else ''}"
+
+
+def _list(title: str, rows: tuple[Decided, ...]) -> list[str]:
+    if not rows:
+        return []
+    lines = [f"  {title}:"]
+    for row in rows[:_MOST]:
+        model = "" if row.model is None else f" in {printable(row.model)}"
+        w = "-" if row.w is None else f"{row.w:.2f}"
+        verdict = "rejected" if row.rejected else "accepted"
+        other = "" if row.rejected == row.exact else f", exact test {_word(row.exact)}"
+        lines.append(
+            f"    photo {printable(row.photo)}{model}  point {printable(row.point)}  {row.axis}  "
+            f"w {w}  {verdict}{other}"
+        )
+    if len(rows) > _MOST:
+        lines.append(f"    and {len(rows) - _MOST} more")
+    return lines
+
+
+def _word(rejected: bool) -> str:
+    return "rejects" if rejected else "accepts"
+
+
+def snooping_json(snooped: SnoopedBlock | None) -> Json | None:
+    """Return both tests for programs; None without a test."""
+    if snooped is None:
+        return None
+    return {
+        "tolerance": snooped.tolerance,
+        "critical": snooped.critical,
+        "observations": snooped.observations,
+        "classes": [
+            {
+                **row.kind._asdict(),
+                "observations": row.observations,
+                "root_qvv": row.model,
+                "smallest": row.smallest,
+                "largest": row.largest,
+                "accepted": row.accepted,
+                "rejected": row.rejected,
+                "undecided": row.undecided,
+                "beyond_tolerance": row.beyond,
+            }
+            for row in snooped.classes
+        ],
+        "undecided": [row._asdict() for row in snooped.undecided],
+        "rejected": [row._asdict() for row in snooped.rejected],
+        "wrongly_accepted": [row._asdict() for row in snooped.wrongly_accepted],
+        "wrongly_rejected": [row._asdict() for row in snooped.wrongly_rejected],
+        "differences": len(snooped.wrongly_accepted) + len(snooped.wrongly_rejected),
+        "beyond_tolerance": snooped.beyond,
+    }

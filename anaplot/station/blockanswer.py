@@ -1,0 +1,75 @@
+"""The live block's answer as the view that a screen shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from anaplot.bundle.live import LiveAnswer
+from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
+
+__all__ = ["view_of"]
+
+
+def view_of(answer: LiveAnswer, empty: BlockView, since: Mapping[str, str] | None) -> BlockView:
+    """Return what an adjusted block says.
+
+    Parameters
+    ----------
+    answer
+        The live block's answer.
+    empty
+        A view that says which models are in the block, and nothing else.
+    since
+        Points flagged in the answer before, each with the newest model of the block when it was
+        first flagged; None when there was no answer before: then nothing counts as new.
+    """
+    adjusted = answer.adjusted
+    problem, test = adjusted.problem, adjusted.problem.test
+    indicators = adjusted.indicators()
+    um = problem.block.precision.image_um
+    return replace(
+        empty,
+        sigma0=adjusted.sigma0,
+        sigma0_um=None if adjusted.sigma0 is None else adjusted.sigma0 * um,
+        redundancy=adjusted.redundancy,
+        photos=len(problem.photos),
+        points=len(problem.points),
+        rays=len(problem.photo),
+        datum=answer.datum,
+        test=f"{test.kind} {test.alpha:g}",
+        critical=adjusted.critical,
+        ri_x=indicators.ri_x,
+        ri_y=indicators.ri_y,
+        suspects=_suspects(answer, empty, since),
+        aside=answer.aside,
+    )
+
+
+def _suspects(
+    answer: LiveAnswer, empty: BlockView, since: Mapping[str, str] | None
+) -> tuple[SuspectedPoint, ...]:
+    adjusted = answer.adjusted
+    problem, w, r = adjusted.problem, adjusted.w, adjusted.cofactors.r
+    flagged: dict[str, list[FlaggedCoordinate]] = {}
+    at = np.argwhere(adjusted.flagged)
+    order = np.argsort(-np.abs(w[at[:, 0], at[:, 1]]), kind="stable")
+    for ray, axis in at[order].tolist():
+        row = problem.block.image_points[problem.source[ray]]
+        flagged.setdefault(row.point, []).append(
+            FlaggedCoordinate(
+                row.photo, row.model, "xy"[axis], float(w[ray, axis]), float(r[ray, axis])
+            )
+        )
+    suspects = []
+    for point, coordinates in flagged.items():
+        rays = tuple(
+            SuspectedRay(ray.photo, ray.model, ray.probability) for ray in answer.accused[point]
+        )
+        first = empty.after if since is None else since.get(point, empty.after)
+        earlier = any(ray.model != empty.after for ray in rays)
+        newly = since is not None and first == empty.after and earlier
+        suspects.append(SuspectedPoint(point, tuple(coordinates), rays, first, newly))
+    return tuple(suspects)

@@ -1,0 +1,139 @@
+"""What the block as one bundle says, as a screen shows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+__all__ = ["BlockView", "FlaggedCoordinate", "SuspectedPoint", "SuspectedRay"]
+
+
+class FlaggedCoordinate(NamedTuple):
+    """An image coordinate that the block's test rejects.
+
+    Attributes
+    ----------
+    photo, model
+        The photo, and "left/right" of the model in which it was measured; None: from elsewhere.
+    axis
+        "x" or "y".
+    w, r
+        Standardized residual and redundancy number.
+    """
+
+    photo: str
+    model: str | None
+    axis: str
+    w: float
+    r: float
+
+
+class SuspectedRay(NamedTuple):
+    """A measurement of a suspected point, and how probable it is that it is the wrong one.
+
+    Attributes
+    ----------
+    photo, model
+        As in `FlaggedCoordinate`.
+    probability
+        That this measurement holds the error, given that one of the point's does.
+    """
+
+    photo: str
+    model: str | None
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class SuspectedPoint:
+    """A point with flagged image coordinates.
+
+    Attributes
+    ----------
+    point
+        Name.
+    flagged
+        Its flagged coordinates, the largest abs(w) first; never empty.
+    rays
+        All its measurements, the most probably wrong one first; never empty.
+    since
+        The newest model of the block when it was first flagged; "" when only rows from elsewhere
+        were in the block.
+    newly
+        Whether it was measured in an earlier model and only the newest one brings it to light.
+    """
+
+    point: str
+    flagged: tuple[FlaggedCoordinate, ...]
+    rays: tuple[SuspectedRay, ...]
+    since: str
+    newly: bool
+
+    @property
+    def accused(self) -> SuspectedRay:
+        """The measurement that is most probably the wrong one."""
+        return self.rays[0]
+
+
+@dataclass(frozen=True, slots=True)
+class BlockView:
+    """The strip or block as one bundle, as far as it was last adjusted.
+
+    Attributes
+    ----------
+    after
+        "left/right" of the newest model in it; "" when it holds rows from elsewhere only.
+    models
+        Number of the session's models in it.
+    provisional
+        Whether the newest model is still in the instrument, not yet accepted.
+    busy
+        Whether an adjustment with what was measured since is under way.
+    sigma0, sigma0_um
+        Factor sqrt(v'Pv / redundancy) and the same times the a-priori sigma0 [um]; None without
+        redundancy or without a solution.
+    redundancy, photos, points, rays
+        Counts; 0 without a solution.
+    datum
+        "control", "free" as long as control does not suffice, "" without a solution.
+    test
+        The test in force, e.g. "baarda 0.001".
+    critical
+        Critical value of a single test; None where there is none.
+    ri_x, ri_y
+        Mean redundancy numbers of all x and all y; None without a solution.
+    suspects
+        Points with flagged coordinates, the largest abs(w) first.
+    aside
+        Photos that do not hang together with the rest yet.
+    remark
+        Why there is no solution, or "".
+    """
+
+    after: str
+    models: int
+    provisional: bool
+    busy: bool = False
+    sigma0: float | None = None
+    sigma0_um: float | None = None
+    redundancy: int = 0
+    photos: int = 0
+    points: int = 0
+    rays: int = 0
+    datum: str = ""
+    test: str = ""
+    critical: float | None = None
+    ri_x: float | None = None
+    ri_y: float | None = None
+    suspects: tuple[SuspectedPoint, ...] = ()
+    aside: tuple[str, ...] = ()
+    remark: str = ""
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is a solution."""
+        return bool(self.datum)
+
+    def of_earlier_models(self, current: str) -> tuple[SuspectedPoint, ...]:
+        """Return the suspects whose accused measurement does not belong to the model `current`."""
+        return tuple(point for point in self.suspects if point.accused.model != current)

@@ -1,0 +1,200 @@
+"""The block adjusted in the background, while measuring goes on.
+
+One thread of its own owns the live block. Whoever tells it a new state does not wait: the newest
+state takes the place of those not yet begun, and an adjustment that newer measurements have
+overtaken is given up. The mathematics load in that thread, when there is something to adjust.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Set
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from anaplot.errors import AnaplotError
+from anaplot.photogrammetry.block import Block
+from anaplot.session.state import ModelState, SessionState
+from anaplot.session.workflow import Outlook
+from anaplot.station.blockview import BlockView
+from anaplot.station.imagepoints import merged_rows
+
+if TYPE_CHECKING:
+    from anaplot.bundle.live import LiveBlock
+
+__all__ = ["BlockWatch"]
+
+_FIRST_SCREEN = 1.0  # s after opening before anything is loaded: the first screen comes first
+
+
+class _OvertakenError(Exception):
+    """What is being adjusted is no longer the newest, or nobody wants it any more."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Work:
+    """Everything that goes into one adjustment."""
+
+    block: Block
+    models: tuple[ModelState, ...]
+    of_session: frozenset[str]
+    provisional: bool
+
+    @property
+    def after(self) -> str:
+        return self.models[-1].name if self.models else ""
+
+    def same_as(self, other: _Work | None) -> bool:
+        """Whether an adjustment would come out the same."""
+        return (
+            other is not None
+            and self.models == other.models
+            and self.provisional == other.provisional
+            and self.of_session == other.of_session
+            and (self.block is other.block or self.block == other.block)
+        )
+
+
+class BlockWatch:
+    """Keeps the block adjusted as a session goes on.
+
+    Parameters
+    ----------
+    ready
+        Called in the watch's own thread whenever there is a new view.
+    """
+
+    def __init__(self, ready: Callable[[], None]) -> None:
+        self._ready = ready
+        self._opened = time.monotonic()
+        self._changed = threading.Condition()
+        self._told: _Work | None = None
+        self._done: _Work | None = None
+        self._view: BlockView | None = None
+        self._since: dict[str, str] = {}
+        self._closed = False
+        self._thread: threading.Thread | None = None
+
+    @property
+    def view(self) -> BlockView | None:
+        """What the block says; None before there is anything to adjust."""
+        with self._changed:
+            busy = self._told is not self._done
+            if self._view is not None:
+                return replace(self._view, busy=True) if busy else self._view
+            if not busy or self._told is None:
+                return None
+            return BlockView(
+                self._told.after, len(self._told.models), self._told.provisional, busy=True
+            )
+
+    def tell(
+        self, block: Block, state: SessionState, outlook: Outlook, of_session: Set[str]
+    ) -> None:
+        """Take notice of a new state; returns at once.
+
+        Parameters
+        ----------
+        block
+            As declared, with the image points found in the folder and the control.
+        state, outlook
+            The session's state and what follows from it. Accepted models take part; the current
+            one as soon as its pattern is complete and no y row of it is flagged: flagged x rows
+            of ties stay, for the block alone says which of the two models is wrong.
+        of_session
+            Names of the models that the session has ever accepted.
+        """
+        current = _complete(state, outlook)
+        work = _Work(
+            block,
+            state.models if current is None else (*state.models, current),
+            frozenset(of_session if current is None else of_session | {current.name}),
+            current is not None,
+        )
+        with self._changed:
+            if self._closed or work.same_as(self._told):
+                return
+            if self._told is None and not work.models and not block.image_points:
+                return
+            self._told = work
+            self._changed.notify_all()
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="block", daemon=True)
+                self._thread.start()
+
+    def close(self) -> None:
+        """End; an adjustment under way is given up. A second call does nothing."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join()
+
+    # -- the thread ----------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        with self._changed:
+            rest = self._opened + _FIRST_SCREEN - time.monotonic()
+            self._changed.wait_for(lambda: self._closed, max(rest, 0.0))
+        live: LiveBlock | None = None
+        while (work := self._next()) is not None:
+            try:
+                view, live = self._adjusted(work, live)
+            except _OvertakenError:
+                continue
+            with self._changed:
+                self._view, self._done = view, work
+                if self._closed:
+                    return
+            self._ready()
+
+    def _next(self) -> _Work | None:
+        """Wait for something to adjust; None at the end."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._told is not self._done)
+            return None if self._closed else self._told
+
+    def _adjusted(
+        self, work: _Work, live: LiveBlock | None
+    ) -> tuple[BlockView | None, LiveBlock | None]:
+        from anaplot.bundle.live import LiveBlock
+        from anaplot.station.blockanswer import view_of
+
+        rows = merged_rows(work.block.image_points, work.models, work.of_session)
+        if not rows:
+            self._since = {}
+            return None, None
+        block = replace(work.block, image_points=rows)
+        empty = BlockView(work.after, len(work.models), work.provisional)
+        known = live is not None and live.answer is not None
+        if live is None:
+            live = LiveBlock(block)
+        try:
+            answer = live.update(block, progress=lambda _what, _share: self._look_up(work))
+            view = view_of(answer, empty, self._since if known else None)
+        except _OvertakenError:
+            raise
+        except AnaplotError as error:
+            return replace(empty, remark=str(error)), live
+        except Exception as error:  # noqa: BLE001 - measuring goes on; the operator is told
+            # what the live block holds now is not to be built upon
+            self._since = {}
+            reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+            return replace(empty, remark=f"the block could not be adjusted: {reason}"), None
+        self._since = {point.point: point.since for point in view.suspects}
+        return view, live
+
+    def _look_up(self, work: _Work) -> None:
+        """Give up when overtaken; called many times on the way."""
+        with self._changed:
+            if self._closed or self._told is not work:
+                raise _OvertakenError
+
+
+def _complete(state: SessionState, outlook: Outlook) -> ModelState | None:
+    """Return the current model if it is fit for the block, else None."""
+    model, solution = state.current, outlook.solution
+    if model is None or solution is None or model.pending:
+        return None
+    return None if any(row.axis == "y" for row in solution.flagged) else model

@@ -1,0 +1,67 @@
+"""A new block with its camera files, and a block.toml whose camera files are given as text."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block, write_new_block
+from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_block_toml
+from anaplot.exchange.camerafile import write_camera
+from anaplot.photogrammetry.block import Block
+from anaplot.planning.synthetic import synthetic_strip
+from anaplot.planning.syntheticcamera import SYNTHETIC_CAMERA_FILE, with_calibration
+
+
+@pytest.fixture
+def block() -> Block:
+    made = synthetic_strip(3, seed=1).block
+    return replace(made, cameras=tuple(with_calibration(camera) for camera in made.cameras))
+
+
+def test_it_is_read_back_equal(tmp_path: Path, block: Block) -> None:
+    write_new_block(tmp_path / "new" / "block", block)
+    assert read_block(tmp_path / "new" / "block") == block
+    assert (tmp_path / "new" / "block" / SYNTHETIC_CAMERA_FILE).exists()
+
+
+def test_without_camera_files_it_is_the_block_toml_alone(tmp_path: Path, block: Block) -> None:
+    cameras = tuple(replace(c, calibration=None, file=None) for c in block.cameras)
+    write_new_block(tmp_path / "b", replace(block, cameras=cameras))
+    assert [p.name for p in (tmp_path / "b").iterdir()] == ["block.toml"]
+
+
+def test_nothing_is_overwritten(tmp_path: Path, block: Block) -> None:
+    write_new_block(tmp_path, block)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(InputError, match=r"block\.toml: exists already"):
+        write_new_block(tmp_path, replace(block, name="other"))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_camera_file_that_is_there_must_say_the_same(tmp_path: Path, block: Block) -> None:
+    calibration = block.cameras[0].calibration
+    assert calibration is not None
+    same, other = tmp_path / "same", tmp_path / "other"
+    for folder, c in ((same, calibration.c), (other, 99.0)):
+        folder.mkdir()
+        write_camera(folder / SYNTHETIC_CAMERA_FILE, replace(calibration, c=c))
+    write_new_block(same, block)
+    assert read_block(same) == block
+    with pytest.raises(InputError, match=r"camera\.toml: exists already and says something else"):
+        write_new_block(other, block)
+    assert not (other / "block.toml").exists()
+
+
+def test_camera_files_given_as_text_are_not_looked_for(tmp_path: Path, block: Block) -> None:
+    text, files = format_block_toml(block), camera_texts(block)
+    assert set(files) == {SYNTHETIC_CAMERA_FILE}
+    assert parse_block_toml(text, tmp_path / "block.toml", files) == block
+    with pytest.raises(InputError, match="file not found"):
+        parse_block_toml(text, tmp_path / "block.toml")
+    broken = {SYNTHETIC_CAMERA_FILE: files[SYNTHETIC_CAMERA_FILE].replace("c =", "cc =")}
+    with pytest.raises(InputError, match=r"camera\.toml"):
+        parse_block_toml(text, tmp_path / "block.toml", broken)

@@ -1,0 +1,330 @@
+"""`anaplot adjust --snooping` and `--correlations`: text, JSON, options, an interrupt."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import anaplot
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.snooping import ClassModel, estimate_models, snoop
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import read_block, write_new_block
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    ControlPoint,
+    ImagePoint,
+    Photo,
+    Precision,
+    Strip,
+    TestSettings,
+)
+from anaplot.photogrammetry.collinearity import project
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.report.adjustcommand import run_adjust
+from anaplot.report.correlations import correlated_rays, correlations_printout
+from anaplot.report.snoopingreport import snoop_block, snooping_json, snooping_printout
+
+WAIT = 120.0
+BASE, HEIGHT, C = 600.0, 1000.0, 150.0
+
+
+def flown(strips: int, length: int, *, errors: int = 0, relief: float = 30.0) -> Block:
+    """A 60/60 block with noise of 5 um, control at its corners, and errors of 60 um in y."""
+    rng = np.random.default_rng(5)
+    points = {
+        f"p{i}-{j}": np.array([i * BASE / 2.0, j * BASE / 2.0, rng.uniform(-1.0, 1.0) * relief])
+        for j in range(-1, 2 * strips)
+        for i in range(2 * length - 1)
+    }
+    names, at = list(points), np.array(list(points.values()))
+    rows, lines = [], []
+    for j in range(strips):
+        ids = tuple(f"{j + 1}{i + 1:02d}" for i in range(length))
+        lines.append(Strip(f"s{j + 1}", ids))
+        for i, photo in enumerate(ids):
+            centre = np.array([i * BASE, j * BASE, HEIGHT])
+            rotation = rotation_matrix(*(rng.normal(size=3) * 0.02))
+            n = len(names)
+            seen = project(
+                np.broadcast_to(centre, (n, 3)),
+                np.broadcast_to(rotation, (n, 3, 3)),
+                np.full(n, C),
+                at,
+            )
+            near = np.abs(at[:, :2] - centre[:2]).max(axis=1) < 1.01 * BASE
+            for k in np.nonzero(near)[0].tolist():
+                x, y = (seen.xy[k] + rng.normal(size=2) * 0.005).tolist()
+                rows.append(ImagePoint(photo, names[k], x, y))
+    for k in rng.choice(len(rows), errors, replace=False).tolist():
+        rows[k] = replace(rows[k], y=rows[k].y + 0.06)
+    corners = [
+        f"p{i}-{j}" for i in (0, length - 1, 2 * length - 2) for j in (-1, strips, 2 * strips - 1)
+    ]
+    control = tuple(
+        ControlPoint(name, tuple(points[name].tolist()), (0.0, 0.0, 0.0)) for name in corners
+    )
+    return Block(
+        name="flown",
+        precision=Precision(image_um=5.0),
+        test=TestSettings(kind="baarda"),
+        cameras=(Camera("rmk", C),),
+        photos=tuple(Photo(photo, "rmk") for strip in lines for photo in strip.photos),
+        strips=tuple(lines),
+        image_points=tuple(rows),
+        control=control,
+    )
+
+
+def written(folder: Path, block: Block) -> Path:
+    write_new_block(folder, replace(block, image_points=(), control=()))
+    rows = ["photo,point,x,y"]
+    rows += [f"{r.photo},{r.point},{r.x!r},{r.y!r}" for r in block.image_points]
+    (folder / "image_points.csv").write_text("\n".join(rows) + "\n")
+    control = ["point,X,Y,Z,sX,sY,sZ,use"]
+    control += [",".join([c.point, *map(repr, c.xyz), "0,0,0", c.use]) for c in block.control]
+    (folder / "control.csv").write_text("\n".join(control) + "\n")
+    return folder
+
+
+def test_both_tests_side_by_side() -> None:
+    adjusted = adjust_block(flown(3, 5, errors=6))
+    for tolerance in (0.05, 0.25):
+        found = snoop_block(adjusted, tolerance=tolerance)
+        assert found is not None
+        assert found.observations == adjusted.v.size
+        assert sum(row.accepted + row.rejected + row.undecided for row in found.classes) == (
+            adjusted.v.size
+        )
+        # what is decided exactly is what the model values left open, and agrees with the exact test
+        assert len(found.undecided) == sum(row.undecided for row in found.classes)
+        assert all(row.rejected == row.exact for row in found.undecided)
+        # the differences are counted
+        rejected = {row[:4] for row in found.rejected}
+        exact = {
+            (p.photo, p.point, p.model, "xy"[axis])
+            for ray, axis in np.argwhere(adjusted.flagged).tolist()
+            for p in [adjusted.problem.block.image_points[adjusted.problem.source[ray]]]
+        }
+        assert exact
+        assert {row[:4] for row in found.wrongly_rejected} == rejected - exact
+        assert {row[:4] for row in found.wrongly_accepted} == exact - rejected
+        sizes = [abs(row.w) for row in found.rejected if row.w is not None]
+        assert sizes == sorted(sizes, reverse=True)
+        for row in found.classes:
+            assert row.smallest <= row.largest
+            assert (
+                (row.beyond == 0)
+                or row.smallest < row.model * (1.0 - tolerance)
+                or (row.largest > row.model * (1.0 + tolerance))
+            )
+    # a wider tolerance leaves more undecided
+    narrow = snoop_block(adjusted, tolerance=0.05)
+    wide = snoop_block(adjusted, tolerance=0.25)
+    assert narrow is not None
+    assert wide is not None
+    assert len(narrow.undecided) < len(wide.undecided)
+
+
+def test_the_library_and_the_report_count_alike() -> None:
+    adjusted = adjust_block(flown(3, 5, errors=6))
+    found = snoop_block(adjusted)
+    assert found is not None
+    assert adjusted.sigma is not None
+    assert adjusted.critical is not None
+    normal, factor = adjusted.cofactors.normal, adjusted.cofactors.factor
+    models = {
+        kind: ClassModel(model.root, 0.25)
+        for kind, model in estimate_models(normal, factor).items()
+    }
+    library = snoop(
+        normal, factor, adjusted.v, adjusted.sigma, adjusted.critical, models,
+        exact_r=adjusted.cofactors.r,
+    )  # fmt: skip
+    assert library.computed.sum() == len(found.undecided)
+    assert library.rejected.sum() == len(found.rejected)
+    assert library.wrongly_accepted == len(found.wrongly_accepted)
+    assert library.wrongly_rejected == len(found.wrongly_rejected)
+
+
+def run(folder: Path, **options: object) -> str:
+    out = io.StringIO()
+    assert run_adjust(folder, out=out, err=io.StringIO(), **options) == 0  # type: ignore[arg-type]
+    return out.getvalue()
+
+
+def test_the_report_follows_the_block(tmp_path: Path) -> None:
+    folder = written(tmp_path / "b", flown(2, 4, errors=3))
+    plain = run(folder)
+    text = run(folder, snooping=True, correlations=0.9)
+    assert text.startswith(plain.rstrip("\n"))
+    assert "MODIFIED DATA SNOOPING (Gruen 1980) BESIDE THE EXACT TEST" in text
+    assert "k_q 25 %" in text
+    assert "CORRELATED RESIDUALS of a point's rays, 0.9 or more" in text
+    found = re.search(
+        r"of (\d+) image coordinates the model values accept (\d+) and reject (\d+); (\d+) "
+        r"undecided are decided exactly",
+        text,
+    )
+    assert found is not None
+    total, accepted, rejected, undecided = map(int, found.groups())
+    assert total == accepted + rejected + undecided == 2 * len(read_block(folder).image_points)
+    assert rejected > 0
+
+
+def test_the_keys_are_additive(tmp_path: Path) -> None:
+    folder = written(tmp_path / "b", flown(2, 4, errors=3))
+    plain = json.loads(run(folder, as_json=True))
+    got = json.loads(run(folder, as_json=True, snooping=True, tolerance=0.1, correlations=1.0))
+    snooping, correlations = got.pop("snooping"), got.pop("correlations")
+    assert got == plain
+    assert snooping["tolerance"] == 0.1
+    assert snooping["differences"] == len(snooping["wrongly_accepted"]) + len(
+        snooping["wrongly_rejected"]
+    )
+    assert set(snooping["rejected"][0]) == {
+        "photo", "point", "model", "axis", "w", "rejected", "exact",
+    }  # fmt: skip
+    assert {row["axis"] for row in snooping["classes"]} == {"x", "y"}
+    assert sum(row["observations"] for row in snooping["classes"]) == snooping["observations"]
+    # the two y of a point in two photos check each other and nothing else does
+    assert correlations
+    assert {"point", "first", "second", "correlation"} == set(correlations[0])
+    assert all(abs(pair["correlation"]) <= 1.0 for pair in correlations)
+
+
+def test_correlations_are_those_of_the_library() -> None:
+    adjusted = adjust_block(flown(2, 4))
+    limit = 0.6
+    pairs = correlated_rays(adjusted, limit)
+    assert pairs
+    listed = {(p.point, p.first, p.second): p.correlation for p in pairs}
+    for point in adjusted.problem.points:
+        labels, rho = adjusted.point_correlations(point)
+        for i in range(len(labels)):
+            for j in range(i + 1, len(labels)):
+                name = (point, labels[i], labels[j])
+                above = np.isfinite(rho[i, j]) and abs(rho[i, j]) >= limit
+                assert (name in listed) == above
+                if above:
+                    assert listed[name] == pytest.approx(rho[i, j])
+    assert correlated_rays(adjusted, 1.0) == tuple(
+        p for p in correlated_rays(adjusted, 0.9) if abs(p.correlation) > 1.0 - 1e-9
+    )
+
+
+def test_without_redundancy_there_is_nothing_to_snoop() -> None:
+    block = flown(1, 2)
+    points = ("p0--1", "p2--1", "p1-0", "p0-1", "p2-1")
+    rows = tuple(r for r in block.image_points if r.point in points)
+    adjusted = adjust_block(replace(block, image_points=rows, control=()), datum="free")
+    assert adjusted.redundancy == 0
+    found = snoop_block(adjusted)
+    assert found is None
+    assert snooping_json(found) is None
+    assert "no test" in snooping_printout(found)
+
+
+def test_names_cannot_control_the_terminal() -> None:
+    block = flown(2, 4, errors=3)
+    rows = tuple(replace(r, point=f"{r.point}\x1b[31m") for r in block.image_points)
+    control = tuple(replace(c, point=f"{c.point}\x1b[31m") for c in block.control)
+    adjusted = adjust_block(replace(block, image_points=rows, control=control))
+    text = snooping_printout(snoop_block(adjusted))
+    text += correlations_printout(correlated_rays(adjusted, 0.9), 0.9)
+    assert "\\x1b[31m" in text
+    assert "\x1b" not in text
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--snooping-tolerance", "100"], "must lie below 100"),
+        (["--snooping-tolerance", "-3"], "is no positive number"),
+        (["--correlations", "1.5"], "is no correlation"),
+        (["--correlations", "0"], "is no positive number"),
+        (["--correlations", "nan"], "is no positive number"),
+    ],
+)
+def test_options_that_make_no_sense(
+    options: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["adjust", str(tmp_path), *options]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_the_command_line_prints_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = written(tmp_path / "b", flown(2, 4, errors=3))
+    options = ["--snooping", "--snooping-tolerance", "10", "--correlations", "0.95"]
+    assert main(["adjust", str(folder), *options]) == 0
+    out = capsys.readouterr().out
+    assert "k_q 10 %" in out
+    assert "0.95 or more" in out
+
+
+INTERRUPTED = """
+import signal, sys
+from anaplot.cli import main
+from anaplot.report import progress
+
+progress._FIRST = progress._EVERY = 0.0
+show = progress.ProgressLine.__call__
+
+def shown(self, what, fraction):
+    show(self, what, fraction)
+    if what == "factor":
+        signal.pause()  # in the middle of the work, until the interrupt comes
+
+progress.ProgressLine.__call__ = shown
+sys.exit(main(["adjust", sys.argv[1], "--snooping"]))
+"""
+
+
+def test_an_interrupt_in_the_middle_leaves_one_line(tmp_path: Path) -> None:
+    folder = written(tmp_path / "b", flown(2, 4))
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    master, slave = pty.openpty()
+    try:
+        with (tmp_path / "out").open("wb") as out:
+            process = subprocess.Popen(
+                [sys.executable, "-c", INTERRUPTED, str(folder)],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=slave,
+                cwd=Path(anaplot.__path__[0]).parent,
+                start_new_session=True,
+            )
+        os.close(slave)
+        told = b""
+        while b"factor" not in told:
+            told += os.read(master, 4096)
+        process.send_signal(signal.SIGINT)
+        code = process.wait(WAIT)
+        with contextlib.suppress(OSError):  # so ends a terminal that nobody holds any more
+            while more := os.read(master, 4096):
+                told += more
+    finally:
+        os.close(master)
+    text = told.decode()
+    assert code == 130, text
+    assert (tmp_path / "out").read_bytes() == b""
+    # the progress line is gone, and one line says what happened
+    assert re.search(r"\r +\ranaplot: interrupted\r\n$", text)
+    assert text.count("\n") == 1
+    assert "Traceback" not in text
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
