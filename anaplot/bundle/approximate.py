@@ -77,7 +77,8 @@ def approximate_state(problem: Problem, progress: Progress | None = None) -> Sta
 def approximate_ways(problem: Problem) -> list[Way]:
     """Return the ways to approximate values, in the order in which to try them.
 
-    What the block states; bridged strips; the photos as vertical ones; pairs in any attitude. A way
+    What the block states; bridged strips; the photos as vertical ones; bridged strips together with
+    pairs in any attitude; such pairs alone. A way
     returns None where it does not apply, and raises NotComputableError where it does not get
     through.
     """
@@ -89,19 +90,29 @@ def approximate_ways(problem: Problem) -> list[Way]:
             return None
         return state_of(problem, _completed(problem, given, rays))
 
+    def parts(progress: Progress | None) -> list[Cluster]:
+        return bridged_parts(problem, rays, progress) if problem.block.strips else []
+
     def bridged(progress: Progress | None) -> State | None:
-        if not problem.block.strips:
+        free = parts(progress)
+        if not free:
             return None
-        return _joined(problem, rays, by_photo, bridged_parts(problem, rays, progress), progress)
+        return _joined(problem, rays, by_photo, free, progress, others=False)
 
     def level(progress: Progress | None) -> State | None:
         cluster = level_cluster(problem)
         return None if cluster is None else state_of(problem, cluster)
 
+    def mixed(progress: Progress | None) -> State | None:
+        free = parts(progress)
+        if not free:
+            return None
+        return _joined(problem, rays, by_photo, free, progress)
+
     def paired(progress: Progress | None) -> State | None:
         return _joined(problem, rays, by_photo, [], progress)
 
-    return [stated, bridged, level, paired]
+    return [stated, bridged, level, mixed, paired]
 
 
 def _joined(
@@ -110,8 +121,13 @@ def _joined(
     by_photo: list[Index],
     free: list[Cluster],
     progress: Progress | None,
+    *,
+    others: bool = True,
 ) -> State:
-    """Join parts over common points and control, and add what is not in them."""
+    """Join parts over common points and control, and add what is not in them.
+
+    With `others`, pairs in any attitude orient what does not hang together with that.
+    """
     ground = _given(problem, rays)
     if ground is None:
         ground = Cluster.empty(problem)
@@ -131,7 +147,7 @@ def _joined(
                     give_nominal_place(problem, ground)
     _grow(problem, ground, rays, by_photo, free, progress)
     missing = np.nonzero(~ground.oriented)[0]
-    if len(missing):
+    if len(missing) and others:
         ground = _other_parts(problem, ground, rays, by_photo, progress)
         missing = np.nonzero(~ground.oriented)[0]
     if len(missing):

@@ -323,17 +323,27 @@ def robust_suspects(
     found = []
     scale = max(float(np.median(image)), float(np.median(problem.sigma)))
     rays = np.bincount(problem.point, minlength=len(problem.points))
-    for k in np.argsort(-image, kind="stable")[:10].tolist():
-        photo, point = problem.photos[problem.photo[k]], problem.points[problem.point[k]]
+    bad = np.bincount(problem.point[image > 10.0 * scale], minlength=len(problem.points))
+    named: set[str] = set()
+    for k in np.argsort(-image, kind="stable")[:20].tolist():
+        p = int(problem.point[k])
+        photo, point = problem.photos[problem.photo[k]], problem.points[p]
         what = f"point {point} in photo {photo}"
-        if rays[problem.point[k]] == 1 and held[problem.point[k]].any():
+        if held[p].any() and rays[p] == 1:
             # a single ray and control contradict each other: nothing tells which is wrong
             what = f"control point {point} or {what}"
+        elif held[p].any() and bad[p] > rays[p] // 2:
+            what = f"control point {point}"
+        if what in named:
+            continue
+        named.add(what)
         found.append(Suspect(what, f"{image[k]:.3g} mm", image[k] / scale))
     if held.any():
         scale = max(float(np.median(control[held.any(axis=1)])), float(least[held].min()))
         for k in np.argsort(-control, kind="stable")[:10].tolist():
             what = f"control point {problem.points[k]}"
+            if what in named:
+                continue
             found.append(Suspect(what, f"{control[k]:.3g} m", control[k] / scale))
     found = [suspect for suspect in found if suspect.times > 10.0]
     found.sort(key=lambda suspect: -suspect.times)
