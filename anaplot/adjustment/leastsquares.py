@@ -268,12 +268,13 @@ def adjust_combined(
         unknowns=unknowns,
         condition_limit=condition_limit,
     )
-    gain = full @ solved[:, u + 1 :].T
+    whitened = solved[:, u + 1 :]
+    gain = full @ whitened.T  # gain' Q^-1 is whitened again: Q itself is never inverted
     q_vv = gain @ inner.q_vv @ gain.T
     return CombinedAdjustment(
         conditions=inner,
         g=inner.x,
         v=-gain @ inner.w,
         q_vv=q_vv,
-        r=np.einsum("ij,ji->i", q_vv, np.linalg.inv(full)),
+        r=np.einsum("ij,ji->i", gain @ inner.q_vv, whitened),
     )
