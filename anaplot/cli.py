@@ -39,7 +39,8 @@ def _bridge(options: argparse.Namespace) -> int:
     from anaplot.orientation.diagnosis import diagnose
     from anaplot.orientation.strip import bridge_strip, pooled_sigma_um
     from anaplot.report.contract import bridge_json
-    from anaplot.report.text import model_printout, printable
+    from anaplot.report.printable import printable
+    from anaplot.report.text import model_printout
 
     block = read_block(options.block)
     check_for_bridge(block)
@@ -561,7 +562,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except AnaplotError as error:
-        from anaplot.report.text import printable
+        from anaplot.report.printable import printable
 
         print(f"anaplot: {printable(str(error))}", file=sys.stderr)
         return error.exit_code
@@ -573,7 +574,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        from anaplot.report.text import printable
+        from anaplot.report.printable import printable
 
         print(f"anaplot: {printable(str(error))}", file=sys.stderr)
         return InputError.exit_code

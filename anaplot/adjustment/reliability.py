@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import log
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,9 @@ from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_
 
 __all__ = [
     "ERROR_PRIOR_SIGMAS",
+    "HARD_TO_TELL",
     "NONE_PRIOR",
+    "AppliedTest",
     "Odds",
     "Standardized",
     "critical_transfers",
@@ -30,8 +32,19 @@ Array = NDArray[np.float64]
 ERROR_PRIOR_SIGMAS = 20.0
 """Prior of a gross error: normal, this many standard deviations of the observation wide."""
 
+HARD_TO_TELL = 0.9
+"""Residual correlation from which two rows are named as hard to tell apart."""
+
 NONE_PRIOR = 0.9
 """Prior probability that there is no gross error at all."""
+
+
+class AppliedTest(NamedTuple):
+    """The test applied to every row; critical is None when there is no such value."""
+
+    kind: Literal["tau", "baarda"]
+    alpha: float
+    critical: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from anaplot.adjustment.reliability import (
+    HARD_TO_TELL,
     critical_transfers,
     error_odds,
     residual_correlations,
@@ -24,9 +25,6 @@ from anaplot.orientation.results import (
 )
 
 __all__ = ["HARD_TO_TELL", "diagnose", "point_odds"]
-
-HARD_TO_TELL = 0.9
-"""Residual correlation from which two rows are named as hard to tell apart."""
 
 _SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may hide behind it
 

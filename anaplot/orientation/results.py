@@ -8,6 +8,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.reliability import AppliedTest
+
 __all__ = [
     "AppliedTest",
     "Diagnosis",
@@ -60,14 +62,6 @@ class ModelPoint(NamedTuple):
     X: float
     Y: float
     Z: float
-
-
-class AppliedTest(NamedTuple):
-    """The test applied to every row; critical is None when there is no such value."""
-
-    kind: Literal["tau", "baarda"]
-    alpha: float
-    critical: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,12 +23,12 @@ from anaplot.photogrammetry.fiducialfit import fit_fiducials
 from anaplot.photogrammetry.innerfit import InnerFit, listed
 from anaplot.photogrammetry.innerresults import (
     HARD_TO_TELL,
+    AppliedTest,
     Axis,
     DistanceRow,
     InnerOrientation,
     InnerPartner,
     InnerRow,
-    InnerTest,
 )
 from anaplot.photogrammetry.platetransformation import (
     TRANSFORMATIONS,
@@ -42,11 +42,11 @@ __all__ = [
     "HARD_TO_TELL",
     "MINIMUM",
     "TRANSFORMATIONS",
+    "AppliedTest",
     "DistanceRow",
     "InnerOrientation",
     "InnerPartner",
     "InnerRow",
-    "InnerTest",
     "Placement",
     "PlateTransformation",
     "TransformationName",
@@ -225,7 +225,7 @@ def _result(
         apriori_um=apriori_um,
         redundancy=f,
         iterations=fit.iterations,
-        test=InnerTest(test.kind, test.alpha, tested.critical),
+        test=AppliedTest(test.kind, test.alpha, tested.critical),
         rows=tuple(rows),
         partners=tuple(
             InnerPartner(keys[i], keys[j], float(correlation[i, j]))

@@ -8,23 +8,21 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.reliability import HARD_TO_TELL, AppliedTest
 from anaplot.photogrammetry.platetransformation import Placement, PlateTransformation
 
 __all__ = [
     "HARD_TO_TELL",
+    "AppliedTest",
     "Axis",
     "DistanceRow",
     "InnerOrientation",
     "InnerPartner",
     "InnerRow",
-    "InnerTest",
 ]
 
 Array = NDArray[np.float64]
 Axis = Literal["x", "y"]
-
-HARD_TO_TELL = 0.9
-"""Residual correlation from which two rows are named as hard to tell apart."""
 
 _INSEPARABLE = 1.0 - 1e-4
 
@@ -85,14 +83,6 @@ class InnerPartner(NamedTuple):
     correlation: float
 
 
-class InnerTest(NamedTuple):
-    """The test applied to every row; critical is None when there is no such value."""
-
-    kind: Literal["tau", "baarda"]
-    alpha: float
-    critical: float | None
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class InnerOrientation:
     """The inner orientation of one photograph.
@@ -145,7 +135,7 @@ class InnerOrientation:
     apriori_um: float
     redundancy: int
     iterations: int
-    test: InnerTest
+    test: AppliedTest
     rows: tuple[InnerRow, ...]
     partners: tuple[InnerPartner, ...]
     distances: tuple[DistanceRow, ...]

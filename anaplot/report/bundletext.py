@@ -7,7 +7,7 @@ from math import degrees, hypot
 
 from anaplot.bundle.accuse import accuse
 from anaplot.bundle.adjusted import SPUR, AdjustedBlock
-from anaplot.report.text import printable
+from anaplot.report.printable import printable
 
 __all__ = ["adjust_printout"]
 

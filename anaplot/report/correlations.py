@@ -8,7 +8,7 @@ import numpy as np
 
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.report.text import printable
+from anaplot.report.printable import printable
 
 __all__ = ["RayPair", "correlated_rays", "correlations_json", "correlations_printout"]
 

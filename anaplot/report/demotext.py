@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.report.innertext import inner_table_lines
-from anaplot.report.text import printable, table_lines
+from anaplot.report.printable import printable
+from anaplot.report.text import table_lines
 from anaplot.station.automatic import Handled, InnerRecord, ModelRecord
 from anaplot.station.demo import Outcome
 from anaplot.station.mistakes import Planted

@@ -79,7 +79,7 @@ def run_inner(options: argparse.Namespace) -> int:
     from anaplot.photogrammetry.inner import TRANSFORMATIONS, InnerOrientation, orient_inner
     from anaplot.report.innercontract import inner_json
     from anaplot.report.innertext import camera_remarks, inner_printout
-    from anaplot.report.text import printable
+    from anaplot.report.printable import printable
 
     name = options.transformation
     wanted = next((known for known in TRANSFORMATIONS if known == name), None)

@@ -8,7 +8,7 @@ from anaplot.photogrammetry.camera import CameraCalibration, RadialTable
 from anaplot.photogrammetry.inner import InnerOrientation, InnerRow
 from anaplot.photogrammetry.inneradvice import advise
 from anaplot.photogrammetry.platetransformation import TITLES
-from anaplot.report.text import printable
+from anaplot.report.printable import printable
 
 __all__ = ["camera_remarks", "inner_printout", "inner_table_lines"]
 

@@ -17,7 +17,7 @@ from anaplot.bundle.snooping import (
     estimate_models,
     snoop,
 )
-from anaplot.report.text import printable
+from anaplot.report.printable import printable
 
 __all__ = ["SnoopedBlock", "snoop_block", "snooping_json", "snooping_printout"]
 

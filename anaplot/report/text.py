@@ -6,17 +6,11 @@ from collections.abc import Iterable, Sequence
 from math import degrees
 
 from anaplot.orientation.results import Diagnosis, ModelSolution, TableRow
+from anaplot.report.printable import printable
 
 __all__ = ["model_printout", "printable", "table_lines", "verdict"]
 
 _PER_LINE = 6
-
-
-def printable(text: str) -> str:
-    """Return text in which nothing can control a terminal: such characters are shown escaped."""
-    if text.isprintable():
-        return text
-    return "".join(ch if ch.isprintable() else ch.encode("unicode_escape").decode() for ch in text)
 
 
 def verdict(row: TableRow, accused: tuple[str, str] | None) -> str:
