@@ -1,0 +1,105 @@
+"""An adjustment seen from the side of its residuals: all that a search for gross errors needs.
+
+With every observation divided by its a-priori standard deviation, e = R (l - l0) are the
+misclosures left and R = Q_vv P is symmetric and idempotent. An error of size z in row i changes e
+by column i of R times z, so that every question about rejected rows is answered by those columns
+alone (Gruen 1980, eq. 12 to 17; exact for a linear model).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.leastsquares import Adjustment
+
+__all__ = ["DenseResiduals", "ResidualSystem", "dense_residuals"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+class ResidualSystem(Protocol):
+    """What a strategy for gross errors asks of an adjustment; whitened, without units."""
+
+    @property
+    def names(self) -> Sequence[Hashable]:
+        """Identity of each of the n rows."""
+        ...
+
+    @property
+    def e(self) -> Array:
+        """(n,) misclosures left, in a-priori sigmas of their row; + r times an error of the row."""
+        ...
+
+    @property
+    def r(self) -> Array:
+        """(n,) redundancy numbers, the diagonal of R."""
+        ...
+
+    @property
+    def vtpv(self) -> float:
+        """e'e, over all rows (also over those that are never suspected)."""
+        ...
+
+    @property
+    def redundancy(self) -> int:
+        """Number of observations minus number of unknowns."""
+        ...
+
+    def columns(self, rows: Index) -> Array:
+        """Return (n, k): the columns of R that belong to k rows."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DenseResiduals:
+    """A residual system that holds all of R; see `ResidualSystem`."""
+
+    names: tuple[Hashable, ...]
+    e: Array
+    r: Array
+    vtpv: float
+    redundancy: int
+    matrix: Array = field(repr=False)
+
+    def columns(self, rows: Index) -> Array:
+        """Return (n, k): the columns of R that belong to k rows."""
+        return self.matrix[:, rows]
+
+
+def dense_residuals(
+    adjustment: Adjustment, apriori: float, names: Sequence[Hashable]
+) -> DenseResiduals:
+    """See a (small) adjustment from the side of its residuals.
+
+    Parameters
+    ----------
+    adjustment
+        The adjustment of n rows.
+    apriori
+        A-priori standard deviation of unit weight, in the unit of the residuals.
+    names
+        Identity of the n rows.
+
+    Raises
+    ------
+    ValueError
+        Not as many names as rows.
+    """
+    if len(names) != len(adjustment.w):
+        raise ValueError(f"{len(names)} names for {len(adjustment.w)} rows")
+    root = np.sqrt(adjustment.q_l)
+    e = adjustment.w / (apriori * root)
+    return DenseResiduals(
+        tuple(names),
+        e,
+        adjustment.r,
+        float(e @ e),
+        adjustment.redundancy,
+        adjustment.q_vv / root[:, None] / root,
+    )
