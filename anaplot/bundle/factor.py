@@ -85,11 +85,6 @@ class Pattern:
     order: Index
     plans: tuple[_FrontPlan, ...]
 
-    @property
-    def storage(self) -> int:
-        """Numbers in the factor."""
-        return sum(p.pivots * (p.pivots + p.border) for p in self.plans)
-
 
 def _scalars(photos: Index, d: int) -> Index:
     return (photos[:, None] * d + np.arange(d)).ravel()
