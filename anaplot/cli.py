@@ -138,6 +138,7 @@ def _open(options: argparse.Namespace) -> int:
             seed=options.seed,
             point_pattern=options.pattern,
             operator=options.operator,
+            story=options.story,
         )
     )
 
@@ -445,7 +446,9 @@ def _parser() -> _Parser:
     opening.add_argument("--profile", metavar="NAME", help="device profile: a name or a file")
     opening.add_argument("--port", help="serial port: /dev/ttyUSB0, COM3, socket://host:port")
     opening.add_argument(
-        "--simulate", action="store_true", help="connect a simulated plotter instead"
+        "--simulate",
+        action="store_true",
+        help="connect a simulated plotter instead; --profile says which instrument it plays",
     )
     opening.add_argument(
         "--truth",
@@ -461,6 +464,9 @@ def _parser() -> _Parser:
     )
     opening.add_argument(
         "--operator", default="", metavar="NAME", help="your name, for the journal"
+    )
+    opening.add_argument(
+        "--story", default="", metavar="TEXT", help="what the session is about, for the journal"
     )
 
     from anaplot.report.innercommand import add_inner_arguments, run_inner

@@ -19,7 +19,7 @@ def block(tmp_path: Path) -> Path:
     ("arguments", "words"),
     [
         (("--simulate", "--port", "/dev/ttyS0"), "exclude each other"),
-        (("--simulate", "--profile", "anaplot-ascii"), "exclude each other"),
+        (("--simulate", "--profile", "no-such"), "no-such"),
         (("--truth", "x"), "--truth goes with --simulate"),
         (("--profile", "anaplot-ascii"), "both --profile and --port"),
         (("--port", "/dev/ttyS0"), "both --profile and --port"),

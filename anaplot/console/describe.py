@@ -96,6 +96,8 @@ def describe_row(shown: ShownRow, snapshot: Snapshot) -> list[Entry]:
     entries: list[Entry] = [("row", f"{shown.point} {shown.axis}{role}")]
     if view is not None:
         times = {0: "not yet", 1: "once", 2: "twice"}.get(view.times, f"{view.times} times")
+        if len(view.seen) == 1:
+            times = f"only in the {view.seen[0]} photo"
         entries.append(("measured", times))
         if view.off_axes or view.status == "off":
             entries.append(("switched off", ", ".join(view.off_axes) or "the whole point"))

@@ -83,6 +83,23 @@ _STEREO = (
     ("no plates", "Without a simulated plotter: the bare read-out in large digits, in mm."),
 )
 
+_INSTRUMENTS = (
+    (
+        "one photo",
+        "In a mono comparator the photos of a model are measured one after the other, the left one "
+        "first: lay in the photo that the line NOW names, then press g. What the model before "
+        "measured in it is taken over. The top line says which photo lies in; after the mark was "
+        "set in the one, 'left only' stands in the table. L says that the other one lies in.",
+    ),
+    (
+        "reference",
+        "Incremental counters may have lost their origin when the line was lost. Nothing they say "
+        "is taken until the mark was set twice on something measured (the line NOW proposes what, "
+        "a selected row that is measured goes before) and R pressed: two pointings that disagree "
+        "are forgotten. K keeps the counters as they are.",
+    ),
+)
+
 _BLOCK = (
     (
         "block page",
@@ -132,5 +149,6 @@ def help_lines(keys: Mapping[str, tuple[str, ...]], width: int) -> list[Content]
         *_section("The map", _MAP, width),
         *_section("The stereo view", _STEREO, width),
         *_section("The block", _BLOCK, width),
+        *_section("Instruments", _INSTRUMENTS, width),
         *_section("Keys", named + palette, width),
     ]

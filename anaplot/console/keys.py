@@ -48,7 +48,16 @@ ACTIONS: tuple[Action, ...] = (
     Action(
         "accept", "a,f4", "Accept", "Accept the model, or the inner orientation in work (A4).", 4
     ),
-    Action("next_model", "g", "Model", "Go on to the next model.", 5),
+    Action("next_model", "g", "Model", "Go on to the next photo, or to the next model.", 5),
+    Action("other_photo", "L", "", "The other photo lies in the mono comparator now."),
+    Action(
+        "reference",
+        "R",
+        "Reference",
+        "Refer lost counters to the point on which the mark is.",
+        1,
+    ),
+    Action("keep_counters", "K", "", "Keep lost counters as they are."),
     Action("left", "left", "x y", "Move the mark. Without stereo view ↑ ↓ select rows.", 3, "xy"),
     Action("up", "up", "", "Move the mark up, or select the row above.", 50, "xy"),
     Action("down", "down", "", "Move the mark down, or select the row below.", 50, "xy"),
@@ -113,13 +122,16 @@ def is_live(action: str, snapshot: Snapshot, *, rows: int, wheels: bool = False)
     working = model and not snapshot.suspended
     accepted = (snapshot.left, snapshot.right) in snapshot.accepted
     live = {
-        **dict.fromkeys(("left", "page_up", "py_less", "zoom_in", "coarse", "hand"), wheels),
-        "record": working,
+        **dict.fromkeys(("left", "zoom_in", "coarse", "hand"), wheels),
+        **dict.fromkeys(("page_up", "py_less"), wheels and not snapshot.mono),
+        "record": working and not snapshot.unreferenced,
+        "reference": snapshot.unreferenced,
         "drive": working and rows > 0,
         "next_point": working and snapshot.next_point is not None,
         "next_flag": bool(in_work(snapshot).flagged),
         "accept": snapshot.may_accept,
-        "next_model": not snapshot.finished and (accepted or not snapshot.left),
+        "next_model": not snapshot.finished
+        and (accepted or not snapshot.left or snapshot.next_photo is not None),
         "undo": snapshot.may_undo,
         "switch_row": working and rows > 0,
         "switch_point": working and rows > 0,
@@ -156,6 +168,8 @@ def label_now(
         return "Fine"
     if stereo and action.id in ("stereo", "layout"):
         return "Map" if action.id == "stereo" else "Size"
+    if action.id == "next_model" and snapshot.next_photo is not None:
+        return "Photo"
     if action.id == "suspend" and snapshot.suspended:
         return "Resume"
     if action.id == "switch_row" and row_off:

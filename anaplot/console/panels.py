@@ -123,6 +123,9 @@ class HeaderPanel(_Lines):
         elif shown.left:
             pair = f"{short(shown.left, photos)} | {short(shown.right, photos)}"
             parts += [_GAP, ("photos ", "$foreground-muted"), (pair, "bold")]
+            if shown.mono:
+                lies = short(shown.laid, photos) if shown.laid else "none"
+                parts += [_NARROW_GAP, (f" in: {lies} ", "reverse $text-accent")]
             parts += [_GAP, (f"model {shown.model_number} of {shown.model_count}", "")]
         return parts
 
@@ -156,8 +159,14 @@ class HeaderPanel(_Lines):
         work = in_work(shown)
         if not work.solved:
             done = sum(view.status != "pending" for view in work.points)
+            where = ""
+            if shown.mono and shown.inner is None and shown.laid:
+                side = "left" if shown.laid == shown.left else "right"
+                done = sum(side in view.seen for view in work.points)
+                where = f" in {fit(shown.laid, min(cell_len(plain(shown.laid)), 12))}"
             if work.points:
-                parts += [_GAP, (f"{done} of {len(work.points)} measured", "$foreground-muted")]
+                words = f"{done} of {len(work.points)} measured{where}"
+                parts += [_GAP, (words, "$foreground-muted")]
             return parts
         critical = work.critical
         if wide:
@@ -180,7 +189,8 @@ class ReadOutLine(_Lines):
     """x' y' x'' y'' px py [mm] as they are now; dashes while nothing is known.
 
     Before a photo's inner orientation is accepted its coordinates are those of the plate, and in
-    place of the parallaxes, which mean nothing then, stands which photo's they are.
+    place of the parallaxes, which mean nothing then, stands which photo's they are. A mono
+    comparator has x and y only.
     """
 
     DEFAULT_CSS = "ReadOutLine { height: 1; background: $surface; text-style: bold; }"
@@ -206,7 +216,10 @@ class ReadOutLine(_Lines):
         gap = "   " if width >= 100 else " "
         names = ("x'", "y'", "x''", "y''", "px", "py")
         plates = _plates(self._readout) if self._live else ""
-        for name, value in list(zip(names, values, strict=True))[: 4 if plates else 6]:
+        most = 4 if plates else 6
+        if self._live and self._readout is not None and self._readout.mono:
+            names, most = ("x", "y", "", "", "", ""), 2
+        for name, value in list(zip(names, values, strict=True))[:most]:
             shown = "–".rjust(8) if value is None else f"{value:8.3f}"
             parts += [(f"{gap}{name} ", "$foreground-muted not bold"), (shown, "")]
         parts.append((" mm", "$foreground-muted not bold"))
@@ -219,6 +232,8 @@ def _plates(readout: ReadOut | None) -> str:
     """Return which photos' coordinates are plate coordinates, or nothing."""
     if readout is None or not (readout.plate_left or readout.plate_right):
         return ""
+    if readout.mono:
+        return "PLATE"
     if readout.plate_left and readout.plate_right:
         return "left and right: PLATE"
     return "left: PLATE" if readout.plate_left else "right: PLATE"

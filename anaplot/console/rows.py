@@ -36,6 +36,8 @@ class ShownRow:
         What the model says of it, or None while it says nothing.
     accused
         Whether it is the flagged row most probably wrong.
+    half
+        The only photo in which its point was measured so far, in a mono comparator, or "".
     """
 
     point: str
@@ -45,6 +47,7 @@ class ShownRow:
     row: TableRow | None = None
     diagnosis: RowDiagnosis | None = None
     accused: bool = False
+    half: str = ""
 
     @property
     def key(self) -> tuple[str, Axis]:
@@ -61,6 +64,8 @@ class ShownRow:
         """What the operator reads at the end of the row."""
         if self.state == "off":
             return "off"
+        if self.state == "pending" and self.half and not self.expected:
+            return f"{self.half} only"
         if self.state == "pending":
             return "next" if self.expected else "pending"
         if self.row is None:
@@ -86,7 +91,14 @@ def _row(
     # A point whose other row alone is off counts as measured: its plates were read.
     state: RowState = "pending" if view.status == "pending" else "measured"
     return ShownRow(
-        view.point, axis, state, expected, table.get(key), diagnoses.get(key), key == accused
+        view.point,
+        axis,
+        state,
+        expected,
+        table.get(key),
+        diagnoses.get(key),
+        key == accused,
+        view.seen[0] if len(view.seen) == 1 else "",
     )
 
 

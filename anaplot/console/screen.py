@@ -356,6 +356,37 @@ class OrientationScreen(Screen[None]):
         """Go on to the next model."""
         self._submit(self._station.next_model)
 
+    def action_other_photo(self) -> None:
+        """Say that the other photo lies in the mono comparator."""
+        self._submit(self._station.other_photo)
+
+    def action_reference(self) -> None:
+        """Refer the counters to the row selected by hand, if it is measured, or as proposed."""
+        shown = self._selected
+        chosen = None
+        if self._moved_by_hand and shown is not None and shown.state == "measured":
+            chosen = shown.point
+        self._submit(partial(self._station.reference, chosen))
+
+    def action_keep_counters(self) -> None:
+        """Keep the counters as they are, when asked once more."""
+        if self._snapshot is None or not self._snapshot.unreferenced:
+            self._say("info", "the counters have their reference")
+            return
+        self.app.push_screen(
+            Ask(
+                "Did the counters keep their origin, or were they set to it by hand? Everything "
+                "measured from now on depends on that.",
+                yes="keep them as they are",
+                no="measure a reference",
+            ),
+            self._keep_if,
+        )
+
+    def _keep_if(self, yes: bool | None) -> None:
+        if yes:
+            self._submit(self._station.keep_counters)
+
     def action_undo(self) -> None:
         """Take the last event back."""
         self._submit(self._station.undo)
@@ -687,7 +718,12 @@ class OrientationScreen(Screen[None]):
 def _phase(snapshot: Snapshot) -> tuple[str, ...]:
     """Return what changes when other rows come into the table: photos, and the one oriented."""
     inner = snapshot.inner
-    return (snapshot.left, snapshot.right, *(() if inner is None else (inner.photo, inner.side)))
+    return (
+        snapshot.left,
+        snapshot.right,
+        snapshot.laid,
+        *(() if inner is None else (inner.photo, inner.side)),
+    )
 
 
 def _measured(snapshot: Snapshot) -> bool:

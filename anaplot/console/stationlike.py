@@ -75,6 +75,15 @@ class StationLike(Protocol):
     def next_model(self) -> None:
         """Go on to the next model."""
 
+    def other_photo(self) -> None:
+        """Take it that the other photo of the model was laid into the mono comparator."""
+
+    def reference(self, point: str | None = None) -> None:
+        """Refer counters without reference to a measured point, or to the one proposed."""
+
+    def keep_counters(self) -> None:
+        """Take counters without reference as they are."""
+
     def suspend(self) -> None:
         """Interrupt the work."""
 

@@ -230,11 +230,14 @@ class StereoView(Widget):
         return [Strip(line).adjust_cell_length(width, self.rich_style) for line in lines]
 
     def _bare(self, readout: ReadOut | None, size: Size) -> list[Strip]:
-        """Return all six numbers, as large as there is room."""
+        """Return all six numbers, or the two of a mono comparator, as large as there is room."""
         r = readout
         values = [None] * 6 if r is None else [r.xl, r.xr, r.yl, r.yr, r.px, r.py]
         named = list(zip(("x'", "x''", "y'", "y''", "px", "py"), values, strict=True))
         pairs = [named[0:2], named[2:4], named[4:6]]
+        if r is not None and r.mono:
+            pairs = [[("x", r.xl), ("y", r.yl)]]
+            named = pairs[0]
         blank = Strip.blank(size.width, self.rich_style)
         for beside in (2, 1):
             rows = pairs if beside == 2 else [[one] for one in named]

@@ -54,7 +54,13 @@ def event_to_payload(event: Event) -> dict[str, Any]:
     """
     title = f"event {quoted(event.kind)}"
     fields = _EVENT_FIELDS[event.kind]
-    return {name: field.write(title, name, getattr(event, name)) for name, field in fields.items()}
+    payload = {
+        name: field.write(title, name, getattr(event, name)) for name, field in fields.items()
+    }
+    for name, usual in _USUAL.get(event.kind, {}).items():
+        if payload[name] == usual:
+            del payload[name]
+    return payload
 
 
 def event_from_payload(kind: str, payload: Mapping[str, Any]) -> Event:
@@ -67,7 +73,8 @@ def event_from_payload(kind: str, payload: Mapping[str, Any]) -> Event:
     """
     if kind not in EVENT_KINDS:
         raise InputError(f"event: unknown kind {quoted(kind)}{hint(kind, EVENT_KINDS)}")
-    values = _read_fields(f"event {quoted(kind)}", _EVENT_FIELDS[kind], payload)
+    given = {**_USUAL.get(kind, {}), **payload}
+    values = _read_fields(f"event {quoted(kind)}", _EVENT_FIELDS[kind], given)
     return EVENT_KINDS[kind](**values)
 
 
@@ -219,7 +226,9 @@ _EVENT_FIELDS: dict[str, dict[str, _Field]] = {
         "left": _PHOTO,
         "right": _PHOTO,
         "plan": _Field(_write_plan, _read_plan),
+        "mono": _TRUTH,
     },
+    "photo-laid": {"photo": _PHOTO},
     "fiducial-measured": {
         "photo": _PHOTO,
         "side": _SIDE,
@@ -250,9 +259,21 @@ _EVENT_FIELDS: dict[str, dict[str, _Field]] = {
         **_COORDINATES,
         "switch": _NAME,
     },
+    "mono-measured": {
+        "left": _PHOTO,
+        "right": _PHOTO,
+        "side": _SIDE,
+        "point": _NAME,
+        "x": _NUMBER,
+        "y": _NUMBER,
+        "switch": _NAME,
+    },
     "row-switched": {"point": _NAME, "axis": _AXIS_OR_NONE, "on": _TRUTH},
     "model-accepted": {"left": _PHOTO, "right": _PHOTO},
     "undone": {},
     "suspended": {},
     "resumed": {},
 }
+
+_USUAL: dict[str, dict[str, Any]] = {"model-chosen": {"mono": False}}
+"""Values that are left out of a file: fields that came later read so in older journals."""

@@ -81,6 +81,7 @@ class Decoder:
         self._referenced = True
         self._shift: tuple[float, ...] = (0.0,) * len(self._names)
         self._raw_plate: tuple[float, ...] | None = None
+        self._heard_positions = 0
 
     @property
     def profile(self) -> Profile:
@@ -148,7 +149,8 @@ class Decoder:
 
         Only a position measured after the press counts: of a device that is asked, the answer
         to a request sent after it; of another, the second one that comes, as the first may
-        have been under way.
+        have been under way. Pressed again before that, the earlier press does not count any
+        more: else one pointing would be recorded twice, the second time for the next point.
 
         Parameters
         ----------
@@ -157,6 +159,7 @@ class Decoder:
         now
             When [s].
         """
+        self._pending = [press for press in self._pending if press.switch != switch]
         self._pending.append(_Press(switch, now, self._cycle))
 
     def sent(self, data: bytes, link: str | None = None) -> None:
@@ -217,6 +220,16 @@ class Decoder:
     def unreferenced_position(self) -> Position | None:
         """Where the carriages stand as the device counts, before any reference correction."""
         return None if self._raw_plate is None else self._position(self._raw_plate)
+
+    @property
+    def positions_heard(self) -> int:
+        """How many complete positions were heard, refused for want of a reference or not."""
+        return self._heard_positions
+
+    @property
+    def shift(self) -> Position:
+        """By how much the counters are moved [mm]."""
+        return self._position(self._shift)
 
     def reference(self, known: Position) -> Position:
         """Tell where the carriages stand: from now on positions count from there.
@@ -460,6 +473,7 @@ class Decoder:
         """
         self._values.update(values)
         self._raw_plate = self._profile.stage.to_plate(tuple(values[name] for name in self._names))
+        self._heard_positions += 1
         if not self._referenced:
             raise _RefusedError(UNREFERENCED)
         return self._position(

@@ -95,8 +95,14 @@ class Link:
 
     # -- life -----------------------------------------------------------------------------
 
-    def open(self) -> None:
+    def open(self, *, referenced: bool = True) -> None:
         """Open every port and start reading.
+
+        Parameters
+        ----------
+        referenced
+            Whether the counters' origin is known. When it is not, positions of incremental
+            counters are refused until a reference was measured.
 
         Raises
         ------
@@ -112,6 +118,9 @@ class Link:
             self._decoder = Decoder(self._profile)
             self._latest = None
             self._asked = None
+            if not referenced:
+                self._note("reopen", "")
+                self._decoder.reopen()
         self._announce("opening", "")
         lines: dict[str, _Line] = {}
         try:
@@ -315,6 +324,34 @@ class Link:
             place = (known.xl, known.yl, known.xr, known.yr)
             self._note("reference", " ".join(repr(float(value)) for value in place))
             return moved
+
+    @property
+    def positions_heard(self) -> int:
+        """How many complete positions were heard, refused for want of a reference or not."""
+        return self._decoder.positions_heard
+
+    @property
+    def shift(self) -> Position:
+        """By how much the counters are moved [mm]."""
+        return self._decoder.shift
+
+    def reference_by(self, shift: Position) -> None:
+        """Tell by how much the counters are to be moved from now on [mm].
+
+        Raises
+        ------
+        InputError
+            When nothing was heard yet.
+        """
+        with self._lock:
+            here = self._decoder.unreferenced_position
+            if here is None:
+                raise InputError("no position was heard yet: there is nothing to refer to")
+            self.reference(
+                Position(
+                    here.xl + shift.xl, here.yl + shift.yl, here.xr + shift.xr, here.yr + shift.yr
+                )
+            )
 
     def confirm_reference(self) -> None:
         """Take the counters as they are: they kept their origin."""

@@ -40,6 +40,7 @@ __all__ = [
     "Side",
     "SimulatedPlotter",
     "fiducial_name",
+    "monocular_name",
     "transfer_error",
 ]
 
@@ -120,6 +121,14 @@ def fiducial_name(side: Side, fiducial: str) -> str:
     No point has it: a point's name does not begin with a blank.
     """
     return f" {side} {fiducial}"
+
+
+def monocular_name(side: Side, point: str) -> str:
+    """Return the name under which pointings at a point in one photo of a model are counted.
+
+    In a mono comparator every photo is pointed at by itself. No point has this name.
+    """
+    return f"\t{side}\t{point}"
 
 
 def _is_fiducial(point: str) -> bool:
@@ -257,6 +266,7 @@ class SimulatedPlotter:
         self._lock = threading.RLock()
         self._now = 0.0
         self._left = self._right = ""
+        self._lies: tuple[Side, Side] = ("left", "left")
         self._pointed: dict[tuple[str, str, str], int] = dict(pointed or {})
         self._number = 0
         self._sampled = 0
@@ -266,6 +276,7 @@ class SimulatedPlotter:
         self._motion: _Motion | None = None
         self._generation = 0
         self._drives = 0
+        self._unnoticed = 0
         self._side = [0.0] * len(self._axes)
         self._origin = (0.0,) * len(self._axes)
         self._held: Footswitch | None = None
@@ -316,13 +327,23 @@ class SimulatedPlotter:
         with self._lock:
             self._on_wake = callback
 
-    def lay(self, left: str, right: str | None = None) -> None:
+    def lay(
+        self,
+        left: str,
+        right: str | None = None,
+        side: Side = "left",
+        placed: Side | None = None,
+    ) -> None:
         """Lay photographs into the carriages.
 
         Parameters
         ----------
         left, right
-            Photos; a mono comparator holds one, and `right` is left out.
+            Photos of the model; with a mono comparator `right` may be left out.
+        side
+            Which of them lies in a mono comparator.
+        placed
+            In which of its two placements it lies there; by default that of its side.
 
         Raises
         ------
@@ -337,6 +358,14 @@ class SimulatedPlotter:
         with self._lock:
             self._left = left
             self._right = right if right is not None else left
+            self._lies = (side, placed if placed is not None else side)
+
+    @property
+    def _lying(self) -> Mapping[str, tuple[float, float]]:
+        """The true points of the photograph in a mono comparator."""
+        side, placed = self._lies
+        known = self._photographs if placed == "left" else self._in_right
+        return known.get(self._left if side == "left" else self._right, {})
 
     def attend(self, side: Side | None) -> None:
         """Say in which plate the hand points at fiducials from now on; None: points, in both."""
@@ -374,7 +403,7 @@ class SimulatedPlotter:
 
     @property
     def drives(self) -> int:
-        """How many drives were begun."""
+        """How many drives were begun, by the device or by the hand."""
         return self._drives
 
     def remember(self, pointed: Mapping[tuple[str, str, str], int]) -> None:
@@ -386,6 +415,17 @@ class SimulatedPlotter:
         """Return where the carriages truly stand, plate coordinates [mm]."""
         with self._lock:
             return self._position(self._axes_now())
+
+    @property
+    def counted_from(self) -> Position:
+        """Where the carriages stand when the counters are where they began, less that beginning.
+
+        Plate coordinates [mm]; zero until the device was switched off and on.
+        """
+        with self._lock:
+            at = self._position(self._origin)
+            zero = self._position((0.0,) * len(self._origin))
+        return Position(at.xl - zero.xl, at.yl - zero.yl, at.xr - zero.xr, at.yr - zero.yr)
 
     def move(
         self, dxl: float = 0.0, dyl: float = 0.0, dxr: float = 0.0, dyr: float = 0.0
@@ -411,18 +451,21 @@ class SimulatedPlotter:
         self._wake()
         return result
 
-    def hand_to(self, position: Position) -> None:
+    def hand_to(self, position: Position, *, unnoticed: bool = False) -> None:
         """Have the hand move the plates near a place by itself, as an undriven plotter needs.
 
         Parameters
         ----------
         position
             Plate coordinates [mm]; the mark is then set on the nearest true point.
+        unnoticed
+            It is no measurement: the pedal is left alone and the pointing is not counted.
         """
         with self._lock:
             self._halt()
             self._set_axes(self._profile.stage.to_axes(self._plate(position)))
-            self._begin_settling()
+            self._drives += 1
+            self._begin_settling(unnoticed=unnoticed)
         self._wake()
 
     def press(self, switch: str | None = None) -> bool:
@@ -659,20 +702,29 @@ class SimulatedPlotter:
 
     # -- the hand --------------------------------------------------------------------------
 
-    def _begin_settling(self) -> None:
+    def _begin_settling(self, *, unnoticed: bool = False) -> None:
         self._generation += 1
         if self._hand.follow and self._left:
             generation = self._generation
-            self._at(self._hand.settle_time, lambda: self._settle(generation))
+            self._at(self._hand.settle_time, lambda: self._settle(generation, unnoticed))
 
-    def _settle(self, generation: int) -> None:
+    def _settle(self, generation: int, unnoticed: bool) -> None:
         if generation != self._generation or not self._hand.follow:
             return
         point = self._nearest()
         if point is None:
             self._settled.append(HandSettled(None, self._position(self._axes), 0, self._drives))
             return
-        key = (self._left, self._right, point)
+        if unnoticed:
+            self._unnoticed += 1
+            place = self._pointing(point, self._unnoticed, 0, "unnoticed")
+            self._set_axes(self._profile.stage.to_axes(self._plate(place)))
+            self._settled.append(HandSettled(point, self._position(self._axes), 0, self._drives))
+            return
+        counted = point
+        if self._profile.mono and not _is_fiducial(point):
+            counted = monocular_name(self._lies[0], point)
+        key = (self._left, self._right, counted)
         times = self._pointed.get(key, 0) + 1
         self._pointed[key] = times
         in_model = sum(
@@ -698,10 +750,12 @@ class SimulatedPlotter:
         here = self._position(self._axes)
         if self._attended is not None:
             return self._nearest_fiducial(self._attended, here)
-        other = self._in_right.get(self._right, {})
+        mono = self._profile.mono
+        points = self._lying if mono else self._photographs.get(self._left, {})
+        other = points if mono else self._in_right.get(self._right, {})
         best: tuple[float, str] | None = None
-        for point, (x, y) in self._photographs.get(self._left, {}).items():
-            if point not in other:
+        for point, (x, y) in points.items():
+            if point not in other or _is_fiducial(point):
                 continue
             distance = math.hypot(x - here.xl, y - here.yl)
             if distance <= self._hand.search_radius and (best is None or (distance, point) < best):
@@ -710,9 +764,11 @@ class SimulatedPlotter:
 
     def _nearest_fiducial(self, side: Side, here: Position) -> str | None:
         left = side == "left"
-        points = self._photographs[self._left] if left else self._in_right[self._right]
+        points: Mapping[str, tuple[float, float]] = self._lying
+        if not self._profile.mono:
+            points = self._photographs[self._left] if left else self._in_right[self._right]
         x, y = (here.xl, here.yl) if left else (here.xr, here.yr)
-        own = fiducial_name(side, "")
+        own = fiducial_name(self._lies[1] if self._profile.mono else side, "")
         near = [
             (math.hypot(at[0] - x, at[1] - y), point)
             for point, at in points.items()
@@ -721,15 +777,20 @@ class SimulatedPlotter:
         distance, found = min(near, default=(math.inf, ""))
         return found if distance <= self._hand.fiducial_radius else None
 
-    def _pointing(self, point: str, times: int, pointing: int) -> Position:
-        """Return where the hand sets the mark: truth, noise, mistake and drift."""
-        key = repr((self._seed, self._left, self._right, point, times)).encode()
+    def _pointing(self, point: str, times: int, pointing: int, *kind: str) -> Position:
+        """Return where the hand sets the mark: truth, noise, mistake and drift.
+
+        A pointing of another kind than a measurement has noise of its own, and no mistake.
+        """
+        key = repr((self._seed, self._left, self._right, point, times, *kind)).encode()
         digest = hashlib.sha256(key).digest()
         generator = np.random.default_rng(int.from_bytes(digest[:16], "big"))
         noise = generator.standard_normal(4) * self._noise
         mistake = self._mistakes.get((self._left, self._right, point), Offsets(count=0))
-        if times > mistake.count:
+        if times > mistake.count or kind:
             mistake = Offsets()
+        if self._profile.mono:
+            return self._in_one_photo(point, noise, mistake, pointing)
         if _is_fiducial(point):
             return self._on_fiducial(point, noise, mistake)
         xl, yl = self._photographs[self._left][point]
@@ -741,6 +802,18 @@ class SimulatedPlotter:
             xr + float(noise[2]) + mistake.dxr + drift.dxr * pointing,
             yr + float(noise[3]) + mistake.dyr + drift.dyr * pointing,
         )
+
+    def _in_one_photo(self, point: str, noise: Array, mistake: Offsets, pointing: int) -> Position:
+        """Return where the mark stands in a mono comparator: as in that photo of a stereo one."""
+        drift = Offsets() if _is_fiducial(point) else self._drift
+        x, y = self._lying[point]
+        if self._lies[0] == "left":
+            x += float(noise[0]) + mistake.dxl + drift.dxl * pointing
+            y += float(noise[1]) + mistake.dyl + drift.dyl * pointing
+        else:
+            x += float(noise[2]) + mistake.dxr + drift.dxr * pointing
+            y += float(noise[3]) + mistake.dyr + drift.dyr * pointing
+        return Position(x, y, x, y)
 
     def _on_fiducial(self, point: str, noise: Array, mistake: Offsets) -> Position:
         """Return where the marks stand when one is on a fiducial; the other stays."""
@@ -957,7 +1030,7 @@ class SimulatedPlotter:
             self._fault("4", "command not understood")
             return
         target = tuple(
-            float(match.group(name)) * axis.scale * axis.direction
-            for name, axis in self._profile.axes.items()
+            float(match.group(name)) * axis.scale * axis.direction + origin
+            for (name, axis), origin in zip(self._profile.axes.items(), self._origin, strict=True)
         )
         self._drive_to(target)

@@ -14,6 +14,8 @@ __all__ = [
     "InnerAccepted",
     "ModelAccepted",
     "ModelChosen",
+    "MonoMeasured",
+    "PhotoLaid",
     "PlannedPoint",
     "PointAdded",
     "PointMeasured",
@@ -64,6 +66,9 @@ class ModelChosen:
         Names.
     plan
         The points to measure, in order.
+    mono
+        Whether it is measured in a mono comparator, one photo after the other: nothing is laid
+        in yet then.
     """
 
     kind: ClassVar[str] = "model-chosen"
@@ -71,6 +76,15 @@ class ModelChosen:
     left: str
     right: str
     plan: tuple[PlannedPoint, ...]
+    mono: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoLaid:
+    """A photo of the current model was laid into the mono comparator, in place of any other."""
+
+    kind: ClassVar[str] = "photo-laid"
+    photo: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +180,30 @@ class PointMeasured:
 
 
 @dataclass(frozen=True, slots=True)
+class MonoMeasured:
+    """A point was recorded in the photo that lies in a mono comparator.
+
+    Attributes
+    ----------
+    left, right, side, point
+        Names, and which of the model's photos it is.
+    x, y
+        Image coordinates [mm], as those of `PointMeasured`.
+    switch
+        What recorded it: a footswitch's name, or "key".
+    """
+
+    kind: ClassVar[str] = "mono-measured"
+    left: str
+    right: str
+    side: Side
+    point: str
+    x: float
+    y: float
+    switch: str
+
+
+@dataclass(frozen=True, slots=True)
 class RowSwitched:
     """A point (axis None) or one of its rows was switched off or on again."""
 
@@ -207,6 +245,8 @@ class Resumed:
 
 Event = (
     ModelChosen
+    | PhotoLaid
+    | MonoMeasured
     | FiducialMeasured
     | FiducialSwitched
     | InnerAccepted
@@ -223,11 +263,13 @@ EVENT_KINDS: dict[str, type[Event]] = {
     cls.kind: cls
     for cls in (
         ModelChosen,
+        PhotoLaid,
         FiducialMeasured,
         FiducialSwitched,
         InnerAccepted,
         PointAdded,
         PointMeasured,
+        MonoMeasured,
         RowSwitched,
         ModelAccepted,
         Undone,

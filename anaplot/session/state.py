@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from math import isfinite
 from typing import Self
 
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS, PlateTransformation
 from anaplot.session.events import (
-    Axis,
     Event,
     FiducialMeasured,
     FiducialSwitched,
     InnerAccepted,
     ModelAccepted,
     ModelChosen,
+    MonoMeasured,
+    PhotoLaid,
     PlannedPoint,
     PointAdded,
     PointMeasured,
@@ -27,107 +27,14 @@ from anaplot.session.events import (
     Undone,
 )
 from anaplot.session.innerstate import InnerState
+from anaplot.session.modelstate import Measured, ModelState
+from anaplot.session.monofold import laid_in, measured_in_photo, taken_over
+from anaplot.session.pointcheck import check_place
 from anaplot.session.refusal import EventRefusedError
 
 __all__ = ["EventRefusedError", "Measured", "ModelState", "SessionState", "apply", "fold", "start"]
 
 _HISTORY = 1000  # undo reaches back this many events
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """A point's latest measurement in a model.
-
-    Attributes
-    ----------
-    point
-        Name.
-    xl, yl, xr, yr
-        Image coordinates [mm].
-    times
-        How often it was recorded in this model.
-    """
-
-    point: str
-    xl: float
-    yl: float
-    xr: float
-    yr: float
-    times: int
-
-
-@dataclass(frozen=True, slots=True)
-class ModelState:
-    """A model as far as it was measured.
-
-    Attributes
-    ----------
-    strip, left, right
-        Names.
-    plan
-        The points to measure, in order; added points at the end.
-    measured
-        Measurements, in the order of the plan.
-    off
-        Rows (point, axis) switched off.
-    inner
-        Inner orientations of its photos, left first; none where the cameras have no fiducials.
-    """
-
-    strip: str
-    left: str
-    right: str
-    plan: tuple[PlannedPoint, ...]
-    measured: tuple[Measured, ...] = ()
-    off: frozenset[tuple[str, Axis]] = frozenset()
-    inner: tuple[InnerState, ...] = ()
-
-    @property
-    def photos(self) -> tuple[str, str]:
-        """(left, right)."""
-        return self.left, self.right
-
-    @property
-    def name(self) -> str:
-        """'left/right'."""
-        return f"{self.left}/{self.right}"
-
-    def planned(self, point: str) -> PlannedPoint | None:
-        """Return the planned point of that name, or None."""
-        return next((p for p in self.plan if p.point == point), None)
-
-    def measurement(self, point: str) -> Measured | None:
-        """Return the latest measurement of a point, or None."""
-        return next((m for m in self.measured if m.point == point), None)
-
-    def axes(self, point: str) -> tuple[Axis, ...]:
-        """Return the rows that a point of this model has: y, and x when it is a tie."""
-        planned = self.planned(point)
-        return ("y", "x") if planned is not None and planned.role == "tie" else ("y",)
-
-    def is_off(self, point: str) -> bool:
-        """Whether every row of the point is switched off."""
-        return all((point, axis) in self.off for axis in self.axes(point))
-
-    @property
-    def used(self) -> tuple[Measured, ...]:
-        """The measurements that are not switched off altogether."""
-        return tuple(m for m in self.measured if not self.is_off(m.point))
-
-    @property
-    def open_inner(self) -> InnerState | None:
-        """The inner orientation to be done first, or None when points can be measured."""
-        return next((i for i in self.inner if i.accepted is None), None)
-
-    def inner_of(self, side: Side) -> InnerState | None:
-        """Return the inner orientation in a carriage; None where the camera has no fiducials."""
-        return next((i for i in self.inner if i.side == side), None)
-
-    @property
-    def pending(self) -> tuple[PlannedPoint, ...]:
-        """The planned points not measured yet."""
-        done = {m.point for m in self.measured}
-        return tuple(p for p in self.plan if p.point not in done)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,12 +51,16 @@ class SessionState:
         The model in the instrument, or None.
     suspended
         Whether work is interrupted.
+    layings
+        How many photos were laid into a mono comparator. Nothing takes that back: after an undo
+        it is not the photo of before that lies there.
     """
 
     block: Block
     models: tuple[ModelState, ...] = ()
     current: ModelState | None = None
     suspended: bool = False
+    layings: int = 0
     _history: tuple[tuple[tuple[ModelState, ...], ModelState | None], ...] = field(
         default=(), repr=False, compare=False
     )
@@ -217,6 +128,12 @@ def apply(state: SessionState, event: Event) -> SessionState:
             return _with_current(state, _added(state, event.planned))
         case PointMeasured():
             return _with_current(state, _measured(state, event))
+        case PhotoLaid():
+            model = laid_in(_current(state), event, state.layings + 1)
+            model = replace(model, inner=_laid_anew(state.block, model))
+            return replace(_with_current(state, model), layings=state.layings + 1)
+        case MonoMeasured():
+            return _with_current(state, measured_in_photo(state.block, _oriented(state), event))
         case RowSwitched():
             return _with_current(state, _switched(_current(state), event))
         case ModelAccepted():
@@ -237,6 +154,8 @@ def _undone(state: SessionState) -> SessionState:
     if not state._history:
         raise EventRefusedError("there is nothing to undo")
     *history, (models, current) = state._history
+    if current is not None and current.laid is not None and current.laying != state.layings:
+        current = replace(current, laid=None)
     return replace(state, models=models, current=current, _history=tuple(history))
 
 
@@ -257,15 +176,24 @@ def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
         raise EventRefusedError(f"{model}: a point is planned twice")
     for p in event.plan:
         _check_role(model, p, preceding)
-    return ModelState(
-        event.strip, event.left, event.right, event.plan, inner=_inners(state.block, event)
-    )
+    chosen = ModelState(event.strip, event.left, event.right, event.plan, mono=event.mono)
+    chosen = replace(chosen, inner=_inners(state.block, chosen))
+    if not chosen.mono or preceding is None:
+        return chosen
+    lies = preceding is state.models[-1] and preceding.laying == state.layings
+    return taken_over(chosen, preceding, lies=lies)
 
 
-def _inners(block: Block, event: ModelChosen) -> tuple[InnerState, ...]:
+def _laid_anew(block: Block, model: ModelState) -> tuple[InnerState, ...]:
+    """Begin anew the inner orientation of the photo just laid in."""
+    fresh = {i.side: i for i in _inners(block, model)}
+    return tuple(fresh[i.side] if i.side == model.laid else i for i in model.inner)
+
+
+def _inners(block: Block, model: ModelState) -> tuple[InnerState, ...]:
     """Every photo lies anew in its carriage, also the left one that was the right one before."""
     out = []
-    sides: tuple[tuple[str, Side], ...] = ((event.left, "left"), (event.right, "right"))
+    sides: tuple[tuple[str, Side], ...] = ((model.left, "left"), (model.right, "right"))
     for photo, side in sides:
         calibration = block.camera_of(photo).calibration
         names = () if calibration is None else calibration.fiducial_names()
@@ -288,6 +216,8 @@ def _inner(
         raise EventRefusedError(f"photo {event.photo}: its camera has no fiducials")
     if inner.accepted is not None:
         raise EventRefusedError(f"the inner orientation of {inner.name} is accepted already")
+    if model.mono and model.laid != side:
+        raise EventRefusedError(f"photo {event.photo} does not lie in the comparator")
     first = model.open_inner
     if first is not None and first != inner:
         raise EventRefusedError(f"{inner.name}: the inner orientation of {first.name} comes first")
@@ -334,7 +264,11 @@ def _added(state: SessionState, planned: PlannedPoint) -> ModelState:
     if model.planned(planned.point) is not None:
         raise EventRefusedError(f"point {planned.point} is in model {model.name} already")
     _check_role(f"model {model.name}", planned, state.preceding(model.strip, model.left))
-    return replace(model, plan=(*model.plan, planned))
+    after = replace(model, plan=(*model.plan, planned))
+    preceding = state.preceding(model.strip, model.left)
+    if not model.mono or preceding is None:
+        return after
+    return taken_over(after, preceding, lies=False)
 
 
 def _measured(state: SessionState, event: PointMeasured) -> ModelState:
@@ -346,12 +280,10 @@ def _measured(state: SessionState, event: PointMeasured) -> ModelState:
     _oriented(state)
     if model.planned(event.point) is None:
         raise EventRefusedError(f"point {event.point} is not in the plan of model {model.name}")
+    if model.mono:
+        raise EventRefusedError(f"model {model.name} is measured one photo after the other")
     for photo, x, y in ((event.left, event.xl, event.yl), (event.right, event.xr, event.yr)):
-        reach_x, reach_y = state.block.camera_of(photo).reach()
-        if not (isfinite(x) and isfinite(y)) or abs(x) > reach_x or abs(y) > reach_y:
-            raise EventRefusedError(
-                f"point {event.point}: ({x:.3f}, {y:.3f}) lies outside photo {photo}"
-            )
+        check_place(state.block, photo, event.point, x, y)
     old = model.measurement(event.point)
     new = Measured(
         event.point, event.xl, event.yl, event.xr, event.yr, 1 if old is None else old.times + 1

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError
 from anaplot.orientation.results import Diagnosis, ModelSolution
+from anaplot.session.events import Side
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.models import diagnosis_of, solve
+from anaplot.session.monowork import mono_step
 from anaplot.session.state import SessionState
 
 __all__ = ["Outlook", "next_model", "outlook"]
@@ -38,6 +40,8 @@ class Outlook:
         Whether every model of the block is accepted.
     inner
         The inner orientation that comes before the current model's points, or None.
+    next_photo
+        In a mono comparator, which photo of the model is to be laid in now, or None.
     """
 
     solution: ModelSolution | None
@@ -49,6 +53,7 @@ class Outlook:
     next_model: tuple[str, str, str] | None
     finished: bool
     inner: InnerOutlook | None = None
+    next_photo: Side | None = None
 
 
 def next_model(state: SessionState) -> tuple[str, str, str] | None:
@@ -88,7 +93,11 @@ def outlook(state: SessionState) -> Outlook:
         except NotComputableError as error:
             problem = str(error)
     pending = model.pending
-    if pending:
+    next_photo: Side | None = None
+    if model.mono:
+        step = mono_step(model, suspects, solved=solution is not None)
+        next_point, expected, next_photo = step.point, step.expected, step.lay
+    elif pending:
         next_point, expected = pending[0].point, f"measure {pending[0].point}"
         if pending[0].role == "tie":
             expected += " (tie)"
@@ -99,7 +108,7 @@ def outlook(state: SessionState) -> Outlook:
         next_point, expected = None, "accept the model"
     else:
         next_point, expected = None, "add or re-measure points: the model is not determined"
-    if suspects and pending:
+    if suspects and pending and not model.mono:
         expected = f"remeasure {suspects[0]}, or {expected}"
     if state.suspended:
         expected = "work is suspended: resume"
@@ -112,6 +121,7 @@ def outlook(state: SessionState) -> Outlook:
         may_accept=solution is not None and not state.suspended,
         next_model=following,
         finished=False,
+        next_photo=None if state.suspended else next_photo,
     )
 
 

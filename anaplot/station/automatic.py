@@ -18,7 +18,7 @@ from anaplot.errors import AnaplotError, InputError, LinkError, NotComputableErr
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.session.events import Axis, Side
-from anaplot.station.snapshot import InnerView, Snapshot
+from anaplot.station.snapshot import InnerView, PointView, Snapshot
 
 if TYPE_CHECKING:
     from anaplot.station.station import Station
@@ -29,6 +29,7 @@ _REPEATS = 2
 _PATIENCE = 5.0  # s without a record before he drives to the point again
 _LINE_PATIENCE = 60.0  # s that the line may be down
 _PAUSE = 0.2  # s before another command to a line that took none
+_READ = 0.05  # s between two looks at the counters
 _ATTEMPTS = 8  # drives to one point without a record
 
 Row = tuple[str, Axis | None]
@@ -110,6 +111,8 @@ class AutomaticOperator:
         self._thread: threading.Thread | None = None
         self._noted: set[tuple[str, str, Row, int]] = set()
         self._drives = 0
+        self._pressed = False
+        self._aimed = False
         self._since = 0.0
         self._records: dict[str, ModelRecord] = {}
 
@@ -176,6 +179,7 @@ class AutomaticOperator:
             if done != _progress(picture):
                 done = _progress(picture)
                 self._since, self._drives = monotonic(), 0
+                self._pressed = False
             try:
                 waiting = picture.suspended or not self._step(picture)
             except _GivenUpError:
@@ -192,7 +196,8 @@ class AutomaticOperator:
                 if self._station.state is state:
                     raise
             if waiting:
-                self._woken.wait(0.5)
+                # nobody wakes him when the counters have been read again
+                self._woken.wait(_READ if picture.unreferenced else 0.5)
 
     def _step(self, picture: Snapshot) -> bool:
         """Do the next thing; False when there is nothing to do but wait."""
@@ -201,10 +206,20 @@ class AutomaticOperator:
             if monotonic() - self._since > _LINE_PATIENCE:
                 raise _GivenUpError(f"the plotter's line is {picture.link.state}")
             return False
-        if not picture.left:
+        if picture.unreferenced:
+            return self._refer(picture)
+        self._aimed = False
+        if not picture.left or (picture.next_photo is not None and self._changes(picture)):
             station.next_model()
             return True
         if picture.target is not None:
+            plotting = station.plotting
+            pressed = self._pressed or plotting is None or plotting.presses
+            if not pressed and station.standing:
+                # no pedal of the device's own: the key
+                self._pressed = True
+                station.record()
+                return True
             # waiting for a record: a lost byte must not end the job
             if monotonic() - self._since > _PATIENCE:
                 self._drive(picture.target)
@@ -214,7 +229,7 @@ class AutomaticOperator:
             record = self._records.setdefault(name, ModelRecord(picture.left, picture.right))
             self._orient(picture, picture.inner, record)
             return True
-        pending = [p.point for p in picture.points if p.status == "pending"]
+        pending = [p.point for p in picture.points if _pending(picture, p)]
         if pending:
             self._drive(pending[0])
             return True
@@ -232,6 +247,35 @@ class AutomaticOperator:
             station.accept()
             if self._on_accepted is not None:
                 self._on_accepted(record)
+        return True
+
+    def _changes(self, picture: Snapshot) -> bool:
+        """Whether the photo in a mono comparator is changed now: all is done that can be there.
+
+        For a point that has been measured again often enough it is not: its row is switched off.
+        """
+        again = {p.point: p.times for p in picture.points if p.status != "pending"}
+        suspects = picture.diagnosis.suspects if picture.diagnosis is not None else ()
+        if any(p.status == "pending" for p in picture.points) or not suspects:
+            return True
+        name = f"{picture.left}/{picture.right}"
+        record = self._records.setdefault(name, ModelRecord(picture.left, picture.right))
+        if record.before is None:
+            record.before = picture.solution
+        return again[suspects[0][0]] <= _REPEATS
+
+    def _refer(self, picture: Snapshot) -> bool:
+        """Set the mark on something measured and say so: the counters have lost their reference."""
+        station = self._station
+        if picture.reference_point is not None and not self._aimed:
+            self._aimed = True
+            station.drive(picture.reference_point)
+            return True
+        if not station.settled:
+            return False
+        station.reference()
+        # the second pointing is one of its own
+        self._aimed = False
         return True
 
     def _orient(self, picture: Snapshot, inner: InnerView, record: ModelRecord) -> None:
@@ -269,6 +313,7 @@ class AutomaticOperator:
         if self._drives >= _ATTEMPTS:
             what = "point" if self._station.snapshot().inner is None else "fiducial"
             raise _GivenUpError(f"{what} {point} was not recorded in {_ATTEMPTS} attempts")
+        self._pressed = False
         self._station.drive(point)
         self._drives += 1
         self._since = monotonic()
@@ -294,6 +339,14 @@ class AutomaticOperator:
         self._station.switch(point, axis, False)
 
 
+def _pending(picture: Snapshot, point: PointView) -> bool:
+    """Whether a point is to be measured with what lies in the instrument."""
+    if picture.mono:
+        side: Side = "left" if picture.laid == picture.left else "right"
+        return side not in point.seen
+    return point.status == "pending"
+
+
 class _GivenUpError(LinkError):
     """The job cannot be finished over this line."""
 
@@ -305,7 +358,9 @@ def _progress(picture: Snapshot) -> tuple[object, ...]:
         picture.left,
         picture.right,
         picture.suspended,
-        tuple((p.times, p.off_axes) for p in picture.points),
+        picture.laid,
+        picture.unreferenced,
+        tuple((p.times, p.off_axes, p.seen) for p in picture.points),
         tuple(
             (i.accepted, tuple((f.times, f.off_axes) for f in i.fiducials)) for i in picture.inners
         ),

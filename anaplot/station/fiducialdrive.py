@@ -18,7 +18,7 @@ __all__ = ["fiducial_target"]
 def fiducial_target(
     state: SessionState, inner: InnerState, fiducial: str, middle: Position
 ) -> Position:
-    """Return where the plates are driven for a fiducial; the other plate waits at its centre.
+    """Return where the plates are driven for a fiducial; another plate waits at its centre.
 
     Parameters
     ----------
@@ -42,6 +42,8 @@ def fiducial_target(
     nominal.setdefault(fiducial, nominal[""])
     measured = {m.fiducial: (m.x, m.y) for m in inner.used}
     x, y = predicted_fiducial(expected, nominal, measured, fiducial)
+    if state.current is not None and state.current.mono:
+        return Position(x, y, x, y)
     other: Side = "right" if inner.side == "left" else "left"
     ((waiting_x, waiting_y),) = _nominal(state, other, middle).to_plate(np.zeros((1, 2))).tolist()
     if inner.side == "left":

@@ -10,7 +10,7 @@ from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import Truth, synthetic_truth
 from anaplot.station.demo import rough
 from anaplot.station.laidplates import random_placements
-from anaplot.station.plotting import InstrumentSetup, SimulationSetup
+from anaplot.station.plotting import PROFILE_OF_SIMULATION, InstrumentSetup, SimulationSetup
 from anaplot.station.station import DEFAULT_PATTERN, Station
 
 __all__ = ["open_station", "truth_of"]
@@ -26,6 +26,7 @@ def open_station(
     seed: int = 0,
     point_pattern: str = DEFAULT_PATTERN,
     operator: str = "",
+    story: str = "",
     time_scale: float = 1.0,
 ) -> Station:
     """Open a station on a block folder.
@@ -37,7 +38,8 @@ def open_station(
     profile, port
         Of an instrument; both or neither.
     simulate
-        Connect a simulated plotter instead. It is never chosen silently.
+        Connect a simulated plotter instead, one that speaks `profile` where that is given. It is
+        never chosen silently.
     truth
         Folder of the block whose image points lie in the simulated plates; without it a
         synthetic flight over the block's strips. Where the cameras have fiducials, the plates
@@ -46,8 +48,8 @@ def open_station(
         Of the simulation.
     point_pattern
         Name of the point pattern of new models.
-    operator
-        Name for the journal.
+    operator, story
+        Name for the journal, and what the session is about.
     time_scale
         Simulated seconds per second.
 
@@ -58,15 +60,17 @@ def open_station(
     LinkError
         The plotter cannot be reached.
     """
-    if simulate and (profile is not None or port is not None):
-        raise InputError("--simulate and an instrument (--profile, --port) exclude each other")
+    if simulate and port is not None:
+        raise InputError("--simulate and an instrument's --port exclude each other")
     if truth is not None and not simulate:
         raise InputError("--truth goes with --simulate")
-    if (profile is None) != (port is None):
+    if not simulate and (profile is None) != (port is None):
         raise InputError("an instrument needs both --profile and --port")
     if not simulate:
         plotter = InstrumentSetup(profile, port) if profile and port else None
-        return Station(folder, plotter=plotter, point_pattern=point_pattern, operator=operator)
+        return Station(
+            folder, plotter=plotter, point_pattern=point_pattern, operator=operator, story=story
+        )
     block = read_block(folder)
     points = _synthetic(block, seed) if truth is None else _measured(block, truth)
     return Station(
@@ -77,9 +81,11 @@ def open_station(
             noise_um=block.precision.image_um,
             time_scale=time_scale,
             placements=random_placements(block, seed),
+            profile=PROFILE_OF_SIMULATION if profile is None else profile,
         ),
         point_pattern=point_pattern,
         operator=operator,
+        story=story,
         candidates=rough(points),
     )
 

@@ -73,6 +73,11 @@ def picture(
         tie_variance=block.precision.tie_variance,
         test=f"{block.test.kind} {block.test.alpha:g}",
         inners=() if model is None else tuple(_inner(block, i, view) for i in model.inner),
+        mono=model is not None and model.mono,
+        laid=model.photo(model.laid) if model is not None and model.laid is not None else "",
+        next_photo=None
+        if model is None or view.next_photo is None
+        else model.photo(view.next_photo),
     )
 
 
@@ -120,5 +125,6 @@ def _points(model: ModelState, view: Outlook) -> tuple[PointView, ...]:
         off = tuple(axis for axis in model.axes(name) if (name, axis) in model.off)
         x, y = (planned.xl, planned.yl) if m is None else (m.xl, m.yl)
         times = 0 if m is None else m.times
-        out.append(PointView(name, planned.role, x, y, status, times, off))
+        seen = tuple(s.side for s in model.seen if s.point == name)
+        out.append(PointView(name, planned.role, x, y, status, times, off, seen))
     return tuple(out)

@@ -17,10 +17,19 @@ from anaplot.photogrammetry.platetransformation import PlateTransformation
 from anaplot.photogrammetry.refinement import Refinement
 from anaplot.plotter.readings import Position
 from anaplot.session.events import Side
+from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState
 from anaplot.station.snapshot import ReadOut
 
-__all__ = ["IN_IMAGE", "PlateSystem", "Plates", "image_of", "plate_of", "plates_of"]
+__all__ = [
+    "IN_IMAGE",
+    "PlateSystem",
+    "Plates",
+    "image_of",
+    "plate_of",
+    "plates_of",
+    "plates_of_model",
+]
 
 _DIGITS = 7
 """Decimals of computed image coordinates [mm].
@@ -80,10 +89,11 @@ def _refinement(calibration: CameraCalibration) -> Refinement:
 
 @dataclass(frozen=True, slots=True)
 class Plates:
-    """Both carriages."""
+    """Both carriages; of a mono comparator (`mono`) the one, twice."""
 
     left: PlateSystem = field(default_factory=PlateSystem)
     right: PlateSystem = field(default_factory=PlateSystem)
+    mono: bool = False
 
 
 IN_IMAGE = Plates()
@@ -92,15 +102,20 @@ IN_IMAGE = Plates()
 
 def plates_of(state: SessionState) -> Plates:
     """Return how plate coordinates become image coordinates in a session's present state."""
-    model = state.current
-    if model is None:
-        return IN_IMAGE
+    return IN_IMAGE if state.current is None else plates_of_model(state, state.current)
+
+
+def plates_of_model(state: SessionState, model: ModelState) -> Plates:
+    """Return how plate coordinates become image coordinates while a model is in the instrument."""
 
     def system(photo: str, side: Side) -> PlateSystem:
         inner = model.inner_of(side)
         transformation = PlateTransformation() if inner is None else inner.accepted
         return PlateSystem(transformation, state.block.camera_of(photo).calibration)
 
+    if model.mono:
+        there = system(model.photo(model.laid or "left"), model.laid or "left")
+        return Plates(there, there, mono=True)
     return Plates(system(model.left, "left"), system(model.right, "right"))
 
 
@@ -114,6 +129,7 @@ def image_of(position: Position, plates: Plates = IN_IMAGE) -> ReadOut:
         *plates.right.to_image(position.xr, position.yr),
         plate_left=not plates.left.oriented,
         plate_right=not plates.right.oriented,
+        mono=plates.mono,
     )
 
 

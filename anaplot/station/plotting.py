@@ -18,7 +18,7 @@ from anaplot.plotter.simulator import Hand, HandSettled, Offsets, Side, Simulate
 from anaplot.station.laidplates import Placements, laid_photographs
 from anaplot.station.stereo import StereoGround, StereoPair
 
-__all__ = ["InstrumentSetup", "Plotting", "SimulationSetup"]
+__all__ = ["PROFILE_OF_SIMULATION", "InstrumentSetup", "Plotting", "SimulationSetup"]
 
 PROFILE_OF_SIMULATION = "simulated"
 
@@ -78,6 +78,8 @@ class SimulationSetup:
     placements
         (photo, carriage) -> how the photograph lies there, plate to fiducial system; photographs
         that are not named lie in the fiducial system.
+    profile
+        Name or file of the profile that the simulated device speaks.
     """
 
     truth: Mapping[str, Mapping[str, tuple[float, float]]]
@@ -87,6 +89,7 @@ class SimulationSetup:
     time_scale: float = 1.0
     tcp: bool = False
     placements: Placements = field(default_factory=dict)
+    profile: str = PROFILE_OF_SIMULATION
 
 
 class Plotting:
@@ -117,10 +120,13 @@ class Plotting:
         self._settled: Callable[[HandSettled], None] = listener.on_settled
         self._hand = isinstance(setup, SimulationSetup)
         self._pedal = False
+        self._pressed: str | None = None
+        self._beside = Position(0.0, 0.0, 0.0, 0.0)
         self._ground: tuple[object, StereoGround] | None = None
         self._seen: tuple[object, StereoPair] | None = None
         if isinstance(setup, SimulationSetup):
-            self.profile: Profile = load_profile(PROFILE_OF_SIMULATION)
+            self.profile: Profile = load_profile(setup.profile)
+            self._pressed = _pedal_of(self.profile)
             in_left, in_right = laid_photographs(block, setup.truth, setup.placements)
             self.simulator = SimulatedPlotter(
                 self.profile,
@@ -135,8 +141,8 @@ class Plotting:
             self._server = SimulatorServer(
                 self.simulator, tcp=setup.tcp, time_scale=setup.time_scale
             ).start()
-            self.port = self._server.port
-            addresses = {self.profile.default_link: self.port}
+            addresses = dict(self._server.ports)
+            self.port = ",".join(addresses.values())
         else:
             self.profile = load_profile(setup.profile)
             self.port = setup.port
@@ -160,14 +166,27 @@ class Plotting:
         """Whether the device drives its plates."""
         return self.profile.drive is not None
 
-    def open(self) -> None:
-        """Open the link."""
-        self.link.open()
+    @property
+    def moves(self) -> bool:
+        """Whether the plates go to a point by themselves: driven, or moved by a simulated hand."""
+        return self.drives or self.simulated
 
-    def lay(self, left: str, right: str) -> None:
-        """Lay photographs into a simulated device; a real one is loaded by hand."""
+    @property
+    def presses(self) -> bool:
+        """Whether a simulated hand presses a pedal of the device; else the key records."""
+        return self._pressed is not None
+
+    def open(self, *, referenced: bool = True) -> None:
+        """Open the link; `referenced` says whether the counters' origin is known."""
+        self.link.open(referenced=referenced)
+
+    def lay(self, left: str, right: str, side: Side = "left", placed: Side | None = None) -> None:
+        """Lay photographs into a simulated device; a real one is loaded by hand.
+
+        A mono comparator gets the one of `side`, in the placement of `placed`.
+        """
         if self.simulator is not None:
-            self.simulator.lay(left, right)
+            self.simulator.lay(left, right, side, placed)
 
     def remember(self, pointed: Mapping[tuple[str, str, str], int]) -> None:
         """Tell a simulated hand how often it set the mark on points before this session."""
@@ -196,9 +215,43 @@ class Plotting:
             self.simulator.attend(side)
 
     def drive(self, position: Position) -> None:
-        """Drive the plates."""
+        """Drive the plates, or have a simulated hand move those of an undriven device."""
         self._use_hand()
-        self.link.drive(position)
+        if self.drives or self.simulator is None:
+            self.link.drive(position)
+        else:
+            self.simulator.hand_to(self._true(position))
+
+    def point_again(self, position: Position) -> None:
+        """Have the simulated hand set the mark near a place, without recording."""
+        if self.simulator is not None:
+            self.simulator.hand_to(self._true(position), unnoticed=True)
+
+    def referred(self) -> None:
+        """Take it that the counters have their reference: the hand finds places by them again."""
+        if self.simulator is not None:
+            origin, shift = self.simulator.counted_from, self.link.shift
+            self._beside = Position(
+                origin.xl - shift.xl,
+                origin.yl - shift.yl,
+                origin.xr - shift.xr,
+                origin.yr - shift.yr,
+            )
+
+    def _true(self, place: Position) -> Position:
+        """Return where the hand goes for what the counters, last referred, call a place."""
+        beside = self._beside
+        return Position(
+            place.xl + beside.xl, place.yl + beside.yl, place.xr + beside.xr, place.yr + beside.yr
+        )
+
+    def record(self) -> None:
+        """Record where the plates stand; a simulated device that only speaks then is pressed."""
+        speaks = self.profile.poll is not None or self.profile.simulate.stream is not None
+        if self.simulator is not None and self._pressed is not None and not speaks:
+            self.simulator.press(self._pressed)
+        else:
+            self.link.record()
 
     @property
     def hand(self) -> bool:
@@ -218,7 +271,14 @@ class Plotting:
 
     def _use_hand(self) -> None:
         if self.simulator is not None:
-            self.simulator.set_hand(Hand(follow=self.hand, auto_pedal=self._pedal))
+            pedal = self._pressed
+            self.simulator.set_hand(
+                Hand(
+                    follow=self.hand,
+                    auto_pedal=self._pedal and pedal is not None,
+                    pedal=pedal if pedal is not None else "pedal",
+                )
+            )
 
     def stands(self) -> Position:
         """Return where a simulated device's plates truly stand.
@@ -255,7 +315,7 @@ class Plotting:
 
         None without a simulated device, and while no photographs lie in it.
         """
-        if self.simulator is None:
+        if self.simulator is None or self.profile.mono:
             return None
         laid = left, right = self.simulator.laid
         if not left:
@@ -277,3 +337,12 @@ class Plotting:
         finally:
             if self._server is not None:
                 self._server.close()
+
+
+def _pedal_of(profile: Profile) -> str | None:
+    """Return the footswitch that a simulated device tells by itself, or None: keys are the host's.
+
+    A modem line is the host's, too.
+    """
+    told = (name for name, s in profile.footswitches.items() if s.source in ("record", "every"))
+    return next(told, None)

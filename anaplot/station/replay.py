@@ -29,6 +29,7 @@ from anaplot.session.events import (
     Event,
     FiducialMeasured,
     InnerAccepted,
+    MonoMeasured,
     PointMeasured,
 )
 from anaplot.session.innerwork import InnerOutlook
@@ -152,7 +153,7 @@ def replay_session(session: Path) -> Replayed:
     for step in replay(block, records):
         state = step.state
         tables += step.compared
-        measured = isinstance(step.event, PointMeasured | FiducialMeasured)
+        measured = isinstance(step.event, PointMeasured | FiducialMeasured | MonoMeasured)
         measurements += measured and step.difference is None
         if step.difference is not None:
             differences.append(step.difference)
@@ -200,7 +201,7 @@ def replay(
             line.traffic(record.payload)
         elif record.kind in EVENT_KINDS:
             event = event_from_payload(record.kind, record.payload)
-            if isinstance(event, PointMeasured | FiducialMeasured):
+            if isinstance(event, PointMeasured | FiducialMeasured | MonoMeasured):
                 difference = line.check(event, plates_of(state))
             try:
                 state = apply(state, event)
@@ -287,7 +288,9 @@ class _Line:
         elif kind == "confirm":
             decoder.confirm_reference()
 
-    def check(self, event: PointMeasured | FiducialMeasured, plates: Plates) -> str | None:
+    def check(
+        self, event: PointMeasured | FiducialMeasured | MonoMeasured, plates: Plates
+    ) -> str | None:
         """Find the measurement among what the bytes said, to the last digit."""
         if self._decoder is None:
             return None
@@ -295,18 +298,22 @@ class _Line:
             if _says(self._records.popleft().position, event, plates):
                 return None
         name = (
-            f"point {event.point}"
-            if isinstance(event, PointMeasured)
-            else f"fiducial {event.fiducial} of photo {event.photo} ({event.side})"
+            f"fiducial {event.fiducial} of photo {event.photo} ({event.side})"
+            if isinstance(event, FiducialMeasured)
+            else f"point {event.point}"
         )
         return f"{name}: the recorded bytes do not say what was measured"
 
 
-def _says(at: Position, event: PointMeasured | FiducialMeasured, plates: Plates) -> bool:
+def _says(
+    at: Position, event: PointMeasured | FiducialMeasured | MonoMeasured, plates: Plates
+) -> bool:
     if isinstance(event, FiducialMeasured):
         place = (at.xl, at.yl) if event.side == "left" else (at.xr, at.yr)
         return place == (event.x, event.y)
     read = image_of(at, plates)
+    if isinstance(event, MonoMeasured):
+        return (read.xl, read.yl) == (event.x, event.y)
     return (read.xl, read.yl, read.xr, read.yr) == (event.xl, event.yl, event.xr, event.yr)
 
 

@@ -16,6 +16,8 @@ from anaplot.session.events import (
     FiducialMeasured,
     InnerAccepted,
     ModelAccepted,
+    MonoMeasured,
+    PhotoLaid,
     PointMeasured,
 )
 from anaplot.session.state import start
@@ -200,6 +202,18 @@ class ReplayStation:
         """Refuse."""
         raise _refused()
 
+    def other_photo(self) -> None:
+        """Refuse."""
+        raise _refused()
+
+    def reference(self, point: str | None = None) -> None:
+        """Refuse."""
+        raise _refused()
+
+    def keep_counters(self) -> None:
+        """Refuse."""
+        raise _refused()
+
     def suspend(self) -> None:
         """Refuse."""
         raise _refused()
@@ -244,6 +258,14 @@ def _told(step: Step) -> list[str]:
         solution = step.view.solution
         if solution is not None and solution.flagged and step.view.diagnosis is not None:
             lines.append(step.view.diagnosis.advice[0])
+    elif isinstance(event, MonoMeasured):
+        photo = event.left if event.side == "left" else event.right
+        lines.append(f"{event.left}/{event.right}: {event.point} recorded in photo {photo}")
+        solution = step.view.solution
+        if solution is not None and solution.flagged and step.view.diagnosis is not None:
+            lines.append(step.view.diagnosis.advice[0])
+    elif isinstance(event, PhotoLaid):
+        lines.append(f"photo {event.photo} laid into the comparator")
     elif isinstance(event, FiducialMeasured):
         lines.append(f"photo {event.photo} ({event.side}): fiducial {event.fiducial} recorded")
         inner = step.view.inner

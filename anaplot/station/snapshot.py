@@ -51,7 +51,8 @@ class ReadOut:
     """The live read-out: image coordinates [mm], parallaxes px = x' - x'', py = y' - y'' [mm].
 
     `plate_left` and `plate_right` say that the coordinates of that photo are plate coordinates,
-    for its inner orientation is still to be accepted; parallaxes mean nothing then.
+    for its inner orientation is still to be accepted; parallaxes mean nothing then. `mono`: both
+    are those of the one photo in a mono comparator.
     """
 
     xl: float
@@ -60,6 +61,7 @@ class ReadOut:
     yr: float
     plate_left: bool = False
     plate_right: bool = False
+    mono: bool = False
 
     @property
     def px(self) -> float:
@@ -76,7 +78,8 @@ class ReadOut:
 class PointView:
     """One point of the current model: planned or measured position in the left photo [mm].
 
-    `times` counts how often it was recorded; `off_axes` names the rows switched off.
+    `times` counts how often it was recorded; `off_axes` names the rows switched off. `seen`: in
+    which photos of a model in a mono comparator it was measured.
     """
 
     point: str
@@ -86,6 +89,7 @@ class PointView:
     status: PointStatus
     times: int
     off_axes: tuple[str, ...] = ()
+    seen: tuple[Side, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +175,16 @@ class Snapshot:
         no fiducials.
     block_view
         What the block as one bundle says; None before there is anything to adjust.
+    mono
+        Whether the current model is measured in a mono comparator, one photo after the other.
+    laid
+        The photo in the mono comparator; "" when nobody knows, or there is none.
+    next_photo
+        The photo to lay into the mono comparator next, or None.
+    unreferenced
+        The counters have lost their reference; `expected` says what to do.
+    reference_point
+        The point or fiducial on which the mark is to be set then, or None.
     """
 
     serial: int
@@ -197,8 +211,17 @@ class Snapshot:
     test: str
     inners: tuple[InnerView, ...] = ()
     block_view: BlockView | None = None
+    mono: bool = False
+    laid: str = ""
+    next_photo: str | None = None
+    unreferenced: bool = False
+    reference_point: str | None = None
 
     @property
     def inner(self) -> InnerView | None:
-        """The inner orientation in work, or None when points are measured."""
-        return next((inner for inner in self.inners if not inner.accepted), None)
+        """The inner orientation in work, or None when points are measured.
+
+        In a mono comparator that of the photo in it.
+        """
+        there = (i for i in self.inners if not self.mono or i.photo == self.laid)
+        return next((inner for inner in there if not inner.accepted), None)

@@ -3,24 +3,22 @@
 Bytes become readings in the link's reader thread, which only puts them into a queue. One station
 thread takes them out: journal first (on disk), then state, then table, then whoever looks.
 Commands come from any thread and go the same way under the same lock. The lock is never held
-while the link is asked for anything, so that neither can wait for the other.
+while the link may wait for a port, and the link never waits for the station.
 """
 
 from __future__ import annotations
 
 import contextlib
-import queue
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from anaplot.errors import AnaplotError, InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block, write_image_points
-from anaplot.exchange.blocktoml import camera_texts, format_block_toml
 from anaplot.exchange.journal import Journal, JournalError, events_of
 from anaplot.orientation.model import warm_up
 from anaplot.orientation.patterns import pattern
@@ -28,9 +26,10 @@ from anaplot.orientation.results import TableRow
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import InnerRow
 from anaplot.photogrammetry.platetransformation import TITLES
-from anaplot.planning.modelplan import Candidates, plan_positions, predicted_right
-from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
-from anaplot.plotter.simulator import HandSettled, fiducial_name
+from anaplot.planning.modelplan import Candidates
+from anaplot.plotter.decoder import UNREFERENCED
+from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
+from anaplot.plotter.simulator import HandSettled, fiducial_name, monocular_name
 from anaplot.session.events import (
     EVENT_KINDS,
     Axis,
@@ -39,6 +38,8 @@ from anaplot.session.events import (
     FiducialSwitched,
     ModelAccepted,
     ModelChosen,
+    MonoMeasured,
+    PhotoLaid,
     PlannedPoint,
     PointAdded,
     PointMeasured,
@@ -54,12 +55,24 @@ from anaplot.session.state import EventRefusedError, ModelState, SessionState, a
 from anaplot.session.workflow import Outlook, outlook
 from anaplot.station.automatic import AutomaticOperator
 from anaplot.station.blockwatch import BlockWatch
+from anaplot.station.ear import Ear, End, Heard, LinkChange, Told, Traffic, WarmUp
 from anaplot.station.fiducialdrive import fiducial_target
-from anaplot.station.imagepoints import merged_rows
+from anaplot.station.header import session_header
+from anaplot.station.imagepoints import measured_here, merged_rows
 from anaplot.station.journaling import Recorder
+from anaplot.station.measuring import check_instrument, measurement_of
 from anaplot.station.picture import picture
+from anaplot.station.plans import added_point, plan_of, point_target
 from anaplot.station.plates import image_of, plate_of, plates_of
 from anaplot.station.plotting import InstrumentSetup, Plotting, SimulationSetup
+from anaplot.station.referencing import (
+    Reference,
+    Referencing,
+    asking,
+    in_words,
+    references,
+    tolerance_mm,
+)
 from anaplot.station.snapshot import LinkView, ReadOut, Snapshot
 from anaplot.station.stereo import StereoPair
 from anaplot.station.tables import inner_table_payload, table_payload
@@ -69,67 +82,10 @@ __all__ = ["Station"]
 DEFAULT_PATTERN = "13"
 _STALE = 2.0  # s after which a read-out is no longer shown
 _ARRIVED_MM = 0.02  # a read-out this near to the target ends a drive as its reply would
-_LARGEST_DECLARATION = 200_000  # characters of block.toml that the journal's header repeats
 _REFUSALS_TOLD = 1.0  # s between two notices about bytes that are no readings
 _KEPT_NOTICES = 100  # for whoever listens first
 
 Severity = Literal["info", "warning", "error", "record"]
-
-
-@dataclass(frozen=True, slots=True)
-class _Traffic:
-    direction: Literal["in", "out"]
-    link: str
-    data: bytes
-    when: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Told:
-    kind: str
-    text: str
-    when: float
-
-
-@dataclass(frozen=True, slots=True)
-class _LinkState:
-    state: str
-    detail: str
-
-
-class _End:
-    """Ends the station thread."""
-
-
-class _WarmUp:
-    """Loads what the first table needs, while the first points are still being measured."""
-
-
-_Item = _WarmUp | Reading | _Traffic | _Told | _LinkState | HandSettled | _End
-
-
-class _Ear:
-    """Hears the plotter on whatever thread and puts everything into one queue, in order."""
-
-    def __init__(self) -> None:
-        self.items: queue.SimpleQueue[_Item] = queue.SimpleQueue()
-        # the time that the decoder was given: a journal that keeps it replays to the same readings
-        self.time: Callable[[], float] = time.monotonic
-
-    def on_reading(self, reading: Reading) -> None:
-        self.items.put(reading)
-
-    def on_link_state(self, state: str, detail: str) -> None:
-        self.items.put(_LinkState(state, detail))
-
-    def on_traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
-        self.items.put(_Traffic(direction, link, data, self.time()))
-
-    def on_decoder(self, kind: str, text: str) -> None:
-        self.items.put(_Told(kind, text, self.time()))
-
-    def on_settled(self, settled: HandSettled) -> None:
-        self.items.put(settled)
 
 
 class Station:
@@ -149,6 +105,8 @@ class Station:
         Approximate image coordinates of known points by photo; None when there are none.
     auto_drive
         Whether the plates drive to the next point by themselves after a record.
+    story
+        What the session is about, for the journal's header.
 
     Raises
     ------
@@ -167,13 +125,14 @@ class Station:
         operator: str = "",
         candidates: Candidates | None = None,
         auto_drive: bool = True,
+        story: str = "",
     ) -> None:
         self._folder = folder
         self._pattern = pattern(point_pattern)
         self._auto_drive = auto_drive
         self._block = read_block(folder)
         self._lock = threading.RLock()
-        self._ear = _Ear()
+        self._ear = Ear()
         self._subscribers: list[Callable[[Snapshot], None]] = []
         self._listeners: list[Callable[[Severity, str], None]] = []
         self._closed = False
@@ -182,6 +141,9 @@ class Station:
         self._drive_target: Position | None = None
         self._pointing = False
         self._settles_after: int | None = None
+        self._referencing: Referencing | None = None
+        self._last_measured: str | None = None
+        self._heard_before = 0
         self._automatic = False
         self._operator: AutomaticOperator | None = None
         self._refusal_told = float("-inf")
@@ -198,7 +160,9 @@ class Station:
                 link = self._plotting.link
                 self._ear.time = lambda: link.event_time
             self._journal, recovered = Journal.open(
-                folder, self._header(operator), keep=lambda kind: kind in EVENT_KINDS
+                folder,
+                session_header(self._block, operator, self._plotting, story),
+                keep=lambda kind: kind in EVENT_KINDS,
             )
             undo.callback(self._journal.close)
             self._recorder = Recorder(self._journal, time.monotonic)
@@ -216,6 +180,8 @@ class Station:
                     self._of_session.add(f"{event.left}/{event.right}")
                 elif isinstance(event, PointMeasured):
                     pointed[event.left, event.right, event.point] += 1
+                elif isinstance(event, MonoMeasured):
+                    pointed[event.left, event.right, monocular_name(event.side, event.point)] += 1
                 elif isinstance(event, FiducialMeasured) and self._state.current is not None:
                     name = fiducial_name(event.side, event.fiducial)
                     pointed[(*self._state.current.photos, name)] += 1
@@ -233,7 +199,10 @@ class Station:
                     self._plotting.simulated,
                 )
                 self._plotting.remember(pointed)
-                self._plotting.open()
+                known = references(self._state)[1]
+                counting_on = not (self._plotting.profile.incremental and known)
+                # counters may have been off since: nothing they say is believed unchecked
+                self._plotting.open(referenced=counting_on)
                 self._lay()
             undo.pop_all()
         self._watch.tell(self._block, self._state, self._outlook, self._of_session)
@@ -273,7 +242,9 @@ class Station:
         latest = None if plotting is None else plotting.link.latest()
         if latest is None or latest[1] > _STALE:
             return None
-        return image_of(latest[0], plates_of(self._state))
+        read = image_of(latest[0], plates_of(self._state))
+        assert plotting is not None
+        return replace(read, mono=plotting.profile.mono)
 
     def stereo(self, columns: int, rows: int, field_mm: float) -> StereoPair | None:
         """Return what is seen around the mark, the same object while nothing changes.
@@ -336,9 +307,13 @@ class Station:
             The plotter cannot be reached.
         """
         with self._change():
+            if self._referencing is not None:
+                self._aim_at_reference(self._referencing, point)
+                return
             model = self._model()
             if self._state.suspended:
                 raise InputError("work is suspended: resume first")
+            self._check_instrument(model)
             inner = model.open_inner
             if inner is not None:
                 if point not in inner.fiducials:
@@ -372,8 +347,10 @@ class Station:
             plotting = self._plotting
             if plotting is None:
                 raise InputError("no plotter is connected: nothing to record")
+            if self._referencing is not None:
+                raise InputError(UNREFERENCED)
             self._recordable()
-            self._after.append(plotting.link.record)
+            self._after.append(plotting.record)
 
     def switch(self, point: str, axis: Axis | None, on: bool) -> None:
         """Switch a row, or the whole point, off or on; during an inner orientation a fiducial's."""
@@ -395,7 +372,7 @@ class Station:
             if _photos(before) != _photos(self._state):
                 self._nowhere()
                 self._lay()
-            elif _in_inner(before) != _in_inner(self._state):
+            elif _laid(before) != _laid(self._state) or _in_inner(before) != _in_inner(self._state):
                 self._nowhere()
             elif _in_inner(before) is not None:
                 pass  # a fiducial is always one of its camera's
@@ -447,25 +424,197 @@ class Station:
     def next_model(self) -> None:
         """Choose the next model: the right photo becomes left, ties are driven to first.
 
+        In a mono comparator first of all the photo that is to be laid in now.
+
         Raises
         ------
         InputError
             A model is still in the instrument, or there is none left.
         """
         with self._change():
-            if self._state.current is not None:
-                raise InputError(f"accept model {self._state.current.name} first")
+            model, next_photo = self._state.current, self._outlook.next_photo
+            if model is not None and next_photo is not None:
+                self._lay_photo(model.photo(next_photo))
+                return
+            if model is not None:
+                raise InputError(f"accept model {model.name} first")
             following = self._outlook.next_model
             if following is None:
                 raise InputError("every model of the block is accepted")
             strip, left, right = following
             self._write_points()
-            event = ModelChosen(strip, left, right, self._plan(strip, left, right))
-            self._happen(event)
-            self._ear.items.put(_WarmUp())
+            plan = plan_of(self._state, self._pattern, self._candidates, strip, left, right)
+            self._happen(ModelChosen(strip, left, right, plan, mono=self._mono))
+            self._ear.items.put(WarmUp())
+            self._tell("info", f"photos {left} and {right}: {len(plan)} points to measure")
+            if self._mono and self._model().laid is None:
+                self._lay_photo(left)
+                return
             self._lay()
-            self._tell("info", f"photos {left} and {right}: {len(event.plan)} points to measure")
             self._advance()
+
+    def other_photo(self) -> None:
+        """Take it that the other photo of the model was laid into the mono comparator.
+
+        Raises
+        ------
+        InputError
+            No model, or none that is measured one photo after the other.
+        """
+        with self._change():
+            model = self._model()
+            self._check_instrument(model)
+            self._lay_photo(model.photo("right" if model.laid == "left" else "left"))
+
+    def _lay_photo(self, photo: str) -> None:
+        self._happen(PhotoLaid(photo))
+        self._nowhere()
+        self._lay()
+        self._tell("info", f"photo {photo} lies in the comparator")
+        self._advance()
+
+    # -- the counters' reference ---------------------------------------------------------------
+
+    @property
+    def standing(self) -> bool:
+        """Whether plates and hand stand still."""
+        return self._drive_target is None and not self._pointing
+
+    @property
+    def settled(self) -> bool:
+        """Whether they do, and the counters have been read since."""
+        plotting = self._plotting
+        if plotting is None or not self.standing:
+            return False
+        return plotting.link.positions_heard > self._heard_before + 1
+
+    def reference(self, point: str | None = None) -> None:
+        """Take it that the mark is set on something measured, of counters without reference.
+
+        Parameters
+        ----------
+        point
+            The measured point, or fiducial; None for the one that was proposed.
+
+        Raises
+        ------
+        InputError
+            The counters have their reference, there is nothing to refer them to, or a second
+            pointing contradicts the first.
+        """
+        with self._change():
+            plotting, referencing = self._plotting, self._referencing
+            if plotting is None or referencing is None:
+                raise InputError("the counters have their reference")
+            if plotting.link.state != "live":
+                raise InputError(f"the plotter's line is {plotting.link.state}")
+            here = plotting.link.unreferenced_position
+            if here is None or not self.settled:
+                raise InputError("the counters have not been read since: try again")
+            needed, known = references(self._state, self._last_measured)
+            if point is not None:
+                referencing = replace(referencing, chosen=point)
+            at = referencing.proposed(needed, known)
+            if not needed:
+                self._referenced("nothing measured depends on the counters: they count on", None)
+                return
+            if at is None or (point is not None and at.name != point):
+                raise InputError(
+                    "nothing measured is there to refer the counters to: set them by hand and "
+                    "keep them as they are"
+                    if at is None
+                    else f"{point} is no reference: it is not measured"
+                )
+            tolerance = tolerance_mm(self._block.precision.image_um)
+            note = {"reference": at.title, "counters": [here.xl, here.yl, here.xr, here.yr]}
+            try:
+                referencing = referencing.pointed(at, here, tolerance)
+            except InputError as error:
+                self._referencing = Referencing()
+                self._recorder.note("reference-refused", {**note, "reason": str(error)})
+                raise
+            self._recorder.note("reference-pointed", note)
+            self._referencing = replace(referencing, chosen=None)
+            self._heard_before = plotting.link.positions_heard
+            if referencing.open_sides(needed):
+                self._tell("info", f"{at.title} pointed at: once more, there or elsewhere")
+                return
+            shift = referencing.shift(plotting.link.shift, tolerance, mono=self._mono)
+            if shift is None:
+                self._referenced("the counters kept their origin", None)
+            else:
+                self._referenced(
+                    f"the counters are moved by {in_words(shift, mono=self._mono)}", shift
+                )
+
+    def keep_counters(self) -> None:
+        """Take the counters as they are: the operator knows that they kept their origin, or set it.
+
+        Raises
+        ------
+        InputError
+            The counters have their reference.
+        """
+        with self._change():
+            if self._plotting is None or self._referencing is None:
+                raise InputError("the counters have their reference")
+            self._referenced("the counters are taken as they are", None)
+
+    def _referenced(self, words: str, shift: Position | None) -> None:
+        """End re-measuring: readings count again, moved by an offset or as before (None)."""
+        assert self._plotting is not None
+        link = self._plotting.link
+        payload = {} if shift is None else {"shift": [shift.xl, shift.yl, shift.xr, shift.yr]}
+        self._recorder.note("referenced", {"text": words, **payload})
+        if shift is None:
+            link.confirm_reference()
+        else:
+            link.reference_by(shift)
+        self._plotting.referred()
+        self._referencing = None
+        self._tell("info", words)
+        self._nowhere()
+        if not self._state.suspended:
+            self._advance()
+
+    def _watch_reference(self) -> None:
+        """Notice that the counters have lost their reference."""
+        plotting = self._plotting
+        if plotting is None or plotting.link.referenced or self._referencing is not None:
+            return
+        with self._change():
+            self._referencing = Referencing()
+            self._heard_before = plotting.link.positions_heard
+            self._nowhere()
+            self._recorder.note("unreferenced", {"reason": UNREFERENCED})
+            self._tell("error", UNREFERENCED)
+
+    def _aim_at_reference(self, referencing: Referencing, point: str) -> None:
+        """Choose what the counters are referred to; a simulated hand sets the mark on it."""
+        needed, known = references(self._state, self._last_measured)
+        chosen = replace(referencing, chosen=point)
+        at = chosen.proposed(needed, known)
+        if at is None or at.name != point:
+            raise InputError(f"{UNREFERENCED}; {point} is not measured or helps no further")
+        self._referencing = chosen
+        self._tell("info", f"reference: {at.title}")
+        plotting = self._plotting
+        if plotting is None or not plotting.hand:
+            return
+        self._pointing = True
+        self._settles_after = plotting.drives_begun
+        fiducial = len(at.places) == 1 and not self._is_point(at)
+        plotting.attend(next(iter(at.places)) if fiducial else None)
+        here = plotting.stands()
+        left = at.places.get("left", (here.xl, here.yl))
+        right = at.places.get("right", (here.xr, here.yr))
+        if plotting.profile.mono:
+            left = right = next(iter(at.places.values()))
+        self._after.append(lambda: plotting.point_again(Position(*left, *right)))
+
+    @staticmethod
+    def _is_point(reference: Reference) -> bool:
+        return reference.title.startswith("point ")
 
     def add_point(self, name: str) -> None:
         """Add a point beyond the plan, where the plates stand now.
@@ -484,12 +633,8 @@ class Station:
                 raise InputError("a point needs a printable name of at most 100 characters")
             if here is None:
                 raise InputError("there is no read-out: drive the plates to the new point first")
-            before = self._state.preceding(model.strip, model.left)
-            known = before is not None and any(m.point == name for m in before.used)
-            planned = PlannedPoint(
-                name, "tie" if known else "new", here.xl, here.yl, here.xr, here.yr
-            )
-            self._happen(PointAdded(planned))
+            self._check_instrument(model)
+            self._happen(PointAdded(added_point(self._state, model, name, here)))
             self._target = name
 
     def suspend(self) -> None:
@@ -609,7 +754,7 @@ class Station:
                 self._plotting.close()
         finally:
             self._watch.close()
-            self._ear.items.put(_End())
+            self._ear.items.put(End())
             if self._thread is not threading.current_thread():
                 self._thread.join()
             try:
@@ -662,7 +807,7 @@ class Station:
         try:
             while True:
                 item = self._ear.items.get()
-                if isinstance(item, _End):
+                if isinstance(item, End):
                     ended = True
                     return
                 try:
@@ -681,11 +826,15 @@ class Station:
             self._tell("error", "the station has failed: close the block and open it again")
         self._failed = True
 
-    def _take(self, item: _Item) -> None:
+    def _take(self, item: Heard) -> None:
+        self._take_in(item)
+        self._watch_reference()
+
+    def _take_in(self, item: Heard) -> None:
         match item:
-            case _Traffic():
+            case Traffic():
                 self._keep(item)
-            case _Told():
+            case Told():
                 with self._lock:
                     self._recorder.told(item.kind, item.text, item.when)
             case Position():
@@ -700,6 +849,8 @@ class Station:
                 with self._change():
                     if self._settles_after is not None and item.drive > self._settles_after:
                         self._pointing = False
+                        if self._plotting is not None:
+                            self._heard_before = self._plotting.link.positions_heard
                     if item.point is None:
                         self._tell("warning", "the simulated operator finds no point here")
             case Record():
@@ -712,12 +863,12 @@ class Station:
                     self._recorder.note("fault", {"code": item.code, "text": item.text})
             case Refused():
                 self._refused(item)
-            case _LinkState():
+            case LinkChange():
                 with self._change():
                     self._link_state(item)
-            case _WarmUp():
+            case WarmUp():
                 warm_up()
-            case _End():
+            case End():
                 pass
 
     # -- readings ------------------------------------------------------------------------------
@@ -740,7 +891,7 @@ class Station:
         if self._drive_target is not None or self._pointing:
             self._nowhere()
 
-    def _keep(self, item: _Traffic) -> None:
+    def _keep(self, item: Traffic) -> None:
         """Remember the line's bytes; a disk that takes none is told once, until it does."""
         try:
             with self._lock:
@@ -758,29 +909,19 @@ class Station:
             model, point = self._recordable()
             before = {row.key for row in self._flagged()}
             inner = model.open_inner
-            self._happen(self._measurement(model, point, record))
+            self._happen(measurement_of(self._state, model, point, record))
         except AnaplotError as error:
             self._tell("error", f"not recorded: {error}")
             if not isinstance(error, JournalError):
                 self._recorder.note("record-refused", {"reason": str(error)})
             return
         self._target = None
+        self._last_measured = point
         self._tell("record", f"{point} recorded" if inner is None else f"fiducial {point} recorded")
         fresh = [row.key for row in self._flagged() if row.key not in before]
         if fresh:
             self._tell("warning", "flagged: " + ", ".join(f"{name} {axis}" for name, axis in fresh))
         self._advance()
-
-    def _measurement(self, model: ModelState, point: str, record: Record) -> Event:
-        """Return the event that a record is: a fiducial on its plate, or a point in the images."""
-        at, inner = record.position, model.open_inner
-        if inner is not None:
-            x, y = (at.xl, at.yl) if inner.side == "left" else (at.xr, at.yr)
-            return FiducialMeasured(inner.photo, inner.side, point, x, y, record.switch)
-        read = image_of(at, plates_of(self._state))
-        return PointMeasured(
-            model.left, model.right, point, read.xl, read.yl, read.xr, read.yr, record.switch
-        )
 
     def _flagged(self) -> tuple[TableRow | InnerRow, ...]:
         view = self._outlook.inner
@@ -788,6 +929,8 @@ class Station:
         return () if solution is None else solution.flagged
 
     def _refused(self, refused: Refused) -> None:
+        if refused.reason == UNREFERENCED:
+            return  # every reading, until the reference is measured: told once, and on the screen
         now = time.monotonic()
         with self._lock:
             self._recorder.note("refused", {"reason": refused.reason})
@@ -796,7 +939,7 @@ class Station:
             with self._change():
                 self._tell("warning", f"line: {refused.reason}")
 
-    def _link_state(self, item: _LinkState) -> None:
+    def _link_state(self, item: LinkChange) -> None:
         self._link = replace(self._link, state=item.state, detail=item.detail)
         if item.state in ("lost", "reconnecting"):
             self._interrupted()
@@ -838,6 +981,7 @@ class Station:
         model = self._model()
         if self._state.suspended:
             raise InputError("work is suspended: resume first")
+        self._check_instrument(model)
         if self._drive_target is not None:
             raise InputError("the plates are still under way")
         if self._pointing:
@@ -852,31 +996,49 @@ class Station:
             if by_hand and inner.pending:
                 return model, inner.pending[0]
             raise InputError("choose a fiducial first" if by_hand else "drive to a fiducial first")
-        if by_hand and model.pending:
-            return model, model.pending[0].point
+        pending = self._pending(model)
+        if by_hand and pending:
+            return model, pending[0].point
         raise InputError("choose a point first" if by_hand else "drive to a point first")
+
+    @property
+    def _mono(self) -> bool:
+        """Whether the instrument holds one photo at a time."""
+        return self._plotting is not None and self._plotting.profile.mono
+
+    def _check_instrument(self, model: ModelState) -> None:
+        """Refuse a model that was begun in an instrument of the other kind, or lies nowhere."""
+        if self._plotting is not None:
+            check_instrument(model, mono=self._mono)
+
+    def _pending(self, model: ModelState) -> tuple[PlannedPoint, ...]:
+        """Return what is to be measured without anything being changed in the instrument."""
+        if not model.mono:
+            return model.pending
+        return () if model.laid is None else model.pending_in(model.laid)
 
     def _aim(self, planned: PlannedPoint) -> None:
         """Make a point the target, and drive there where the plotter can."""
         self._target = planned.point
         plotting = self._plotting
-        if plotting is None or not plotting.drives:
+        if plotting is None or not plotting.moves:
             return
-        place = (planned.xl, planned.yl, *self._right_place(planned))
-        self._go(plotting, plate_of(*place, plates_of(self._state)), None)
+        known = self._candidates is not None
+        self._go(plotting, point_target(self._state, planned, known=known), None)
 
     def _aim_at_fiducial(self, inner: InnerState, fiducial: str) -> None:
         """Make a fiducial the target, and drive there where the plotter can."""
         self._target = fiducial
         plotting = self._plotting
-        if plotting is None or not plotting.drives:
+        if plotting is None or not plotting.moves:
             return
         target = fiducial_target(self._state, inner, fiducial, plotting.middle)
         self._go(plotting, target, inner.side)
 
     def _go(self, plotting: Plotting, target: Position, side: Side | None) -> None:
         """Drive; the simulated hand then points in one plate, or (None) in both."""
-        self._drive_target = target
+        # the hand moves undriven plates at once, and no reply says that they have arrived
+        self._drive_target = target if plotting.drives else None
         self._pointing = plotting.hand
         # the mark that counts is the one set after this drive, not after one given up before
         self._settles_after = None
@@ -893,16 +1055,6 @@ class Station:
 
         self._after.append(drive)
 
-    def _right_place(self, planned: PlannedPoint) -> tuple[float, float]:
-        """Return where to drive in the right photo: where it is known to lie, or as far as told."""
-        model = self._state.current
-        if self._candidates is None and model is not None:
-            seen = [(m.xl, m.yl, m.xr, m.yr) for m in model.used if m.point != planned.point]
-            place = predicted_right(seen, planned.xl, planned.yl)
-            if place is not None:
-                return place
-        return planned.xr, planned.yr
-
     def _advance(self) -> None:
         """Go to the next point of the plan by itself, where that is wanted."""
         model = self._state.current
@@ -912,39 +1064,21 @@ class Station:
         if inner is not None:
             if inner.pending:
                 self._aim_at_fiducial(inner, inner.pending[0])
-        elif model.pending:
-            self._aim(model.pending[0])
+        elif self._referencing is None and (pending := self._pending(model)):
+            self._aim(pending[0])
 
     def _lay(self) -> None:
         model = self._state.current
-        if self._plotting is not None and model is not None:
+        if self._plotting is None or model is None:
+            return
+        if not model.mono:
             self._plotting.lay(model.left, model.right)
-
-    def _plan(self, strip: str, left: str, right: str) -> tuple[PlannedPoint, ...]:
-        before = self._state.preceding(strip, left)
-        measured = () if before is None else before.used
-        declared = next(s for s in self._block.strips if s.id == strip)
-        nominal = declared.base
-        if measured:
-            parallax = sorted(m.xl - m.xr for m in measured)
-            nominal = parallax[len(parallax) // 2]
-        candidates = self._candidates
-        if candidates is not None:
-            common = candidates.get(left, {}).keys() & candidates.get(right, {}).keys()
-            candidates = candidates if len(common) >= 5 else None
-        positions = plan_positions(
-            self._block,
-            (left, right),
-            self._pattern,
-            nominal_base=nominal,
-            preceding={m.point: (m.xr, m.yr) for m in measured},
-            candidates=candidates,
-            avoid={p.point for m in self._state.models for p in m.plan},
-        )
-        ties = {m.point for m in measured}
-        return tuple(
-            PlannedPoint(p.point, "tie" if p.point in ties else "new", *p[1:]) for p in positions
-        )
+        elif model.laid is not None:
+            before = self._state.preceding(model.strip, model.left)
+            # the right photo of the model before, never taken out since
+            still = before is not None and before.laying == model.laying and model.laid == "left"
+            placed: Side = "right" if still else model.laid
+            self._plotting.lay(model.left, model.right, model.laid, placed)
 
     # -- files ---------------------------------------------------------------------------------
 
@@ -969,30 +1103,13 @@ class Station:
         if candidates is not None:
             return candidates
         known: dict[str, dict[str, tuple[float, float]]] = {}
+        own = measured_here(self._state.models)
         for row in self._block.image_points:
+            if (row.photo, row.point, row.x, row.y) in own:
+                continue
             if row.model is None or row.model not in self._of_session:
                 known.setdefault(row.photo, {})[row.point] = (row.x, row.y)
         return known or None
-
-    def _header(self, operator: str) -> dict[str, Any]:
-        header: dict[str, Any] = {"block": self._block.name, "operator": operator}
-        declared = format_block_toml(self._block)
-        cameras = camera_texts(self._block)
-        if len(declared) + sum(map(len, cameras.values())) <= _LARGEST_DECLARATION:
-            # the session can be replayed whatever becomes of the folder
-            header["block_toml"] = declared
-            if cameras:
-                header["camera_files"] = cameras
-        if self._plotting is not None:
-            profile = self._plotting.profile
-            header |= {
-                "profile": profile.id,
-                "profile_sha256": profile.sha256,
-                "port": self._plotting.port,
-                "links": {name: asdict(line) for name, line in profile.links.items()},
-                "simulated": self._plotting.simulated,
-            }
-        return header
 
     # -- showing -------------------------------------------------------------------------------
 
@@ -1009,7 +1126,20 @@ class Station:
         shown = picture(
             self._block, self._state, self._outlook, self._serial, self._target, self._link
         )
-        return replace(shown, block_view=self._watch.view)
+        shown = replace(shown, block_view=self._watch.view)
+        if self._mono and not shown.left and self._outlook.next_model is not None:
+            _, left, right = self._outlook.next_model
+            words = f"lay photo {left} into the comparator: next model, {left} / {right}"
+            if not self._state.suspended:
+                shown = replace(shown, expected=words)
+        if self._referencing is None:
+            return shown
+        return asking(shown, self._referencing, references(self._state, self._last_measured))
+
+
+def _laid(state: SessionState) -> Side | None:
+    """Return which photo lies in a mono comparator, or None."""
+    return None if state.current is None else state.current.laid
 
 
 def _photos(state: SessionState) -> tuple[str, str] | None:

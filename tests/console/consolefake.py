@@ -227,6 +227,15 @@ class FakeStation:
     def next_model(self):
         self._did("next_model")
 
+    def other_photo(self):
+        self._did("other_photo")
+
+    def reference(self, point=None):
+        self._did("reference", point)
+
+    def keep_counters(self):
+        self._did("keep_counters")
+
     def suspend(self):
         self._did("suspend")
 

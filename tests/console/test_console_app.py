@@ -356,7 +356,7 @@ async def test_pages_explain():
         await pilot.press("?")
         assert "Redundancy number: the share" in text(app)
         pages = []
-        for key in ("down", "up", *("pagedown",) * 7, "pageup"):
+        for key in ("down", "up", *("pagedown",) * 9, "pageup"):
             await pilot.press(key)
             pages.append(text(app))
         assert pages[1] != pages[0]

@@ -21,6 +21,8 @@ from anaplot.session.events import (
     InnerAccepted,
     ModelAccepted,
     ModelChosen,
+    MonoMeasured,
+    PhotoLaid,
     PlannedPoint,
     PointAdded,
     PointMeasured,
@@ -58,9 +60,18 @@ events = st.one_of(
         st.tuples(four, four),
         st.tuples(numbers, numbers),
     ),
-    st.builds(ModelChosen, names, photos, photos, st.lists(planned, max_size=4).map(tuple)),
+    st.builds(
+        ModelChosen,
+        names,
+        photos,
+        photos,
+        st.lists(planned, max_size=4).map(tuple),
+        st.booleans(),
+    ),
     st.builds(PointAdded, planned),
     st.builds(PointMeasured, photos, photos, names, numbers, numbers, numbers, numbers, names),
+    st.builds(PhotoLaid, photos),
+    st.builds(MonoMeasured, photos, photos, sides, names, numbers, numbers, names),
     st.builds(RowSwitched, names, st.sampled_from(["x", "y", None]), st.booleans()),
     st.builds(ModelAccepted, photos, photos),
     st.sampled_from([Undone(), Suspended(), Resumed()]),
@@ -76,6 +87,8 @@ ALL = [
     Undone(),
     Suspended(),
     Resumed(),
+    PhotoLaid("101"),
+    MonoMeasured("101", "102", "right", "7", 0.1, -92.0, "puck"),
     FiducialMeasured("101", "left", "1", -105.998, 106.0021, "pedal"),
     FiducialSwitched("101", "1", "x", False),
     InnerAccepted(
@@ -103,7 +116,16 @@ def test_every_kind_with_all_its_fields_is_written():
     assert {event.kind for event in ALL} == set(EVENT_KINDS)
     for event in ALL:
         fields = {field.name for field in dataclasses.fields(event)}
-        assert set(event_to_dict(event)) == fields | {"kind"}
+        # what came later is written only where it says something
+        assert set(event_to_dict(event)) == (fields - {"mono"}) | {"kind"}
+
+
+def test_a_model_of_a_mono_comparator_says_so():
+    chosen = ModelChosen("1", "101", "102", (POINT,), mono=True)
+    assert event_to_dict(chosen)["mono"] is True
+    assert event_from_dict(event_to_dict(chosen)) == chosen
+    with pytest.raises(InputError, match="mono must be true or false"):
+        event_from_dict({**event_to_dict(chosen), "mono": 1})
 
 
 def test_the_written_form_is_this_one():

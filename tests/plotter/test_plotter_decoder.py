@@ -236,6 +236,18 @@ def test_a_press_without_an_answer_or_with_a_bad_one_is_refused():
     assert decoder.feed(lines(b"P " + HERE), 2.2) == [PLACE]
 
 
+def test_a_key_pressed_again_before_the_answer_records_once():
+    decoder = Decoder(parse_profile(STAGE.encode(), "pxpy.toml"))
+    decoder.press("key", 0.0)
+    decoder.feed(b"0 0 0 0\n", 0.1)
+    decoder.press("key", 0.2)
+    # the second one after the second press
+    assert len(decoder.feed(b"0 0 0 0\n", 0.3)) == 1
+    position, record = decoder.feed(b"200 0 0 0\n", 0.4)
+    assert record == Record(position, "key")
+    assert len(decoder.feed(b"200 0 0 0\n", 0.5)) == 1
+
+
 def test_a_held_key_records_once():
     decoder = Decoder(load_profile("summagraphics-mm1103"))
     decoder.feed(b"\n", 0.0)

@@ -1,0 +1,81 @@
+"""What a station hears, put into one queue in the order in which it came."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from anaplot.plotter.readings import Reading
+from anaplot.plotter.simulator import HandSettled
+
+__all__ = ["Ear", "End", "Heard", "LinkChange", "Told", "Traffic", "WarmUp"]
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """Bytes that came in or were sent."""
+
+    direction: Literal["in", "out"]
+    link: str
+    data: bytes
+    when: float
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What the decoder was told besides bytes."""
+
+    kind: str
+    text: str
+    when: float
+
+
+@dataclass(frozen=True, slots=True)
+class LinkChange:
+    """The new state of the link."""
+
+    state: str
+    detail: str
+
+
+class End:
+    """Ends the station thread."""
+
+
+class WarmUp:
+    """Loads what the first table needs, while the first points are still being measured."""
+
+
+Heard = WarmUp | Reading | Traffic | Told | LinkChange | HandSettled | End
+
+
+class Ear:
+    """Hears the plotter on whatever thread and puts everything into one queue, in order."""
+
+    def __init__(self) -> None:
+        self.items: queue.SimpleQueue[Heard] = queue.SimpleQueue()
+        # the time that the decoder was given: a journal that keeps it replays to the same readings
+        self.time: Callable[[], float] = time.monotonic
+
+    def on_reading(self, reading: Reading) -> None:
+        """Take a decoded reading."""
+        self.items.put(reading)
+
+    def on_link_state(self, state: str, detail: str) -> None:
+        """Take the new state of the link."""
+        self.items.put(LinkChange(state, detail))
+
+    def on_traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
+        """Bytes came in or were sent."""
+        self.items.put(Traffic(direction, link, data, self.time()))
+
+    def on_decoder(self, kind: str, text: str) -> None:
+        """Take what the decoder was told besides bytes."""
+        self.items.put(Told(kind, text, self.time()))
+
+    def on_settled(self, settled: HandSettled) -> None:
+        """Take it that the simulated hand has set the mark."""
+        self.items.put(settled)

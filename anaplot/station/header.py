@@ -1,0 +1,41 @@
+"""What a journal's header says of a session."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from anaplot.exchange.blocktoml import camera_texts, format_block_toml
+from anaplot.photogrammetry.block import Block
+from anaplot.station.plotting import Plotting
+
+__all__ = ["session_header"]
+
+_LARGEST_DECLARATION = 200_000  # characters of block.toml that the journal's header repeats
+
+
+def session_header(
+    block: Block, operator: str, plotting: Plotting | None, story: str = ""
+) -> dict[str, Any]:
+    """Return the header: block as declared, operator, profile and line, what it is about."""
+    header: dict[str, Any] = {"block": block.name, "operator": operator}
+    if story:
+        header["story"] = story
+    declared = format_block_toml(block)
+    cameras = camera_texts(block)
+    if len(declared) + sum(map(len, cameras.values())) <= _LARGEST_DECLARATION:
+        # the session can be replayed whatever becomes of the folder
+        header["block_toml"] = declared
+        if cameras:
+            header["camera_files"] = cameras
+    if plotting is not None:
+        profile = plotting.profile
+        header |= {
+            "profile": profile.id,
+            "profile_sha256": profile.sha256,
+            # where a simulated device is found says nothing, another time it is elsewhere
+            "port": "simulated" if plotting.simulated else plotting.port,
+            "links": {name: asdict(line) for name, line in profile.links.items()},
+            "simulated": plotting.simulated,
+        }
+    return header
