@@ -44,6 +44,12 @@ def _bridge(options: argparse.Namespace) -> int:
 
     block = read_block(options.block)
     check_for_bridge(block)
+    if options.errors is not None:
+        from anaplot.report.modelerrors import run_bridge_errors
+
+        return run_bridge_errors(
+            block, options.errors, as_json=options.json, fail_on_flag=options.fail_on_flag
+        )
     strips = tuple(bridge_strip(block, strip) for strip in block.strips)
     if options.json:
         print(json.dumps(bridge_json(strips), indent=1, allow_nan=False))
@@ -362,6 +368,13 @@ def _parser() -> _Parser:
     bridge.add_argument("--json", action="store_true", help="print JSON for programs")
     bridge.add_argument(
         "--fail-on-flag", action="store_true", help="exit with 1 when a row is flagged"
+    )
+    bridge.add_argument(
+        "--errors",
+        choices=("baarda", "tau", "rms", "huber", "danish", "search"),
+        metavar="NAME",
+        help="take out what this strategy rejects before the next model: baarda, tau, rms, huber, "
+        "danish or search",
     )
     adjust = command(
         "adjust",

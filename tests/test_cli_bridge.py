@@ -298,3 +298,27 @@ def test_output_that_cannot_be_written(block: Path) -> None:
     assert result.returncode == 2
     assert "No space left on device" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+def test_errors_are_taken_out_before_the_next_model(block: Path) -> None:
+    rows = (block / "image_points.csv").read_text().splitlines()
+    header = rows[0].split(",")
+    at = 9
+    cells = rows[at].split(",")
+    column = header.index("y")
+    cells[column] = f"{float(cells[column]) + 0.3:.4f}"
+    rows[at] = ",".join(cells)
+    (block / "image_points.csv").write_text("\n".join(rows) + "\n")
+    result = anaplot("bridge", block, "--errors", "search", "--json")
+    assert (result.returncode, result.stderr) == (0, "")
+    models = strict(result.stdout)["strips"][0]["models"]
+    rejected = [row["point"] for model in models for row in model["errors"]["rejected"]]
+    assert cells[header.index("point")] in rejected
+    for model in models:
+        assert model["errors"]["strategy"] == "search"
+        kept = {(row["point"], row["axis"]) for row in model["table"]}
+        assert not kept & {(r["point"], r["axis"]) for r in model["errors"]["rejected"]}
+    text = anaplot("bridge", block, "--errors", "search", "--fail-on-flag")
+    assert text.returncode == 1
+    assert "GROSS ERRORS (search)" in text.stdout
+    one_line(anaplot("bridge", block, "--errors", "guess"), 2, "--errors")

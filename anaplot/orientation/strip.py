@@ -98,11 +98,16 @@ def _centre_of(model: ModelSolution) -> tuple[float, float, float]:
 
 
 def bridge_strip(
-    block: Block, strip: Strip, progress: Callable[[ModelSolution], None] | None = None
+    block: Block,
+    strip: Strip,
+    progress: Callable[[ModelSolution], None] | None = None,
+    *,
+    form: Callable[[Stereopair], ModelSolution] | None = None,
 ) -> BridgedStrip:
     """Form the models of a strip one after another, as the operator would.
 
-    A model that cannot be computed ends the strip; the models before it stand.
+    A model that cannot be computed ends the strip; the models before it stand. `form` makes the
+    model of a pair; None: it is oriented as it is.
     """
     models: list[ModelSolution] = []
     rows = rows_by_photo(block.image_points)
@@ -123,7 +128,7 @@ def bridge_strip(
             base=strip.base,
         )
         try:
-            models.append(orient(pair, block.precision, block.test))
+            models.append(orient(pair, block.precision, block.test) if form is None else form(pair))
         except NotComputableError as error:
             return BridgedStrip(strip.id, tuple(models), f"strip {strip.id}, {error}")
         if progress is not None:

@@ -1,0 +1,252 @@
+"""What a search for gross errors found, and how it came to it."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.reliability import HARD_TO_TELL, Odds
+
+__all__ = [
+    "AtEnd",
+    "Findings",
+    "HardToTell",
+    "ModelValues",
+    "PairOdds",
+    "Rejection",
+    "SearchSettings",
+    "Step",
+]
+
+Array = NDArray[np.float64]
+
+Action = Literal["add", "drop", "swap", "reject", "reweight"]
+
+
+@dataclass(frozen=True, slots=True)
+class SearchSettings:
+    """Settings common to all strategies.
+
+    Attributes
+    ----------
+    alpha
+        Two-sided significance of one row.
+    power
+        Power of the smallest detectable errors that belong to the search.
+    partner
+        Residual correlation from which two rows are hard to tell apart.
+    most
+        Largest number of rows rejected; None: as many as leave one redundancy.
+    pairs
+        Whether the odds over pairs of gross errors are computed.
+
+    Raises
+    ------
+    ValueError
+        A value outside its range.
+    """
+
+    alpha: float = 0.001
+    power: float = 0.80
+    partner: float = HARD_TO_TELL
+    most: int | None = None
+    pairs: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.alpha < 0.5:
+            raise ValueError(f"alpha {self.alpha} must lie between 0 and 0.5")
+        if not self.alpha < self.power < 1.0:
+            raise ValueError(f"power {self.power} must lie between alpha {self.alpha} and 1")
+        if not 0.0 < self.partner <= 1.0:
+            raise ValueError(f"correlation {self.partner} must lie between 0 and 1")
+        if self.most is not None and self.most < 0:
+            raise ValueError(f"the largest number of rejected rows is {self.most}, less than none")
+
+
+class Step(NamedTuple):
+    """One action of a strategy.
+
+    Attributes
+    ----------
+    action
+        "reject" and "add" take rows out, "drop" brings them back, "swap" exchanges the second row
+        for the first, "reweight" is one re-weighting of all rows named.
+    rows
+        Row indices; of a swap (taken out, brought back).
+    statistic, critical
+        What decided: abs(standardized residual) for single rows, the change of the objective for
+        the search (against 0), the largest change of a weight for a re-weighting (against the
+        change at which it ends). None without such a value.
+    before, after
+        v'Pv in a-priori sigmas before and after; for the search the objective.
+    """
+
+    action: Action
+    rows: tuple[int, ...]
+    statistic: float | None
+    critical: float | None
+    before: float
+    after: float
+
+
+class Rejection(NamedTuple):
+    """A row that is rejected at the end.
+
+    Attributes
+    ----------
+    row, name
+        Index and identity.
+    order
+        Place among the actions that took it out finally, from 1; rows taken out together share it.
+    statistic, critical
+        As in the step that took it out.
+    error, sigma
+        Estimated gross error and its a-priori standard deviation, all other rejected rows left
+        out as well, in a-priori sigmas of the row; None when the remaining rows cannot tell.
+    redundancy_number
+        r of the row when it was rejected (before it was taken out).
+    """
+
+    row: int
+    name: Hashable
+    order: int
+    statistic: float | None
+    critical: float | None
+    error: float | None
+    sigma: float | None
+    redundancy_number: float
+
+
+class HardToTell(NamedTuple):
+    """A rejected row, one that is kept, and the correlation of their residuals when it went."""
+
+    rejected: int
+    kept: int
+    correlation: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AtEnd:
+    """The adjustment without the rejected rows, seen from every row.
+
+    Attributes
+    ----------
+    w
+        (n,) standardized residuals with the a-priori sigma; of a rejected row that of its error
+        estimate; NaN where a row cannot be tested.
+    r
+        (n,) redundancy numbers; of a rejected row the one it has when it alone comes back.
+    sigma0
+        Estimated sigma of unit weight, in a-priori sigmas; None without redundancy.
+    redundancy
+        Number of remaining observations minus number of unknowns.
+    vtpv
+        v'Pv of what remains.
+    weights
+        (n,) factors of the a-priori weights; None but for the robust strategies.
+    """
+
+    w: Array
+    r: Array
+    sigma0: float | None
+    redundancy: int
+    vtpv: float
+    weights: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairOdds:
+    """Posterior probabilities of no, one or two gross errors.
+
+    Attributes
+    ----------
+    none
+        Of none.
+    single
+        (n,) that row i alone holds one.
+    rows, others, probability
+        (k,) the most probable pairs, the most probable first.
+    pairs
+        That any two rows hold one each.
+    marginal
+        (n,) that row i holds one at all.
+    """
+
+    none: float
+    single: Array
+    rows: NDArray[np.intp]
+    others: NDArray[np.intp]
+    probability: Array
+    pairs: float
+    marginal: Array
+
+
+class ModelValues(NamedTuple):
+    """What a strategy by model values decided without exact values, and what differs.
+
+    Attributes
+    ----------
+    computed
+        Rows whose exact redundancy number it needed, counted once for every pass.
+    decided
+        Decisions by the model value alone, counted likewise.
+    wrongly_accepted, wrongly_rejected
+        Rows of the first pass that the exact test decides otherwise.
+    beyond_tolerance
+        Rows whose exact sqrt(q_vv) differs from the model value by more than the tolerance.
+    """
+
+    computed: int
+    decided: int
+    wrongly_accepted: tuple[int, ...]
+    wrongly_rejected: tuple[int, ...]
+    beyond_tolerance: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """The outcome of a strategy.
+
+    Attributes
+    ----------
+    strategy
+        Its name.
+    steps
+        Every action in its order.
+    rejected
+        The rows rejected at the end, in the order in which they went.
+    hard_to_tell
+        Rejected rows and kept ones with highly correlated residuals.
+    untestable
+        Rows whose redundancy number is too small to test anything, with all rows in.
+    at_end
+        The adjustment that remains.
+    odds
+        Odds over single gross errors, all rows in.
+    pair_odds
+        Odds over pairs; None unless asked.
+    model_values
+        Only of "modified".
+    remarks
+        Sentences: what limited the strategy.
+    """
+
+    strategy: str
+    steps: tuple[Step, ...]
+    rejected: tuple[Rejection, ...]
+    hard_to_tell: tuple[HardToTell, ...]
+    untestable: tuple[int, ...]
+    at_end: AtEnd
+    odds: Odds
+    pair_odds: PairOdds | None = None
+    model_values: ModelValues | None = None
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Indices of the rejected rows."""
+        return tuple(rejection.row for rejection in self.rejected)

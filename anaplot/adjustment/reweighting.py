@@ -1,0 +1,121 @@
+"""Robust adjustment by re-weighting, from the columns of R alone.
+
+A row of weight p < 1 is a row with an additional error of variance g = 1/p - 1. With V the rows of
+reduced weight the estimate of that error is z = (R_VV + diag(1/g))^-1 e_V, and the misclosures of
+the weighted adjustment are e - R[:, V] z, plus z in V: what a new adjustment with these weights
+would give (Woodbury), for the price of the columns of V.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.elimination import Elimination
+
+__all__ = ["DANISH_LIMIT", "HUBER_LIMIT", "Reweighting", "reweight", "weighted_misclosures"]
+
+Array = NDArray[np.float64]
+
+HUBER_LIMIT = 1.345
+"""k of Huber's weights: 95 % efficiency under the normal distribution (Holland, Welsch 1977)."""
+
+DANISH_LIMIT = 2.0
+"""Size [sigma] up to which the Danish method leaves a weight as it is (Krarup et al. 1980)."""
+
+_DANISH_FACTOR = 0.05
+_DANISH_POWERS = (4.4, 3.0)  # in the first three iterations, and after them
+_MOST_ITERATIONS = 200
+_SMALLEST_WEIGHT = 1e-12
+_CONVERGED = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reweighting:
+    """A robust adjustment.
+
+    Attributes
+    ----------
+    weights
+        (n,) factors of the a-priori weights.
+    misclosures
+        (n,) of the weighted adjustment, in a-priori sigmas of the rows with their full weights.
+    changes
+        Largest change of a weight in every iteration.
+    sums
+        Sum of weight times squared misclosure after every iteration, the first before any.
+    converged
+        Whether the last change was below 1e-6.
+    """
+
+    weights: Array
+    misclosures: Array
+    changes: tuple[float, ...]
+    sums: tuple[float, ...]
+    converged: bool
+
+
+def weighted_misclosures(state: Elimination, weights: Array) -> Array:
+    """Return (n,) misclosures of the adjustment with weights multiplied by factors in (0, 1].
+
+    Parameters
+    ----------
+    state
+        Of which only the system and its columns are used.
+    weights
+        (n,) factors.
+    """
+    e = np.asarray(state.system.e, dtype=float)
+    low = np.flatnonzero(weights < 1.0)
+    if not len(low):
+        return e.copy()
+    p = np.maximum(weights[low], _SMALLEST_WEIGHT)
+    columns = state.original_columns(low)
+    # symmetric form (D R D + I) with D = sqrt(g): definite whatever the weights
+    root = np.sqrt(1.0 / p - 1.0)
+    inner = columns[low] * root[:, None] * root + np.eye(len(low))
+    z = root * np.linalg.solve(inner, root * e[low])
+    out = e - columns @ z
+    out[low] += z
+    return np.asarray(out, dtype=float)
+
+
+def reweight(
+    state: Elimination, method: Literal["huber", "danish"], suspects: NDArray[np.bool_]
+) -> Reweighting:
+    """Iterate weights and adjustment until the weights stand still.
+
+    Parameters
+    ----------
+    state
+        Of which only the system and its columns are used.
+    method
+        "huber": p = min(1, k / abs(v)); "danish": p = exp(-0.05 abs(v)^4.4) beyond the limit in
+        the first three iterations, exp(-0.05 abs(v)^3) after them.
+    suspects
+        (n,) rows whose weights may fall.
+    """
+    v = weighted_misclosures(state, np.ones(len(suspects)))
+    weights = np.ones(len(v))
+    changes: list[float] = []
+    sums = [float(v @ v)]
+    for iteration in range(_MOST_ITERATIONS):
+        size = np.abs(v)
+        if method == "huber":
+            new = np.minimum(1.0, HUBER_LIMIT / np.maximum(size, HUBER_LIMIT))
+        else:
+            power = _DANISH_POWERS[0 if iteration < 3 else 1]
+            with np.errstate(over="ignore", under="ignore"):
+                fallen = np.exp(-_DANISH_FACTOR * np.minimum(size, 1e3) ** power)
+            new = np.where(size > DANISH_LIMIT, fallen, 1.0)
+        new = np.where(suspects, np.maximum(new, _SMALLEST_WEIGHT), 1.0)
+        changes.append(float(np.abs(new - weights).max(initial=0.0)))
+        weights = new
+        v = weighted_misclosures(state, weights)
+        sums.append(float((weights * v) @ v))
+        if changes[-1] < _CONVERGED and iteration >= 3:
+            return Reweighting(weights, v, tuple(changes), tuple(sums), True)
+    return Reweighting(weights, v, tuple(changes), tuple(sums), False)

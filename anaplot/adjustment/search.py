@@ -1,0 +1,175 @@
+"""Search for the set of gross errors that explains the misclosures best: add, drop, swap.
+
+The objective is v'Pv of the rows that remain plus c^2 for each rejected one, c the two-sided
+critical value of alpha. A change of one row then obeys the w-test exactly: a row goes out when its
+w exceeds c, comes back when the w of its error estimate falls below c, and two rows are exchanged
+when that lowers v'Pv. With normal noise the penalty makes a row without error that is tested alone
+go out with probability alpha.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.elimination import Elimination, NotSeparableError
+from anaplot.adjustment.findings import Step
+from anaplot.adjustment.residualsystem import ResidualSystem
+
+__all__ = ["largest", "search"]
+
+Array = NDArray[np.float64]
+
+_EQUAL = 1e-9  # relative difference below which two statistics cannot be told apart
+_STARTS = 12
+_MOST_STEPS = 10_000
+
+
+def largest(size: Array) -> int | None:
+    """Return the index of the largest value, of equal ones the first; None when all are NaN."""
+    if not np.isfinite(size).any():
+        return None
+    return int(np.argmax(size >= np.nanmax(size) * (1.0 - _EQUAL)))
+
+
+def search(
+    system: ResidualSystem, critical: float, suspects: NDArray[np.bool_], most: int
+) -> tuple[Elimination, list[Step]]:
+    """Search from no rejection, from the most conspicuous rows and pairs; the best set wins.
+
+    Parameters
+    ----------
+    system
+        All rows.
+    critical
+        c, the square of which a rejection costs.
+    suspects
+        (n,) rows that may be rejected.
+    most
+        Largest number rejected.
+
+    Returns
+    -------
+    Elimination
+        The best set. Of sets that are equally good the smaller, then the one found first.
+    list of Step
+        How it was reached from no rejection.
+    """
+    root = Elimination(system)
+    if most < 1:
+        return root, []
+    best, steps = _descend(root.copy(), (), critical, suspects, most)
+    score = _objective(best, critical)
+    if not best.rows:
+        return best, steps
+    size = np.where(suspects, np.abs(root.w), np.nan)
+    order = [k for k in np.argsort(-np.nan_to_num(size, nan=-1.0)).tolist() if size[k] > 0.0]
+    starts: list[tuple[int, ...]] = [(k,) for k in order[1:_STARTS]]
+    if most > 1:
+        starts += _pairs(root, order[: 4 * _STARTS])
+    seen = {frozenset(best.rows)}
+    for start in starts:
+        other, taken = _descend(root.copy(), start, critical, suspects, most)
+        if frozenset(other.rows) in seen:
+            continue
+        seen.add(frozenset(other.rows))
+        found = _objective(other, critical)
+        if found < score - _EQUAL * max(1.0, system.vtpv):
+            best, steps, score = other, taken, found
+    return best, steps
+
+
+def _objective(state: Elimination, critical: float) -> float:
+    return state.vtpv + critical**2 * len(state.rows)
+
+
+def _pairs(root: Elimination, rows: list[int]) -> list[tuple[int, ...]]:
+    """Return the pairs that lower v'Pv most, of the rows given; all of them are compared."""
+    if len(rows) < 2:
+        return []
+    index = np.array(rows, dtype=np.intp)
+    matrix = root.original_columns(index)[index]
+    e = np.asarray(root.system.e, dtype=float)[index]
+    r = np.diag(matrix)
+    a, b = np.triu_indices(len(rows), 1)
+    c = matrix[a, b]
+    determinant = r[a] * r[b] - c * c
+    good = determinant > 1e-6 * r[a] * r[b]
+    gain = np.full(len(a), -1.0)
+    np.divide(
+        e[a] ** 2 * r[b] - 2.0 * e[a] * e[b] * c + e[b] ** 2 * r[a],
+        determinant,
+        out=gain,
+        where=good,
+    )
+    chosen = np.argsort(-gain, kind="stable")[:_STARTS]
+    return [(rows[a[k]], rows[b[k]]) for k in chosen.tolist() if gain[k] > 0.0]
+
+
+def _descend(
+    state: Elimination,
+    start: Iterable[int],
+    critical: float,
+    suspects: NDArray[np.bool_],
+    most: int,
+) -> tuple[Elimination, list[Step]]:
+    """Take the start out, then the best of add, drop and swap until nothing lowers the objective.
+
+    The objective falls with every step, so that no set comes twice.
+    """
+    steps: list[Step] = []
+    for row in start:
+        before = _objective(state, critical)
+        try:
+            state.add(row)
+        except NotSeparableError:
+            continue
+        after = _objective(state, critical)
+        steps.append(Step("add", (row,), after - before, 0.0, before, after))
+    for _ in range(_MOST_STEPS):
+        step = _best_step(state, critical, suspects, most)
+        if step is None:
+            break
+        steps.append(step)
+    return state, steps
+
+
+def _best_step(
+    state: Elimination, critical: float, suspects: NDArray[np.bool_], most: int
+) -> Step | None:
+    """Do the step that lowers the objective most."""
+    before = _objective(state, critical)
+    cost = critical**2
+    margin = _EQUAL * max(1.0, state.system.vtpv)
+    change = -margin
+    rows: tuple[int, ...] = ()
+    action: Literal["add", "drop", "swap"] | None = None
+    w = np.where(suspects, np.abs(state.w), np.nan)
+    add = largest(w) if len(state.rows) < most else None
+    if add is not None and cost - w[add] ** 2 < change:
+        change, rows, action = cost - float(w[add]) ** 2, (add,), "add"
+    for row in state.rows:
+        trial = state.copy()
+        trial.drop(row)
+        own = trial.vtpv - state.vtpv
+        if own - cost < change:
+            change, rows, action = own - cost, (row,), "drop"
+        others = np.where(suspects, np.abs(trial.w), np.nan)
+        other = largest(others)
+        if other is not None and other != row and own - others[other] ** 2 < change:
+            change, rows, action = own - float(others[other]) ** 2, (other, row), "swap"
+    try:
+        if action == "add":
+            state.add(rows[0])
+        elif action == "drop":
+            state.drop(rows[0])
+        elif action == "swap":
+            state.swap(rows[1], rows[0])
+        else:
+            return None
+    except NotSeparableError:
+        return None
+    return Step(action, rows, change, 0.0, before, _objective(state, critical))

@@ -1,0 +1,251 @@
+"""Strategies for gross errors: exact updates, planted errors, limits that must show."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from anaplot.adjustment.elimination import Elimination, NotSeparableError
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.leastsquares import adjust
+from anaplot.adjustment.residualsystem import DenseResiduals, dense_residuals
+from anaplot.adjustment.reweighting import weighted_misclosures
+from anaplot.adjustment.significance import critical_normal, critical_tau
+from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors, pair_odds
+
+
+def system_of(design: np.ndarray, misclosures: np.ndarray) -> DenseResiduals:
+    n, u = design.shape
+    unknowns = tuple(f"u{k}" for k in range(u))
+    return dense_residuals(
+        adjust(design, misclosures, np.ones(n), unknowns=unknowns), 1.0, range(n)
+    )
+
+
+def random_system(seed: int, n: int = 40, u: int = 8, errors: dict[int, float] | None = None):
+    rng = np.random.default_rng(seed)
+    design, misclosures = rng.normal(size=(n, u)), rng.normal(size=n)
+    for row, size in (errors or {}).items():
+        misclosures[row] += size
+    return design, misclosures, system_of(design, misclosures)
+
+
+@given(st.integers(0, 10**6), st.permutations(range(14)), st.integers(1, 5))
+def test_left_out_is_adjusted_anew(seed: int, order: list[int], k: int) -> None:
+    design, misclosures, system = random_system(seed, 14, 4)
+    state = Elimination(system)
+    for row in order[:k]:
+        state.add(row)
+    keep = np.sort(order[k:])
+    anew = system_of(design[keep], misclosures[keep])
+    assert state.e[keep] == pytest.approx(anew.e, abs=1e-7)
+    assert state.r[keep] == pytest.approx(anew.r, abs=1e-7)
+    assert state.vtpv == pytest.approx(anew.vtpv, abs=1e-7)
+    assert state.redundancy == anew.redundancy
+    x = np.linalg.lstsq(design[keep], misclosures[keep], rcond=None)[0]
+    error, sigma = state.estimates()
+    out = order[:k]
+    assert np.abs(error) == pytest.approx(np.abs(misclosures[out] - design[out] @ x), rel=1e-6)
+    q = np.linalg.inv(design[keep].T @ design[keep])
+    expected = 1.0 + np.einsum("ij,jk,ik->i", design[out], q, design[out])
+    assert sigma**2 == pytest.approx(expected, rel=1e-6)
+
+
+@given(st.integers(0, 10**6), st.permutations(range(12)))
+def test_order_does_not_matter_and_drop_undoes(seed: int, order: list[int]) -> None:
+    system = random_system(seed, 12, 4)[2]
+    first, second = Elimination(system), Elimination(system)
+    for row in order[:4]:
+        first.add(row)
+    for row in (order[3], order[1], order[5], order[0], order[2]):
+        second.add(row)
+    second.drop(order[5])
+    assert second.e == pytest.approx(first.e, abs=1e-7)
+    assert second.r == pytest.approx(first.r, abs=1e-7)
+    second.swap(order[1], order[6])
+    second.swap(order[6], order[1])
+    assert second.e == pytest.approx(first.e, abs=1e-7)
+    for row in order[:4]:
+        second.drop(row)
+    assert second.e == pytest.approx(system.e, abs=1e-12)
+    assert second.rows == ()
+
+
+@given(st.integers(0, 10**6))
+def test_weights_from_columns_are_those_of_a_new_adjustment(seed: int) -> None:
+    design, misclosures, system = random_system(seed, 15, 4)
+    rng = np.random.default_rng(seed)
+    weights = np.where(rng.random(15) < 0.5, 1.0, rng.uniform(0.001, 1.0, 15))
+    x = np.linalg.solve(design.T @ (weights[:, None] * design), design.T @ (weights * misclosures))
+    sign = np.sign(
+        system.e[0] * (misclosures - design @ np.linalg.lstsq(design, misclosures)[0])[0]
+    )
+    found = weighted_misclosures(Elimination(system), weights)
+    assert sign * found == pytest.approx(misclosures - design @ x, abs=1e-7)
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_one_large_error_is_found_by_all(strategy: str) -> None:
+    for seed in range(10):
+        system = random_system(seed, errors={7: 30.0})[2]
+        found = find_gross_errors(system, strategy, models=np.full(40, 0.9))
+        assert 7 in found.rows
+        planted = found.rejected[found.rows.index(7)]
+        assert planted.error is not None
+        assert planted.sigma is not None
+        assert abs(abs(planted.error) - 30.0) < 5.0 * planted.sigma
+        assert abs(found.at_end.w[7]) == pytest.approx(abs(planted.error) / planted.sigma)
+        assert found.odds.rows[7] > 0.99
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "danish", "search"])
+def test_three_errors_are_found(strategy: str) -> None:
+    right = 0
+    for seed in range(10):
+        system = random_system(seed, errors={3: 20.0, 10: -18.0, 21: 22.0})[2]
+        right += {3, 10, 21} <= set(find_gross_errors(system, strategy).rows)
+    assert right == 10
+
+
+def test_search_is_never_worse_than_stepwise() -> None:
+    cost = critical_normal(0.001) ** 2
+    for seed in range(15):
+        rng = np.random.default_rng(seed)
+        rows = rng.choice(30, 7, replace=False).tolist()
+        system = random_system(seed, 30, 10, dict.fromkeys(rows, 18.0))[2]
+        score = [
+            found.at_end.vtpv + cost * len(found.rows)
+            for found in (find_gross_errors(system, name) for name in ("baarda", "search"))
+        ]
+        assert score[1] <= score[0] + 1e-6
+
+
+def test_spur_row_cannot_be_tested_nor_left_out() -> None:
+    rng = np.random.default_rng(2)
+    design = rng.normal(size=(20, 4))
+    design[:, 3] = 0.0
+    design[5, 3] = 1.0  # the only row that sees the last unknown
+    misclosures = rng.normal(size=20)
+    misclosures[5] += 1000.0
+    system = system_of(design, misclosures)
+    for strategy in STRATEGIES:
+        found = find_gross_errors(system, strategy, models=np.full(20, 0.9))
+        assert found.untestable == (5,)
+        assert 5 not in found.rows
+        assert np.isnan(found.at_end.w[5])
+    with pytest.raises(NotSeparableError):
+        Elimination(system).add(5)
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "tau", "search"])
+def test_inseparable_pair_is_named(strategy: str) -> None:
+    rng = np.random.default_rng(3)
+    design = rng.normal(size=(20, 4))
+    design[:, 3] = 0.0
+    design[[5, 9], 3] = 1.0  # these two check each other and nothing else does
+    misclosures = rng.normal(size=20)
+    misclosures[9] += 60.0
+    found = find_gross_errors(system_of(design, misclosures), strategy)
+    assert found.rows == (5,)  # of equal evidence the first
+    (partner,) = found.hard_to_tell
+    assert (partner.rejected, partner.kept) == (5, 9)
+    assert abs(partner.correlation) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_tau_hides_many_equal_errors() -> None:
+    """k equal well-separated errors give at most tau = sqrt(r / k)."""
+    design = np.ones((60, 1))
+    misclosures = np.zeros(60)
+    misclosures[:12] = [1000.0, -1000.0] * 6
+    system = system_of(design, misclosures)
+    critical = critical_tau(0.001, 59)
+    assert critical is not None
+    assert critical > (59 / 12) ** 0.5
+    assert find_gross_errors(system, "tau").rows == ()
+    assert find_gross_errors(system, "rms").rows == ()
+    for strategy in ("baarda", "search", "danish"):
+        assert set(find_gross_errors(system, strategy).rows) == set(range(12))
+
+
+def test_rejected_comes_back() -> None:
+    came_back = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        rows = rng.choice(24, 6, replace=False).tolist()
+        system = random_system(seed, 24, 9, dict.fromkeys(rows, 15.0))[2]
+        found = find_gross_errors(system, "baarda")
+        for step in found.steps:
+            if step.action == "drop":
+                came_back += 1
+                assert step.statistic is not None
+                assert step.critical is not None
+                assert step.statistic < step.critical
+    assert came_back > 0
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "tau"])
+def test_size_of_a_single_test(strategy: str) -> None:
+    """Under no error the share of rows beyond the critical value is alpha (4.5 sigma of it)."""
+    rng = np.random.default_rng(11)
+    design = rng.normal(size=(20, 5))
+    alpha, runs = 0.01, 1500
+    beyond = 0
+    matrix = system_of(design, np.zeros(20)).matrix
+    for _ in range(runs):
+        e = matrix @ rng.normal(size=20)
+        state = Elimination(
+            DenseResiduals(tuple(range(20)), e, np.diag(matrix), float(e @ e), 15, matrix)
+        )
+        if strategy == "baarda":
+            beyond += int((np.abs(state.w) > critical_normal(alpha)).sum())
+        else:
+            limit = critical_tau(alpha, 15)
+            assert limit is not None
+            beyond += int((np.abs(state.w) > limit * (state.vtpv / 15) ** 0.5).sum())
+    sigma = (alpha * (1 - alpha) / (runs * 20)) ** 0.5
+    assert abs(beyond / (runs * 20) - alpha) < 4.5 * sigma * 1.5  # rows are correlated
+
+
+def test_modified_counts_what_it_decides_otherwise() -> None:
+    system = random_system(5, errors={4: 12.0})[2]
+    exact = find_gross_errors(system, "modified", models=np.full(40, np.nan))
+    assert exact.rows == find_gross_errors(system, "baarda").rows
+    assert exact.model_values is not None
+    assert exact.model_values.decided == 0
+    blind = find_gross_errors(system, "modified", models=np.zeros(40))
+    assert blind.rows == ()
+    assert blind.model_values is not None
+    assert 4 in blind.model_values.wrongly_accepted
+    with pytest.raises(ValueError, match="model values"):
+        find_gross_errors(system, "modified")
+
+
+def test_suspects_and_most_are_kept() -> None:
+    system = random_system(6, errors={1: 30.0, 2: 40.0, 3: 50.0})[2]
+    suspects = np.ones(40, dtype=bool)
+    suspects[3] = False
+    for strategy in STRATEGIES:
+        found = find_gross_errors(
+            system, strategy, SearchSettings(most=1), models=np.full(40, 0.9), suspects=suspects
+        )
+        assert 3 not in found.rows
+        assert len(found.rows) <= 1
+
+
+def test_pair_odds_name_the_pair_and_sum_to_one() -> None:
+    system = random_system(8, errors={4: 14.0, 30: -15.0})[2]
+    odds = pair_odds(system)
+    assert {int(odds.rows[0]), int(odds.others[0])} == {4, 30}
+    assert odds.probability[0] > 0.9
+    assert odds.none + odds.single.sum() + odds.pairs == pytest.approx(1.0)
+    assert odds.marginal[4] > 0.99
+
+
+def test_refusals() -> None:
+    system = random_system(1)[2]
+    with pytest.raises(ValueError, match="no strategy"):
+        find_gross_errors(system, "guess")
+    with pytest.raises(ValueError, match="alpha"):
+        SearchSettings(alpha=0.7)
