@@ -23,6 +23,7 @@ from anaplot.station.station import Station
 
 ROOT = Path(automaticjob.__file__).parents[2]
 MODELS, SEED = 2, 3
+KILLS = 25  # of each of four jobs
 
 
 def environment(folder: Path) -> dict[str, str]:
@@ -30,10 +31,28 @@ def environment(folder: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(folder.parent)}
 
 
+def _written(folder: Path) -> int:
+    return sum(path.stat().st_size for path in (folder / "sessions").glob("*.jsonl"))
+
+
+def _somewhere(folder: Path, more_bytes: int, process: subprocess.Popen[str]) -> None:
+    """Wait until so many more bytes are in the journal: in the middle of whatever is going on."""
+    enough = _written(folder) + more_bytes
+    while _written(folder) < enough and process.poll() is None:
+        pass
+
+
 def run_job(
-    folder: Path, kill_after: int | None, seed: int = SEED, more: tuple[str, ...] = ()
+    folder: Path,
+    kill_after: int | None,
+    seed: int = SEED,
+    more: tuple[str, ...] = (),
+    more_bytes: int = 0,
 ) -> tuple[list[str], bool]:
-    """Run the job until it has said so many lines, then kill it; returns lines, and finished."""
+    """Run the job until it has said so many lines, and a little on; then kill it.
+
+    Returns the lines, and whether it finished.
+    """
     with subprocess.Popen(
         [sys.executable, automaticjob.__file__, str(folder), str(MODELS), str(seed), *more],
         stdout=subprocess.PIPE,
@@ -47,6 +66,7 @@ def run_job(
         for line in process.stdout:
             lines.append(line.strip())
             if kill_after is not None and len(lines) >= kill_after:
+                _somewhere(folder, more_bytes, process)
                 process.kill()
                 break
         lines += [line.strip() for line in process.stdout]
@@ -81,27 +101,38 @@ def test_killed_again_and_again_the_job_ends_as_if_undisturbed(
 ) -> None:
     calm = tmp_path / "calm"
     run_job(calm, None, more=more)
+    one, _ = recovered(calm)
+    assert len(one.models) == MODELS
+    assert any(m.times > 1 for model in one.models for m in model.measured)
     rng = random.Random(chance)
-    folder = tmp_path / "killed"
+    kills = jobs = 0
+    while kills < KILLS:
+        jobs += 1
+        folder = tmp_path / f"killed-{jobs}"
+        kills += _killed_job(folder, KILLS - kills, rng, more)
+        other, events = recovered(folder)
+        assert other == one
+        written = (folder / "image_points.csv").read_bytes()
+        assert written == (calm / "image_points.csv").read_bytes()
+        assert len(events) > 13 * MODELS
+
+
+def _killed_job(folder: Path, most: int, rng: random.Random, more: tuple[str, ...]) -> int:
+    """Do a job, killed as often as it takes or so many times; returns how often it was."""
     acknowledged: list[str] = []
-    finished = False
     kills = 0
-    while not finished:
-        assert kills < 60
-        lines, finished = run_job(folder, rng.randint(1, 9) if kills < 12 else None, more=more)
+    while True:
+        kill_after = rng.randint(1, 2) if kills < most else None
+        lines, finished = run_job(folder, kill_after, more=more, more_bytes=rng.randint(0, 900))
         acknowledged += [_recorded(line) for line in lines if line.startswith("record ")]
         _, measured = recovered(folder)
         # what was told is on disk, in that order
         journaled = iter([_name(event) for event in measured])
         assert all(any(point == other for other in journaled) for point in acknowledged)
+        if finished:
+            return kills
         kills += 1
-    one, events = recovered(calm)
-    other, _ = recovered(folder)
-    assert len(one.models) == MODELS
-    assert other == one
-    assert (folder / "image_points.csv").read_bytes() == (calm / "image_points.csv").read_bytes()
-    assert any(m.times > 1 for model in one.models for m in model.measured)
-    assert len(events) > 13 * MODELS
+        assert kills < 60
 
 
 def test_reopened_the_state_is_equal(bench: Bench) -> None:
