@@ -124,11 +124,11 @@ def fit_coordinates(
             B = by_terms.reshape(len(observed), -1)[rows] @ basis
             u = (value - target).ravel()[rows] - A @ v
             if not np.isfinite(u).all():
-                raise NotComputableError(no_end(kind, names))
+                raise _not_converged(kind, names, plate, target)
             try:
                 solved = adjust_combined(A, B, u, cofactors, unknowns=_UNKNOWNS[kind])
             except RankDefectError as error:
-                raise NotComputableError(no_end(kind, names)) from error
+                raise _not_converged(kind, names, plate, target) from error
             g = g + solved.g
             moved = np.abs(solved.g).max() + np.abs(solved.v - v).max()
             v = solved.v
@@ -137,7 +137,7 @@ def fit_coordinates(
             if iteration == STEPS:
                 if moved < 1e-9:
                     break
-                raise NotComputableError(no_end(kind, names))
+                raise _not_converged(kind, names, plate, target)
     terms = basis @ g
     a = terms[:8].reshape(2, 4) * reach
     a[:, 0] += centre
@@ -154,7 +154,7 @@ def fit_coordinates(
         ),
         iteration,
         (),
-        exchanged=_exchange(names, plate, target, reach),
+        exchanged=next(iter(_exchanges(names, plate, target)), None),
     )
 
 
@@ -232,10 +232,10 @@ def _laid_like(plate: Array, target: Array, names: tuple[str, ...]) -> Array:
         raise NotComputableError(f"the fiducials{listed(names)} are measured at the same place")
     left, singular, right = np.linalg.svd(target.T @ away)
     if not singular[1] > _LINE * singular[0]:
-        pair = _exchange(names, plate, target, 1.0)
+        pairs = _exchanges(names, plate, target)
         wrong = (
-            f"with {pair[0]} and {pair[1]} exchanged they would: measured in the wrong order?"
-            if pair
+            f"with {_either(pairs)} exchanged they would: measured in the wrong order?"
+            if pairs
             else "do they lie on one line, or were they measured in the wrong order?"
         )
         raise NotComputableError(
@@ -245,12 +245,27 @@ def _laid_like(plate: Array, target: Array, names: tuple[str, ...]) -> Array:
     return np.column_stack((target.mean(axis=0) - turn @ middle, turn))
 
 
-def _exchange(
-    names: tuple[str, ...], plate: Array, target: Array, reach: float
-) -> tuple[str, str] | None:
-    """Return the pair whose exchange makes a hopeless fit a good one, or None.
+def _not_converged(
+    kind: TransformationName, names: tuple[str, ...], plate: Array, target: Array
+) -> NotComputableError:
+    pairs = _exchanges(names, plate, target)
+    if not pairs:
+        return NotComputableError(no_end(kind, names))
+    return NotComputableError(
+        f"fiducials {', '.join(names)} do not fit: {_either(pairs)} seem to be exchanged, the "
+        "other way round they fit; measure them again"
+    )
+
+
+def _either(pairs: list[tuple[str, str]]) -> str:
+    return ", or ".join(f"{first} and {second}" for first, second in pairs)
+
+
+def _exchanges(names: tuple[str, ...], plate: Array, target: Array) -> list[tuple[str, str]]:
+    """Return the pairs whose exchange makes a hopeless fit a good one, the best first.
 
     Hopeless: misfits above 2 percent of the fiducials' reach; good: a tenth of that or less.
+    Of four fiducials in a square two pairs do it: both are returned.
     """
 
     def misfit(place: Array) -> float:
@@ -260,12 +275,13 @@ def _exchange(
 
     before = misfit(plate)
     if before < 0.02 or len(names) > 16:
-        return None
-    best: tuple[float, tuple[str, str] | None] = (before / 10.0, None)
+        return []
+    found = []
     for i, j in combinations(range(len(names)), 2):
         order = list(range(len(names)))
         order[i], order[j] = j, i
         after = misfit(plate[order])
-        if after < best[0]:
-            best = after, (names[i], names[j])
-    return best[1]
+        if after < before / 10.0:
+            found.append((after, (names[i], names[j])))
+    found.sort()
+    return [pair for _, pair in found]

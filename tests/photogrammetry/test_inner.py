@@ -1,5 +1,6 @@
 """Inner orientation: every transformation against an independent path, planted errors, refusals."""
 
+from itertools import combinations
 from math import hypot, pi, sqrt
 
 import numpy as np
@@ -353,10 +354,30 @@ def test_two_exchanged_fiducials_are_named(pair, lie):
     assert advise(inner)[0].startswith(f"{pair[0] + 1} and {pair[1] + 1} seem to be exchanged")
 
 
-def test_two_neighbours_of_four_exchanged():
-    plate = laid(CORNERS, LIES["quarter turn"])[[1, 0, 2, 3]]
-    with pytest.raises(NotComputableError, match="with 1 and 2 exchanged they would"):
-        orient_inner(camera(CORNERS), named(plate))
+@pytest.mark.parametrize("pair", [(0, 1), (1, 2), (2, 3), (0, 3)])
+@lies
+def test_two_neighbours_of_four_exchanged(pair, lie):
+    plate = laid(CORNERS, lie)
+    plate[[*pair]] = plate[[*reversed(pair)]]
+    # the other two would do as well
+    with pytest.raises(NotComputableError, match="exchanged they would") as caught:
+        orient_inner(camera(CORNERS), named(plate), apriori_um=4.0)
+    assert f"{pair[0] + 1} and {pair[1] + 1}" in str(caught.value)
+
+
+@pytest.mark.parametrize("pair", combinations(range(8), 2), ids=str)
+@lies
+def test_any_two_of_eight_exchanged_are_named(pair, lie):
+    plate = laid(EIGHT, lie)
+    plate[[*pair]] = plate[[*reversed(pair)]]
+    first, second = (str(k + 1) for k in pair)
+    try:
+        inner = orient_inner(camera(EIGHT), named(plate), apriori_um=4.0)
+    except NotComputableError as error:
+        assert f"{first} and {second} seem to be exchanged" in str(error)
+        assert "or" not in str(error).split("fit:")[1].split(" exchanged")[0].split()
+    else:
+        assert inner.exchanged == (first, second)
 
 
 def test_plate_coordinates_in_another_unit():
