@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import TextIO
@@ -22,6 +23,7 @@ from anaplot.session.events import (
 )
 from anaplot.session.state import start
 from anaplot.session.workflow import outlook
+from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.picture import picture
 from anaplot.station.plates import image_of, plates_of
 from anaplot.station.replay import Step, recorded_block, replay
@@ -59,6 +61,9 @@ class ReplayStation:
         self._listeners: list[Callable[[str, str], None]] = []
         self._serial = 0
         self._readout: ReadOut | None = None
+        self._lock = threading.Lock()
+        self._of_session: set[str] = set()
+        self._watch = BlockWatch(self._block_seen)
         self._snapshot = self._first()
         self._thread: threading.Thread | None = None
 
@@ -112,16 +117,31 @@ class ReplayStation:
             self._readout = image_of(step.position, plates_of(step.state))
         if step.event is None and step.difference is None:
             return
-        self._serial += 1
-        self._snapshot = picture(
-            self._block, step.state, step.view, self._serial, step.view.next_point, self._link("")
-        )
+        # as recorded: what lies in the folder today was not there
+        self._of_session.update(model.name for model in step.state.models)
+        self._watch.tell(self._block, step.state, step.view, self._of_session)
+        shown = picture(self._block, step.state, step.view, 0, step.view.next_point, self._link(""))
+        self._publish(shown)
         for severity, line in [
             ("error" if step.difference is not None else "info", line) for line in _told(step)
         ]:
             self._tell(severity, line)
+
+    def _block_seen(self) -> None:
+        self._publish(None)
+
+    def _publish(self, shown: Snapshot | None) -> None:
+        """Show a new picture, or the old one with what the block says now."""
+        with self._lock:
+            self._serial += 1
+            self._snapshot = replace(
+                self._snapshot if shown is None else shown,
+                serial=self._serial,
+                block_view=self._watch.view,
+            )
+            now = self._snapshot
         for subscriber in list(self._subscribers):
-            subscriber(self._snapshot)
+            subscriber(now)
 
     def _tell(self, severity: str, text: str) -> None:
         for listener in list(self._listeners):
@@ -241,6 +261,7 @@ class ReplayStation:
     def close(self) -> None:
         """Stop playing; a second call does nothing."""
         self._stop.set()
+        self._watch.close()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
 

@@ -365,19 +365,18 @@ def test_two_neighbours_of_four_exchanged(pair, lie):
     assert f"{pair[0] + 1} and {pair[1] + 1}" in str(caught.value)
 
 
-@pytest.mark.parametrize("pair", combinations(range(8), 2), ids=str)
+@pytest.mark.parametrize("pair", list(combinations(range(8), 2)), ids=str)
 @lies
 def test_any_two_of_eight_exchanged_are_named(pair, lie):
     plate = laid(EIGHT, lie)
     plate[[*pair]] = plate[[*reversed(pair)]]
     first, second = (str(k + 1) for k in pair)
+    said = f"{first} and {second} seem to be exchanged"
     try:
-        inner = orient_inner(camera(EIGHT), named(plate), apriori_um=4.0)
+        told = advise(orient_inner(camera(EIGHT), named(plate), apriori_um=4.0))[0]
     except NotComputableError as error:
-        assert f"{first} and {second} seem to be exchanged" in str(error)
-        assert "or" not in str(error).split("fit:")[1].split(" exchanged")[0].split()
-    else:
-        assert inner.exchanged == (first, second)
+        told = str(error).partition("do not fit: ")[2]
+    assert told.startswith(said)
 
 
 def test_plate_coordinates_in_another_unit():
