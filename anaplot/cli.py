@@ -233,11 +233,11 @@ def _plotter_sim(options: argparse.Namespace) -> int:
     from anaplot.plotter.commands import run_simulator
     from anaplot.plotter.simulator import Hand
 
-    photographs = None
+    photographs = in_right = None
     if options.truth is not None:
-        from anaplot.station.opening import truth_of
+        from anaplot.station.opening import plates_in
 
-        photographs = truth_of(options.truth)
+        photographs, in_right = plates_in(options.truth, options.seed)
     laid = None
     if options.lay is not None:
         left, _, right = options.lay.partition("/")
@@ -246,7 +246,9 @@ def _plotter_sim(options: argparse.Namespace) -> int:
         options.profile,
         sys.stdout,
         photographs=photographs,
+        in_right=in_right,
         laid=laid,
+        mistakes=options.mistake or (),
         symlink=options.link,
         tcp=options.tcp is not None,
         tcp_port=options.tcp or 0,
@@ -317,7 +319,8 @@ def _add_plotter(commands: Any) -> None:
         "--truth",
         type=Path,
         metavar="FOLDER",
-        help="the block whose image_points.csv lies in the plates; a grid when left out",
+        help="the block whose image_points.csv lies in the plates (shifted, turned and shrunk "
+        "where its cameras have fiducials); a grid when left out",
     )
     sim.add_argument("--lay", metavar="LEFT/RIGHT", help="photographs to begin with")
     sim.add_argument("--link", type=Path, metavar="PATH", help="stable name of the port")
@@ -338,6 +341,15 @@ def _add_plotter(commands: Any) -> None:
         action="append",
         metavar="NAME=RATE",
         help="let a fault strike records at this rate; may be given again",
+    )
+    sim.add_argument(
+        "--mistake",
+        nargs="+",
+        action="append",
+        metavar="WORD",
+        help="have the hand make a mistake in the model laid first: parallax POINT UM, "
+        "wrong-point POINT OTHER, swap POINT OTHER, transfer POINT DX_UM DY_UM, drift DY_UM; "
+        "may be given again",
     )
     sim.set_defaults(run=_plotter_sim)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -13,12 +13,13 @@ from anaplot.errors import AnaplotError, InputError
 from anaplot.plotter.decoder import check_examples
 from anaplot.plotter.faults import FAULTS
 from anaplot.plotter.link import Link, LinkState
+from anaplot.plotter.mishaps import MISHAP_USAGE, MISHAPS, plant
 from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
 from anaplot.plotter.schema import Profile
 from anaplot.plotter.serialport import ports
 from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import Hand, HandSettled, Photographs, SimulatedPlotter
+from anaplot.plotter.simulator import Hand, HandSettled, Photographs, Side, SimulatedPlotter
 from anaplot.plotter.text import safe_text
 from anaplot.plotter.tomltable import nearest
 
@@ -32,9 +33,17 @@ __all__ = [
 ]
 
 _POSITION_PERIOD = 0.1
+_ATTENDED: dict[str, Side | None] = {"left": "left", "right": "right", "points": None}
+_LOOKS_FOR = {
+    "left": "fiducials of the left photograph",
+    "right": "fiducials of the right photograph",
+    "points": "points in both photographs",
+}
 _HELP = (
     "press [SWITCH] | move DXL DYL DXR DYR (mm) | lay LEFT [RIGHT] | FAULT [SECONDS] | "
-    "power | disconnect | quit; faults: " + ", ".join(FAULTS)
+    "attend left|right|points | MISTAKE | power | quit; faults: "
+    + ", ".join(FAULTS)
+    + f"; mistakes: {MISHAP_USAGE}"
 )
 
 
@@ -306,7 +315,9 @@ def run_simulator(
     out: TextIO,
     *,
     photographs: Photographs | None = None,
+    in_right: Photographs | None = None,
     laid: tuple[str, str] | None = None,
+    mistakes: Iterable[Sequence[str]] = (),
     symlink: str | Path | None = None,
     tcp: bool = False,
     tcp_port: int = 0,
@@ -328,8 +339,12 @@ def run_simulator(
         Where the port and what happens are printed.
     photographs
         True plate coordinates; None: a grid.
+    in_right
+        The same where a photograph lies otherwise in the right carriage.
     laid
         Photographs laid into the carriages; None: the first two.
+    mistakes
+        Of the hand, see `anaplot.plotter.mishaps`.
     symlink, tcp, tcp_port, time_scale
         See `SimulatorServer`.
     seed, noise_um, fault_rates, hand
@@ -369,6 +384,7 @@ def run_simulator(
     simulator = SimulatedPlotter(
         profile,
         truth,
+        in_right=in_right,
         seed=seed,
         noise_um=noise_um,
         hand=hand,
@@ -376,6 +392,8 @@ def run_simulator(
         fault_rates=fault_rates,
     )
     simulator.lay(pair[0], None if profile.mono else pair[1])
+    for words in mistakes:
+        plant(simulator, words)
     ended = stop if stop is not None else threading.Event()
     server = SimulatorServer(
         simulator, symlink=symlink, tcp=tcp, tcp_port=tcp_port, time_scale=time_scale
@@ -455,6 +473,11 @@ def obey(simulator: SimulatedPlotter, words: list[str]) -> str:
     if verb == "lay" and len(rest) in (1, 2):
         simulator.lay(rest[0], rest[1] if len(rest) == 2 else None)
         return "laid " + safe_text(" ".join(rest))
+    if verb == "attend" and len(rest) == 1 and rest[0] in _ATTENDED:
+        simulator.attend(_ATTENDED[rest[0]])
+        return f"the hand looks for {_LOOKS_FOR[rest[0]]}"
+    if verb in MISHAPS:
+        return plant(simulator, words)
     if verb == "power" and not rest:
         simulator.power_cycle()
         return "switched off and on"

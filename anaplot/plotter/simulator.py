@@ -372,6 +372,11 @@ class SimulatedPlotter:
         with self._lock:
             self._attended = side
 
+    def set_drift(self, drift: Offsets) -> None:
+        """Have the hand creep by so much [mm] at every pointing of a model, from now on."""
+        with self._lock:
+            self._drift = drift
+
     def add_mistakes(self, mistakes: Mapping[tuple[str, str, str], Offsets]) -> None:
         """Plant more mistakes; one of the same model and point is replaced."""
         with self._lock:

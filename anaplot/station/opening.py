@@ -8,12 +8,13 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import Truth, synthetic_truth
+from anaplot.plotter.simulator import Photographs
 from anaplot.station.demo import rough
-from anaplot.station.laidplates import random_placements
+from anaplot.station.laidplates import laid_photographs, random_placements
 from anaplot.station.plotting import PROFILE_OF_SIMULATION, InstrumentSetup, SimulationSetup
 from anaplot.station.station import DEFAULT_PATTERN, Station
 
-__all__ = ["open_station", "truth_of"]
+__all__ = ["open_station", "plates_in", "truth_of"]
 
 
 def open_station(
@@ -104,6 +105,20 @@ def truth_of(folder: Path) -> Truth:
     if not points:
         raise InputError(f"{folder}: image_points.csv has no points")
     return points
+
+
+def plates_in(folder: Path, seed: int) -> tuple[Photographs, Photographs]:
+    """Return a block's photographs as they lie in a left and in a right carriage.
+
+    Where the cameras have fiducials, the photographs hold them and lie shifted, turned and shrunk.
+
+    Raises
+    ------
+    InputError
+        As `truth_of`, or fiducials whose place is not known.
+    """
+    block = read_block(folder)
+    return laid_photographs(block, truth_of(folder), random_placements(block, seed))
 
 
 def _measured(block: Block, truth: Path) -> Truth:
