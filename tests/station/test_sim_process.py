@@ -1,0 +1,66 @@
+"""The simulated plotter as a process of its own, worked over its port like any instrument."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import read_block, write_new_block
+from anaplot.station.automatic import AutomaticOperator
+from anaplot.station.demo import rough
+from anaplot.station.opening import truth_of
+from anaplot.station.plotting import InstrumentSetup
+from anaplot.station.snapshot import Snapshot
+from anaplot.station.station import Station
+
+ROOT = Path(__file__).parents[2]
+SESSION = ROOT / "tests" / "sessions" / "fiducials.jsonl"
+
+
+def test_inner_orientation_and_a_model_over_the_port_of_another_process(tmp_path: Path) -> None:
+    truth = tmp_path / "truth"
+    assert main(["replay", str(SESSION), "--to", str(truth)]) == 0
+    block = tmp_path / "block"
+    write_new_block(block, read_block(truth))
+    port = tmp_path / "port"
+    command = [sys.executable, "-m", "anaplot", "plotter", "sim", "simulated", "--auto-pedal"]
+    options = ["--truth", str(truth), "--link", str(port), "--time-scale", "200"]
+    with subprocess.Popen(
+        [*command, *options, "--lay", "101/102"],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert "SIMULATED" in process.stdout.readline()
+        tell = process.stdin
+        asked: list[str] = []
+
+        def attend(picture: Snapshot) -> None:
+            wanted = "points" if picture.inner is None else picture.inner.side
+            if asked[-1:] != [wanted]:
+                asked.append(wanted)
+                tell.write(f"attend {wanted}\n")
+                tell.flush()
+
+        with Station(
+            block,
+            plotter=InstrumentSetup("simulated", str(port)),
+            candidates=rough(truth_of(truth)),
+        ) as station:
+            station.subscribe(attend)
+            AutomaticOperator(station).run()
+            models = station.state.models
+        tell.write("quit\n")
+        tell.flush()
+        process.communicate(timeout=60)
+    assert asked == ["points", "left", "right", "points"]
+    (model,) = models
+    assert len(model.measured) == 13
+    assert [inner.accepted is not None for inner in model.inner] == [True, True]
+    assert process.returncode == 0
+    assert main(["replay", str(block), "--check"]) == 0
