@@ -354,6 +354,47 @@ def _add_plotter(commands: Any) -> None:
     sim.set_defaults(run=_plotter_sim)
 
 
+def _plan_pattern(options: argparse.Namespace) -> int:
+    from anaplot.report.planpattern import run_plan_pattern
+
+    return run_plan_pattern(options)
+
+
+def _add_plan(commands: Any) -> None:
+    plan = commands.add_parser(
+        "plan",
+        help="what a measurement would be worth, before it is made",
+        description="Planning: reliability from geometry alone.",
+        epilog="example: anaplot plan pattern 13/5",
+    )
+    parts = plan.add_subparsers(dest="part", metavar="COMMAND", required=True)
+    show = parts.add_parser(
+        "pattern",
+        help="redundancy numbers of a point pattern, and the point that would help most",
+        epilog="example: anaplot plan pattern 6 --ties 3",
+    )
+    show.add_argument(
+        "pattern", metavar="NAME|FILE", help='"13", "13/5", ... or a .csv with label,x,y[,tie] (mm)'
+    )
+    show.add_argument("--ties", choices=("3", "5"), help="points shared with the preceding model")
+    show.add_argument("--base", type=_positive, default=90.0, metavar="MM", help="default 90")
+    show.add_argument(
+        "--d", type=_positive, default=100.0, metavar="MM", help="half the model in y, default 100"
+    )
+    show.add_argument(
+        "--c", type=_positive, default=152.0, metavar="MM", help="camera constant, default 152"
+    )
+    show.add_argument(
+        "--tie-variance",
+        choices=("paper", "propagated"),
+        default="paper",
+        help="variance of the ties' x rows, default paper",
+    )
+    show.add_argument("--json", action="store_true", help="print JSON for programs")
+    show.add_argument("--csv", type=Path, metavar="FILE", help="write the rows as CSV")
+    show.set_defaults(run=_plan_pattern)
+
+
 def _parser() -> _Parser:
     parser = _Parser(
         prog="anaplot",
@@ -505,6 +546,7 @@ def _parser() -> _Parser:
     add_inner_arguments(inner)
 
     _add_plotter(commands)
+    _add_plan(commands)
 
     replay = command(
         "replay",

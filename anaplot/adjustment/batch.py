@@ -1,0 +1,129 @@
+"""Many realisations of the errors of one linear(ised) design, tested all at once.
+
+The observations of run m, in a-priori sigmas, leave e_m = R l_m: all runs are one matrix product.
+Stepwise rejection updates every run that still rejects by one row per sweep (Gruen 1980, eq. 17),
+so that there is a loop over sweeps but never one over runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.significance import critical_normal, critical_tau
+
+__all__ = ["BATCH_TESTS", "BatchRejections", "reject_stepwise", "standardized", "tau_statistics"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+BATCH_TESTS = ("baarda", "tau")
+
+# R carries rounding of about 1e-13, amplified by every elimination
+_LOST = 1e-8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BatchRejections:
+    """What stepwise rejection did in each of m runs of n rows."""
+
+    rejected: NDArray[np.bool_] = field(repr=False)
+    """(m, n) rows rejected."""
+    order: Index = field(repr=False)
+    """(m, k) rows in the order of rejection, -1 after the last."""
+    vtpv: Array = field(repr=False)
+    """(m,) v'Pv of the rows that remain."""
+    redundancy: Index = field(repr=False)
+    """(m,) redundancy that remains."""
+
+
+def standardized(e: Array, r: Array) -> Array:
+    """Return |w| = |e| / sqrt(r), zero where a row cannot be tested; e and r (..., n)."""
+    testable = r > _LOST
+    statistic: Array = np.where(testable, np.abs(e) / np.sqrt(np.where(testable, r, 1.0)), 0.0)
+    return statistic
+
+
+def tau_statistics(e: Array, r: Array, redundancy: int) -> Array:
+    """Return (m, n): Pope's tau of e (m, n) over all rows, with r (n,)."""
+    vtpv = np.einsum("mn,mn->m", e, e)
+    sigma0 = np.sqrt(np.maximum(vtpv, np.finfo(float).tiny) / redundancy)
+    statistic: Array = standardized(e, r) / sigma0[:, None]
+    return statistic
+
+
+def reject_stepwise(
+    matrix: Array, errors: Array, test: str, alpha: float, *, most: int | None = None
+) -> BatchRejections:
+    """Reject the row with the largest statistic, run by run, until none exceeds its critical value.
+
+    Parameters
+    ----------
+    matrix
+        (n, n) R = Q_vv P of the whitened design: symmetric and idempotent.
+    errors
+        (m, n) errors of the observations in a-priori sigmas: noise and gross errors.
+    test
+        "baarda" (a-priori sigma) or "tau" (sigma from the rows that remain).
+    alpha
+        Significance number of the test of a single row.
+    most
+        Largest number of rejections in a run; None for as many as the redundancy allows.
+
+    Raises
+    ------
+    ValueError
+        An unknown test, or shapes that do not belong together.
+    """
+    if test not in BATCH_TESTS:
+        raise ValueError(f"no batch test {test!r}; there are {', '.join(BATCH_TESTS)}")
+    n = matrix.shape[0]
+    if matrix.shape != (n, n) or errors.ndim != 2 or errors.shape[1] != n:
+        raise ValueError(f"errors {errors.shape} do not belong to a matrix {matrix.shape}")
+    redundancy = round(float(np.trace(matrix)))
+    runs = len(errors)
+    e = errors @ matrix.T
+    r = np.tile(np.diag(matrix), (runs, 1))
+    vtpv = np.einsum("mn,mn->m", e, e)
+    rejected = np.zeros((runs, n), dtype=bool)
+    steps = redundancy if most is None else min(most, redundancy)
+    order = np.full((runs, steps), -1, dtype=np.intp)
+    counts = np.zeros(runs, dtype=np.intp)
+    active = np.arange(runs)
+    stack = np.empty((runs, 0, n))  # orthogonalised, scaled columns of the active runs
+
+    for step in range(steps):
+        # every active run has rejected `step` rows
+        left = redundancy - step
+        statistic = standardized(e[active], r[active])
+        if test == "tau":
+            critical = critical_tau(alpha, left)
+            if critical is None:
+                break
+            sigma0 = np.sqrt(np.maximum(vtpv[active], np.finfo(float).tiny) / left)
+            statistic = statistic / sigma0[:, None]
+        else:
+            critical = critical_normal(alpha)
+        row = np.argmax(statistic, axis=1)
+        go = statistic[np.arange(len(active)), row] > critical
+        active, row, stack = active[go], row[go], stack[go]
+        if not len(active):
+            break
+        here = np.arange(len(active))
+        column = matrix[row] - np.einsum("mk,mkn->mn", stack[here, :, row], stack)
+        column /= np.sqrt(column[here, row])[:, None]
+        along = e[active, row] / column[here, row]
+        e[active] -= along[:, None] * column
+        r[active] -= column * column
+        e[active, row] = 0.0
+        r[active, row] = 0.0
+        vtpv[active] = np.maximum(vtpv[active] - along * along, 0.0)
+        rejected[active, row] = True
+        order[active, step] = row
+        counts[active] += 1
+        stack = np.concatenate([stack, column[:, None, :]], axis=1)
+    return BatchRejections(
+        rejected, order[:, : int(counts.max(initial=0))], vtpv, redundancy - counts
+    )

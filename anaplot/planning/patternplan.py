@@ -1,0 +1,128 @@
+"""What a point pattern is worth, and which further point would help it most (1983, Figures 2-7)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from anaplot.orientation.model import orient
+from anaplot.orientation.pair import Stereopair
+from anaplot.orientation.patterns import Pattern
+from anaplot.orientation.results import ModelSolution
+from anaplot.photogrammetry.block import Precision, TestSettings
+
+__all__ = ["Advice", "PlannedPattern", "advise", "from_pattern", "grid", "solve"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPattern:
+    """Points of an ideal model: vertical photos, flat ground.
+
+    Attributes
+    ----------
+    points
+        (label, x, y) of every point in the left photo [mm].
+    ties
+        Labels of the points shared with the preceding model.
+    base, c
+        Base at photo scale and camera constant [mm].
+    """
+
+    points: tuple[tuple[str, float, float], ...]
+    ties: tuple[str, ...]
+    base: float
+    c: float
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """One candidate point, and the weakest redundancy number before and after.
+
+    Attributes
+    ----------
+    x, y
+        Where the point would lie in the left photo [mm].
+    doubles
+        Label of the point that it doubles, or None.
+    before, after
+        Weakest redundancy number of the rows that are there already.
+    """
+
+    x: float
+    y: float
+    doubles: str | None
+    before: float
+    after: float
+
+
+def from_pattern(pattern: Pattern, base: float, d: float, c: float) -> PlannedPattern:
+    """Return a named pattern as planned points; lengths in mm."""
+    points = tuple((label, x, y) for label, (x, y) in pattern.positions(base, d).items())
+    return PlannedPattern(points, pattern.ties, base, c)
+
+
+def solve(
+    plan: PlannedPattern, tie_variance: Literal["paper", "propagated"] = "paper"
+) -> ModelSolution:
+    """Orient the planned model by the code that orients measured ones.
+
+    Raises
+    ------
+    NotComputableError
+        The points do not determine the model.
+    """
+    at = {label: (x, y) for label, x, y in plan.points}
+    xl = np.array(list(at.values()))
+    pair = Stereopair(
+        left="left",
+        right="right",
+        points=tuple(at),
+        xl=xl,
+        xr=xl - [plan.base, 0.0],
+        c_left=plan.c,
+        c_right=plan.c,
+        ties={label: (*at[label], -plan.c) for label in plan.ties} or None,
+        preceding_bx=plan.base if plan.ties else None,
+        base=plan.base,
+    )
+    return orient(pair, Precision(tie_variance=tie_variance), TestSettings(kind="baarda"))
+
+
+def grid(base: float, d: float, steps: int = 5) -> tuple[tuple[float, float], ...]:
+    """Return steps x steps positions over the model, x in 0..base and y in -d..d [mm]."""
+    return tuple(
+        (float(x), float(y))
+        for x in np.linspace(0.0, base, steps)
+        for y in np.linspace(-d, d, steps)
+    )
+
+
+def advise(
+    plan: PlannedPattern,
+    extra: Iterable[tuple[float, float]],
+    tie_variance: Literal["paper", "propagated"] = "paper",
+) -> tuple[Advice, ...]:
+    """Try every doubled point and every extra position; the most helpful comes first.
+
+    Raises
+    ------
+    NotComputableError
+        The points do not determine the model.
+    """
+    rows = {row.key: row.redn for row in solve(plan, tie_variance).table}
+    before = min(rows.values())
+    used = {label for label, _, _ in plan.points}
+    new = next(f"new{k}" for k in range(len(used) + 1) if f"new{k}" not in used)
+    places = [(x, y, label) for label, x, y in plan.points]
+    taken = {(x, y) for x, y, _ in places}
+    candidates = [*places, *((x, y, None) for x, y in extra if (x, y) not in taken)]
+    out = []
+    for x, y, doubles in candidates:
+        wider = replace(plan, points=(*plan.points, (new, x, y)))
+        table = solve(wider, tie_variance).table
+        after = min(row.redn for row in table if row.key in rows)
+        out.append(Advice(x, y, doubles, before, after))
+    return tuple(sorted(out, key=lambda a: -a.after))
