@@ -133,7 +133,7 @@ def test_exchanged_so_that_nothing_fits() -> None:
     state = apply(state, replace(first, x=second.x, y=second.y))
     state = apply(state, replace(second, x=first.x, y=first.y))
     view = outlook(state)
-    assert "one of them, or their order, is grossly wrong" in view.problem
+    assert "5 and 7 seem to be exchanged" in view.problem
     assert view.expected.startswith("re-measure fiducials of photo 101 (left)")
     assert not view.may_accept
 
