@@ -220,6 +220,33 @@ class Elimination:
             return np.zeros((0, 0))
         return np.tril(np.array([c[self._rows] for c in self._stack]).T)
 
+    def returns(self) -> tuple[Array, Array]:
+        """Say what each row of S would do by coming back, alone.
+
+        With D = R_SS^-1 and B = R[:, S] D, the return of row j of S raises v'Pv by z_j^2 / D_jj,
+        e by B[:, j] z_j / D_jj and r by B[:, j]^2 / D_jj.
+
+        Returns
+        -------
+        ndarray
+            (k,) increase of v'Pv, the square of the w that the row then has.
+        ndarray
+            (n, k) w of every other row then; NaN in S and where a row cannot be tested.
+        """
+        k, n = len(self._rows), len(self._e)
+        if not k:
+            return np.zeros(0), np.zeros((n, 0))
+        inverse = np.linalg.inv(self.triangle())
+        own = (inverse * inverse).sum(axis=0)
+        shift = np.array(self._stack).T @ (inverse / np.sqrt(own))
+        root = (inverse.T @ np.array(self._along)) / np.sqrt(own)
+        r = self._r[:, None] + shift * shift
+        good = r >= np.maximum(TESTABLE, _LOST * self._r0 * float(k > 1))[:, None]
+        good[self._rows] = False
+        w = np.full((n, k), np.nan)
+        np.divide(self._e[:, None] + shift * root, np.sqrt(r), out=w, where=good)
+        return root * root, w
+
     def estimates(self) -> tuple[Array, Array]:
         """Return (k,) estimated gross errors of S and (k,) their sigmas, in a-priori sigmas.
 

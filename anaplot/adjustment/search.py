@@ -137,6 +137,11 @@ def _descend(
     return state, steps
 
 
+def _returns(state: Elimination) -> tuple[list[float], Array]:
+    own, w = state.returns()
+    return own.tolist(), np.abs(w).T
+
+
 def _best_step(
     state: Elimination, critical: float, suspects: NDArray[np.bool_], most: int
 ) -> Step | None:
@@ -151,16 +156,12 @@ def _best_step(
     add = largest(w) if len(state.rows) < most else None
     if add is not None and cost - w[add] ** 2 < change:
         change, rows, action = cost - float(w[add]) ** 2, (add,), "add"
-    for row in state.rows:
-        trial = state.copy()
-        trial.drop(row)
-        own = trial.vtpv - state.vtpv
+    for row, own, then in zip(state.rows, *_returns(state), strict=True):
         if own - cost < change:
             change, rows, action = own - cost, (row,), "drop"
-        others = np.where(suspects, np.abs(trial.w), np.nan)
-        other = largest(others)
-        if other is not None and other != row and own - others[other] ** 2 < change:
-            change, rows, action = own - float(others[other]) ** 2, (other, row), "swap"
+        other = largest(np.where(suspects, then, np.nan))
+        if other is not None and own - then[other] ** 2 < change:
+            change, rows, action = own - float(then[other]) ** 2, (other, row), "swap"
     try:
         if action == "add":
             state.add(rows[0])

@@ -73,6 +73,22 @@ def test_order_does_not_matter_and_drop_undoes(seed: int, order: list[int]) -> N
     assert second.rows == ()
 
 
+@given(st.integers(0, 10**6), st.permutations(range(14)), st.integers(1, 5))
+def test_returns_are_those_of_rows_really_dropped(seed: int, order: list[int], k: int) -> None:
+    state = Elimination(random_system(seed, 14, 4)[2])
+    for row in order[:k]:
+        state.add(row)
+    own, w = state.returns()
+    for at, row in enumerate(order[:k]):
+        other = state.copy()
+        other.drop(row)
+        assert own[at] == pytest.approx(other.vtpv - state.vtpv, abs=1e-7)
+        assert own[at] == pytest.approx(other.w[row] ** 2, abs=1e-6)
+        expected = other.w
+        expected[row] = np.nan
+        np.testing.assert_allclose(w[:, at], expected, atol=1e-6)
+
+
 @given(st.integers(0, 10**6))
 def test_weights_from_columns_are_those_of_a_new_adjustment(seed: int) -> None:
     design, misclosures, system = random_system(seed, 15, 4)
