@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import signal
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -14,6 +15,7 @@ from textual.binding import Binding, BindingType
 from textual.screen import Screen
 from textual.theme import Theme
 
+from anaplot.console.errorspage import CHOICES
 from anaplot.console.keymap import default_path, load_keymap
 from anaplot.console.keys import ACTIONS
 from anaplot.console.screen import OrientationScreen
@@ -111,6 +113,11 @@ class ConsoleApp(App[int]):
             label = "" if action.group else action.label
             title = label or action.id.replace("_", " ").capitalize()
             yield SystemCommand(title, action.help, getattr(self._main, f"action_{action.id}"))
+        for strategy in CHOICES:
+            about = f"Gross errors of the model by the strategy {strategy}."
+            yield SystemCommand(
+                f"Errors: {strategy}", about, partial(self._main.show_errors, strategy)
+            )
 
     async def action_quit(self) -> None:
         """Leave as the q key does; asked a second time, leave at once."""

@@ -100,6 +100,16 @@ _INSTRUMENTS = (
     ),
 )
 
+_ERRORS = (
+    (
+        "errors page",
+        "What a strategy for gross errors would reject in the model as it is oriented now, in "
+        "what order and on what evidence, with the size of the error where it can be told. The "
+        "page chooses the strategy, and its verdict then stands among the advice: baarda, tau, "
+        "rms (the Bayesian paper's rule), huber, danish, search.",
+    ),
+)
+
 _BLOCK = (
     (
         "block page",
@@ -148,6 +158,7 @@ def help_lines(keys: Mapping[str, tuple[str, ...]], width: int) -> list[Content]
         *_section("The table", _COLUMNS, width),
         *_section("The map", _MAP, width),
         *_section("The stereo view", _STEREO, width),
+        *_section("Gross errors", _ERRORS, width),
         *_section("The block", _BLOCK, width),
         *_section("Instruments", _INSTRUMENTS, width),
         *_section("Keys", named + palette, width),

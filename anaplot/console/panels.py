@@ -285,10 +285,11 @@ class AdvicePanel(_Lines):
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
         super().__init__(id=id)
         self._snapshot: Snapshot | None = None
+        self._errors = ""
 
-    def show(self, snapshot: Snapshot) -> None:
-        """Show this from now on."""
-        self._snapshot = snapshot
+    def show(self, snapshot: Snapshot, errors: str = "") -> None:
+        """Show this from now on; `errors`: what the chosen strategy for gross errors says."""
+        self._snapshot, self._errors = snapshot, errors
         self.refresh()
 
     def lines(self, width: int, height: int) -> list[Content]:
@@ -296,7 +297,10 @@ class AdvicePanel(_Lines):
         if self._snapshot is None:
             return []
         lines: list[str] = []
-        for sentence in advice_of(self._snapshot):
+        sentences = advice_of(self._snapshot)
+        if self._errors:
+            sentences.insert(1, self._errors)
+        for sentence in sentences:
             first, *rest = wrap(sentence, width - 4) or [""]
             lines += [f" · {first}", *(f"   {line}" for line in rest)]
         if len(lines) > height:

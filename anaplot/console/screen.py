@@ -9,6 +9,7 @@ from typing import ClassVar
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Horizontal
+from textual.content import Content
 from textual.message import Message
 from textual.screen import Screen
 
@@ -17,6 +18,7 @@ from anaplot.console.blockpage import block_page
 from anaplot.console.commands import CommandThread
 from anaplot.console.describe import describe_model, describe_row
 from anaplot.console.dialogs import Ask, AskName, Page
+from anaplot.console.errorspage import FIRST, ErrorsPage, errors_line, errors_lines
 from anaplot.console.helptext import help_lines
 from anaplot.console.inwork import in_work
 from anaplot.console.keybar import KeyBar, KeyHint, show_keys
@@ -115,6 +117,8 @@ class OrientationScreen(Screen[None]):
         self._wheels = Wheels()
         self._unread: list[tuple[str, str]] = []
         self._block_page: Page | None = None
+        self._errors_page: ErrorsPage | None = None
+        self._strategy: str | None = None  # for gross errors, once one is chosen
 
     # -- layout and life -------------------------------------------------------------------
 
@@ -231,13 +235,19 @@ class OrientationScreen(Screen[None]):
         self._flagged = flagged
         self.query_one(HeaderPanel).show(snapshot, automatic=self._automatic())
         self.query_one(ExpectedLine).show(snapshot)
-        self.query_one(AdvicePanel).show(snapshot)
+        self._show_advice(snapshot)
         if snapshot.link.detail and (before is None or before.link != snapshot.link):
             faulty = snapshot.link.state not in ("live", "none", "opening")
             self._say("warning" if faulty else "info", f"link: {snapshot.link.detail}")
         if self._block_page is not None:
             self._block_page.show(block_page(snapshot.block_view, _PAGE_WIDTH))
+        if self._errors_page is not None:
+            self._errors_page.renew()
         self._show_selected()
+
+    def _show_advice(self, snapshot: Snapshot) -> None:
+        solution = snapshot.solution if snapshot.inner is None else None
+        self.query_one(AdvicePanel).show(snapshot, errors_line(solution, self._strategy))
 
     def _show_selected(self) -> None:
         if self._snapshot is None:
@@ -677,6 +687,31 @@ class OrientationScreen(Screen[None]):
 
     def _block_read(self, _: None) -> None:
         self._block_page = None
+
+    def action_errors(self) -> None:
+        """Show what a strategy for gross errors finds in the model; it is chosen there."""
+        if self._snapshot is not None:
+            self._choose(self._strategy or FIRST)
+            page = ErrorsPage(self._strategy or FIRST, self._errors_lines, self._choose)
+            self._errors_page = page
+            self.app.push_screen(page, self._errors_read)
+
+    def show_errors(self, strategy: str) -> None:
+        """Choose a strategy for gross errors and show what it finds."""
+        self._strategy = strategy
+        self.action_errors()
+
+    def _errors_lines(self, strategy: str) -> list[Content]:
+        solution = None if self._snapshot is None else self._snapshot.solution
+        return errors_lines(solution, strategy, _PAGE_WIDTH)
+
+    def _choose(self, strategy: str) -> None:
+        self._strategy = strategy
+        if self._snapshot is not None:
+            self._show_advice(self._snapshot)
+
+    def _errors_read(self, _: None) -> None:
+        self._errors_page = None
 
     def action_help(self) -> None:
         """Explain the screen."""

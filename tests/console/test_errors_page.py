@@ -1,0 +1,104 @@
+"""The page of strategies for gross errors, over a model with one planted error."""
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+from consolefake import FakeStation, picture
+
+from anaplot.console.app import ConsoleApp
+from anaplot.console.errorspage import CHOICES, errors_line, errors_lines, model_findings
+from anaplot.orientation.patterns import pattern
+from anaplot.orientation.results import ModelSolution
+from anaplot.planning.patternplan import from_pattern, solve
+
+
+def model(name: str = "13/5", wrong: str | None = "8", size_um: float = 200.0) -> ModelSolution:
+    """Return an ideal model, with an error of one y row planted to first order."""
+    solution = solve(from_pattern(pattern(name), 90.0, 100.0, 152.0), "propagated")
+    table = list(solution.table)
+    if wrong is not None:
+        row = [r.key for r in table].index((wrong, "y"))
+        parallax = solution.q_vv[:, row] / solution.q_l[row] * size_um
+        table = [
+            replace_row(r, v, solution.apriori_um, q)
+            for r, v, q in zip(table, parallax, solution.q_l, strict=True)
+        ]
+    return replace(solution, table=tuple(table))
+
+
+def replace_row(row, parallax, apriori, q):
+    sigf = abs(parallax) / (apriori * (q * row.redn) ** 0.5) if row.redn > 1e-9 else None
+    return row._replace(parx_um=float(parallax), sigf=sigf)
+
+
+def page(solution: ModelSolution | None, strategy: str, width: int = 72) -> str:
+    return "\n".join(line.plain for line in errors_lines(solution, strategy, width))
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "huber", "danish", "search"])
+def test_the_planted_row_is_named_with_its_size(strategy: str) -> None:
+    solution = model()
+    text = page(solution, strategy)
+    row = next(line for line in text.splitlines() if line.startswith("8 y"))
+    assert "200.0" in row
+    assert "Nothing is switched off by this page" in text
+    assert errors_line(solution, strategy).startswith(f"{strategy} rejects: 8 y")
+    assert max(len(line) for line in text.splitlines()) <= 72
+
+
+def test_nothing_wrong_nothing_said() -> None:
+    solution = model(wrong=None)
+    for strategy in CHOICES:
+        assert "No row is rejected." in page(solution, strategy)
+        assert errors_line(solution, strategy) == ""
+    assert errors_line(solution, None) == ""
+    assert errors_line(None, "search") == ""
+
+
+def test_a_model_without_redundancy_says_so() -> None:
+    assert "No row of this model can be tested yet." in page(None, "search")
+    assert model_findings(replace(model(wrong=None), redundancy=0), "search") is None
+
+
+def text(app: ConsoleApp) -> str:
+    strips = app.screen._compositor.render_strips()
+    return "\n".join("".join(s.text for s in strip) for strip in strips)
+
+
+async def until(pilot, condition) -> None:
+    async with asyncio.timeout(60):
+        while not condition():
+            await pilot.pause()
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_strategies_by_key_and_the_line_of_advice(size: tuple[int, int]) -> None:
+    station = FakeStation(picture(solution=model()))
+    app = ConsoleApp(station)
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause()
+        assert "rejects" not in text(app)
+        await pilot.press("e")
+        await until(pilot, lambda: "[search]" in text(app))
+        assert "8 y" in text(app)
+        await pilot.press("e")
+        await until(pilot, lambda: "[baarda]" in text(app))
+        assert "against 3.29" in text(app)
+        station.tell(picture(serial=2, solution=model(wrong=None)))
+        await until(pilot, lambda: "No row is rejected." in text(app))
+        station.tell(picture(serial=3, solution=model(wrong="2")))
+        await until(pilot, lambda: "2 y" in text(app))
+        await pilot.press("left", "escape")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        await until(pilot, lambda: "search rejects: 2 y" in text(app))
+
+
+async def test_the_palette_chooses_a_strategy() -> None:
+    app = ConsoleApp(FakeStation(picture(solution=model())))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("ctrl+p")
+        await pilot.press(*"errors", "space", *"danish")
+        await until(pilot, lambda: "Errors: danish" in text(app))
+        await pilot.press("enter")
+        await until(pilot, lambda: "[danish]" in text(app))
