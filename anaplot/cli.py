@@ -360,6 +360,45 @@ def _plan_pattern(options: argparse.Namespace) -> int:
     return run_plan_pattern(options)
 
 
+def _plan_simulate(options: argparse.Namespace) -> int:
+    from anaplot.report.simulatecommand import run_simulate
+
+    return run_simulate(options)
+
+
+def _add_simulate(parts: Any) -> None:
+    simulate = parts.add_parser(
+        "simulate",
+        help="Monte Carlo: how often errors are found, rightly or wrongly",
+        epilog="example: anaplot plan simulate kratky-1983-6-3 --runs 20000",
+    )
+    simulate.add_argument(
+        "scenario", nargs="?", metavar="SCENARIO", help="one of those named by --list"
+    )
+    simulate.add_argument("--list", action="store_true", help="name the scenarios")
+    simulate.add_argument(
+        "--strategy", metavar="NAME,...", help="only these of the scenario's methods"
+    )
+    simulate.add_argument(
+        "--runs", type=_whole(1, 100_000_000), metavar="N", help="default: the scenario's own"
+    )
+    simulate.add_argument(
+        "--seed", type=_whole(0, 2**63 - 1), default=0, metavar="S", help="default 0"
+    )
+    simulate.add_argument(
+        "--processes", type=_whole(1, 256), metavar="P", help="default: as many as processors"
+    )
+    simulate.add_argument("--json", action="store_true", help="print JSON for programs")
+    simulate.add_argument("--csv", type=Path, metavar="FILE", help="write the figures as CSV")
+    simulate.add_argument(
+        "--to",
+        type=Path,
+        metavar="FILE",
+        help="keep what is done in a file; the same call goes on from there",
+    )
+    simulate.set_defaults(run=_plan_simulate)
+
+
 def _add_plan(commands: Any) -> None:
     plan = commands.add_parser(
         "plan",
@@ -393,6 +432,7 @@ def _add_plan(commands: Any) -> None:
     show.add_argument("--json", action="store_true", help="print JSON for programs")
     show.add_argument("--csv", type=Path, metavar="FILE", help="write the rows as CSV")
     show.set_defaults(run=_plan_pattern)
+    _add_simulate(parts)
 
 
 def _parser() -> _Parser:

@@ -1,0 +1,176 @@
+"""The file in which a simulation keeps the chunks that are done: JSON, one line each.
+
+The first line says what is simulated, every other one holds the sums of a chunk. A line that was
+torn off by a crash is cut; a line that is damaged in another way is refused by its number.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from anaplot.errors import InputError
+from anaplot.exchange.wording import place, plain, quoted, reason
+
+__all__ = ["RUNS_FORMAT", "KeptChunk", "KeptSums", "RunsFile"]
+
+RUNS_FORMAT = 1
+_LARGEST = 256 * 1024 * 1024
+_LONGEST = 4 * 1024 * 1024
+
+
+class KeptSums(NamedTuple):
+    """A case's, a method's and a quantity's number of runs, sum and sum of squares."""
+
+    case: str
+    method: str
+    quantity: str
+    runs: int
+    total: float
+    squares: float
+
+
+class KeptChunk(NamedTuple):
+    """A chunk that is done."""
+
+    number: int
+    runs: int
+    sums: tuple[KeptSums, ...]
+
+
+class RunsFile:
+    """A file of chunks, open for more; use it as a context manager.
+
+    Parameters
+    ----------
+    path
+        The file; made when it does not exist.
+    what
+        What is simulated; an existing file must say the same.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or written, is damaged, or belongs to another simulation.
+    """
+
+    def __init__(self, path: Path, what: dict[str, Any]) -> None:
+        self._path = path
+        head = {"format": RUNS_FORMAT, **what}
+        self.chunks: tuple[KeptChunk, ...] = ()
+        length = 0
+        try:
+            if path.exists():
+                data = self._read()
+                length = data.rfind(b"\n") + 1
+                self.chunks = self._chunks(data[:length], head)
+            self._file = path.open("ab")
+        except OSError as error:
+            raise InputError(f"{place(path)}: {reason(error)}") from None
+        try:
+            self._file.truncate(length)  # what a crash left of a line that was not finished
+            if length == 0:
+                self._write(head)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def __enter__(self) -> RunsFile:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+    def keep(self, chunk: KeptChunk) -> None:
+        """Write a chunk; it is on disk when this returns.
+
+        Raises
+        ------
+        InputError
+            It could not be written.
+        """
+        self._write(
+            {"chunk": chunk.number, "runs": chunk.runs, "sums": [list(s) for s in chunk.sums]}
+        )
+
+    def _write(self, value: dict[str, Any]) -> None:
+        line = json.dumps(value, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+        try:
+            self._file.write(line)
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise InputError(f"{place(self._path)}: {reason(error)}") from None
+
+    def _read(self) -> bytes:
+        with self._path.open("rb") as file:
+            data = file.read(_LARGEST + 1)
+        if len(data) > _LARGEST:
+            raise InputError(f"{place(self._path)}: larger than {_LARGEST} bytes")
+        return data
+
+    def _chunks(self, data: bytes, head: dict[str, Any]) -> tuple[KeptChunk, ...]:
+        chunks = []
+        for number, line in enumerate(data.splitlines(keepends=True), 1):
+            value = self._parsed(line, number)
+            if number == 1:
+                self._same(value, head)
+            else:
+                chunks.append(self._chunk(value, number))
+        return tuple(chunks)
+
+    def _parsed(self, line: bytes, number: int) -> dict[str, Any]:
+        where = place(self._path, number)
+        if len(line) > _LONGEST:
+            raise InputError(f"{where}: longer than {_LONGEST} bytes")
+        try:
+            value = json.loads(line.decode("utf-8"))
+        except (ValueError, RecursionError):
+            raise InputError(f"{where}: not a line of a simulation's file") from None
+        if not isinstance(value, dict):
+            raise InputError(f"{where}: not a line of a simulation's file")
+        return value
+
+    def _same(self, value: dict[str, Any], head: dict[str, Any]) -> None:
+        for key, expected in head.items():
+            if value.get(key) != expected:
+                said = plain(json.dumps(value.get(key)), 60)
+                wanted = plain(json.dumps(expected), 60)
+                raise InputError(
+                    f"{place(self._path, 1)}: belongs to another simulation: "
+                    f"{key} is {said}, asked is {wanted}; name another file"
+                )
+
+    def _chunk(self, value: dict[str, Any], number: int) -> KeptChunk:
+        where = place(self._path, number)
+        index, runs, rows = value.get("chunk"), value.get("runs"), value.get("sums")
+        if type(index) is not int or type(runs) is not int or index < 0 or runs < 1:
+            raise InputError(f"{where}: 'chunk' and 'runs' must be whole numbers")
+        if not isinstance(rows, list):
+            raise InputError(f"{where}: 'sums' is missing")
+        return KeptChunk(index, runs, tuple(self._sums(row, where) for row in rows))
+
+    def _sums(self, row: Any, where: str) -> KeptSums:
+        if not isinstance(row, list) or len(row) != 6:
+            raise InputError(f"{where}: sums are [case, method, quantity, runs, total, squares]")
+        names, count, values = row[:3], row[3], row[4:]
+        if not all(isinstance(name, str) and len(name) <= 200 for name in names):
+            raise InputError(f"{where}: a name is missing in {quoted(json.dumps(row))}")
+        if type(count) is not int or count < 0:
+            raise InputError(f"{where}: {quoted(json.dumps(count))} is no number of runs")
+        if not all(
+            isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v)
+            for v in values
+        ):
+            raise InputError(f"{where}: {quoted(json.dumps(values))} are no sums")
+        case, method, quantity = names
+        return KeptSums(case, method, quantity, count, float(values[0]), float(values[1]))

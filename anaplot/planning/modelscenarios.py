@@ -1,0 +1,276 @@
+"""Scenarios on single models, with noise in the pseudo-observations (Kratky and El-Hakim 1983).
+
+Every one of them is linear: the observations of a run leave e = R l, so that all runs of a chunk
+are one matrix product. Errors are counted in a-priori sigmas of their row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.batch import standardized, tau_statistics
+from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
+from anaplot.adjustment.significance import (
+    TESTABLE,
+    critical_normal,
+    critical_tau,
+    noncentrality,
+    tau_power,
+)
+from anaplot.orientation.patterns import pattern
+from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.patternplan import from_pattern, solve
+
+__all__ = ["OneError", "SizeOfTests", "model_rows", "scenarios"]
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+ALPHA = 0.001
+POWER = 0.80
+_B, _D, _C = 0.60 * 152.0, 0.66 * 152.0, 152.0  # NOTES: the proportions of the printed values
+_SIZES = (6, 10, 20)
+_SCATTER_MM, _MODELS, _LAID = 2.5, 40, 1983
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """R of an ideal model, and what turns whitened misclosures into parallaxes."""
+
+    name: str
+    matrix: Array = field(repr=False)
+    root: Array = field(repr=False)
+    redundancy: int
+
+    @property
+    def r(self) -> Array:
+        return np.diag(self.matrix)
+
+    @property
+    def testable(self) -> Bools:
+        return np.asarray(self.r >= TESTABLE)
+
+
+def model_rows(name: str, scatter: Array | None = None) -> _Rows:
+    """Return the rows of an ideal model with a named pattern, e.g. "13/5".
+
+    Parameters
+    ----------
+    name
+        The pattern.
+    scatter
+        (n, 2) how far the points lie from their ideal places [mm]; None: not at all.
+    """
+    plan = from_pattern(pattern(name), _B, _D, _C)
+    if scatter is not None:
+        moved = zip(plan.points, scatter.tolist(), strict=True)
+        plan = replace(plan, points=tuple((p, x + dx, y + dy) for (p, x, y), (dx, dy) in moved))
+    solution = solve(plan)
+    root = np.sqrt(solution.q_l)
+    return _Rows(name, solution.q_vv / root[:, None] / root, root, solution.redundancy)
+
+
+def _as_measured(name: str) -> tuple[_Rows, ...]:
+    """Return models whose points lie where people set them: some millimetres off.
+
+    At the ideal places two pairs of rows of 6/3 are exactly inseparable: rounding would decide.
+    """
+    rng = np.random.default_rng(_LAID)
+    points = len(pattern(name).positions(_B, _D))
+    return tuple(
+        model_rows(name, rng.normal(scale=_SCATTER_MM, size=(points, 2))) for _ in range(_MODELS)
+    )
+
+
+def _tests(rows: _Rows, e: Array, methods: tuple[str, ...]) -> dict[str, tuple[Array, float]]:
+    """Return (m, n) statistics and their critical value for every test asked."""
+    found: dict[str, tuple[Array, float]] = {}
+    if "baarda" in methods:
+        found["baarda"] = (
+            np.where(rows.testable, standardized(e, rows.r), 0.0),
+            critical_normal(ALPHA),
+        )
+    critical = critical_tau(ALPHA, rows.redundancy)
+    if "tau" in methods and critical is not None:
+        statistic = np.where(rows.testable, tau_statistics(e, rows.r, rows.redundancy), 0.0)
+        found["tau"] = (statistic, critical)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class OneError:
+    """One gross error in any row: found by the tests, and by the eye for the largest parallax."""
+
+    name: str
+    pattern: str
+    references: Mapping[Key, float] = field(default_factory=dict, repr=False)
+    methods: tuple[str, ...] = ("baarda", "tau", "largest parallax")
+    runs: int = 10_000
+    chunk: int = 2_000
+
+    @property
+    def about(self) -> str:
+        """What it is."""
+        points, _, ties = self.pattern.partition("/")
+        tied = f"{ties} ties" if ties else "no scale transfer"
+        return f"one gross error in a model of {points} points, {tied} (1983)"
+
+    def prepare(self) -> _OneErrorTrial:
+        """Orient the models."""
+        return _OneErrorTrial(_as_measured(self.pattern))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OneErrorTrial:
+    models: tuple[_Rows, ...]
+
+    def remarks(self) -> tuple[str, ...]:
+        low = min(float(rows.r.min()) for rows in self.models)
+        high = max(float(rows.r.max()) for rows in self.models)
+        n = len(self.models[0].r)
+        partners = np.mean([(_near(rows) & ~np.eye(n, dtype=bool)).any() for rows in self.models])
+        return (
+            f"{n} rows, redundancy {self.models[0].redundancy}, redundancy numbers {low:.3f} to "
+            f"{high:.3f}; {_MODELS} models, their points {_SCATTER_MM} mm (1 sigma) from the "
+            "ideal places",
+            f"{100.0 * partners:.0f} % of the models hold rows with residual correlation of "
+            f"{HARD_TO_TELL} or more",
+        )
+
+    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
+        tally: Tally = {}
+        for size in _SIZES:
+            model = np.sort(rng.integers(len(self.models), size=runs))
+            parts: list[dict[tuple[str, str], Bools]] = []
+            for k in np.unique(model).tolist():
+                count = int((model == k).sum())
+                parts.append(_with_one_error(self.models[k], rng, count, size, methods))
+            for method, quantity in parts[0]:
+                values = np.concatenate([part[method, quantity] for part in parts])
+                tally[f"{size} sigma", method, quantity] = sums(values)
+        return tally
+
+
+def _near(rows: _Rows) -> Bools:
+    """Return (n, n) which rows are hard to tell apart, each one from itself included."""
+    rho = np.abs(np.nan_to_num(residual_correlations(rows.matrix, rows.r)))
+    np.fill_diagonal(rho, 1.0)
+    return np.asarray(rho >= HARD_TO_TELL)
+
+
+def _with_one_error(
+    rows: _Rows, rng: np.random.Generator, runs: int, size: float, methods: tuple[str, ...]
+) -> dict[tuple[str, str], Bools]:
+    """Return what became of (runs,) single errors, by method and quantity."""
+    n, at, near = len(rows.r), np.arange(runs), _near(rows)
+    wrong = rng.integers(n, size=runs)
+    errors = rng.standard_normal((runs, n))
+    errors[at, wrong] += size * rng.choice((-1.0, 1.0), runs)
+    e = errors @ rows.matrix
+    out: dict[tuple[str, str], Bools] = {}
+    for method, (statistic, critical) in _tests(rows, e, methods).items():
+        largest = statistic.argmax(axis=1)
+        found = statistic[at, largest] > critical
+        right = found & (largest == wrong)
+        out[method, "detected"] = found
+        out[method, "right"] = right
+        out[method, "right or its partner"] = found & near[largest, wrong]
+        out[method, "wrong"] = found & ~right
+        out[method, "missed"] = ~found
+    if "largest parallax" in methods:
+        out["largest parallax", "right"] = np.abs(e * rows.root).argmax(axis=1) == wrong
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class SizeOfTests:
+    """No error: every test errs as often as its alpha says. One error: its power is as predicted.
+
+    The error planted for the power is the smallest detectable one of its row.
+    """
+
+    name: str = "size-models"
+    about: str = "size and power of the tests on single models, noise in the pseudo-observations"
+    methods: tuple[str, ...] = ("baarda", "tau")
+    runs: int = 20_000
+    chunk: int = 5_000
+    patterns: tuple[str, ...] = ("6/3", "9/3", "13", "13/5", "15/5")
+
+    @property
+    def references(self) -> Mapping[Key, float]:
+        """The alpha of the tests, and the power computed for them."""
+        known: dict[Key, float] = {}
+        delta = noncentrality(ALPHA, POWER)
+        for name in self.patterns:
+            rows = model_rows(name)
+            power = tau_power(delta, ALPHA, rows.redundancy)
+            known[name, "baarda", "size"] = ALPHA
+            known[name, "baarda", "power"] = POWER
+            if power is not None:
+                known[name, "tau", "size"] = ALPHA
+                known[name, "tau", "power"] = power
+        return known
+
+    def prepare(self) -> _SizeTrial:
+        """Orient the ideal models."""
+        return _SizeTrial(tuple(model_rows(name) for name in self.patterns))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SizeTrial:
+    models: tuple[_Rows, ...]
+
+    def remarks(self) -> tuple[str, ...]:
+        return (
+            f"size: share of testable rows flagged, alpha {ALPHA}; power: share of errors flagged "
+            f"that have the size found with {100.0 * POWER:.0f} % by the test with known sigma",
+        )
+
+    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
+        tally: Tally = {}
+        delta = noncentrality(ALPHA, POWER)
+        for rows in self.models:
+            n = len(rows.r)
+            noise = rng.standard_normal((runs, n))
+            e = noise @ rows.matrix
+            for method, (statistic, critical) in _tests(rows, e, methods).items():
+                share = (statistic > critical)[:, rows.testable].mean(axis=1)
+                tally[rows.name, method, "size"] = sums(share)
+            places = np.flatnonzero(rows.testable)
+            wrong = rng.choice(places, runs)
+            size = delta / np.sqrt(rows.r[wrong]) * rng.choice((-1.0, 1.0), runs)
+            e = e + rows.matrix[wrong] * size[:, None]
+            for method, (statistic, critical) in _tests(rows, e, methods).items():
+                tally[rows.name, method, "power"] = sums(
+                    statistic[np.arange(runs), wrong] > critical
+                )
+        return tally
+
+
+_FOUND: dict[str, dict[Key, float]] = {
+    "6/3": {
+        ("20 sigma", "baarda", "right"): 0.81,
+        ("20 sigma", "largest parallax", "right"): 0.40,
+    },
+    "9/3": {
+        ("20 sigma", "baarda", "right"): 1.00,
+        ("20 sigma", "largest parallax", "right"): 0.67,
+    },
+    "13/5": {("20 sigma", "baarda", "right"): 1.00},
+}
+"""Found independently with known sigma."""
+
+_PATTERNS = ("6", "6/3", "9", "9/3", "10", "10/3", "10/5", "13", "13/3", "13/5", "15", "15/5")
+
+
+def scenarios() -> tuple[Scenario, ...]:
+    """Return the scenarios on single models."""
+    one = [
+        OneError(f"kratky-1983-{name.replace('/', '-')}", name, _FOUND.get(name, {}))
+        for name in _PATTERNS
+    ]
+    return (*one, SizeOfTests())

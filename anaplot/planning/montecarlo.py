@@ -1,0 +1,346 @@
+"""Monte Carlo: many runs of a scenario in parallel processes, the same whatever their number.
+
+Runs are done in chunks of a fixed size. Chunk i draws from the i-th child of the seed, so that its
+sums depend on scenario, seed, methods and i alone: not on how many processes there are, nor on
+which of them does it, nor on where an interrupted simulation went on.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import sqrt
+from multiprocessing import get_context
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from anaplot.adjustment.significance import critical_normal
+from anaplot.errors import InputError, NotComputableError
+from anaplot.planning.rates import wilson
+
+__all__ = [
+    "ChunkDone",
+    "Figure",
+    "Key",
+    "Scenario",
+    "Sums",
+    "Tally",
+    "Trial",
+    "add",
+    "chunk_sizes",
+    "figures",
+    "simulate",
+    "sums",
+]
+
+Key = tuple[str, str, str]
+"""(case, method, quantity)."""
+
+_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+MOST_RUNS = 100_000_000
+
+
+class Sums(NamedTuple):
+    """Number of runs, sum and sum of squares of a value that every run has."""
+
+    runs: int
+    total: float
+    squares: float
+
+
+Tally = dict[Key, Sums]
+
+
+class Trial(Protocol):
+    """A scenario made ready in one process: it holds the geometry."""
+
+    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
+        """Do some runs."""
+        ...
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return facts of the geometry: sentences."""
+        ...
+
+
+class Scenario(Protocol):
+    """What is simulated; small, immutable and known by name.
+
+    Attributes
+    ----------
+    name, about
+        What it is called, and one sentence.
+    methods
+        All methods (mostly strategies for gross errors) that it compares.
+    runs
+        How many runs are usual.
+    chunk
+        Runs of one chunk.
+    references
+        Known values of some figures: printed in the papers, or found independently.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102 - see the class
+    @property
+    def about(self) -> str: ...  # noqa: D102
+    @property
+    def methods(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def runs(self) -> int: ...  # noqa: D102
+    @property
+    def chunk(self) -> int: ...  # noqa: D102
+    @property
+    def references(self) -> Mapping[Key, float]: ...  # noqa: D102
+
+    def prepare(self) -> Trial:
+        """Make it ready in this process."""
+        ...
+
+
+class ChunkDone(NamedTuple):
+    """The sums of one chunk."""
+
+    number: int
+    runs: int
+    tally: Tally
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """The mean of a quantity over all runs, with its two-sided confidence interval.
+
+    Attributes
+    ----------
+    case, method, quantity
+        What it is.
+    runs
+        Number of runs.
+    mean, low, high
+        Mean per run. Of a value that is 0 or 1 in every run: a rate, with Wilson's interval;
+        otherwise the interval is the normal one from the scatter of the runs.
+    reference
+        The known value, or None.
+    """
+
+    case: str
+    method: str
+    quantity: str
+    runs: int
+    mean: float
+    low: float
+    high: float
+    reference: float | None
+
+
+def sums(values: ArrayLike | NDArray[np.bool_]) -> Sums:
+    """Return the sums of a value of (runs,) runs."""
+    x = np.asarray(values, dtype=float)
+    return Sums(len(x), float(x.sum()), float(x @ x))
+
+
+def add(a: Mapping[Key, Sums], b: Mapping[Key, Sums]) -> Tally:
+    """Return the sums of two sets of runs taken together."""
+    out = dict(a)
+    for key, more in b.items():
+        one = out.get(key, Sums(0, 0.0, 0.0))
+        out[key] = Sums(one.runs + more.runs, one.total + more.total, one.squares + more.squares)
+    return out
+
+
+def figures(
+    tally: Mapping[Key, Sums], references: Mapping[Key, float], confidence: float = 0.95
+) -> tuple[Figure, ...]:
+    """Return the means with their intervals, in the order of the tally."""
+    return tuple(
+        _figure(key, of, references.get(key), confidence) for key, of in tally.items() if of.runs
+    )
+
+
+def _figure(key: Key, of: Sums, reference: float | None, confidence: float) -> Figure:
+    mean = of.total / of.runs
+    if of.squares == of.total and float(of.total).is_integer() and of.total <= of.runs:
+        rate = wilson(round(of.total), of.runs, confidence)
+        return Figure(*key, of.runs, rate.value, rate.low, rate.high, reference)
+    spread = max(of.squares / of.runs - mean * mean, 0.0)
+    deviation = sqrt(spread / max(of.runs - 1, 1))
+    half = critical_normal(1.0 - confidence) * deviation if of.runs > 1 else float("inf")
+    return Figure(*key, of.runs, mean, mean - half, mean + half, reference)
+
+
+def chunk_sizes(runs: int, chunk: int) -> tuple[int, ...]:
+    """Return the number of runs of every chunk; only the last one may be smaller.
+
+    Raises
+    ------
+    InputError
+        Less than one run, or more than can be meant.
+    """
+    if not 1 <= runs <= MOST_RUNS:
+        raise InputError(f"{runs} runs: 1 to {MOST_RUNS} are possible")
+    whole, rest = divmod(runs, chunk)
+    return (chunk,) * whole + ((rest,) if rest else ())
+
+
+def simulate(
+    scenario: Scenario,
+    *,
+    runs: int | None = None,
+    seed: int = 0,
+    methods: Sequence[str] | None = None,
+    processes: int = 1,
+    done: Iterable[ChunkDone] = (),
+    progress: Callable[[str, float], None] | None = None,
+    store: Callable[[ChunkDone], None] | None = None,
+) -> Tally:
+    """Run a scenario.
+
+    Parameters
+    ----------
+    scenario
+        What is simulated.
+    runs, methods
+        None: those of the scenario.
+    seed
+        Not negative; the same seed gives the same sums.
+    processes
+        With 1 nothing is started beside this process.
+    done
+        Chunks of an earlier simulation with the same scenario, seed and methods; those that are
+        whole for the runs asked are not done again.
+    progress
+        Told what is done and how much of it (0 to 1).
+    store
+        Given every chunk as soon as it is done; chunks come in any order.
+
+    Returns
+    -------
+    dict
+        Sums over all runs, added in the order of the chunks.
+
+    Raises
+    ------
+    InputError
+        A method that the scenario does not know, or impossible numbers.
+    NotComputableError
+        A process died.
+    """
+    chosen = _chosen(scenario, methods)
+    if seed < 0 or processes < 1:
+        raise InputError("the seed must not be negative, and there must be at least one process")
+    sizes = chunk_sizes(scenario.runs if runs is None else runs, scenario.chunk)
+    tallies = {
+        c.number: c.tally for c in done if c.number < len(sizes) and c.runs == sizes[c.number]
+    }
+    tasks = [
+        _Task(scenario, seed, chosen, index, size)
+        for index, size in enumerate(sizes)
+        if index not in tallies
+    ]
+    total = sum(sizes)
+    finished = total - sum(task.runs for task in tasks)
+    for chunk in _carried_out(tasks, min(processes, max(len(tasks), 1))):
+        tallies[chunk.number] = chunk.tally
+        finished += chunk.runs
+        if store is not None:
+            store(chunk)
+        if progress is not None:
+            progress(scenario.name, finished / total)
+    tally: Tally = {}
+    for index in range(len(sizes)):
+        tally = add(tally, tallies[index])
+    return tally
+
+
+class _Task(NamedTuple):
+    scenario: Scenario
+    seed: int
+    methods: tuple[str, ...]
+    number: int
+    runs: int
+
+
+def _chosen(scenario: Scenario, methods: Sequence[str] | None) -> tuple[str, ...]:
+    if methods is None:
+        return scenario.methods
+    for method in methods:
+        if method not in scenario.methods:
+            known = ", ".join(scenario.methods)
+            raise InputError(f"{scenario.name} has no method {method!r}; it has: {known}")
+    # the scenario's order, whatever the caller's: the same sums then
+    return tuple(method for method in scenario.methods if method in methods)
+
+
+_ready: dict[str, Trial] = {}
+
+
+def _prepared(scenario: Scenario) -> Trial:
+    """Make a scenario ready once in this process; only the last one is kept."""
+    key = repr(scenario)
+    if key not in _ready:
+        _ready.clear()
+        _ready[key] = scenario.prepare()
+    return _ready[key]
+
+
+def _do(task: _Task) -> ChunkDone:
+    rng = np.random.default_rng(np.random.SeedSequence(task.seed, spawn_key=(task.number,)))
+    tally = _prepared(task.scenario).run(rng, task.runs, task.methods)
+    return ChunkDone(task.number, task.runs, tally)
+
+
+def _carried_out(tasks: list[_Task], processes: int) -> Iterator[ChunkDone]:
+    if processes == 1:
+        for task in tasks:
+            yield _do(task)
+        return
+    rest = iter(tasks)
+    running: set[Future[ChunkDone]] = set()
+    with _one_thread_each(), _pool(processes) as pool:
+        try:
+            while True:
+                for task in rest:
+                    running.add(pool.submit(_do, task))
+                    if len(running) >= 2 * processes:
+                        break
+                if not running:
+                    return
+                ended, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in ended:
+                    yield future.result()
+        except BrokenProcessPool:
+            raise NotComputableError("a process of the simulation died before its time") from None
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _pool(processes: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(
+        processes, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_the_parent
+    )
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let the processes started meanwhile do linear algebra with one thread each."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

@@ -1,0 +1,15 @@
+"""All named scenarios, to be run by anyone: `anaplot plan simulate --list`."""
+
+from __future__ import annotations
+
+from anaplot.planning import modelscenarios
+from anaplot.planning.montecarlo import Scenario
+
+__all__ = ["scenarios"]
+
+_ROOMS = (modelscenarios,)
+
+
+def scenarios() -> dict[str, Scenario]:
+    """Return every named scenario by its name."""
+    return {scenario.name: scenario for room in _ROOMS for scenario in room.scenarios()}

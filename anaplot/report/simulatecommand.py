@@ -1,0 +1,186 @@
+"""The command `anaplot plan simulate`: Monte Carlo over scenarios, as a table, JSON or CSV."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import json
+import os
+import sys
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from anaplot import __version__
+from anaplot.errors import InputError
+from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
+from anaplot.exchange.wording import hint, quoted
+from anaplot.planning.montecarlo import ChunkDone, Figure, Scenario, Sums, figures, simulate
+from anaplot.planning.scenarios import scenarios
+from anaplot.report.printable import printable
+from anaplot.report.progress import ProgressLine
+
+__all__ = ["run_simulate"]
+
+_COLUMNS = ("case", "method", "quantity", "runs", "mean", "low", "high", "reference")
+
+
+def run_simulate(options: argparse.Namespace) -> int:
+    """Simulate a scenario and print its figures, or list the scenarios.
+
+    Raises
+    ------
+    InputError
+        No such scenario or method, or a file that cannot be used.
+    NotComputableError
+        A process died.
+    """
+    if options.list:
+        return _list(as_json=options.json)
+    if options.scenario is None:
+        raise InputError("which scenario? --list names them")
+    scenario = _scenario(options.scenario)
+    runs = scenario.runs if options.runs is None else options.runs
+    methods = None
+    if options.strategy is not None:
+        methods = tuple(name.strip() for name in options.strategy.split(",") if name.strip())
+        unknown = [name for name in methods if name not in scenario.methods]
+        if unknown or not methods:
+            name = unknown[0] if unknown else ""
+            raise InputError(
+                f"{scenario.name} has no method {quoted(name)}{hint(name, scenario.methods)}"
+            )
+    processes = options.processes or max(os.cpu_count() or 1, 1)
+    with contextlib.ExitStack() as stack:
+        kept: RunsFile | None = None
+        if options.to is not None:
+            used = methods or scenario.methods
+            what = {
+                "scenario": scenario.name,
+                "seed": options.seed,
+                "methods": [m for m in scenario.methods if m in used],
+                "chunk": scenario.chunk,
+                "anaplot": __version__,
+            }
+            kept = stack.enter_context(RunsFile(options.to, what))
+        progress = stack.enter_context(ProgressLine(sys.stderr))
+        progress(scenario.name, 0.0)
+        tally = simulate(
+            scenario,
+            runs=runs,
+            seed=options.seed,
+            methods=methods,
+            processes=processes,
+            done=() if kept is None else [_done(chunk) for chunk in kept.chunks],
+            progress=progress,
+            store=None if kept is None else partial(_keep, kept),
+        )
+    found = figures(tally, scenario.references)
+    remarks = scenario.prepare().remarks()
+    if options.csv is not None:
+        _write_csv(options.csv, found)
+    if options.json:
+        print(json.dumps(_json(scenario, found, remarks, runs, options.seed), indent=1))
+    else:
+        print(_printout(scenario, found, remarks, runs, options.seed))
+    return 0
+
+
+def _scenario(name: str) -> Scenario:
+    known = scenarios()
+    if name not in known:
+        raise InputError(f"no scenario is called {quoted(name)}{hint(name, known)}; see --list")
+    return known[name]
+
+
+def _list(*, as_json: bool) -> int:
+    known = scenarios().values()
+    if as_json:
+        rows = [
+            {"name": s.name, "about": s.about, "methods": list(s.methods), "runs": s.runs}
+            for s in known
+        ]
+        print(json.dumps({"scenarios": rows}, indent=1))
+        return 0
+    width = max(len(s.name) for s in known)
+    for s in known:
+        print(f"{s.name:<{width}}  {s.about}")
+    return 0
+
+
+def _keep(file: RunsFile, chunk: ChunkDone) -> None:
+    file.keep(_kept(chunk))
+
+
+def _kept(chunk: ChunkDone) -> KeptChunk:
+    rows = tuple(KeptSums(*key, *of) for key, of in chunk.tally.items())
+    return KeptChunk(chunk.number, chunk.runs, rows)
+
+
+def _done(chunk: KeptChunk) -> ChunkDone:
+    tally = {(s.case, s.method, s.quantity): Sums(s.runs, s.total, s.squares) for s in chunk.sums}
+    return ChunkDone(chunk.number, chunk.runs, tally)
+
+
+def _json(
+    scenario: Scenario, found: Iterable[Figure], remarks: Iterable[str], runs: int, seed: int
+) -> dict[str, Any]:
+    return {
+        "scenario": scenario.name,
+        "about": scenario.about,
+        "runs": runs,
+        "seed": seed,
+        "confidence": 0.95,
+        "figures": [_row(figure) for figure in found],
+        "remarks": list(remarks),
+    }
+
+
+def _row(figure: Figure) -> dict[str, Any]:
+    row = {name: getattr(figure, name) for name in _COLUMNS}
+    if figure.runs < 2 and figure.low == -float("inf"):
+        row["low"] = row["high"] = None
+    return row
+
+
+def _write_csv(path: Path, found: Iterable[Figure]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(_COLUMNS)
+        for figure in found:
+            row = _row(figure)
+            writer.writerow("" if row[name] is None else row[name] for name in _COLUMNS)
+
+
+def _printout(
+    scenario: Scenario, found: tuple[Figure, ...], remarks: Iterable[str], runs: int, seed: int
+) -> str:
+    lines = [f"{scenario.name}: {scenario.about}", f"{runs} runs, seed {seed}", ""]
+    method = max([len("method"), *(len(f.method) for f in found)])
+    quantity = max([len("quantity"), *(len(f.quantity) for f in found)])
+    head = f"  {'method':<{method}}  {'quantity':<{quantity}}  {'mean':>8}  95 % interval"
+    known = any(f.reference is not None for f in found)
+    lines.append(head + ("        known" if known else ""))
+    case = None
+    for figure in found:
+        if figure.case != case:
+            case = figure.case
+            lines.append(case)
+        interval = f"{_number(figure.low)} to {_number(figure.high)}"
+        line = (
+            f"  {figure.method:<{method}}  {figure.quantity:<{quantity}}  "
+            f"{_number(figure.mean):>8}  {interval:<19}"
+        )
+        if figure.reference is not None:
+            line += f"  {_number(figure.reference)}"
+        lines.append(line.rstrip())
+    for remark in remarks:
+        lines += ["", printable(remark)]
+    return "\n".join(lines)
+
+
+def _number(value: float) -> str:
+    size = abs(value)
+    return f"{value:.2f}" if size >= 10.0 else f"{value:.3f}" if size >= 0.1 else f"{value:.5f}"

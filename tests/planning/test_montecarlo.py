@@ -1,0 +1,199 @@
+"""The Monte Carlo: the same whatever the processes, resumable, with honest intervals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from anaplot.cli import main
+from anaplot.errors import InputError
+from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
+from anaplot.planning.modelscenarios import OneError, SizeOfTests
+from anaplot.planning.montecarlo import Sums, add, chunk_sizes, figures, simulate, sums
+from anaplot.planning.scenarios import scenarios
+
+SMALL = OneError("small", "6/3", chunk=50, runs=220)
+
+
+@pytest.mark.parametrize("processes", [2, 3])
+def test_the_number_of_processes_does_not_matter(processes: int) -> None:
+    one = simulate(SMALL, seed=3)
+    assert simulate(SMALL, seed=3, processes=processes) == one
+    assert simulate(SMALL, seed=4) != one
+    assert all(of.runs == 220 for of in one.values())
+
+
+def test_resumed_is_undisturbed_and_does_nothing_twice() -> None:
+    chunks = []
+    whole = simulate(SMALL, seed=3, store=chunks.append)
+    assert [chunk.number for chunk in chunks] == [0, 1, 2, 3, 4]
+    more = []
+    assert simulate(SMALL, seed=3, done=chunks[1:4], store=more.append) == whole
+    assert [chunk.number for chunk in more] == [0, 4]
+    # fewer or more runs use what is whole for them: the smaller last chunk is done again
+    longer = []
+    simulate(SMALL, seed=3, runs=300, done=chunks, store=longer.append)
+    assert [chunk.number for chunk in longer] == [4, 5]
+
+
+def test_methods_of_the_scenario_only() -> None:
+    assert {key[1] for key in simulate(SMALL, runs=10, methods=("tau",))} == {"tau"}
+    with pytest.raises(InputError, match="has no method 'guess'; it has: baarda"):
+        simulate(SMALL, methods=("guess",))
+    with pytest.raises(InputError, match="0 runs"):
+        simulate(SMALL, runs=0)
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30), st.integers(1, 29))
+def test_sums_add_up(values: list[float], at: int) -> None:
+    key = ("a", "b", "c")
+    together = add({key: sums(values[:at])}, {key: sums(values[at:])})[key]
+    assert together.runs == len(values)
+    assert together.total == pytest.approx(sum(values), abs=1e-6)
+    assert together.squares == pytest.approx(sum(v * v for v in values), abs=1e-3)
+
+
+@given(st.integers(1, 10_000), st.integers(1, 999))
+def test_chunks_make_up_the_runs(runs: int, chunk: int) -> None:
+    sizes = chunk_sizes(runs, chunk)
+    assert sum(sizes) == runs
+    assert set(sizes[:-1]) <= {chunk}
+    assert 0 < sizes[-1] <= chunk
+
+
+def test_intervals() -> None:
+    rng = np.random.default_rng(5)
+    counts = rng.poisson(3.0, 400)
+    mean, rate = figures(
+        {("a", "m", "count"): sums(counts), ("a", "m", "rate"): sums(counts > 3)},
+        {("a", "m", "count"): 3.0},
+    )
+    assert mean.mean == pytest.approx(counts.mean())
+    assert mean.high - mean.low == pytest.approx(2 * 1.96 * counts.std() / 20.0, rel=0.01)
+    assert mean.reference == 3.0
+    assert 0.0 < rate.low < rate.mean < rate.high < 1.0
+    assert rate.reference is None
+    (alone,) = figures({("a", "m", "x"): Sums(1, 2.0, 4.0)}, {})
+    assert alone.high == float("inf")
+
+
+CHUNK = KeptChunk(0, 5, (KeptSums("a", "m", "q", 5, 2.0, 4.0),))
+WHAT = {"scenario": "s", "seed": 1}
+
+
+def test_the_file_keeps_and_cuts_what_was_torn(tmp_path: Path) -> None:
+    path = tmp_path / "runs.jsonl"
+    with RunsFile(path, WHAT) as file:
+        file.keep(CHUNK)
+    whole = path.read_bytes()
+    for cut in range(len(whole)):
+        path.write_bytes(whole[:cut])
+        with RunsFile(path, WHAT) as file:
+            assert file.chunks == ((CHUNK,) if cut == len(whole) else ())
+            file.keep(CHUNK)
+        assert path.read_bytes() == whole
+    with RunsFile(path, WHAT) as file:
+        assert file.chunks == (CHUNK,)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (b"not json\n", "line 2: not a line"),
+        (b"[1]\n", "line 2: not a line"),
+        (b'{"chunk":-1,"runs":5,"sums":[]}\n', "line 2: 'chunk' and 'runs'"),
+        (b'{"chunk":0,"runs":true,"sums":[]}\n', "line 2: 'chunk' and 'runs'"),
+        (b'{"chunk":0,"runs":5}\n', "line 2: 'sums' is missing"),
+        (b'{"chunk":0,"runs":5,"sums":[[1,2]]}\n', "line 2: sums are"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","b",3,1,1,1]]}\n', "line 2: a name is missing"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","b","c",-1,1,1]]}\n', "no number of runs"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","b","c",1,NaN,1]]}\n', "are no sums"),
+        (b"[" * 100_000 + b"\n", "line 2: not a line"),
+        (b"\xff\xfe\n", "line 2: not a line"),
+    ],
+)
+def test_a_damaged_file_is_refused_by_its_line(tmp_path: Path, line: bytes, said: str) -> None:
+    path = tmp_path / "runs.jsonl"
+    with RunsFile(path, WHAT):
+        pass
+    path.write_bytes(path.read_bytes() + line)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=said):
+        RunsFile(path, WHAT)
+    assert path.read_bytes() == before
+
+
+def test_a_file_of_another_simulation_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "runs.jsonl"
+    with RunsFile(path, WHAT):
+        pass
+    with pytest.raises(InputError, match="line 1: belongs to another simulation: seed is 1"):
+        RunsFile(path, {**WHAT, "seed": 2})
+    path.write_bytes(b"x" * 100 + b"\n")
+    with pytest.raises(InputError, match="line 1"):
+        RunsFile(path, WHAT)
+
+
+def test_errors_are_located_as_often_as_found_independently() -> None:
+    for name in ("kratky-1983-6-3", "kratky-1983-9-3", "kratky-1983-13-5"):
+        scenario = scenarios()[name]
+        for figure in figures(simulate(scenario, runs=4000, seed=1), scenario.references):
+            if figure.reference is not None:
+                assert figure.mean == pytest.approx(figure.reference, abs=0.05)
+
+
+def test_larger_errors_and_better_patterns_are_found_more_often() -> None:
+    known = scenarios()
+    poor, good = (simulate(known[f"kratky-1983-{p}"], runs=3000) for p in ("9-3", "13-5"))
+    for method in ("baarda", "tau"):
+        rates = [poor[f"{k} sigma", method, "right"].total for k in (6, 10, 20)]
+        assert rates == sorted(rates)
+        assert poor["6 sigma", method, "right"].total < good["6 sigma", method, "right"].total
+    key = ("10 sigma", "baarda")
+    parts = [poor[(*key, quantity)].total for quantity in ("right", "wrong", "missed")]
+    assert sum(parts) == 3000
+
+
+def test_size_and_power_are_the_predicted_ones() -> None:
+    scenario = SizeOfTests(patterns=("9/3", "13/5"))
+    found = figures(simulate(scenario, runs=40_000, seed=7), scenario.references, 0.9999)
+    assert {figure.quantity for figure in found} == {"size", "power"}
+    for figure in found:
+        assert figure.reference is not None
+        assert figure.low <= figure.reference <= figure.high
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept, table = tmp_path / "kept.jsonl", tmp_path / "table.csv"
+    call = ["plan", "simulate", "kratky-1983-6-3", "--runs", "300", "--processes", "1"]
+    assert main([*call, "--json", "--to", str(kept), "--csv", str(table)]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["scenario"] == "kratky-1983-6-3"
+    assert {f["method"] for f in answer["figures"]} == {"baarda", "tau", "largest parallax"}
+    assert len(table.read_text().splitlines()) == 1 + len(answer["figures"])
+    size = kept.stat().st_size
+    assert main([*call, "--json", "--to", str(kept)]) == 0
+    assert json.loads(capsys.readouterr().out) == answer
+    assert kept.stat().st_size == size
+    assert main([*call, "--to", str(kept), "--seed", "1"]) == 2
+    assert "belongs to another simulation" in capsys.readouterr().err
+    assert main([*call, "--strategy", "largest parallax"]) == 0
+    assert "baarda" not in capsys.readouterr().out
+
+
+def test_the_command_refuses_by_name(capsys: pytest.CaptureFixture[str]) -> None:
+    for call, said in (
+        (["kratky-1983-6-4"], "no scenario is called 'kratky-1983-6-4' (did you mean"),
+        ([], "which scenario?"),
+        (["size-models", "--strategy", "search"], "size-models has no method 'search'"),
+        (["size-models", "--strategy", ","], "size-models has no method ''"),
+    ):
+        assert main(["plan", "simulate", *call]) == 2
+        assert said in capsys.readouterr().err
+    assert main(["plan", "simulate", "--list"]) == 0
+    assert "size-models" in capsys.readouterr().out
