@@ -90,6 +90,7 @@ def _adjust(options: argparse.Namespace) -> int:
         snooping=options.snooping,
         tolerance=options.snooping_tolerance / 100.0,
         correlations=options.correlations,
+        hypothesis_alpha=options.hypothesis_alpha,
     )
 
 
@@ -516,6 +517,14 @@ def _parser() -> _Parser:
         metavar="LIMIT",
         help="name the pairs of a point's rays whose residuals are correlated at LIMIT or more",
     )
+    adjust.add_argument(
+        "--hypothesis-alpha",
+        type=_significance,
+        default=0.05,
+        metavar="ALPHA",
+        help="significance of the tests of additional parameters, check points and control, "
+        "default 0.05",
+    )
 
     demo = command(
         "demo",
@@ -634,6 +643,13 @@ def _correlation(text: str) -> float:
     value = _positive(text)
     if value > 1.0:
         raise argparse.ArgumentTypeError(f"{text!r} is no correlation: above 0, at most 1")
+    return value
+
+
+def _significance(text: str) -> float:
+    value = _positive(text)
+    if value > 0.5:
+        raise argparse.ArgumentTypeError(f"{text!r} is no significance: above 0, at most 0.5")
     return value
 
 

@@ -9,8 +9,10 @@ from typing import TextIO
 
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.hypotheses import block_hypotheses
 from anaplot.bundle.problem import Datum
 from anaplot.bundle.snooping import PAPER_TOLERANCE
+from anaplot.bundle.verdict import HypothesisSettings
 from anaplot.exchange.blockfolder import read_block
 from anaplot.report.bundlecontract import adjust_json
 from anaplot.report.bundletext import adjust_printout
@@ -19,6 +21,7 @@ from anaplot.report.correlations import (
     correlations_json,
     correlations_printout,
 )
+from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout
 from anaplot.report.progress import ProgressLine
 from anaplot.report.snoopingreport import snoop_block, snooping_json, snooping_printout
 
@@ -36,6 +39,7 @@ def run_adjust(
     snooping: bool = False,
     tolerance: float = PAPER_TOLERANCE,
     correlations: float | None = None,
+    hypothesis_alpha: float = 0.05,
     out: TextIO | None = None,
     err: TextIO | None = None,
 ) -> int:
@@ -62,6 +66,8 @@ def run_adjust(
         Its k_q, a share.
     correlations
         Add the pairs of a point's rays whose residuals are correlated at or above this.
+    hypothesis_alpha
+        Significance of the tests of additional parameters, check points and control.
     out, err
         Standard output and standard error when None.
 
@@ -84,8 +90,10 @@ def run_adjust(
         progress("report", 0.0)
         snooped = snoop_block(adjusted, tolerance=tolerance) if snooping else None
         pairs = None if correlations is None else correlated_rays(adjusted, correlations)
+        tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha))
     if as_json:
         found = adjust_json(adjusted)
+        found["hypotheses"] = hypotheses_json(tested)
         if snooping:
             found["snooping"] = snooping_json(snooped)
         if pairs is not None:
@@ -97,6 +105,7 @@ def run_adjust(
             parts.append(snooping_printout(snooped))
         if pairs is not None and correlations is not None:
             parts.append(correlations_printout(pairs, correlations))
-        text = "\n\n".join(parts)
+        parts.append(hypotheses_printout(tested))
+        text = "\n\n".join(part for part in parts if part)
     print(text, file=sys.stdout if out is None else out)
     return 1 if fail_on_flag and adjusted.any_flagged else 0

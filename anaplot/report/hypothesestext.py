@@ -1,0 +1,387 @@
+"""The hypotheses of an adjusted block: as text for people, as JSON for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from anaplot.adjustment.hypothesis import FTest
+from anaplot.bundle.checktests import CheckTests
+from anaplot.bundle.controltests import ControlTests
+from anaplot.bundle.hypotheses import BlockHypotheses
+from anaplot.bundle.parametertests import ComponentTest, ParameterTests
+from anaplot.bundle.verdict import Verdict
+from anaplot.report.printable import printable
+
+__all__ = ["hypotheses_json", "hypotheses_printout"]
+
+Json = dict[str, Any]
+
+_RIGHT = {
+    "all": "all is right",
+    "plan": "plan is right",
+    "heights": "heights are right",
+    "weighted": "what is weighted",
+    "free of error": "what is free of error",
+}
+_MOST = 30  # rows of a table of single tests, the least likely first; JSON holds them all
+
+
+def hypotheses_printout(found: BlockHypotheses) -> str:
+    """Return the report of tested hypotheses; empty when there was none.
+
+    Ground coordinates in metres, additional parameters in micrometres. T is R / (b s^2) of
+    Gruen 1978, eq. (31).
+    """
+    lines: list[str] = []
+    if found.additional is not None:
+        lines += _additional(found.additional, found.settings.correlated)
+    if found.check is not None:
+        lines += _check(found.check)
+    if found.control is not None:
+        lines += _control(found.control)
+    if not lines:
+        return ""
+    head = (
+        f"HYPOTHESES  alpha {found.settings.alpha:g} for every global test and for every family of "
+        f"single tests; detectable with power {found.settings.power:g}"
+    )
+    return "\n".join([head, *lines])
+
+
+def _probability(value: float) -> str:
+    return f"{value:.4f}" if value >= 1e-4 else f"{value:.0e}"
+
+
+def _cells(test: FTest) -> str:
+    degrees = "known" if test.redundancy is None else str(test.redundancy)
+    return (
+        f"{test.dimension:5d}{degrees:>7}{test.statistic:10.3f}{test.critical:10.3f}"
+        f"{_probability(test.significance):>9}"
+    )
+
+
+_COLUMNS = f"{'b':>5}{'r':>7}{'T':>10}{'critical':>10}{'P':>9}"
+
+
+def _global(label: str, width: int, verdict: Verdict | None, nothing: str) -> list[str]:
+    """Lines of a global test: with the estimated and with the a-priori sigma0."""
+    if verdict is None:
+        return [f"  {label:<{width}}  {nothing}"]
+    lines: list[str] = []
+    for test in (verdict.estimated, verdict.known):
+        if test is None:
+            continue
+        if test is verdict.decisive:
+            mark = "  << REJECTED" if test.rejected else "  accepted"
+        elif verdict.decisive is None or test.rejected == verdict.rejected:
+            mark = ""
+        else:
+            mark = "  (would be rejected)" if test.rejected else "  (would be accepted)"
+        lines.append(f"  {'' if lines else label:<{width}}{_cells(test)}{mark}")
+    return lines
+
+
+def _mark(verdict: Verdict | None) -> str:
+    if verdict is None or verdict.rejected is None:
+        return "  not testable"
+    return "  << REJECTED" if verdict.rejected else ""
+
+
+def _p(verdict: Verdict | None) -> str:
+    if verdict is None or verdict.decisive is None:
+        return f"{'-':>9}"
+    return f"{_probability(verdict.decisive.significance):>9}"
+
+
+def _order(verdict: Verdict | None) -> float:
+    """Sort by the probability, what cannot be tested last."""
+    if verdict is None or verdict.decisive is None:
+        return 2.0
+    return verdict.decisive.significance
+
+
+def _count(verdicts: Iterable[Verdict | None]) -> int:
+    return sum(bool(v is not None and v.rejected) for v in verdicts)
+
+
+def _remarks(remarks: tuple[str, ...]) -> list[str]:
+    return [f"  note: {printable(remark)}" for remark in remarks]
+
+
+def _additional(found: ParameterTests, limit: float) -> list[str]:
+    owners = {row.group for row in found.parameters}
+    several = len(owners) > 1
+
+    def label(name: tuple[str, str]) -> str:
+        return f"{name[1]} of {printable(name[0])}" if several else name[1]
+
+    labels = [label((row.group, row.name)) for row in found.parameters]
+    width = max(24, *(len(text) + 2 for text in labels))
+    lines = [f"  {'ADDITIONAL PARAMETERS':<{width}}{_COLUMNS}"]
+    lines += _global("all are zero", width, found.everything, "not tested together")
+    for group in found.groups[:_MOST]:
+        test = group.verdict.decisive
+        if test is not None:
+            lines.append(f"  {'those of ' + printable(group.group):<{width}}{_cells(test)}"
+                         f"{_mark(group.verdict)}")  # fmt: skip
+    lines += _remarks(found.remarks)
+    lines.append("")
+    rows = sorted(zip(labels, found.parameters, strict=True), key=lambda r: _order(r[1].verdict))
+    shown = rows[:_MOST] if several else list(zip(labels, found.parameters, strict=True))
+    lines.append(
+        f"  {'PARAMETER':<{width}}  value [um]    s [um]        P  detectable  power   inflation"
+        "    kept"
+    )
+    for text, row in shown:
+        inflation = f"{'-':>11}" if row.inflation is None else f"{row.inflation:11.1f}"
+        lines.append(
+            f"  {text:<{width}}{row.value * 1e3:12.3f}{row.s * 1e3:10.3f}{_p(row.verdict)}"
+            f"{row.detectable * 1e3:12.2f}{row.power:7.2f}{inflation}{row.kept:9.5f}"
+            f"{_mark(row.verdict)}"
+        )
+    if len(rows) > len(shown):
+        lines.append(f"    and {len(rows) - len(shown)} more, with larger P")
+    lines.append(
+        "  power: against a value of the a-priori sigma0; inflation: of the variance, by the other "
+        "parameters; kept: noncentrality left by all unknowns"
+    )
+    if found.pairs:
+        lines.append("")
+        lines.append(f"  {f'PAIRS correlated from {limit:g}':<{width}}{_COLUMNS}       rho")
+        for pair in found.pairs[:_MOST]:
+            test = pair.verdict.decisive
+            cells = " " * len(_COLUMNS) if test is None else _cells(test)
+            text = f"{label(pair.first)}, {label(pair.second)}"
+            lines.append(f"  {text:<{width}}{cells}{pair.correlation:10.3f}{_mark(pair.verdict)}")
+        if len(found.pairs) > _MOST:
+            lines.append(f"    and {len(found.pairs) - _MOST} more")
+    for entry in found.sets[:_MOST]:
+        names = ", ".join(label(member) for member in entry.members[:12])
+        if len(entry.members) > 12:
+            names += f" and {len(entry.members) - 12} more"
+        lines += ["", f"  CORRELATED SET {names}"]
+        lines += _global("all of it is zero", width, entry.verdict, "not tested")
+        lines.append(f"  {'one after the other':<{width}}{'t':>10}{'P':>9}{'of its variance':>17}")
+        lines += [
+            f"  {label(part.parameter):<{width}}{part.value:10.2f}{_p(part.verdict)}"
+            f"{part.variance:17.4f}{_mark(part.verdict)}"
+            for part in entry.sequential[:_MOST]
+        ]
+        lines.append(
+            f"  {'orthogonal combinations':<{width}}{'t':>10}{'P':>9}{'eigenvalue':>17}   mostly"
+        )
+        lines += [
+            f"  {k + 1:<{width}d}{part.value:10.2f}{_p(part.verdict)}{part.variance:17.4f}   "
+            + _combination(part, [label(member) for member in entry.members])
+            + _mark(part.verdict)
+            for k, part in enumerate(entry.principal[:_MOST])
+        ]
+    if found.removable is not None:
+        every = len(found.parameters)
+        kept = [
+            text
+            for text, row in zip(labels, found.parameters, strict=True)
+            if (row.group, row.name) not in set(found.removable)
+        ]
+        lines.append("")
+        if not kept:
+            lines.append("  all may be left out: nothing systematic is proved")
+        else:
+            lines.append(
+                f"  {every - len(kept)} of {every} may be left out together; needed: "
+                + ", ".join(kept[:_MOST])
+                + (" ..." if len(kept) > _MOST else "")
+            )
+    return [*lines, ""]
+
+
+def _combination(part: ComponentTest, names: list[str]) -> str:
+    """Write the three largest loadings, the largest as 1."""
+    largest = max(abs(value) for value in part.loadings)
+    order = sorted(range(len(names)), key=lambda k: -abs(part.loadings[k]))[:3]
+    return " ".join(f"{part.loadings[k] / largest:+.2f} {names[k]}" for k in order)
+
+
+def _check(found: CheckTests) -> list[str]:
+    width = 24
+    lines = [f"  {'CHECK POINTS':<{width}}{_COLUMNS}    rms [m]  expected"]
+    for group in found.groups:
+        label = " ".join(group.axes) + " agree"
+        first, *rest = _global(label, width, group.verdict, "not tested")
+        head = first[: 2 + width + len(_COLUMNS)]
+        lines.append(f"{head}{group.rms:11.4f}{group.expected:10.4f}{first[len(head) :]}")
+        lines += rest
+    lines += _remarks(found.remarks)
+    rows = sorted(found.coordinates, key=lambda row: _order(row.verdict))
+    lines += [
+        "",
+        f"  {_tally('point', [p.verdict for p in found.points])}; "
+        f"{_tally('coordinate', [c.verdict for c in rows])}",
+        f"  {'COORDINATE':<{width}}difference         s   s block   s given        P  detectable",
+    ]
+    lines += [
+        f"  {printable(row.point) + ' ' + row.axis:<{width}}{row.difference:10.4f}{row.s:10.4f}"
+        f"{row.s_block:10.4f}{row.s_given:10.4f}{_p(row.verdict)}{row.detectable:12.4f}"
+        f"{_mark(row.verdict)}"
+        for row in rows[:_MOST]
+    ]
+    if len(rows) > _MOST:
+        lines.append(f"    and {len(rows) - _MOST} more, with larger P")
+    if found.deformations:
+        lines += ["", f"  {'DEFORMATION':<{width}}  size [m]         s        P  detectable"]
+        lines += [
+            f"  {row.axis + ' ' + row.term:<{width}}{row.size:10.4f}{row.s:10.4f}{_p(row.verdict)}"
+            f"{row.detectable:12.4f}{_mark(row.verdict)}"
+            for row in found.deformations
+        ]
+    return [*lines, ""]
+
+
+def _tally(what: str, verdicts: list[Verdict | None]) -> str:
+    return (
+        f"{_count(verdicts)} of {len(verdicts)} {what}{'' if len(verdicts) == 1 else 's'} rejected"
+    )
+
+
+def _control(found: ControlTests) -> list[str]:
+    width = 24
+    network = found.against == "network"
+    title = "GIVEN COORDINATES" if network else "CONTROL"
+    lines = [f"  {title:<{width}}{_COLUMNS}"]
+    if network:
+        lines.append("  against the network, up to a similarity; what is right agrees with it")
+    for group in found.groups:
+        lines += _global(
+            _RIGHT[group.what],
+            width,
+            group.verdict,
+            f"{group.coordinates} coordinates only hold the datum: nothing checks them",
+        )
+    lines += _remarks(found.remarks)
+    rows = sorted(found.coordinates, key=lambda row: _order(row.verdict))
+    lines += [
+        "",
+        f"  {_tally('point', [p.verdict for p in found.points])}; "
+        f"{_tally('coordinate', [c.verdict for c in rows])}",
+        f"  {'COORDINATE':<{width}}difference         s        P  detectable   "
+        f"({'the network, laid on the others' if network else 'the photographs without it'}, "
+        "minus given)",
+    ]
+    for row in rows[:_MOST]:
+        name = f"{printable(row.point)} {row.axis}" + (" fixed" if row.fixed else "")
+        cells = "".join(
+            f"{'-':>{size}}" if value is None else f"{value:{size}.4f}"
+            for value, size in ((row.difference, 10), (row.s, 10))
+        )
+        last = f"{'-':>12}" if row.detectable is None else f"{row.detectable:12.4f}"
+        lines.append(f"  {name:<{width}}{cells}{_p(row.verdict)}{last}{_mark(row.verdict)}")
+    if len(rows) > _MOST:
+        lines.append(f"    and {len(rows) - _MOST} more, with larger P")
+    return [*lines, ""]
+
+
+def hypotheses_json(found: BlockHypotheses) -> Json:
+    """Return tested hypotheses; what does not exist is None.
+
+    Lengths in metres, additional parameters in millimetres. "square" is R for the a-priori sigma0,
+    "statistic" T = R / (b s^2); "estimated" uses the adjustment's own sigma0, "known" the a-priori
+    one; "rejected" goes by the block's test.
+    """
+    return {
+        "alpha": found.settings.alpha,
+        "power": found.settings.power,
+        "correlated": found.settings.correlated,
+        "additional": None if found.additional is None else _additional_json(found.additional),
+        "check": None if found.check is None else _check_json(found.check),
+        "control": None if found.control is None else _control_json(found.control),
+    }
+
+
+def _test_json(test: FTest | None) -> Json | None:
+    return None if test is None else {**test._asdict(), "rejected": test.rejected}
+
+
+def _verdict_json(verdict: Verdict | None) -> Json | None:
+    if verdict is None:
+        return None
+    return {
+        "rejected": verdict.rejected,
+        "estimated": _test_json(verdict.estimated),
+        "known": _test_json(verdict.known),
+    }
+
+
+def _row_json(row: Any) -> Json:
+    """Return a row of single tests with its verdict written out."""
+    out: Json = row._asdict()
+    out["verdict"] = _verdict_json(row.verdict)
+    return out
+
+
+def _label_json(label: tuple[str, str]) -> Json:
+    return {"group": label[0], "name": label[1]}
+
+
+def _component_json(part: ComponentTest) -> Json:
+    return {
+        "parameter": _label_json(part.parameter),
+        "value": part.value,
+        "variance": part.variance,
+        "loadings": list(part.loadings),
+        "verdict": _verdict_json(part.verdict),
+    }
+
+
+def _additional_json(found: ParameterTests) -> Json:
+    return {
+        "all": _verdict_json(found.everything),
+        "groups": [_row_json(row) for row in found.groups],
+        "parameters": [_row_json(row) for row in found.parameters],
+        "pairs": [
+            {
+                "first": _label_json(pair.first),
+                "second": _label_json(pair.second),
+                "correlation": pair.correlation,
+                "verdict": _verdict_json(pair.verdict),
+            }
+            for pair in found.pairs
+        ],
+        "sets": [
+            {
+                "members": [_label_json(member) for member in entry.members],
+                "verdict": _verdict_json(entry.verdict),
+                "sequential": [_component_json(part) for part in entry.sequential],
+                "principal": [_component_json(part) for part in entry.principal],
+            }
+            for entry in found.sets
+        ],
+        "orthogonal": [
+            {key: value for key, value in _component_json(part).items() if key != "loadings"}
+            for part in found.orthogonal
+        ],
+        "removable": (
+            None if found.removable is None else [_label_json(label) for label in found.removable]
+        ),
+        "remarks": list(found.remarks),
+    }
+
+
+def _check_json(found: CheckTests) -> Json:
+    return {
+        "groups": [_row_json(row) for row in found.groups],
+        "points": [_row_json(row) for row in found.points],
+        "coordinates": [_row_json(row) for row in found.coordinates],
+        "deformations": [_row_json(row) for row in found.deformations],
+        "remarks": list(found.remarks),
+    }
+
+
+def _control_json(found: ControlTests) -> Json:
+    return {
+        "against": found.against,
+        "groups": [_row_json(row) for row in found.groups],
+        "points": [_row_json(row) for row in found.points],
+        "coordinates": [_row_json(row) for row in found.coordinates],
+        "remarks": list(found.remarks),
+    }

@@ -1,0 +1,201 @@
+"""The hypotheses in the report and in the JSON of `anaplot adjust`."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anaplot import cli
+from anaplot.bundle.additional import additional_parameters
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.hypotheses import block_hypotheses
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    ControlPoint,
+    ImagePoint,
+    Photo,
+    Precision,
+    TestSettings,
+)
+from anaplot.photogrammetry.collinearity import project
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.report.adjustcommand import run_adjust
+from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout
+
+
+def strip(*, planted: float = 0.0, sigma: float | None = 0.02, kind: str = "tau") -> Block:
+    """Four photos in a row; `planted` is about Ebner's b3 [mm], p8 a check point."""
+    rng = np.random.default_rng(12)
+    points = {
+        f"p{k}": np.array([x, y, rng.uniform(-40, 40)])
+        for k, (x, y) in enumerate((x, y) for x in range(0, 1801, 300) for y in (-500, 0, 500))
+    }
+    rows = []
+    for i in range(4):
+        centre = np.array([600.0 * i, 0.0, 1000.0])
+        rotation = rotation_matrix(*rng.normal(size=3) * 0.01)
+        for name, at in points.items():
+            if abs(at[0] - centre[0]) > 650:
+                continue
+            seen = project(centre[None], rotation[None], np.array([150.0]), at[None]).xy[0]
+            off = rng.normal(size=2) * 0.005
+            u, v = seen / 75.0
+            off += planted * np.array([-2.0 * (u * u - 2.0 / 3.0), u * v])
+            rows.append(ImagePoint(f"{i}", name, *(seen + off).tolist(), None, None))
+    control = [
+        ControlPoint(name, tuple(points[name].tolist()), (sigma,) * 3)
+        for name in ("p0", "p2", "p9", "p11", "p18", "p20")
+    ]
+    control.append(ControlPoint("p8", tuple(points["p8"].tolist()), (0.01,) * 3, "check"))
+    return Block(
+        "strip",
+        Precision(image_um=5.0),
+        TestSettings(kind=kind),
+        (Camera("c", 150.0),),
+        tuple(Photo(f"{i}", "c") for i in range(4)),
+        (),
+        tuple(rows),
+        tuple(control),
+    )
+
+
+def write(folder: Path, block: Block) -> Path:
+    """Write a block folder."""
+    folder.mkdir()
+    lines = [f'format = 1\nname = "strip"\n[precision]\nimage_um = 5.0\n[test]\nkind = '
+             f'"{block.test.kind}"\n[[camera]]\nid = "c"\nc = 150.0\n[[strip]]\nid = "1"\n'
+             'photos = ["0", "1", "2", "3"]']  # fmt: skip
+    lines += [f'[[photo]]\nid = "{photo.id}"\ncamera = "c"' for photo in block.photos]
+    (folder / "block.toml").write_text("\n".join(lines) + "\n")
+    rows = ["photo,point,x,y"]
+    rows += [f"{r.photo},{r.point},{r.x:.6f},{r.y:.6f}" for r in block.image_points]
+    (folder / "image_points.csv").write_text("\n".join(rows) + "\n")
+    rows = ["point,X,Y,Z,sX,sY,sZ,use"]
+    for r in block.control:
+        rows.append(",".join([r.point, *map(str, r.xyz), *map(str, r.sigma), r.use]))
+    (folder / "control.csv").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def report(folder: Path, **options) -> str:
+    out = io.StringIO()
+    assert run_adjust(folder, out=out, err=io.StringIO(), **options) == 0
+    return out.getvalue()
+
+
+def test_the_command_tests_additional_parameters(tmp_path: Path) -> None:
+    folder = write(tmp_path / "b", strip(planted=0.02))
+    text = report(folder, additional="ebner")
+    assert "HYPOTHESES  alpha 0.05" in text
+    part = text.split("HYPOTHESES")[1]
+    assert any(line.strip().startswith("all are zero") and line.endswith("<< REJECTED")
+               for line in part.splitlines())  # fmt: skip
+    [b3] = [line for line in part.splitlines() if line.strip().startswith("b3 ")]
+    assert b3.endswith("<< REJECTED")
+    assert "11 of 12 may be left out together; needed: b3" in part
+    assert max(len(line) for line in part.splitlines()) <= 160
+    got = json.loads(report(folder, additional="ebner", as_json=True))["hypotheses"]
+    tests = got["additional"]
+    assert tests["all"]["rejected"] is True
+    assert tests["all"]["known"]["redundancy"] is None
+    assert tests["all"]["estimated"]["dimension"] == 12
+    assert len(tests["parameters"]) == len(tests["orthogonal"]) == 12
+    assert [p["name"] for p in tests["parameters"] if p["verdict"]["rejected"]] == ["b3"]
+    assert {"group": "block", "name": "b3"} not in tests["removable"]
+
+
+def test_without_parameters_nothing_is_said_of_them(tmp_path: Path) -> None:
+    folder = write(tmp_path / "b", strip())
+    text = report(folder).split("HYPOTHESES")[1]
+    assert "ADDITIONAL" not in text
+    assert "CHECK POINTS" in text
+    assert "weighted" not in text  # all control is of one kind
+    assert "all is right" in text
+    assert "0 of 1 point rejected; 0 of 3 coordinates rejected" in text
+    got = json.loads(report(folder, as_json=True))["hypotheses"]
+    assert got["additional"] is None
+    assert got["alpha"] == 0.05
+    [group] = [g for g in got["check"]["groups"] if g["axes"] == "XYZ"]
+    assert group["verdict"]["rejected"] is False
+    assert len(got["control"]["coordinates"]) == 18
+    assert got["control"]["groups"][0]["conditions"] == 11
+
+
+def test_the_significance_is_the_users(tmp_path: Path, capsys) -> None:
+    folder = write(tmp_path / "b", strip())
+    assert cli.main(["adjust", str(folder), "--json", "--hypothesis-alpha", "0.01"]) == 0
+    got = json.loads(capsys.readouterr().out)["hypotheses"]
+    assert got["alpha"] == 0.01
+    assert got["control"]["groups"][0]["verdict"]["known"]["alpha"] == 0.01
+    assert cli.main(["adjust", str(folder), "--hypothesis-alpha", "0.7"]) == 2
+    assert "no significance" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["tau", "baarda"])
+def test_the_deciding_sigma_is_marked(kind) -> None:
+    block = adjust_block(strip(planted=0.02, kind=kind), additional=additional_parameters("ebner"))
+    found = block_hypotheses(block)
+    lines = hypotheses_printout(found).splitlines()
+    at = next(k for k, line in enumerate(lines) if line.strip().startswith("all are zero"))
+    marked = lines[at + (kind == "baarda")]
+    assert marked.endswith("REJECTED")
+    assert ("known" in marked) == (kind == "baarda")
+    assert hypotheses_json(found)["additional"]["all"]["rejected"] is True
+
+
+def test_pairs_and_sets_are_printed() -> None:
+    block = adjust_block(strip(), additional=additional_parameters("physical", 300.0))
+    found = block_hypotheses(block)
+    text = hypotheses_printout(found)
+    assert "PAIRS correlated from 0.7" in text
+    assert "CORRELATED SET" in text
+    assert "orthogonal combinations" in text
+    got = hypotheses_json(found)["additional"]
+    assert got["pairs"]
+    [radial] = [s for s in got["sets"] if {"group": "block", "name": "K2"} in s["members"]]
+    assert len(radial["sequential"]) == len(radial["principal"]) == len(radial["members"])
+    assert len(radial["principal"][0]["loadings"]) == len(radial["members"])
+    assert "all may be left out" in text
+    json.dumps(got, allow_nan=False)
+
+
+def test_many_rows_are_cut_in_the_text_only() -> None:
+    block = adjust_block(strip(), additional=additional_parameters("ebner:photo", 5.0))
+    found = block_hypotheses(block)
+    text = hypotheses_printout(found)
+    assert "and 18 more, with larger P" in text
+    assert "those of 3" in text
+    assert len(hypotheses_json(found)["additional"]["parameters"]) == 48
+
+
+def test_fixed_control_and_what_checks_nothing() -> None:
+    block = strip(sigma=0.0)
+    text = hypotheses_printout(block_hypotheses(adjust_block(block)))
+    assert "free of error" in text
+    assert "p0 X fixed" in text
+    first, second, third, *_ = block.control
+    few = (first, second, replace(third, xyz=(None, None, third.xyz[2])))
+    text = hypotheses_printout(block_hypotheses(adjust_block(replace(block, control=few))))
+    assert "only hold the datum" in text
+    assert "checked by nothing" in text
+    assert "not testable" in text
+
+
+def test_names_cannot_control_the_terminal() -> None:
+    block = strip()
+    rows = tuple(
+        replace(r, point="\x1b[2J" if r.point == "p8" else r.point) for r in block.image_points
+    )
+    control = tuple(
+        replace(r, point="\x1b[2J" if r.point == "p8" else r.point) for r in block.control
+    )
+    text = hypotheses_printout(
+        block_hypotheses(adjust_block(replace(block, image_points=rows, control=control)))
+    )
+    assert "\x1b" not in text
