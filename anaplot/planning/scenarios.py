@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from anaplot.planning import modelscenarios
+from anaplot.planning import modelscenarios, stripscenarios
 from anaplot.planning.montecarlo import Scenario
 
 __all__ = ["scenarios"]
 
-_ROOMS = (modelscenarios,)
+_ROOMS = (modelscenarios, stripscenarios)
 
 
 def scenarios() -> dict[str, Scenario]:

@@ -197,3 +197,15 @@ def test_the_command_refuses_by_name(capsys: pytest.CaptureFixture[str]) -> None
         assert said in capsys.readouterr().err
     assert main(["plan", "simulate", "--list"]) == 0
     assert "size-models" in capsys.readouterr().out
+
+
+def test_sizes_in_bridged_strips() -> None:
+    scenario = scenarios()["size-strips"]
+    tally = simulate(scenario, runs=300, seed=2, methods=("baarda",))
+    of = {(f.case, f.quantity): f for f in figures(tally, scenario.references, 0.9999)}
+    # what the ties have in common is not in their variance: slightly more than alpha is flagged
+    for axis in "xy":
+        assert of["propagated", f"{axis} rows flagged"].low < 0.0015
+    assert of["paper", "x rows flagged"].mean > 0.1
+    power = of["propagated", "power (y)"]
+    assert power.low < 0.8 < power.high

@@ -1,0 +1,191 @@
+"""Scenarios on bridged strips, with noise in the image coordinates: no step is linearised.
+
+Every model is measured on its own, as in a stereo instrument, and tied to the one before. The x
+rows of its ties then carry the noise of two models; whether the tests know it is the question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.significance import critical_normal, critical_tau
+from anaplot.orientation.diagnosis import diagnose
+from anaplot.orientation.model import orient
+from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.strip import stereopair
+from anaplot.photogrammetry.block import Precision, TestSettings
+from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
+
+__all__ = ["SizeInStrips", "scenarios"]
+
+Array = NDArray[np.float64]
+TieVariance = Literal["propagated", "paper"]
+
+ALPHA, POWER = 0.001, 0.80
+_IMAGE_UM = 5.0
+_PHOTOS, _SEED = 5, 1983
+_POINTS_OF_15 = ("7'", "9'")  # outer points of the middle column, which the 13 points leave out
+_METHODS = ("baarda", "tau")
+
+
+@dataclass(frozen=True, slots=True)
+class SizeInStrips:
+    """Size of the tests in strips without error, and power against one smallest detectable error.
+
+    The models are those of the pattern 13/5.
+    """
+
+    name: str = "size-strips"
+    about: str = "size and power of the tests in bridged strips, noise in the image coordinates"
+    methods: tuple[str, ...] = _METHODS
+    runs: int = 2_000
+    chunk: int = 50
+    references: Mapping[Key, float] = field(
+        default_factory=lambda: {
+            ("propagated", "baarda", "y rows flagged"): ALPHA,
+            ("propagated", "baarda", "x rows flagged"): ALPHA,
+            ("propagated", "tau", "y rows flagged"): ALPHA,
+            ("propagated", "tau", "x rows flagged"): ALPHA,
+            ("propagated", "baarda", "power (y)"): POWER,
+            ("paper", "baarda", "x rows flagged"): 0.125,
+        },
+        repr=False,
+    )
+
+    def prepare(self) -> _StripTrial:
+        """Make the strip."""
+        return _StripTrial(synthetic_strip(_PHOTOS, seed=_SEED, image_um=_IMAGE_UM))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Measured:
+    """True image coordinates of a model's points."""
+
+    photos: tuple[str, str]
+    points: tuple[str, ...]
+    left: Array
+    right: Array
+
+
+class _StripTrial:
+    """A strip of models, measured and bridged again and again."""
+
+    def __init__(self, strip: SyntheticStrip) -> None:
+        declared = strip.block.strips[0]
+        self._camera = strip.block.camera_of(declared.photos[0])
+        self._base = declared.base
+        self._models = []
+        for left, right in declared.models():
+            first, second = strip.truth[left], strip.truth[right]
+            points = tuple(p for p in first if p in second and not p.endswith(_POINTS_OF_15))
+            self._models.append(
+                _Measured(
+                    (left, right),
+                    points,
+                    np.array([first[p] for p in points]),
+                    np.array([second[p] for p in points]),
+                )
+            )
+
+    def remarks(self) -> tuple[str, ...]:
+        return (
+            f"{len(self._models)} models of 13 points, 5 of them ties; the x rows of the first "
+            "model do not exist",
+            "paper: the ties' model coordinates count as free of error, so that an x row has six "
+            "times the variance it is tested with; propagated: they do not",
+        )
+
+    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
+        tally: Tally = {}
+        for tie_variance in ("propagated", "paper"):
+            limits = self._detectable(tie_variance)
+            found: dict[tuple[str, str], list[float]] = {}
+            for _ in range(runs):
+                self._one(rng, tie_variance, methods, limits, found)
+            for (method, quantity), values in found.items():
+                tally[tie_variance, method, quantity] = sums(values)
+        return tally
+
+    def _detectable(self, tie_variance: TieVariance) -> Array:
+        """Return the smallest detectable errors of the last model's y rows [mm]."""
+        last = self._bridged(None, tie_variance)[-1]
+        rows = diagnose(last, POWER).rows
+        return np.array([row.mdb_um or np.inf for row in rows if row.axis == "y"]) / 1000.0
+
+    def _one(
+        self,
+        rng: np.random.Generator,
+        tie_variance: TieVariance,
+        methods: tuple[str, ...],
+        limits: Array,
+        found: dict[tuple[str, str], list[float]],
+    ) -> None:
+        solutions = self._bridged(rng, tie_variance)
+        for method in methods:
+            for axis in ("y", "x"):
+                flags = [f for s in solutions for f in _flags(s, method, axis)]
+                found.setdefault((method, f"{axis} rows flagged"), []).append(float(np.mean(flags)))
+        # the last model once more, with the smallest detectable error of a row
+        model = self._models[-1]
+        wrong = int(rng.choice(np.flatnonzero(np.isfinite(limits))))
+        shift = np.zeros_like(model.right)
+        shift[wrong, 1] = limits[wrong] * rng.choice((-1.0, 1.0))
+        spoiled = self._oriented(model, rng, tie_variance, solutions[-2], shift)
+        for method in methods:
+            flags = _flags(spoiled, method, "y")
+            found.setdefault((method, "power (y)"), []).append(float(flags[wrong]))
+
+    def _bridged(
+        self, rng: np.random.Generator | None, tie_variance: TieVariance
+    ) -> list[ModelSolution]:
+        solutions: list[ModelSolution] = []
+        for model in self._models:
+            before = solutions[-1] if solutions else None
+            solutions.append(self._oriented(model, rng, tie_variance, before))
+        return solutions
+
+    def _oriented(
+        self,
+        model: _Measured,
+        rng: np.random.Generator | None,
+        tie_variance: TieVariance,
+        before: ModelSolution | None,
+        shift: Array | float = 0.0,
+    ) -> ModelSolution:
+        left, right = model.left, model.right + shift
+        if rng is not None:
+            left = left + rng.normal(scale=_IMAGE_UM / 1000.0, size=left.shape)
+            right = right + rng.normal(scale=_IMAGE_UM / 1000.0, size=right.shape)
+        pair = stereopair(
+            model.photos,
+            {p: (x, y) for p, (x, y) in zip(model.points, left.tolist(), strict=True)},
+            {p: (x, y) for p, (x, y) in zip(model.points, right.tolist(), strict=True)},
+            (self._camera, self._camera),
+            preceding=before,
+            base=self._base,
+        )
+        return orient(pair, Precision(_IMAGE_UM, tie_variance), TestSettings(kind="baarda"))
+
+
+def _flags(solution: ModelSolution, method: str, axis: str) -> list[bool]:
+    """Return which rows of an axis a test flags; `sigf` of the solution has the a-priori sigma."""
+    limit: float | None = critical_normal(ALPHA)
+    if method == "tau":
+        sigma0, critical = solution.sigma0_um, critical_tau(ALPHA, solution.redundancy)
+        limit = None if not sigma0 or critical is None else critical * sigma0 / solution.apriori_um
+    return [
+        limit is not None and row.sigf is not None and row.sigf > limit
+        for row in solution.table
+        if row.axis == axis
+    ]
+
+
+def scenarios() -> tuple[Scenario, ...]:
+    """Return the scenarios on strips."""
+    return (SizeInStrips(),)
