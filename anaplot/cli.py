@@ -91,6 +91,9 @@ def _adjust(options: argparse.Namespace) -> int:
         tolerance=options.snooping_tolerance / 100.0,
         correlations=options.correlations,
         hypothesis_alpha=options.hypothesis_alpha,
+        errors=options.errors,
+        partner=options.partner,
+        pairs=options.pairs,
     )
 
 
@@ -400,6 +403,74 @@ def _add_simulate(parts: Any) -> None:
     simulate.set_defaults(run=_plan_simulate)
 
 
+def _plan_block(options: argparse.Namespace) -> int:
+    from anaplot.report.planblock import run_plan_block
+
+    return run_plan_block(options)
+
+
+def _add_plan_block(parts: Any) -> None:
+    block = parts.add_parser(
+        "block",
+        help="a regular aerial block: classes of observations, weak photos, accuracy",
+        epilog="example: anaplot plan block --strips 4 --photos 8 --bridging 3 --twin",
+    )
+    whole = _whole(1, 1000)
+    block.add_argument("--strips", type=whole, default=3, metavar="N", help="default 3")
+    block.add_argument("--photos", type=whole, default=6, metavar="N", help="a strip, default 6")
+    block.add_argument(
+        "--overlap", type=_percentage, default=60.0, metavar="PERCENT", help="default 60"
+    )
+    block.add_argument(
+        "--sidelap", type=_percentage, default=30.0, metavar="PERCENT", help="default 30"
+    )
+    block.add_argument(
+        "--points", choices=("3x3", "5x5"), default="3x3", help="a photo, default 3x3"
+    )
+    block.add_argument(
+        "--control",
+        choices=("perimeter", "corners", "none"),
+        default="perimeter",
+        help="where control stands, default perimeter, with heights inside",
+    )
+    block.add_argument(
+        "--bridging",
+        type=_positive,
+        default=2.0,
+        metavar="BASES",
+        help="bases from control to control, default 2",
+    )
+    block.add_argument("--twin", action="store_true", help="full control in pairs")
+    block.add_argument(
+        "--cross-strips", type=_whole(0, 100), default=0, metavar="N", help="flown across"
+    )
+    block.add_argument(
+        "--c", type=_positive, default=150.0, metavar="MM", help="camera constant, default 150"
+    )
+    block.add_argument(
+        "--format", type=_positive, default=230.0, metavar="MM", help="side, default 230"
+    )
+    block.add_argument(
+        "--scale", type=_positive, default=10_000.0, metavar="N", help="1 : N, default 10000"
+    )
+    block.add_argument(
+        "--image-um", type=_positive, default=5.0, metavar="UM", help="a-priori sigma0, default 5"
+    )
+    block.add_argument(
+        "--control-m",
+        type=_not_negative,
+        default=0.0,
+        metavar="M",
+        help="standard deviation of control, default 0: free of error",
+    )
+    block.add_argument("--json", action="store_true", help="print JSON for programs")
+    block.add_argument("--csv", type=Path, metavar="FILE", help="write the classes as CSV")
+    block.add_argument(
+        "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
+    )
+    block.set_defaults(run=_plan_block)
+
+
 def _add_plan(commands: Any) -> None:
     plan = commands.add_parser(
         "plan",
@@ -433,6 +504,7 @@ def _add_plan(commands: Any) -> None:
     show.add_argument("--json", action="store_true", help="print JSON for programs")
     show.add_argument("--csv", type=Path, metavar="FILE", help="write the rows as CSV")
     show.set_defaults(run=_plan_pattern)
+    _add_plan_block(parts)
     _add_simulate(parts)
 
 
@@ -524,6 +596,25 @@ def _parser() -> _Parser:
         metavar="ALPHA",
         help="significance of the tests of additional parameters, check points and control, "
         "default 0.05",
+    )
+    adjust.add_argument(
+        "--errors",
+        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "search"),
+        metavar="NAME",
+        help="reject what this strategy finds, coordinate by coordinate, and adjust again: baarda, "
+        "tau, rms, modified, huber, danish or search",
+    )
+    adjust.add_argument(
+        "--partner",
+        type=_correlation,
+        metavar="LIMIT",
+        help="with --errors: correlation of residuals from which two observations are named as "
+        "hard to tell apart, default 0.9",
+    )
+    adjust.add_argument(
+        "--pairs",
+        action="store_true",
+        help="with --errors: add the odds over one and two gross errors",
     )
 
     demo = command(
@@ -630,6 +721,10 @@ def _positive(text: str) -> float:
     if not 0.0 < value < 1e6:
         raise argparse.ArgumentTypeError(f"{text!r} is no positive number")
     return value
+
+
+def _not_negative(text: str) -> float:
+    return 0.0 if text.strip() in ("0", "0.0") else _positive(text)
 
 
 def _percentage(text: str) -> float:

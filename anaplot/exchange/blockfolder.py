@@ -11,18 +11,19 @@ from anaplot.errors import InputError
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_block_toml
 from anaplot.exchange.bridgecheck import check_for_bridge
 from anaplot.exchange.camerafile import read_camera, write_camera
-from anaplot.exchange.controlcsv import parse_control
+from anaplot.exchange.controlcsv import format_control, parse_control
 from anaplot.exchange.csvtable import MAX_CSV_BYTES
 from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
 from anaplot.exchange.inputfile import read_text
 from anaplot.exchange.wholefile import create_whole, replace_whole
 from anaplot.exchange.wording import place, reason
-from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 
 __all__ = [
     "check_for_bridge",
     "read_block",
     "write_block_toml",
+    "write_control",
     "write_image_points",
     "write_new_block",
 ]
@@ -77,6 +78,18 @@ def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> None:
     """
     path = folder / IMAGE_POINTS_CSV
     replace_whole(path, _bounded(path, format_image_points(points).encode(), MAX_CSV_BYTES))
+
+
+def write_control(folder: Path, control: Iterable[ControlPoint]) -> None:
+    """Write a new control.csv.
+
+    Raises
+    ------
+    InputError
+        There is one already, or it cannot be written.
+    """
+    path = folder / CONTROL_CSV
+    create_whole(path, _bounded(path, format_control(control).encode(), MAX_CSV_BYTES))
 
 
 def write_block_toml(folder: Path, block: Block) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import io
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal, cast
 
@@ -10,7 +13,7 @@ from anaplot.exchange.names import name_fault
 from anaplot.exchange.wording import hint, quoted
 from anaplot.photogrammetry.block import ControlPoint
 
-__all__ = ["parse_control"]
+__all__ = ["format_control", "parse_control"]
 
 _USES = ("control", "check", "off")
 
@@ -77,3 +80,14 @@ def parse_control(path: Path) -> tuple[ControlPoint, ...]:
                 )
             )
     return tuple(points)
+
+
+def format_control(control: Iterable[ControlPoint]) -> str:
+    """Return control points as the text of a control.csv, shortest digits that read back."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(("point", "X", "Y", "Z", "sX", "sY", "sZ", "use"))
+    for point in control:
+        numbers = ("" if value is None else repr(value) for value in (*point.xyz, *point.sigma))
+        writer.writerow((point.point, *numbers, point.use))
+    return file.getvalue()

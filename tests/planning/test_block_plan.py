@@ -1,0 +1,128 @@
+"""Planned aerial blocks: their geometry, their classes, the command."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.cli import main
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.planning.blockplan import (
+    BlockPlan,
+    class_table,
+    expected_accuracy,
+    plan_block,
+    weak_photos,
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(1, 4),
+    st.integers(2, 6),
+    st.sampled_from([0.6, 0.7, 0.8]),
+    st.floats(0.15, 0.65),
+    st.sampled_from([3, 5]),
+    st.floats(0.5, 6.0),
+    st.booleans(),
+    st.integers(0, 3),
+)
+def test_any_plan_is_a_block(strips, photos, overlap, sidelap, side, bridging, twin, cross) -> None:
+    plan = BlockPlan(
+        strips, photos, overlap, sidelap, side, bridging=bridging, twin=twin, cross_strips=cross
+    )
+    made = plan_block(plan)
+    names = [c.point for c in made.block.control]
+    assert len(set(names)) == len(names)
+    assert set(names) <= set(made.points)
+    block = made.evaluated()
+    assert set(made.points) >= set(block.problem.points)
+    rows = class_table(block)
+    assert sum(row.number for row in rows) == 2 * len(block.problem.photo)
+    total = sum(row.number * row.r for row in rows)
+    assert total == pytest.approx(block.redundancy, abs=1e-6)
+    for row in rows:
+        assert 0.0 <= row.low <= row.mean + 1e-12
+        assert row.mean <= row.high + 1e-12
+    weak = weak_photos(block)
+    assert np.all(np.diff([p.mean_r for p in weak]) > -1e-8)
+    assert {p.photo for p in weak} == set(block.problem.photos)
+    np.testing.assert_allclose(block.v, 0.0, atol=1e-6)
+
+
+def test_standard_points_lie_on_axes_and_in_overlaps() -> None:
+    for sidelap, side, per_photo in ((0.2, 3, 9), (0.3, 3, 9), (0.3, 5, 15), (0.6, 5, 25)):
+        made = plan_block(BlockPlan(3, 5, 0.6, sidelap, side, control="none"))
+        seen = {row.point for row in made.block.image_points if row.photo == "203"}
+        rows = 3 if side == 3 else 5
+        assert len(seen) == (per_photo if side == 3 else 5 * rows)
+
+
+def test_twins_cross_strips_and_denser_control_help() -> None:
+    plan = BlockPlan(3, 5, bridging=4)
+
+    def mean_r(plan: BlockPlan) -> float:
+        rows = class_table(plan_block(plan).evaluated())
+        return float(np.average([r.r for r in rows], weights=[r.number for r in rows]))
+
+    def worst(plan: BlockPlan) -> float:
+        accuracy = expected_accuracy(plan_block(plan).evaluated())
+        assert accuracy is not None
+        return max(accuracy.largest)
+
+    dense, crossed = replace(plan, bridging=1), replace(plan, cross_strips=2)
+    assert mean_r(replace(plan, twin=True)) > mean_r(plan)
+    assert worst(dense) < worst(plan)
+    assert mean_r(crossed) > mean_r(plan)
+    assert worst(crossed) < worst(plan)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"photos": 1}, "at least one strip of at least two photos"),
+        ({"overlap": 0.4}, "overlap 40 %"),
+        ({"sidelap": 0.05}, "side lap 5 %"),
+        ({"bridging": 0.0}, "bridging distance"),
+        ({"strips": 100, "photos": 100}, "more than 2500 photos"),
+    ],
+)
+def test_impossible_plans_are_refused(change, said) -> None:
+    with pytest.raises(InputError, match=said):
+        plan_block(replace(BlockPlan(3, 5), **change))
+
+
+def test_the_command_and_the_folder(tmp_path: Path, capsys) -> None:
+    folder, table = tmp_path / "block", tmp_path / "classes.csv"
+    call = ["plan", "block", "--strips", "2", "--photos", "4", "--twin", "--control-m", "0.02"]
+    assert main([*call, "--json", "--to", str(folder), "--csv", str(table)]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    with table.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(answer["classes"])
+    assert [float(r["mean_root"]) for r in rows] == [c["mean"] for c in answer["classes"]]
+    # what is written is what was planned, also when it is adjusted from nothing
+    block = adjust_block(read_block(folder))
+    assert block.redundancy == answer["redundancy"]
+    assert block.indicators().ri == pytest.approx(answer["indicators"]["ri"], abs=1e-9)
+    assert {c.sigma for c in block.problem.block.control} == {(0.02,) * 3}
+    assert main([*call, "--to", str(folder)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert main(call) == 0
+    out = capsys.readouterr().out
+    assert "WEAK PHOTOS" in out
+    assert max(len(line) for line in out.splitlines()) <= 100
+    # strips that overlap in one line of points may turn about it: said, not hidden
+    assert main(["plan", "block", "--control", "none"]) == 4
+    assert "leave a movement open" in capsys.readouterr().err
+    assert main(["plan", "block", "--control", "none", "--sidelap", "60", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["accuracy_m"]["rms"][0] > 0.0
