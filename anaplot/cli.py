@@ -471,6 +471,43 @@ def _add_plan_block(parts: Any) -> None:
     block.set_defaults(run=_plan_block)
 
 
+def _plan_network(options: argparse.Namespace) -> int:
+    from anaplot.report.plannetwork import run_plan_network
+
+    return run_plan_network(options)
+
+
+def _add_plan_network(parts: Any) -> None:
+    network = parts.add_parser(
+        "network",
+        help="camera stations around an object: what they see, check and determine",
+        epilog="example: anaplot plan network cube --case C --point 2",
+    )
+    network.add_argument(
+        "network", metavar="cube|FILE", help="the cube of 1978, or a .toml of stations and points"
+    )
+    network.add_argument(
+        "--case", choices=("A", "B", "C", "D", "E"), help="stations of the cube, default A"
+    )
+    network.add_argument(
+        "--image-um", type=_positive, metavar="UM", help="a-priori sigma0 of the cube, default 5"
+    )
+    network.add_argument(
+        "--correlations",
+        type=_correlation,
+        default=0.9,
+        metavar="LIMIT",
+        help="correlation of a point's residuals from which it is named, default 0.9",
+    )
+    network.add_argument("--point", metavar="NAME", help="all correlations of this point")
+    network.add_argument("--json", action="store_true", help="print JSON for programs")
+    network.add_argument("--csv", type=Path, metavar="FILE", help="write points and photos as CSV")
+    network.add_argument(
+        "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
+    )
+    network.set_defaults(run=_plan_network)
+
+
 def _add_plan(commands: Any) -> None:
     plan = commands.add_parser(
         "plan",
@@ -485,7 +522,9 @@ def _add_plan(commands: Any) -> None:
         epilog="example: anaplot plan pattern 6 --ties 3",
     )
     show.add_argument(
-        "pattern", metavar="NAME|FILE", help='"13", "13/5", ... or a .csv with label,x,y[,tie] (mm)'
+        "pattern",
+        metavar="NAME|FILE",
+        help='"13", "13/5", ... or a .csv or .toml with label,x,y[,tie] (mm)',
     )
     show.add_argument("--ties", choices=("3", "5"), help="points shared with the preceding model")
     show.add_argument("--base", type=_positive, default=90.0, metavar="MM", help="default 90")
@@ -505,6 +544,7 @@ def _add_plan(commands: Any) -> None:
     show.add_argument("--csv", type=Path, metavar="FILE", help="write the rows as CSV")
     show.set_defaults(run=_plan_pattern)
     _add_plan_block(parts)
+    _add_plan_network(parts)
     _add_simulate(parts)
 
 

@@ -29,7 +29,14 @@ from anaplot.photogrammetry.block import (
     TieVariance,
 )
 
-__all__ = ["BLOCK_FORMAT", "camera_texts", "format_block_toml", "parse_block_toml", "read_test"]
+__all__ = [
+    "BLOCK_FORMAT",
+    "camera_texts",
+    "format_block_toml",
+    "parse_block_toml",
+    "read_rotation",
+    "read_test",
+]
 
 BLOCK_FORMAT = 1
 
@@ -214,7 +221,7 @@ def _photos(root: TomlTable, cameras: dict[str, Camera]) -> dict[str, Photo]:
             id=photo,
             camera=camera,
             position=_triple(table, "position"),
-            rotation=_rotation(table, "rotation"),
+            rotation=read_rotation(table, "rotation"),
             position_sigma=_sigma(table, "position"),
             rotation_sigma=_sigma(table, "rotation"),
         )
@@ -273,7 +280,8 @@ def _triple(table: TomlTable, key: str) -> tuple[float, float, float] | None:
     return first, second, third
 
 
-def _rotation(table: TomlTable, key: str) -> tuple[float, float, float] | None:
+def read_rotation(table: TomlTable, key: str) -> tuple[float, float, float] | None:
+    """Return omega, phi, kappa [rad] of a rotation's table, or None when it is left out."""
     if key not in table:
         return None
     angles = table.table(key, key)
@@ -289,7 +297,7 @@ def _sigma(table: TomlTable, of: str) -> tuple[float, float, float] | None:
         return None
     if of not in table:
         raise table.fail(key, f"{key} without {of}")
-    sigma = _triple(table, key) if of == "position" else _rotation(table, key)
+    sigma = _triple(table, key) if of == "position" else read_rotation(table, key)
     if sigma is not None and min(sigma) <= 0.0:
         raise table.fail(key, f"{key} must hold numbers greater than 0")
     return sigma

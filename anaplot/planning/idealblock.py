@@ -23,6 +23,7 @@ from anaplot.photogrammetry.block import (
     TestSettings,
 )
 from anaplot.photogrammetry.collinearity import project
+from anaplot.photogrammetry.rotation import rotation_angles
 
 __all__ = ["IdealBlock", "Station", "photograph"]
 
@@ -93,6 +94,7 @@ def photograph(
     sees: Callable[[str, str, Array], bool] | None = None,
     models: Callable[[str, str], tuple[str | None, ...]] | None = None,
     image_um: float = 5.0,
+    stated: bool = False,
 ) -> IdealBlock:
     """Photograph points.
 
@@ -113,6 +115,8 @@ def photograph(
         Models in which a photo's point is measured, one row each; None: one row without model.
     image_um
         A-priori sigma0 [um].
+    stated
+        Whether the block states the planned orientations, as approximate values.
     """
     of = {camera.id: camera for camera in cameras}
     names = list(points)
@@ -140,9 +144,16 @@ def photograph(
         precision=Precision(image_um=image_um, tie_variance="propagated"),
         test=TestSettings(kind="baarda"),
         cameras=tuple(of.values()),
-        photos=tuple(Photo(p, station.camera) for p, station in stations.items()),
+        photos=tuple(_photo(p, station, stated) for p, station in stations.items()),
         strips=tuple(strips),
         image_points=tuple(rows),
         control=tuple(control),
     )
     return IdealBlock(block, dict(stations), dict(points))
+
+
+def _photo(name: str, station: Station, stated: bool) -> Photo:
+    if not stated:
+        return Photo(name, station.camera)
+    x, y, z = station.centre.tolist()
+    return Photo(name, station.camera, (x, y, z), rotation_angles(station.rotation))

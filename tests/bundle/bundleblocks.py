@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import pi
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from anaplot.photogrammetry.block import (
 )
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
+from anaplot.planning.networkplan import cube as planned_cube
 
 
 @dataclass
@@ -125,58 +125,12 @@ def make_scene(
 
 # --- Gruen 1978, Figure 2 -------------------------------------------------------------------
 
-CUBE_VERSIONS = {
-    "A": ("1", "2"),
-    "B": ("3", "4"),
-    "C": ("3", "0", "4"),
-    "D": ("1", "2", "5", "6"),
-    "E": ("3", "4", "7", "8"),
-}
-_PHI = 20.483 * pi / 200.0
-_STATIONS = {
-    "0": ((0, 0, 5), 0, 0),
-    "1": ((-1, 0, 5), 0, 0),
-    "2": ((1, 0, 5), 0, 0),
-    "3": ((-5, 0, 5), -1, 0),
-    "4": ((5, 0, 5), 1, 0),
-    "5": ((0, 0, 4), 0, 0),
-    "6": ((0, 0, 6), 0, 0),
-    "7": ((0, 0, 0), 0, 1),
-    "8": ((0, 0, 10), 0, -1),
-}
-
-
-def cube_rotation(phi: float, omega: float) -> np.ndarray:
-    """Zero rotation looks along +Y with x' along X and y' along Z."""
-    level = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
-    about_z = np.array([[np.cos(phi), -np.sin(phi), 0], [np.sin(phi), np.cos(phi), 0], [0, 0, 1.0]])
-    about_x = np.array(
-        [[1.0, 0, 0], [0, np.cos(omega), -np.sin(omega)], [0, np.sin(omega), np.cos(omega)]]
-    )
-    return about_z @ about_x @ level
-
 
 def cube(version: str, **options) -> Scene:
     """Gruen's cube: 27 points, the corners are control free of error."""
-    points = {}
-    number = 0
-    for z in (0, 5, 10):
-        for y in (10, 15, 20):
-            for x in (-5, 0, 5):
-                number += 1
-                points[str(number)] = (float(x), float(y), float(z))
-    assert points["1"] == (-5, 10, 0)
-    assert points["2"] == (0, 10, 0)
-    corners = [p for p, (x, y, z) in points.items() if abs(x) == 5 and y != 15 and z != 5]
-    control = [ControlPoint(p, points[p], (0.0, 0.0, 0.0)) for p in corners]
-    photos = {
-        k: (
-            np.array(_STATIONS[k][0], float),
-            cube_rotation(_STATIONS[k][1] * _PHI, _STATIONS[k][2] * _PHI),
-        )
-        for k in CUBE_VERSIONS[version]
-    }
-    return make_scene(photos, points, c=100.0, control=control, **options)
+    made = planned_cube(version)
+    photos = {photo: (s.centre, s.rotation) for photo, s in made.stations.items()}
+    return make_scene(photos, made.points, c=100.0, control=made.control, **options)
 
 
 # --- aerial blocks --------------------------------------------------------------------------

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bundleblocks import CUBE_VERSIONS, cube
+from bundleblocks import cube
 
 from anaplot.adjustment.significance import critical_normal, noncentrality
 from anaplot.bundle.adjust import adjust_block
 from anaplot.exchange.blockfolder import read_block, write_block_toml, write_image_points
 from anaplot.photogrammetry.block import Strip, TestSettings
+from anaplot.planning.networkplan import CUBE_VERSIONS
 
 # n, u, r, AI X Y Z T [mm] (worked out; A's printed 1.17 and .57 are slips), RI x y T (printed)
 TABLE_2 = {

@@ -1,0 +1,254 @@
+"""Camera stations around an object before they are built up, and what they would be worth.
+
+The cube of Gruen 1978, Figure 2, is the example: 27 points, five ways of photographing them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from math import cos, pi, radians
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.rows import RayRow
+from anaplot.photogrammetry.block import Camera, ControlPoint, Strip
+from anaplot.planning.idealblock import IdealBlock, Station, photograph
+
+__all__ = [
+    "CUBE_VERSIONS",
+    "Network",
+    "PointWorth",
+    "cube",
+    "looking_at",
+    "photo_worth",
+    "plan_network",
+    "point_worth",
+]
+
+Array = NDArray[np.float64]
+
+CUBE_VERSIONS: Mapping[str, tuple[str, ...]] = {
+    "A": ("1", "2"),
+    "B": ("3", "4"),
+    "C": ("3", "0", "4"),
+    "D": ("1", "2", "5", "6"),
+    "E": ("3", "4", "7", "8"),
+}
+"""Photos of each version of the cube."""
+
+_PHI = 20.483 * pi / 200.0
+# projection centre, phi and omega in units of _PHI
+_STATIONS: Mapping[str, tuple[tuple[float, float, float], int, int]] = {
+    "0": ((0, 0, 5), 0, 0),
+    "1": ((-1, 0, 5), 0, 0),
+    "2": ((1, 0, 5), 0, 0),
+    "3": ((-5, 0, 5), -1, 0),
+    "4": ((5, 0, 5), 1, 0),
+    "5": ((0, 0, 4), 0, 0),
+    "6": ((0, 0, 6), 0, 0),
+    "7": ((0, 0, 0), 0, 1),
+    "8": ((0, 0, 10), 0, -1),
+}
+_CUBE_C = 100.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Network:
+    """Stations around an object.
+
+    Attributes
+    ----------
+    name
+        Of the network.
+    cameras
+        A camera's format bounds its field of view.
+    stations
+        By photo.
+    points
+        (3,) coordinates [m] by point.
+    normals
+        (3,) direction in which the surface faces, for points that are not seen from behind.
+    incidence_deg
+        Largest angle between the normal and the ray at which a point is still measured.
+    control
+        Points known beforehand.
+    image_um
+        A-priori sigma0 [um].
+    """
+
+    name: str
+    cameras: tuple[Camera, ...]
+    stations: Mapping[str, Station]
+    points: Mapping[str, Array]
+    control: tuple[ControlPoint, ...] = ()
+    normals: Mapping[str, Array] = field(default_factory=dict)
+    incidence_deg: float = 75.0
+    image_um: float = 5.0
+
+
+class PointWorth(NamedTuple):
+    """A point or a photo, and the weakest of its observations.
+
+    Attributes
+    ----------
+    name
+        Of the point, or of the photo.
+    rays
+        How many rays it has.
+    mean_r, low_r
+        Mean and smallest redundancy number.
+    weakest
+        Photo of the weakest observation of a point; point of that of a photo.
+    axis
+        Its axis.
+    mdb_um
+        Its smallest detectable error [um]; None when nothing checks it.
+    s_xyz
+        Expected standard deviations of a point [m]; None for a photo.
+    """
+
+    name: str
+    rays: int
+    mean_r: float
+    low_r: float
+    weakest: str
+    axis: Literal["x", "y"]
+    mdb_um: float | None
+    s_xyz: tuple[float | None, float | None, float | None] | None
+
+
+def looking_at(
+    centre: tuple[float, float, float], target: tuple[float, float, float], roll: float = 0.0
+) -> Array:
+    """Return the rotation of a camera that looks at a point, x' level; (3, 3).
+
+    A camera that looks straight up or down has y' along +Y. `roll` [rad] turns it about its axis,
+    counter-clockwise as seen from behind the camera.
+    """
+    back = np.subtract(centre, target)
+    back = back / np.linalg.norm(back)
+    up = np.array([0.0, 0.0, 1.0]) if abs(back[2]) < 1.0 - 1e-9 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(up, back)
+    right = right / np.linalg.norm(right)
+    turn = np.array([[cos(roll), -np.sin(roll), 0.0], [np.sin(roll), cos(roll), 0.0], [0, 0, 1.0]])
+    rotation: Array = np.stack((right, np.cross(back, right), back), axis=1) @ turn
+    return rotation
+
+
+def plan_network(network: Network) -> IdealBlock:
+    """Photograph the object from all stations."""
+    limit = cos(radians(network.incidence_deg))
+
+    def sees(photo: str, point: str, _: Array) -> bool:
+        normal = network.normals.get(point)
+        if normal is None:
+            return True
+        ray = network.stations[photo].centre - network.points[point]
+        facing = float(normal @ ray) / float(np.linalg.norm(normal) * np.linalg.norm(ray))
+        return facing >= limit - 1e-12
+
+    return photograph(
+        network.name,
+        network.cameras,
+        network.stations,
+        network.points,
+        control=network.control,
+        # a block's photos stand in strips; here it means nothing more than their order
+        strips=(Strip("1", tuple(network.stations)),) if len(network.stations) > 1 else (),
+        sees=sees,
+        image_um=network.image_um,
+        stated=True,
+    )
+
+
+def cube(version: str, image_um: float = 5.0) -> Network:
+    """Return a version of the cube of 1978: the corners are control free of error.
+
+    Parameters
+    ----------
+    version
+        "A" to "E".
+    image_um
+        A-priori sigma0 [um].
+    """
+    points: dict[str, Array] = {}
+    for z in (0, 5, 10):
+        for y in (10, 15, 20):
+            for x in (-5, 0, 5):
+                points[str(len(points) + 1)] = np.array([x, y, z], dtype=float)
+    control = tuple(
+        ControlPoint(name, (float(x), float(y), float(z)), (0.0, 0.0, 0.0))
+        for name, (x, y, z) in points.items()
+        if abs(x) == 5 and y != 15 and z != 5
+    )
+    stations = {
+        photo: Station(
+            np.array(_STATIONS[photo][0], dtype=float),
+            _cube_rotation(_STATIONS[photo][1] * _PHI, _STATIONS[photo][2] * _PHI),
+            "camera",
+        )
+        for photo in CUBE_VERSIONS[version]
+    }
+    name = f"cube {version}"
+    return Network(name, (Camera("camera", _CUBE_C),), stations, points, control, image_um=image_um)
+
+
+def _cube_rotation(phi: float, omega: float) -> Array:
+    """Zero rotation looks along +Y with x' along X and y' along Z."""
+    level = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    about_z = np.array([[cos(phi), -np.sin(phi), 0], [np.sin(phi), cos(phi), 0], [0, 0, 1.0]])
+    about_x = np.array(
+        [[1.0, 0, 0], [0, cos(omega), -np.sin(omega)], [0, np.sin(omega), cos(omega)]]
+    )
+    rotation: Array = about_z @ about_x @ level
+    return rotation
+
+
+def point_worth(block: AdjustedBlock) -> tuple[PointWorth, ...]:
+    """Return every adjusted point, the one with the weakest observation first."""
+    deviations = {row.point: row.s_xyz for row in block.point_rows()}
+    of: dict[str, list[RayRow]] = {}
+    for row in block.ray_rows():
+        of.setdefault(row.point, []).append(row)
+    return _sorted(
+        _worth(point, rows, [row.photo for row in rows], deviations[point])
+        for point, rows in of.items()
+    )
+
+
+def photo_worth(block: AdjustedBlock) -> tuple[PointWorth, ...]:
+    """Return every photo, the one with the weakest observation first."""
+    of: dict[str, list[RayRow]] = {}
+    for row in block.ray_rows():
+        of.setdefault(row.photo, []).append(row)
+    return _sorted(
+        _worth(photo, rows, [row.point for row in rows], None) for photo, rows in of.items()
+    )
+
+
+def _worth(
+    name: str,
+    rows: list[RayRow],
+    others: list[str],
+    s_xyz: tuple[float | None, float | None, float | None] | None,
+) -> PointWorth:
+    r = np.array([row.r for row in rows])
+    k, axis = np.unravel_index(int(r.argmin()), r.shape)
+    return PointWorth(
+        name,
+        len(rows),
+        float(r.mean()),
+        max(float(r[k, axis]), 0.0),
+        others[int(k)],
+        "y" if axis else "x",
+        rows[int(k)].mdb_um[int(axis)],
+        s_xyz,
+    )
+
+
+def _sorted(found: Iterable[PointWorth]) -> tuple[PointWorth, ...]:
+    return tuple(sorted(found, key=lambda worth: round(worth.low_r, 9)))
