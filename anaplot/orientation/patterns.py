@@ -22,7 +22,7 @@ from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Precision, TestSettings
 
-__all__ = ["PATTERNS", "Pattern", "mirror", "pattern"]
+__all__ = ["PATTERNS", "Pattern", "ideal_model", "mirror", "pattern", "trace_in_bases"]
 
 _COLUMN = {"1": 0, "2": 0, "3": 0, "7": 1, "8": 1, "9": 1, "4": 2, "5": 2, "6": 2}
 _LINE = {"1": 1, "7": 1, "4": 1, "2": 0, "8": 0, "5": 0, "3": -1, "9": -1, "6": -1}
@@ -98,21 +98,7 @@ class Pattern:
         """
         if not min(base, d, c) > 0.0:
             raise ValueError(f"base {base}, d {d} and c {c} must be positive")
-        positions = self.positions(base, d)
-        xl = np.array([positions[label] for label in self.labels])
-        pair = Stereopair(
-            left="left",
-            right="right",
-            points=self.labels,
-            xl=xl,
-            xr=xl - [base, 0.0],
-            c_left=c,
-            c_right=c,
-            ties={label: (*positions[label], -c) for label in self.ties} or None,
-            preceding_bx=base if self.ties else None,
-            base=base,
-        )
-        return orient(pair, Precision(tie_variance=tie_variance), TestSettings(kind="baarda"))
+        return ideal_model(self.positions(base, d), self.ties, base, c, tie_variance)
 
     def ideal_redundancy(
         self,
@@ -132,12 +118,57 @@ class Pattern:
         tie_variance: Literal["paper", "propagated"] = "paper",
     ) -> float:
         """Return the trace of Q_gg of the ideal model, coordinates in units of the base."""
-        q_gg = self.ideal(base, d, c, tie_variance).q_gg
-        trace = float(np.trace(q_gg)) * base * base
-        if self.ties:
-            # bx itself is a length: bx / b and image coordinates / b shrink alike
-            trace += float(q_gg[0, 0]) * (1.0 - base * base)
-        return trace
+        return trace_in_bases(self.ideal(base, d, c, tie_variance), base)
+
+
+def ideal_model(
+    positions: Mapping[str, tuple[float, float]],
+    ties: tuple[str, ...],
+    base: float,
+    c: float,
+    tie_variance: Literal["paper", "propagated"] = "paper",
+) -> ModelSolution:
+    """Orient a model of vertical photos and flat ground.
+
+    Parameters
+    ----------
+    positions
+        x, y in the left photo [mm] by label.
+    ties
+        Labels of the points shared with a preceding model of the same base.
+    base, c
+        Base at photo scale and camera constant [mm].
+    tie_variance
+        Cofactor of the x rows: "paper" or "propagated".
+
+    Raises
+    ------
+    NotComputableError
+        The points do not determine the model.
+    """
+    xl = np.array(list(positions.values()))
+    pair = Stereopair(
+        left="left",
+        right="right",
+        points=tuple(positions),
+        xl=xl,
+        xr=xl - [base, 0.0],
+        c_left=c,
+        c_right=c,
+        ties={label: (*positions[label], -c) for label in ties} or None,
+        preceding_bx=base if ties else None,
+        base=base,
+    )
+    return orient(pair, Precision(tie_variance=tie_variance), TestSettings(kind="baarda"))
+
+
+def trace_in_bases(solution: ModelSolution, base: float) -> float:
+    """Return the trace of Q_gg of an ideal model, lengths in units of its base [mm]."""
+    trace = float(np.trace(solution.q_gg)) * base * base
+    if solution.ties:
+        # bx itself is a length: bx / b and image coordinates / b shrink alike
+        trace += float(solution.q_gg[0, 0]) * (1.0 - base * base)
+    return trace
 
 
 def mirror(label: str) -> str | None:

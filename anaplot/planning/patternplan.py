@@ -8,11 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from anaplot.orientation.model import orient
-from anaplot.orientation.pair import Stereopair
-from anaplot.orientation.patterns import Pattern
+from anaplot.orientation.patterns import Pattern, ideal_model
 from anaplot.orientation.results import ModelSolution
-from anaplot.photogrammetry.block import Precision, TestSettings
 
 __all__ = ["Advice", "PlannedPattern", "advise", "from_pattern", "grid", "solve"]
 
@@ -75,20 +72,7 @@ def solve(
         The points do not determine the model.
     """
     at = {label: (x, y) for label, x, y in plan.points}
-    xl = np.array(list(at.values()))
-    pair = Stereopair(
-        left="left",
-        right="right",
-        points=tuple(at),
-        xl=xl,
-        xr=xl - [plan.base, 0.0],
-        c_left=plan.c,
-        c_right=plan.c,
-        ties={label: (*at[label], -plan.c) for label in plan.ties} or None,
-        preceding_bx=plan.base if plan.ties else None,
-        base=plan.base,
-    )
-    return orient(pair, Precision(tie_variance=tie_variance), TestSettings(kind="baarda"))
+    return ideal_model(at, plan.ties, plan.base, plan.c, tie_variance)
 
 
 def grid(base: float, d: float, steps: int = 5) -> tuple[tuple[float, float], ...]:

@@ -14,23 +14,15 @@ from anaplot.errors import InputError
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.exchange.wording import quoted
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.patterns import pattern
+from anaplot.orientation.patterns import pattern, trace_in_bases
 from anaplot.orientation.results import ModelSolution
 from anaplot.planning.patternplan import Advice, PlannedPattern, advise, from_pattern, grid, solve
 from anaplot.report.plantext import advice_lines, drawing, transfer_lines
 
-__all__ = ["pattern_json", "run_plan_pattern", "trace_in_bases"]
+__all__ = ["pattern_json", "run_plan_pattern"]
 
 _SHOWN = 5
-
-
-def trace_in_bases(solution: ModelSolution, base: float) -> float:
-    """Return the trace of Q_gg, lengths in units of the base."""
-    trace = float(np.trace(solution.q_gg)) * base * base
-    if solution.ties:
-        # bx is itself a length, so that it and the image coordinates shrink alike
-        trace += float(solution.q_gg[0, 0]) * (1.0 - base * base)
-    return trace
+_FILES = (".csv", ".toml")
 
 
 def pattern_json(
@@ -60,7 +52,7 @@ def pattern_json(
 
 def _plan(options: argparse.Namespace) -> PlannedPattern:
     path = Path(options.pattern)
-    if path.suffix.lower() != ".csv":
+    if path.suffix.lower() not in _FILES:
         name = options.pattern if options.ties is None else f"{options.pattern}/{options.ties}"
         return from_pattern(pattern(name), options.base, options.d, options.c)
     if options.ties is not None:
@@ -91,12 +83,15 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(pattern_json(plan, solution, advice), indent=1, allow_nan=False))
         return 0
+    path = Path(options.pattern)
+    title = path.name if path.suffix.lower() in _FILES else options.pattern
     redn = [row.redn for row in solution.table]
-    print(f"PATTERN {quoted(options.pattern)}: redundancy numbers at the points")
-    print("\n".join(["", *drawing(plan, solution), ""]))
+    print(f"PATTERN {quoted(title)}: redundancy numbers at the points")
+    transfers = diagnose(solution).transfers
+    print("\n".join(["", *drawing(plan, solution, transfers), ""]))
     print(
         f"n {len(redn)}   mean r {np.mean(redn):.3f}   "
         f"trace Q_gg {trace_in_bases(solution, plan.base):.2f} (lengths in bases)"
     )
-    print("\n".join((*transfer_lines(diagnose(solution).transfers), *advice_lines(advice[0]))))
+    print("\n".join((*transfer_lines(transfers), *advice_lines(advice[0]))))
     return 0

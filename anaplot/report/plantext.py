@@ -2,38 +2,133 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import NamedTuple
+
 from anaplot.orientation.results import ModelSolution, Transfer
 from anaplot.planning.patternplan import Advice, PlannedPattern
 from anaplot.report.printable import printable
 
 __all__ = ["advice_lines", "drawing", "transfer_lines"]
 
-_WIDTH = 17
+_LINE = 80
+_WIDEST, _NARROWEST = 20, 11
+_SHAFT = 3  # lines between two levels with an arrow between them
+
+Cell = tuple[int, int]  # column from the left, level from above
 
 
-def drawing(plan: PlannedPattern, solution: ModelSolution) -> list[str]:
-    """Return the points in their places, each with its redundancy numbers."""
+class _Arrow(NamedTuple):
+    """What is drawn between two neighbouring cells, `first` above or left of the other."""
+
+    forward: bool
+    back: bool
+    value: float
+
+
+def drawing(
+    plan: PlannedPattern, solution: ModelSolution, transfers: Iterable[Transfer] = ()
+) -> list[str]:
+    """Return the points in their places, each with its redundancy numbers, at most 80 wide.
+
+    Transfers between neighbours in a column or a row are drawn as arrows, the largest of each
+    pair of places with its value where there is room. Points at too many different x for a
+    drawing are listed instead.
+    """
     redn = {row.key: row.redn for row in solution.table}
     columns = sorted({round(x, 3) for _, x, _ in plan.points})
     levels = sorted({round(y, 3) for _, _, y in plan.points}, reverse=True)
-    lines = []
-    for y in levels:
-        cells: list[list[str]] = []
-        for x in columns:
-            here = [p for p in plan.points if (round(p[1], 3), round(p[2], 3)) == (x, y)]
-            cells.append([])
-            for label, _, _ in here:
-                cells[-1].append(f"o {printable(label)}"[: _WIDTH - 1])
-                text = f"  y {redn[label, 'y']:.3f}"
-                if (label, "x") in redn:
-                    text += f" x {redn[label, 'x']:.3f}"
-                cells[-1].append(text)
+    width = min(_WIDEST, (_LINE - 1) // len(columns))
+    if width < _NARROWEST:
+        return _listed(plan, redn)
+    place = {
+        label: (columns.index(round(x, 3)), levels.index(round(y, 3)))
+        for label, x, y in plan.points
+    }
+    arrows = _arrows(place, transfers)
+    lines: list[str] = []
+    for level in range(len(levels)):
+        cells = [
+            _cell([p for p, at in place.items() if at == (column, level)], redn, width)
+            for column in range(len(columns))
+        ]
+        for column, cell in enumerate(cells):
+            arrow = arrows.get(((column, level), (column + 1, level)))
+            if arrow is not None:
+                cell[0] = _horizontal(cell[0], arrow, width)
         for k in range(max(map(len, cells))):
-            lines.append(
-                "".join((c[k] if k < len(c) else "").ljust(_WIDTH) for c in cells).rstrip()
-            )
-        lines.append("")
-    return lines[:-1]
+            lines.append(_row([cell[k] if k < len(cell) else "" for cell in cells], width))
+        if level + 1 < len(levels):
+            below = {
+                column: arrows[(column, level), (column, level + 1)]
+                for column in range(len(columns))
+                if ((column, level), (column, level + 1)) in arrows
+            }
+            lines += _vertical(below, len(columns), width) if below else [""]
+    return lines
+
+
+def _cell(labels: list[str], redn: dict[tuple[str, str], float], width: int) -> list[str]:
+    lines = []
+    for label in labels:
+        lines.append(f"o {printable(label)}"[: width - 1])
+        lines += [f"  {a} {redn[label, a]:.3f}" for a in ("y", "x") if (label, a) in redn]
+    return lines or [""]
+
+
+def _row(cells: list[str], width: int) -> str:
+    return "".join(cell.ljust(width) for cell in cells).rstrip()
+
+
+def _arrows(
+    place: dict[str, Cell], transfers: Iterable[Transfer]
+) -> dict[tuple[Cell, Cell], _Arrow]:
+    out: dict[tuple[Cell, Cell], _Arrow] = {}
+    for transfer in transfers:
+        source, target = place[transfer.source[0]], place[transfer.target[0]]
+        if abs(source[0] - target[0]) + abs(source[1] - target[1]) != 1:
+            continue
+        forward = source < target
+        key = (source, target) if forward else (target, source)
+        had = out.get(key, _Arrow(False, False, 0.0))
+        value = max(had.value, transfer.value, key=abs)
+        out[key] = _Arrow(had.forward or forward, had.back or not forward, value)
+    return out
+
+
+def _horizontal(head: str, arrow: _Arrow, width: int) -> str:
+    room = width - len(head) - 2
+    if room < 4:
+        return head
+    tips = ("<" if arrow.back else "-", ">" if arrow.forward else "-")
+    value = f" {arrow.value:+.3f} "
+    shaft = value if len(value) + 4 <= room else ""
+    return f"{head} {tips[0]}{shaft.center(room - 2, '-')}{tips[1]} "
+
+
+def _vertical(below: dict[int, _Arrow], columns: int, width: int) -> list[str]:
+    lines = []
+    for k in range(_SHAFT):
+        cells = [""] * columns
+        for column, arrow in below.items():
+            mark = "|"
+            if k == 0 and arrow.back:
+                mark = "^"
+            elif k == _SHAFT - 1 and arrow.forward:
+                mark = "v"
+            cells[column] = f"{mark} {arrow.value:+.3f}" if k == 1 else mark
+        lines.append(_row(cells, width))
+    return lines
+
+
+def _listed(plan: PlannedPattern, redn: dict[tuple[str, str], float]) -> list[str]:
+    lines = ["POINT             x mm     y mm    r of y    r of x"]
+    for label, x, y in plan.points:
+        tie = f"{redn[label, 'x']:10.3f}" if (label, "x") in redn else ""
+        lines.append(
+            f"{printable(label)[:12]:<12}{x:>10.3f}{y:>9.3f}{redn[label, 'y']:>10.3f}{tie}"
+        )
+    return lines
 
 
 def transfer_lines(transfers: tuple[Transfer, ...]) -> list[str]:
@@ -56,6 +151,6 @@ def advice_lines(best: Advice) -> list[str]:
         if best.doubles is None
         else f"a double of {printable(best.doubles)}"
     )
-    return [
-        f"{what} helps the weakest redundancy number most: {best.before:.3f} -> {best.after:.3f}"
-    ]
+    effect = f"helps the weakest redundancy number most: {best.before:.3f} -> {best.after:.3f}"
+    line = f"{what} {effect}"
+    return [line] if len(line) <= _LINE else [what, f"  {effect}"]

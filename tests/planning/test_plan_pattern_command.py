@@ -73,3 +73,85 @@ def test_a_wrong_file_is_one_line(capsys, tmp_path, text, what):
     error = capsys.readouterr().err
     assert what in error
     assert error.count("\n") == 1
+
+
+def toml(points):
+    tables = [
+        f'[[point]]\nlabel = "{p["label"]}"\nx = {p["x_mm"]}\ny = {p["y_mm"]}\n'
+        f"tie = {str(p['tie']).lower()}\n"
+        for p in points
+    ]
+    return "format = 1\n" + "".join(tables)
+
+
+def test_a_toml_file_says_the_same_as_the_name(capsys, tmp_path):
+    named = said(capsys, "13/5")
+    path = tmp_path / "thirteen.toml"
+    path.write_text(toml(named["points"]))
+    assert said(capsys, str(path)) == named
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "what"),
+    [
+        ('format = 1\n[[point]]\nlabel = "1"\nx = 0\ny = 0\ntie = "yes"\n', 6, "true or false"),
+        ('format = 1\n[[point]]\nlabel = "1"\nx = 0\ny = 2000\n', 5, "outside any photo"),
+        ('format = 1\n[[point]]\nlabel = "1"\nx = 0\nz = 0\n', 5, "unknown key"),
+        (
+            'format = 1\n[[point]]\nlabel = "1"\nx = 0\ny = 0\n'
+            '[[point]]\nlabel = "1"\nx = 1\ny = 1\n',
+            7,
+            "stands in line 3 already",
+        ),
+        ("format = 2\n", 1, "newer version"),
+        ("format = 1\n", None, "no points"),
+    ],
+)
+def test_a_wrong_toml_file_is_one_line(capsys, tmp_path, text, line, what):
+    path = tmp_path / "p.toml"
+    path.write_text(text)
+    assert main(["plan", "pattern", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert what in error
+    assert error.count("\n") == 1
+    if line is not None:
+        assert f"p.toml:{line}:" in error or f"line {line}" in error
+
+
+def drawn(capsys, *arguments):
+    assert main(["plan", "pattern", *arguments, *LENGTHS]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    return lines
+
+
+def test_arrows_point_from_the_corners_to_the_centres(capsys):
+    lines = drawn(capsys, "6")
+    top = next(k for k, line in enumerate(lines) if line.startswith("o 1"))
+    assert [line.split() for line in lines[top + 2 : top + 6]] == [
+        ["|", "|"],
+        ["|", "-0.167", "|", "-0.167"],
+        ["v", "v"],
+        ["o", "2", "<---", "-0.333", "-->", "o", "5"],
+    ]
+    assert lines[top + 7].split() == ["^", "^"]
+
+
+def test_arrows_run_one_way_along_a_row(capsys):
+    lines = drawn(capsys, "9")
+    assert "o 1 ---- -0.333 --> o 7 <--- -0.333 --- o 4" in lines
+
+
+def test_no_transfer_no_arrow(capsys):
+    lines = drawn(capsys, "13/5")
+    assert "no critical transfers" in lines
+    assert not any("-->" in line or "|" in line for line in lines)
+
+
+def test_points_at_many_places_are_listed(capsys, tmp_path):
+    path = tmp_path / "many.csv"
+    rows = [f"a{k},{10 * k},{(-1) ** k * (20 + 7 * k)}" for k in range(10)]
+    path.write_text("\n".join(["label,x,y", *rows]) + "\n")
+    lines = drawn(capsys, str(path))
+    at = lines.index(next(line for line in lines if line.startswith("POINT ")))
+    assert [line.split()[0] for line in lines[at + 1 : at + 11]] == [f"a{k}" for k in range(10)]
