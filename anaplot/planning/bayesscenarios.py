@@ -150,9 +150,7 @@ def scenarios() -> tuple[Scenario, ...]:
         for letter, prior in (("A", 10.0), ("B", 100.0))
     ]
     for group, (size_um, prior, printed) in _GROUPS.items():
-        for (letter, number), (right, wrong, missed) in zip(
-            _NUMBERS.items(), printed, strict=True
-        ):
+        for (letter, number), (right, wrong, missed) in zip(_NUMBERS.items(), printed, strict=True):
             out.append(
                 BayesScenario(
                     f"bayes-{group}{letter}",

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from anaplot.planning import modelscenarios, stripscenarios
+from anaplot.planning import (
+    bayesscenarios,
+    blockscenarios,
+    modelscenarios,
+    networkscenarios,
+    stripscenarios,
+)
 from anaplot.planning.montecarlo import Scenario
 
 __all__ = ["scenarios"]
 
-_ROOMS = (modelscenarios, stripscenarios)
+_ROOMS = (modelscenarios, stripscenarios, blockscenarios, networkscenarios, bayesscenarios)
 
 
 def scenarios() -> dict[str, Scenario]:

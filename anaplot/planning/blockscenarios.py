@@ -1,0 +1,254 @@
+"""Size and power of the tests in an aerial block, and the strategies with several errors in it.
+
+The block is that of Gruen 1980, Figure 2: 4 x 4 photos, nine points each (six at strip ends), inner
+rays measured in two models, full control on the perimeter every second base, height in the middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.batch import standardized, tau_statistics
+from anaplot.adjustment.reliability import smallest_detectable_errors
+from anaplot.adjustment.residualsystem import DenseResiduals
+from anaplot.adjustment.setodds import set_odds
+from anaplot.adjustment.significance import (
+    critical_normal,
+    critical_tau,
+    noncentrality,
+    tau_power,
+)
+from anaplot.adjustment.strategies import find_gross_errors
+from anaplot.planning.linearrows import image_design, residual_matrix
+from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+
+__all__ = ["BlockErrorsScenario", "BlockSizeScenario", "gruen_matrix", "scenarios"]
+
+Array = NDArray[np.float64]
+
+_PHOTOS = 4
+_CONTROL = (0.0, 1.5, 3.0)
+_HEIGHT = 150.0 / 92.0  # in bases
+_ALPHAS = (0.001, 0.05)
+_POWER = 0.80
+_REDUNDANCY = 170
+_STRATEGIES = ("rms", "tau", "baarda", "huber", "danish", "search", "odds", "sure")
+
+
+def gruen_matrix() -> Array:
+    """Return (n, n) R of the block; rows: rays, in them x and y."""
+    steps = np.arange(_PHOTOS, dtype=float)
+    points = [(x, y, 0.0) for y in np.arange(-1.0, _PHOTOS + 1) for x in steps]
+    known = [[False] * 3 for _ in points]
+    for x in _CONTROL:
+        for y in _CONTROL:
+            full = x in (0.0, _PHOTOS - 1.0) or y in (0.0, _PHOTOS - 1.0)
+            if (x, y, 0.0) not in points:
+                points.append((x, y, 0.0))
+                known.append([False] * 3)
+            known[points.index((x, y, 0.0))] = [full, full, True]
+    rays = []
+    for j in range(_PHOTOS):
+        for i in range(_PHOTOS):
+            for point, (x, y, _) in enumerate(points):
+                if abs(x - i) < 1.01 and abs(y - j) < 1.01:
+                    twice = x == i and 0 < i < _PHOTOS - 1
+                    rays += [(j * _PHOTOS + i, point)] * (2 if twice else 1)
+    centres = np.array([(i, j, _HEIGHT) for j in steps for i in steps])
+    return residual_matrix(
+        image_design(
+            centres,
+            np.broadcast_to(np.eye(3), (len(centres), 3, 3)),
+            150.0,
+            np.array(points, dtype=float),
+            np.array(rays, dtype=np.intp),
+            np.array(known),
+        )
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class BlockSizeScenario:
+    """Rows flagged without error, and one error of the smallest detectable size; see `Scenario`."""
+
+    name: str
+    about: str
+    references: Mapping[Key, float] = field(default_factory=dict)
+    methods: tuple[str, ...] = ("baarda", "tau")
+    runs: int = 5000
+    chunk: int = 500
+
+    def prepare(self) -> _SizeTrial:
+        """Linearise the block."""
+        return _SizeTrial(gruen_matrix())
+
+
+class _SizeTrial:
+    def __init__(self, matrix: Array) -> None:
+        self._matrix = matrix
+        self._r = np.diag(matrix)
+        self._testable = np.flatnonzero(self._r > 1e-6)
+
+    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
+        """Test every row under no error, and the row in error under one."""
+        tally: Tally = {}
+        n, r = len(self._matrix), self._r
+        redundancy = round(float(r.sum()))
+        noise = rng.normal(size=(runs, n)) @ self._matrix
+        rows = rng.choice(self._testable, runs)
+        signs = rng.choice((-1.0, 1.0), runs)
+        one = np.arange(runs)
+        for alpha in _ALPHAS:
+            least = smallest_detectable_errors(
+                r, np.ones(n), apriori=1.0, alpha=alpha, power=_POWER
+            )
+            wrong = noise + (signs * least[rows])[:, None] * self._matrix[rows]
+            for method in methods:
+                clean, hit = (_statistics(method, e, r, redundancy) for e in (noise, wrong))
+                critical = _critical(method, alpha, redundancy)
+                flagged = (clean[:, self._testable] > critical).mean(axis=1)
+                largest = (np.argmax(hit, axis=1) == rows) & (hit[one, rows] > critical)
+                tally[f"no error, alpha {alpha:g}", method, "share of rows flagged"] = sums(flagged)
+                case = f"smallest detectable error, alpha {alpha:g}"
+                tally[case, method, "row flagged"] = sums(hit[one, rows] > critical)
+                tally[case, method, "flagged and largest"] = sums(largest)
+        return tally
+
+    def remarks(self) -> tuple[str, ...]:
+        """Say what the block is."""
+        return _facts(self._matrix)
+
+
+def _facts(matrix: Array) -> tuple[str, ...]:
+    n, r = len(matrix), np.diag(matrix)
+    redundancy = round(float(r.sum()))
+    return (
+        f"n {n}, u {n - redundancy}, redundancy {redundancy}; "
+        f"{int((r <= 1e-6).sum())} image coordinates cannot be tested",
+    )
+
+
+def _statistics(method: str, e: Array, r: Array, redundancy: int) -> Array:
+    return standardized(e, r) if method == "baarda" else tau_statistics(e, r, redundancy)
+
+
+def _critical(method: str, alpha: float, redundancy: int) -> float:
+    if method == "baarda":
+        return critical_normal(alpha)
+    critical = critical_tau(alpha, redundancy)
+    if critical is None:
+        raise ValueError(f"tau has no critical value for {redundancy} redundancies")
+    return critical
+
+
+@dataclass(frozen=True, slots=True)
+class BlockErrorsScenario:
+    """One, five and ten errors of one size anywhere in the block, every strategy.
+
+    Attributes
+    ----------
+    name, about, methods, runs, chunk, references
+        See `Scenario`.
+    size
+        Size of the errors [sigma].
+    numbers
+        How many are planted, one case each.
+    """
+
+    name: str
+    about: str
+    size: float
+    numbers: tuple[int, ...] = (1, 5, 10)
+    references: Mapping[Key, float] = field(default_factory=dict)
+    methods: tuple[str, ...] = _STRATEGIES
+    runs: int = 50
+    chunk: int = 5
+
+    def prepare(self) -> _ErrorsTrial:
+        """Linearise the block."""
+        return _ErrorsTrial(self, gruen_matrix())
+
+
+class _ErrorsTrial:
+    def __init__(self, scenario: BlockErrorsScenario, matrix: Array) -> None:
+        self._scenario, self._matrix = scenario, matrix
+
+    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
+        """Place the errors, search, count."""
+        tally: Tally = {}
+        n = len(self._matrix)
+        for number in self._scenario.numbers:
+            counts = {method: np.zeros((3, runs)) for method in methods}
+            for one in range(runs):
+                errors = rng.normal(size=n)
+                planted = set(rng.choice(n, number, replace=False).tolist())
+                errors[list(planted)] += self._scenario.size * rng.choice((-1.0, 1.0), number)
+                for method, found in self._found(errors, methods).items():
+                    right = len(planted & found)
+                    counts[method][:, one] = right, len(found) - right, number - right
+            case = f"{number} of {self._scenario.size:g} sigma"
+            for method in methods:
+                for quantity, values in zip(
+                    ("right", "wrong", "missed"), counts[method], strict=True
+                ):
+                    tally[case, method, quantity] = sums(values)
+        return tally
+
+    def _found(self, errors: Array, methods: tuple[str, ...]) -> dict[str, set[int]]:
+        matrix = self._matrix
+        e, r = matrix @ errors, np.maximum(np.diag(matrix), 0.0)
+        names = tuple(range(len(e)))
+        system = DenseResiduals(names, e, r, float(e @ e), round(float(r.sum())), matrix)
+        out: dict[str, set[int]] = {}
+        for method in methods:
+            if method not in ("odds", "sure"):
+                out[method] = set(find_gross_errors(system, method).rows)
+        if "odds" in methods or "sure" in methods:
+            start = (
+                tuple(sorted(out["search"]))
+                if "search" in out
+                else tuple(sorted(find_gross_errors(system, "search").rows))
+            )
+            odds = set_odds(system, start=start)
+            if "odds" in methods:
+                out["odds"] = set(odds.best)
+            if "sure" in methods:
+                out["sure"] = set(odds.sure)
+        return out
+
+    def remarks(self) -> tuple[str, ...]:
+        """Say what the block is."""
+        return _facts(self._matrix)
+
+
+def scenarios() -> tuple[Scenario, ...]:
+    """Return the scenarios of aerial blocks."""
+    references: dict[Key, float] = {}
+    for alpha in _ALPHAS:
+        case = f"smallest detectable error, alpha {alpha:g}"
+        for method in ("baarda", "tau"):
+            references[f"no error, alpha {alpha:g}", method, "share of rows flagged"] = alpha
+        references[case, "baarda", "row flagged"] = _POWER
+        predicted = tau_power(noncentrality(alpha, _POWER), alpha, _REDUNDANCY)
+        if predicted is not None:
+            references[case, "tau", "row flagged"] = predicted
+    return (
+        BlockSizeScenario(
+            "size-blocks",
+            "An aerial block: how often the tests flag rows without error, and one error of the "
+            "size found with power 0.80.",
+            references,
+        ),
+        *(
+            BlockErrorsScenario(
+                f"block-errors-{size}",
+                f"An aerial block with 1, 5 and 10 gross errors of {size} sigma: all strategies.",
+                float(size),
+            )
+            for size in (10, 20)
+        ),
+    )
