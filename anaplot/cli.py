@@ -94,6 +94,7 @@ def _adjust(options: argparse.Namespace) -> int:
         errors=options.errors,
         partner=options.partner,
         pairs=options.pairs,
+        components=options.components,
     )
 
 
@@ -377,7 +378,26 @@ def _add_simulate(parts: Any) -> None:
         epilog="example: anaplot plan simulate kratky-1983-6-3 --runs 20000",
     )
     simulate.add_argument(
-        "scenario", nargs="?", metavar="SCENARIO", help="one of those named by --list"
+        "scenario",
+        nargs="?",
+        metavar="SCENARIO|PATTERN|BLOCK|NETWORK",
+        help="one of those named by --list; or a pattern (13/5 or a file), a block's folder, "
+        "cube:A to cube:E or a network's file, in which errors are planted",
+    )
+    simulate.add_argument(
+        "--errors", type=_wholes, metavar="N,...", help="how many errors in a run, default 1"
+    )
+    simulate.add_argument(
+        "--size", type=_sizes, metavar="S,...", help="their sizes [sigma], default 6,10,20"
+    )
+    simulate.add_argument(
+        "--place",
+        action="append",
+        metavar="NAME",
+        help="only in rows of this photo, point or axis; several times: of all of them",
+    )
+    simulate.add_argument(
+        "--alpha", type=_significance, metavar="ALPHA", help="of a single row, default 0.001"
     )
     simulate.add_argument("--list", action="store_true", help="name the scenarios")
     simulate.add_argument(
@@ -508,6 +528,55 @@ def _add_plan_network(parts: Any) -> None:
     network.set_defaults(run=_plan_network)
 
 
+def _compare(options: argparse.Namespace) -> int:
+    from anaplot.report.comparecommand import run_compare
+
+    return run_compare(options)
+
+
+def _add_compare_arguments(parser: Any) -> None:
+    parser.add_argument("first", type=Path, metavar="EPOCH1", help="the earlier block's folder")
+    parser.add_argument("second", type=Path, metavar="EPOCH2", help="the later block's folder")
+    parser.add_argument(
+        "--separate",
+        action="store_true",
+        help="adjust each epoch by itself; otherwise both in one, with common control",
+    )
+    parser.add_argument(
+        "--additional",
+        metavar="SET",
+        help="additional parameters: ebner, gruen or physical, with :block (the default), :strip, "
+        ":camera or :photo",
+    )
+    parser.add_argument(
+        "--additional-sigma-um", type=_positive, metavar="UM", help="weigh them by their effect"
+    )
+    parser.add_argument(
+        "--common-parameters",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="whether both epochs have the same ones; jointly, of block and camera: they have",
+    )
+    parser.add_argument(
+        "--stable",
+        metavar="POINT,...",
+        help="points that have not moved hold the datum in place of control: three or more",
+    )
+    parser.add_argument("--points", metavar="POINT,...", help="compare these only")
+    parser.add_argument(
+        "--alpha",
+        type=_significance,
+        default=0.05,
+        metavar="ALPHA",
+        help="significance of the global test and of every family of single tests, default 0.05",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON for programs")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the displacements as CSV")
+    parser.add_argument(
+        "--fail-on-flag", action="store_true", help="exit with 1 when something has moved"
+    )
+
+
 def _add_plan(commands: Any) -> None:
     plan = commands.add_parser(
         "plan",
@@ -577,10 +646,10 @@ def _parser() -> _Parser:
     )
     bridge.add_argument(
         "--errors",
-        choices=("baarda", "tau", "rms", "huber", "danish", "search"),
+        choices=("baarda", "tau", "rms", "huber", "danish", "search", "odds"),
         metavar="NAME",
         help="take out what this strategy rejects before the next model: baarda, tau, rms, huber, "
-        "danish or search",
+        "danish, search or odds",
     )
     adjust = command(
         "adjust",
@@ -639,10 +708,10 @@ def _parser() -> _Parser:
     )
     adjust.add_argument(
         "--errors",
-        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "search"),
+        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "search", "odds"),
         metavar="NAME",
         help="reject what this strategy finds, coordinate by coordinate, and adjust again: baarda, "
-        "tau, rms, modified, huber, danish or search",
+        "tau, rms, modified, huber, danish, search or odds",
     )
     adjust.add_argument(
         "--partner",
@@ -656,6 +725,23 @@ def _parser() -> _Parser:
         action="store_true",
         help="with --errors: add the odds over one and two gross errors",
     )
+    adjust.add_argument(
+        "--components",
+        nargs="?",
+        const="axes",
+        choices=("kinds", "axes", "strips"),
+        metavar="GROUPING",
+        help="estimate the variances of image coordinates, control and priors: kinds, axes (x and "
+        "y apart, the default) or strips (image coordinates by strip)",
+    )
+
+    compare = command(
+        "compare",
+        _compare,
+        "what has moved between two epochs",
+        "anaplot compare spring autumn",
+    )
+    _add_compare_arguments(compare)
 
     demo = command(
         "demo",
@@ -786,6 +872,14 @@ def _significance(text: str) -> float:
     if value > 0.5:
         raise argparse.ArgumentTypeError(f"{text!r} is no significance: above 0, at most 0.5")
     return value
+
+
+def _wholes(text: str) -> tuple[int, ...]:
+    return tuple(_whole(0, 10_000)(part) for part in text.split(","))
+
+
+def _sizes(text: str) -> tuple[float, ...]:
+    return tuple(_positive(part) for part in text.split(","))
 
 
 def _whole(low: int, high: int) -> Callable[[str], int]:

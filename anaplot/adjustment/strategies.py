@@ -12,8 +12,10 @@ huber, danish
     Re-weighting to convergence; rejected is what then lies beyond the critical value of w.
 search
     The best set of rejected rows, found by adding, dropping and swapping rows.
+odds
+    The most probable set of errors, weighed against its neighbours, beginning with the search's.
 
-In all of them but the search, which does it by itself, a rejected row comes back when the
+In all of them but the last two, which do it by themselves, a rejected row comes back when the
 standardized estimate of its error falls below the critical value.
 """
 
@@ -41,6 +43,7 @@ from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR, error
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.reweighting import Reweighting, reweight
 from anaplot.adjustment.search import largest, search
+from anaplot.adjustment.setodds import set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 
 __all__ = ["MOST_ROWS_OF_PAIRS", "STRATEGIES", "find_gross_errors", "pair_odds"]
@@ -48,7 +51,7 @@ __all__ = ["MOST_ROWS_OF_PAIRS", "STRATEGIES", "find_gross_errors", "pair_odds"]
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "search")
+STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "search", "odds")
 """Names of all strategies."""
 
 MOST_ROWS_OF_PAIRS = 3000
@@ -115,6 +118,10 @@ def find_gross_errors(
     remarks: list[str] = []
     if strategy == "search":
         state, steps = search(system, critical, allowed, most)
+    elif strategy == "odds":
+        state, steps, sure = _by_odds(system, critical, allowed, most)
+        if state.rows:
+            remarks.append(f"{sure} of {len(state.rows)} are in error more probably than not")
     elif strategy in ("huber", "danish"):
         kind: Literal["huber", "danish"] = "huber" if strategy == "huber" else "danish"
         state, steps, robust = _robust(system, kind, critical, allowed, most)
@@ -133,6 +140,33 @@ def find_gross_errors(
     return _findings(
         state, strategy, steps, used, weights=weights, values=values, remarks=tuple(remarks)
     )
+
+
+def _by_odds(
+    system: ResidualSystem, critical: float, suspects: Bools, most: int
+) -> tuple[Elimination, list[Step], int]:
+    """Return the most probable set, how it was reached, and how many of its rows are sure."""
+    state, steps = search(system, critical, suspects, most)
+    # more errors than half of the redundancy have other explanations as good
+    room = min(most, system.redundancy // 2)
+    odds = set_odds(
+        system,
+        start=state.rows,
+        suspects=suspects & Elimination(system).testable_rows,
+        most=room,
+    )
+    for row in [row for row in state.rows if row not in odds.best]:
+        before = state.vtpv
+        state.drop(row)
+        steps.append(Step("drop", (row,), None, None, before, state.vtpv))
+    for row in [row for row in odds.best if row not in state.rows]:
+        before = state.vtpv
+        try:
+            state.add(row)
+        except NotSeparableError:
+            continue
+        steps.append(Step("add", (row,), None, None, before, state.vtpv))
+    return state, steps, len(set(odds.sure) & set(state.rows))
 
 
 def _rule(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.significance import TESTABLE, noncentrality
 from anaplot.bundle.minimum import Convergence
-from anaplot.bundle.normal import State
+from anaplot.bundle.normal import State, image_misclosures
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.reliability import Cofactors
 from anaplot.bundle.rows import (
@@ -55,7 +55,8 @@ class AdjustedBlock:
     critical
         Critical value of a single test; None where there is none.
     v
-        (m, 2) residuals of the image coordinates in units of their a-priori sigmas.
+        (m, 2) residuals of the image coordinates in units of their a-priori sigmas; zero where
+        they are rejected.
     remarks
         Sentences for a person.
     """
@@ -101,40 +102,56 @@ class AdjustedBlock:
 
     def indicators(self) -> Indicators:
         """Return the global indicators."""
-        x, y = self.cofactors.r.mean(axis=0).tolist()
+        r = self.cofactors.r
+        x, y = (r.mean(axis=0) if self.problem.rejected is None else self._mean_r()).tolist()
         # a coordinate free of error has the cofactor zero
         deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.cofactors.points), 0.0))
         ai_x, ai_y, ai_z = deviation.mean(axis=0).tolist()
         return Indicators(x, y, (x + y) / 2.0, ai_x, ai_y, ai_z, (ai_x + ai_y + ai_z) / 3.0)
 
+    def _mean_r(self) -> Array:
+        count = np.maximum((~self.rejected).sum(axis=0), 1)
+        return np.asarray(self.cofactors.r.sum(axis=0) / count)
+
+    @property
+    def rejected(self) -> NDArray[np.bool_]:
+        """(m, 2) which image coordinates have the weight zero."""
+        if self.problem.rejected is None:
+            return np.zeros(self.v.shape, dtype=bool)
+        return self.problem.rejected
+
     def ray_rows(self) -> Iterator[RayRow]:
         """Return the image points in file order."""
         problem, r = self.problem, self.cofactors.r
         order = np.argsort(problem.source)
-        sigma_um = (problem.sigma * 1e3).tolist()
+        sigma_um = problem.sigma_xy * 1e3
         v, w = self.v, self.w
+        out = self.rejected
+        if out.any():
+            v = np.where(out, image_misclosures(problem, self.state)[0], v)
         size = _detectable(r, self.delta0)
         effect = self.cofactors.response.transpose(0, 2, 1) * size[:, :, None]
         flagged = np.asarray(self.flagged.any(axis=1))
         for k in order.tolist():
             source = int(problem.source[k])
             row = problem.block.image_points[source]
-            s = sigma_um[k]
+            s = sigma_um[k].tolist()
             testable = [bool(np.isfinite(size[k, axis])) for axis in (0, 1)]
             yield RayRow(
                 source,
                 row.photo,
                 row.point,
                 row.model,
-                (float(v[k, 0]) * s, float(v[k, 1]) * s),
+                (float(v[k, 0]) * s[0], float(v[k, 1]) * s[1]),
                 (float(r[k, 0]), float(r[k, 1])),
                 (_number(w[k, 0]), _number(w[k, 1])),
-                (_number(size[k, 0] * s), _number(size[k, 1] * s)),
+                (_number(size[k, 0] * s[0]), _number(size[k, 1] * s[1])),
                 (
                     _triple(effect[k, 0]) if testable[0] else None,
                     _triple(effect[k, 1]) if testable[1] else None,
                 ),
                 bool(flagged[k]),
+                (bool(out[k, 0]), bool(out[k, 1])),
             )
 
     def control_rows(self) -> list[ControlRow]:
@@ -347,7 +364,7 @@ class AdjustedBlock:
         problem = self.problem
         return [
             (problem.photos[problem.photo[k]], problem.points[problem.point[k]], "xy"[axis])
-            for k, axis in np.argwhere(self.cofactors.r < SPUR).tolist()
+            for k, axis in np.argwhere((self.cofactors.r < SPUR) & ~self.rejected).tolist()
         ]
 
     def suspects(self) -> list[tuple[float, str, str, str]]:

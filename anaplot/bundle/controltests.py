@@ -307,7 +307,7 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
             problem.c[problem.photo[mine]],
             block.state.points[problem.point[mine]],
         )
-        b[mine] = seen.point / problem.sigma[mine][:, None, None]
+        b[mine] = seen.point / problem.sigma_xy[mine][:, :, None]
     score, size = np.empty(len(places)), np.empty(len(places))
     own = np.zeros((len(places), len(places)))
     by_point: dict[int, list[int]] = {}

@@ -485,7 +485,7 @@ def _reoriented(problem: Problem, start: State, rounds: int = 3) -> State:
 
 def _misfits(problem: Problem, held: NDArray[np.bool_], state: State) -> tuple[Array, Array]:
     """(m,) misfit of the rays [mm] and (points,) of control [m]."""
-    e = linearise(problem, state).e * problem.sigma[:, None]
+    e = linearise(problem, state).e * problem.sigma_xy
     image = np.nan_to_num(np.linalg.norm(e, axis=1), nan=1e6, posinf=1e6)
     off = np.where(held, state.points + state.origin - problem.known, 0.0)
     return image, np.linalg.norm(off, axis=1)

@@ -30,6 +30,7 @@ __all__ = [
     "PointError",
     "State",
     "Structure",
+    "image_misclosures",
     "linearise",
     "make_structure",
     "move",
@@ -260,11 +261,12 @@ def _prior_misclosures(problem: Problem, state: State) -> tuple[Array, Array, Ar
     if with_position.any():
         off = (state.centres + state.origin - problem.position) / problem.position_sigma
         photo[:, :3] = np.where(with_position, off, 0.0)
-    with_rotation = np.isfinite(problem.rotation_sigma[:, 0])
+    with_rotation = np.isfinite(problem.rotation_sigma).any(axis=1)
     if with_rotation.any():
         found = _angles(state.rotations[with_rotation])
         off = _wrapped(found - problem.rotation[with_rotation])
-        photo[with_rotation, 3:] = off / problem.rotation_sigma[with_rotation]
+        sigma = problem.rotation_sigma[with_rotation]
+        photo[with_rotation, 3:] = np.where(np.isfinite(sigma), off / sigma, 0.0)
     own, shared = np.zeros_like(state.own), np.zeros_like(state.shared)
     if len(problem.additional_sigma):
         own = state.own / problem.additional_sigma if state.own.size else own
@@ -275,19 +277,27 @@ def _prior_misclosures(problem: Problem, state: State) -> tuple[Array, Array, Ar
     return point, photo, own, shared
 
 
-def objective(problem: Problem, state: State) -> tuple[float, Array]:
-    """Return v'Pv at a state, and the depth of every ray's point [m]."""
+def image_misclosures(problem: Problem, state: State) -> tuple[Array, Array]:
+    """Return (m, 2) computed minus observed in sigmas, also of rejected ones; (m,) depths [m]."""
     seen = project(
         state.centres[problem.photo],
         state.rotations[problem.photo],
         problem.c[problem.photo],
         state.points[problem.point],
     )
-    e = (seen.xy + _systematic(problem, state) - problem.xy) / problem.sigma[:, None]
+    e = (seen.xy + _systematic(problem, state) - problem.xy) / problem.sigma_xy
+    return e, seen.depth
+
+
+def objective(problem: Problem, state: State) -> tuple[float, Array]:
+    """Return v'Pv at a state, and the depth of every ray's point [m]."""
+    e, depth = image_misclosures(problem, state)
+    if problem.rejected is not None:
+        e[problem.rejected] = 0.0
     total = float(np.vdot(e, e))
     for part in _prior_misclosures(problem, state):
         total += float(np.vdot(part, part))
-    return (total if total == total else float("inf")), seen.depth
+    return (total if total == total else float("inf")), depth
 
 
 def linearise(problem: Problem, state: State) -> Linearised:
@@ -298,21 +308,24 @@ def linearise(problem: Problem, state: State) -> Linearised:
         problem.c[problem.photo],
         state.points[problem.point],
     )
-    weight = 1.0 / problem.sigma
+    weight = 1.0 / problem.sigma_xy
     n, m = len(problem.photos), len(problem.photo)
     d = problem.per_photo
-    white = problem.basis * weight[:, None, None]
+    white = problem.basis * weight[:, :, None]
     if problem.photo_invariant:
         a = np.empty((m, 2, d))
-        np.multiply(seen.photo, weight[:, None, None], out=a[:, :, :6])
+        np.multiply(seen.photo, weight[:, :, None], out=a[:, :, :6])
         a[:, :, 6:] = white
         h = np.empty((m, 2, 0))
     else:
-        a, h = seen.photo * weight[:, None, None], white
-    b = seen.point * weight[:, None, None]
+        a, h = seen.photo * weight[:, :, None], white
+    b = seen.point * weight[:, :, None]
     if problem.fixed.any():
         b *= ~problem.fixed[problem.point][:, None, :]
-    e = (seen.xy + _systematic(problem, state) - problem.xy) * weight[:, None]
+    e = (seen.xy + _systematic(problem, state) - problem.xy) * weight
+    if problem.rejected is not None:
+        for part in (a, b, h, e):
+            part[problem.rejected] = 0.0
     point_e, photo_e, own_e, shared_e = _prior_misclosures(problem, state)
     rows = np.zeros((n, 6, d))
     with_position = np.isfinite(problem.position_sigma)
@@ -320,11 +333,12 @@ def linearise(problem: Problem, state: State) -> Linearised:
         rows[:, axis, axis] = np.where(
             with_position[:, axis], 1.0 / problem.position_sigma[:, axis], 0.0
         )
-    for k in np.nonzero(np.isfinite(problem.rotation_sigma[:, 0]))[0]:
+    for k in np.nonzero(np.isfinite(problem.rotation_sigma).any(axis=1))[0]:
         omega, phi, _ = rotation_angles(state.rotations[k])
         # d angles = axes^-1 d(small rotation)
         inverse = np.linalg.pinv(rotation_axes(omega, phi), rcond=1e-9)
-        rows[k, 3:, 3:6] = inverse / problem.rotation_sigma[k][:, None]
+        weighted = inverse / problem.rotation_sigma[k][:, None]
+        rows[k, 3:, 3:6] = np.where(np.isfinite(weighted), weighted, 0.0)
     prior = 1.0 / problem.additional_sigma**2 if len(problem.additional_sigma) else None
     return Linearised(
         a=a,

@@ -274,7 +274,7 @@ def _families(block: AdjustedBlock) -> tuple[list[_Family], list[str]]:
     names = problem.additional.set.names
     labels = tuple((group, name) for group in problem.additional_groups for name in names)
     own = problem.photo_invariant
-    white = problem.basis / problem.sigma[:, None, None]
+    white = problem.basis / problem.sigma_xy[:, :, None]
     owner = problem.photo if own else problem.additional_group
     information = np.zeros((len(problem.additional_groups), len(names)))
     np.add.at(information, owner, np.einsum("mij,mij->mj", white, white))

@@ -116,6 +116,10 @@ class Problem:
         Rows of block.image_points that take no part.
     control_rows
         The control points that hold the datum, by name.
+    rejected
+        (m, 2) image coordinates of weight zero, or None.
+    axis_factor
+        (m, 2) factors of `sigma` for x and y, where they are not both 1, or None.
     """
 
     block: Block = field(repr=False)
@@ -145,6 +149,15 @@ class Problem:
     left_out: tuple[LeftOut, ...]
     unused_rays: Index
     control_rows: Mapping[str, ControlPoint] = field(repr=False)
+    rejected: NDArray[np.bool_] | None = field(default=None, repr=False)
+    axis_factor: Array | None = field(default=None, repr=False)
+
+    @property
+    def sigma_xy(self) -> Array:
+        """(m, 2) standard deviations of x and y [mm]."""
+        if self.axis_factor is None:
+            return np.repeat(self.sigma[:, None], 2, axis=1)
+        return self.sigma[:, None] * self.axis_factor
 
     @property
     def test(self) -> TestSettings:
@@ -176,7 +189,8 @@ class Problem:
             for a in (self.known_sigma, self.position_sigma, self.rotation_sigma)
         )
         extra = len(self.additional_groups) * len(self.additional_sigma)
-        return int(2 * len(self.photo) + priors + extra)
+        out = 0 if self.rejected is None else int(self.rejected.sum())
+        return int(2 * len(self.photo) - out + priors + extra)
 
     @property
     def unknowns(self) -> int:

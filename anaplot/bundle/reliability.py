@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from anaplot.bundle.factor import Factor, SelectedInverse
 from anaplot.bundle.normal import NormalEquations
+from anaplot.bundle.problem import Problem
 
 __all__ = ["Cofactors", "DatumChange", "cofactor_column", "compute_cofactors"]
 
@@ -56,7 +57,7 @@ class Cofactors:
     ray
         (m, 2, 2) cofactors of the adjusted image coordinates, whitened.
     r
-        (m, 2) redundancy numbers of x and y.
+        (m, 2) redundancy numbers of x and y; zero where a coordinate is rejected.
     response
         (m, 3, 2) change of the ray's own point per whitened error of x and y [m].
     points, photos
@@ -124,7 +125,7 @@ class Cofactors:
             beside = np.concatenate([self.inverse.border[problem.photo[ray]] for ray in rays])
             cross = reduced @ beside @ h.T
             adjusted += cross + cross.T + h @ self.inverse.corner @ h.T
-        return rays, np.eye(2 * k) - adjusted
+        return rays, np.diag(_weighted(problem)[rays].ravel()) - adjusted
 
     def column(self, ray: int, axis: int) -> Array:
         """Return (m, 2): a column of Q_vv P of the image coordinates, see `cofactor_column`."""
@@ -173,8 +174,15 @@ def cofactor_column(normal: NormalEquations, factor: Factor, ray: int, axis: int
         columns = normal.border_columns(problem.additional_group)
         adjusted += np.einsum("mij,mj->mi", linear.h, s[columns, 0])
     out: Array = -adjusted
-    out[ray, axis] += 1.0
+    out[ray, axis] += _weighted(problem)[ray, axis]
     return out
+
+
+def _weighted(problem: Problem) -> Array:
+    """(m, 2) ones; zeros for rejected image coordinates, which have no residual to speak of."""
+    if problem.rejected is None:
+        return np.ones((len(problem.photo), 2))
+    return np.asarray(~problem.rejected, dtype=float)
 
 
 def compute_cofactors(
@@ -256,7 +264,7 @@ def compute_cofactors(
         if g:
             back -= hc
         response[rays] = back.transpose(0, 2, 1)
-    r = 1.0 - np.einsum("mii->mi", adjusted)
+    r = _weighted(problem) - np.einsum("mii->mi", adjusted)
     np.clip(r, 0.0, 1.0, out=r)
     weight = linear.point_weight
     r_control = np.where(

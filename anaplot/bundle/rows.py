@@ -34,6 +34,8 @@ class RayRow(NamedTuple):
         What an undetected error of that size in x, and in y, does to the point: X, Y, Z [m].
     flagged
         Whether x or y exceeds the critical value.
+    rejected
+        Whether x, and y, have the weight zero; then v is what they are off from all the others.
     """
 
     row: int
@@ -46,6 +48,7 @@ class RayRow(NamedTuple):
     mdb_um: tuple[float | None, float | None]
     effect_m: tuple[tuple[float, float, float] | None, tuple[float, float, float] | None]
     flagged: bool
+    rejected: tuple[bool, bool] = (False, False)
 
 
 class ControlRow(NamedTuple):

@@ -104,8 +104,13 @@ def classify(problem: Problem) -> dict[ObservationClass, tuple[NDArray[np.intp],
     key = rays * 4 + inner * 2 + control
     out: dict[ObservationClass, tuple[NDArray[np.intp], int]] = {}
     for value in np.unique(key).tolist():
-        index = np.nonzero(key == value)[0]
         for axis in (0, 1):
+            mine = key == value
+            if problem.rejected is not None:
+                mine &= ~problem.rejected[:, axis]
+            index = np.nonzero(mine)[0]
+            if not len(index):
+                continue
             name: Literal["x", "y"] = "y" if axis else "x"
             kind = ObservationClass(value // 4, bool(value & 2), bool(value & 1), name)
             out[kind] = index, axis

@@ -17,8 +17,8 @@ from anaplot.orientation.results import ModelSolution
 
 __all__ = ["CHOICES", "FIRST", "ErrorsPage", "errors_line", "errors_lines", "model_findings"]
 
-CHOICES = tuple(name for name in STRATEGIES if name != "modified")
-"""Strategies for a model; there are no model values of 1980 for one."""
+CHOICES = tuple(name for name in STRATEGIES if name not in ("modified", "odds"))
+"""Strategies for a model: there are no model values of 1980 for one, and odds takes too long."""
 
 FIRST = "search"
 """The strategy that the page begins with."""

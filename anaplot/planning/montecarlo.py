@@ -240,13 +240,11 @@ def simulate(
         c.number: c.tally for c in done if c.number < len(sizes) and c.runs == sizes[c.number]
     }
     tasks = [
-        _Task(scenario, seed, chosen, index, size)
-        for index, size in enumerate(sizes)
-        if index not in tallies
+        _Task(seed, chosen, index, size) for index, size in enumerate(sizes) if index not in tallies
     ]
     total = sum(sizes)
     finished = total - sum(task.runs for task in tasks)
-    for chunk in _carried_out(tasks, min(processes, max(len(tasks), 1))):
+    for chunk in _carried_out(scenario, tasks, min(processes, max(len(tasks), 1))):
         tallies[chunk.number] = chunk.tally
         finished += chunk.runs
         if store is not None:
@@ -260,7 +258,6 @@ def simulate(
 
 
 class _Task(NamedTuple):
-    scenario: Scenario
     seed: int
     methods: tuple[str, ...]
     number: int
@@ -278,36 +275,42 @@ def _chosen(scenario: Scenario, methods: Sequence[str] | None) -> tuple[str, ...
     return tuple(method for method in scenario.methods if method in methods)
 
 
-_ready: dict[str, Trial] = {}
+class _Worker:
+    """What a process that was started for a simulation holds: the scenario made ready."""
+
+    trial: Trial | None = None
 
 
-def _prepared(scenario: Scenario) -> Trial:
-    """Make a scenario ready once in this process; only the last one is kept."""
-    key = repr(scenario)
-    if key not in _ready:
-        _ready.clear()
-        _ready[key] = scenario.prepare()
-    return _ready[key]
+def _start(scenario: Scenario) -> None:
+    _leave_interrupts_to_the_parent()
+    _Worker.trial = scenario.prepare()
 
 
-def _do(task: _Task) -> ChunkDone:
+def _do_there(task: _Task) -> ChunkDone:
+    assert _Worker.trial is not None
+    return _do(_Worker.trial, task)
+
+
+def _do(trial: Trial, task: _Task) -> ChunkDone:
     rng = np.random.default_rng(np.random.SeedSequence(task.seed, spawn_key=(task.number,)))
-    tally = _prepared(task.scenario).run(rng, task.runs, task.methods)
-    return ChunkDone(task.number, task.runs, tally)
+    return ChunkDone(task.number, task.runs, trial.run(rng, task.runs, task.methods))
 
 
-def _carried_out(tasks: list[_Task], processes: int) -> Iterator[ChunkDone]:
+def _carried_out(scenario: Scenario, tasks: list[_Task], processes: int) -> Iterator[ChunkDone]:
+    if not tasks:
+        return
     if processes == 1:
+        trial = scenario.prepare()
         for task in tasks:
-            yield _do(task)
+            yield _do(trial, task)
         return
     rest = iter(tasks)
     running: set[Future[ChunkDone]] = set()
-    with _one_thread_each(), _pool(processes) as pool:
+    with _one_thread_each(), _pool(scenario, processes) as pool:
         try:
             while True:
                 for task in rest:
-                    running.add(pool.submit(_do, task))
+                    running.add(pool.submit(_do_there, task))
                     if len(running) >= 2 * processes:
                         break
                 if not running:
@@ -321,9 +324,9 @@ def _carried_out(tasks: list[_Task], processes: int) -> Iterator[ChunkDone]:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _pool(processes: int) -> ProcessPoolExecutor:
+def _pool(scenario: Scenario, processes: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(
-        processes, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_the_parent
+        processes, mp_context=get_context("spawn"), initializer=_start, initargs=(scenario,)
     )
 
 

@@ -9,13 +9,22 @@ from typing import TextIO
 
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.components import Grouping, block_components
 from anaplot.bundle.hypotheses import block_hypotheses
 from anaplot.bundle.problem import Datum
 from anaplot.bundle.snooping import PAPER_TOLERANCE
 from anaplot.bundle.verdict import HypothesisSettings
+from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
+from anaplot.report.adjusterrors import (
+    block_errors_json,
+    block_errors_printout,
+    clean_block,
+    mark_rejected,
+)
 from anaplot.report.bundlecontract import adjust_json
 from anaplot.report.bundletext import adjust_printout
+from anaplot.report.componentstext import components_json, components_printout
 from anaplot.report.correlations import (
     correlated_rays,
     correlations_json,
@@ -40,6 +49,10 @@ def run_adjust(
     tolerance: float = PAPER_TOLERANCE,
     correlations: float | None = None,
     hypothesis_alpha: float = 0.05,
+    errors: str | None = None,
+    partner: float | None = None,
+    pairs: bool = False,
+    components: Grouping | None = None,
     out: TextIO | None = None,
     err: TextIO | None = None,
 ) -> int:
@@ -68,6 +81,15 @@ def run_adjust(
         Add the pairs of a point's rays whose residuals are correlated at or above this.
     hypothesis_alpha
         Significance of the tests of additional parameters, check points and control.
+    errors
+        Name of a strategy for gross errors: everything is printed of the block without what it
+        rejects, and `fail_on_flag` counts what is rejected as well.
+    partner
+        Residual correlation from which it calls two observations hard to tell apart.
+    pairs
+        Whether it adds the odds over pairs of gross errors.
+    components
+        Add variance components, image coordinates grouped like this.
     out, err
         Standard output and standard error when None.
 
@@ -81,31 +103,50 @@ def run_adjust(
     AnaplotError
         Bad input or a block that cannot be computed; nothing is printed then.
     """
+    if errors is None and (partner is not None or pairs):
+        raise InputError("--partner and --pairs go with --errors")
     block = read_block(folder)
     chosen = None
     if additional is not None:
         chosen = additional_parameters(additional, additional_sigma_um)
     with ProgressLine(sys.stderr if err is None else err) as progress:
         adjusted = adjust_block(block, datum=datum, additional=chosen, progress=progress)
+        cleaned = None
+        if errors is not None:
+            cleaned = clean_block(adjusted, errors, partner, pairs=pairs, progress=progress)
+            adjusted = cleaned.block
         progress("report", 0.0)
         snooped = snoop_block(adjusted, tolerance=tolerance) if snooping else None
-        pairs = None if correlations is None else correlated_rays(adjusted, correlations)
+        related = None if correlations is None else correlated_rays(adjusted, correlations)
+        parted = None
+        if components is not None:
+            parted = block_components(adjusted, components, progress=progress)
         tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha))
     if as_json:
         found = adjust_json(adjusted)
         found["hypotheses"] = hypotheses_json(tested)
         if snooping:
             found["snooping"] = snooping_json(snooped)
-        if pairs is not None:
-            found["correlations"] = correlations_json(pairs)
+        if related is not None:
+            found["correlations"] = correlations_json(related)
+        if parted is not None:
+            found["components"] = components_json(parted)
+        if cleaned is not None:
+            found["errors"] = block_errors_json(cleaned)
+            mark_rejected(found, cleaned)
         text = json.dumps(found, indent=1, allow_nan=False)
     else:
         parts = [adjust_printout(adjusted)]
+        if cleaned is not None:
+            parts.append(block_errors_printout(cleaned))
+        parts.append(hypotheses_printout(tested))
+        if parted is not None:
+            parts.append(components_printout(parted))
         if snooping:
             parts.append(snooping_printout(snooped))
-        if pairs is not None and correlations is not None:
-            parts.append(correlations_printout(pairs, correlations))
-        parts.append(hypotheses_printout(tested))
+        if related is not None and correlations is not None:
+            parts.append(correlations_printout(related, correlations))
         text = "\n\n".join(part for part in parts if part)
     print(text, file=sys.stdout if out is None else out)
-    return 1 if fail_on_flag and adjusted.any_flagged else 0
+    wrong = adjusted.any_flagged or (cleaned is not None and len(cleaned.rejected) > 0)
+    return 1 if fail_on_flag and wrong else 0

@@ -130,8 +130,8 @@ def _ray(row: RayRow | None, photo: str, point: str, model: str | None) -> Json:
     return out | {
         "vx_um": row.v_um[0],
         "vy_um": row.v_um[1],
-        "rx": row.r[0],
-        "ry": row.r[1],
+        "rx": None if row.rejected[0] else row.r[0],
+        "ry": None if row.rejected[1] else row.r[1],
         "wx": row.w[0],
         "wy": row.w[1],
         "mdb_x_um": row.mdb_um[0],

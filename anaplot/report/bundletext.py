@@ -60,6 +60,9 @@ def _summary(block: AdjustedBlock) -> list[str]:
         f"  reliability  RI x {i.ri_x:.3f}  y {i.ri_y:.3f}  all {i.ri:.3f}",
         f"  accuracy     AI X {i.ai_x:.4f}  Y {i.ai_y:.4f}  Z {i.ai_z:.4f}  all {i.ai:.4f} m",
     ]
+    out = int(block.rejected.sum())
+    if out:
+        lines.append(f"  {out} image coordinate{'s are' if out > 1 else ' is'} rejected")
     lines += [f"  note: {printable(remark)}" for remark in block.remarks]
     suspects = block.suspects()
     if suspects:
@@ -221,10 +224,13 @@ def _rays(block: AdjustedBlock) -> list[str]:
             w = row.w[axis]
             flag = w is not None and block.critical is not None and abs(w) > block.critical
             verdict = "<< REMEASURE" if flag else ("not testable" if effect is None else "")
+            r: float | None = row.r[axis]
+            if row.rejected[axis]:
+                verdict, r = "rejected", None
             lines.append(
                 (
                     f"  {printable(row.photo):<{photos}} {printable(row.point):<{points}}  "
-                    f"{'xy'[axis]}{row.v_um[axis]:9.1f}{row.r[axis]:8.3f}{_cell(w, 8, 2)}"
+                    f"{'xy'[axis]}{row.v_um[axis]:9.1f}{_cell(r, 8, 3)}{_cell(w, 8, 2)}"
                     f"{_cell(row.mdb_um[axis], 10, 1)}{_cell(size, 13, 2)}  {verdict}"
                 ).rstrip()
             )

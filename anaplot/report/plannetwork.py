@@ -38,7 +38,7 @@ from anaplot.report.planblock import write_planned
 from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
 
-__all__ = ["run_plan_network"]
+__all__ = ["network_from_file", "run_plan_network"]
 
 _FEW = 3  # with two rays one coordinate of each is checked by nothing, or next to nothing
 _SHOWN, _NAMED = 12, 20
@@ -89,10 +89,11 @@ def _network(options: argparse.Namespace) -> Network:
         raise InputError("--case goes with the cube")
     if options.image_um is not None:
         raise InputError("--image-um goes with the cube; a file says itself what it measures with")
-    return _from_file(read_network(path))
+    return network_from_file(read_network(path))
 
 
-def _from_file(found: NetworkFile) -> Network:
+def network_from_file(found: NetworkFile) -> Network:
+    """Return the network that a file declares."""
     stations = {}
     for entry in found.stations:
         if entry.rotation is not None:

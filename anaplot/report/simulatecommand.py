@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import csv
+import hashlib
 import json
 import os
 import sys
@@ -13,12 +14,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from anaplot import __version__
 from anaplot.errors import InputError
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
 from anaplot.exchange.wording import hint, quoted
 from anaplot.planning.montecarlo import ChunkDone, Figure, Scenario, Sums, figures, simulate
+from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.scenarios import scenarios
+from anaplot.report.owngeometry import own_scenario
 from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
 
@@ -41,7 +46,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         return _list(as_json=options.json)
     if options.scenario is None:
         raise InputError("which scenario? --list names them")
-    scenario = _scenario(options.scenario)
+    scenario = _scenario(options)
     runs = scenario.runs if options.runs is None else options.runs
     methods = None
     if options.strategy is not None:
@@ -52,6 +57,7 @@ def run_simulate(options: argparse.Namespace) -> int:
             raise InputError(
                 f"{scenario.name} has no method {quoted(name)}{hint(name, scenario.methods)}"
             )
+    remarks = scenario.prepare().remarks()
     processes = options.processes or max(os.cpu_count() or 1, 1)
     with contextlib.ExitStack() as stack:
         kept: RunsFile | None = None
@@ -63,6 +69,7 @@ def run_simulate(options: argparse.Namespace) -> int:
                 "methods": [m for m in scenario.methods if m in used],
                 "chunk": scenario.chunk,
                 "anaplot": __version__,
+                **_identity(scenario),
             }
             kept = stack.enter_context(RunsFile(options.to, what))
         progress = stack.enter_context(ProgressLine(sys.stderr))
@@ -78,7 +85,6 @@ def run_simulate(options: argparse.Namespace) -> int:
             store=None if kept is None else partial(_keep, kept),
         )
     found = figures(tally, scenario.references)
-    remarks = scenario.prepare().remarks()
     if options.csv is not None:
         _write_csv(options.csv, found)
     if options.json:
@@ -88,11 +94,23 @@ def run_simulate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _scenario(name: str) -> Scenario:
+def _scenario(options: argparse.Namespace) -> Scenario:
     known = scenarios()
-    if name not in known:
-        raise InputError(f"no scenario is called {quoted(name)}{hint(name, known)}; see --list")
-    return known[name]
+    own = {"--errors": options.errors, "--size": options.size, "--place": options.place,
+           "--alpha": options.alpha}  # fmt: skip
+    if options.scenario in known:
+        given = [name for name, value in own.items() if value is not None]
+        if given:
+            raise InputError(f"{given[0]} goes with a pattern, a block or a network of your own")
+        return known[options.scenario]
+    return own_scenario(
+        options.scenario,
+        numbers=options.errors or (1,),
+        sizes=options.size or (6.0, 10.0, 20.0),
+        places=options.place,
+        alpha=options.alpha or 0.001,
+        known=known,
+    )
 
 
 def _list(*, as_json: bool) -> int:
@@ -108,6 +126,19 @@ def _list(*, as_json: bool) -> int:
     for s in known:
         print(f"{s.name:<{width}}  {s.about}")
     return 0
+
+
+def _identity(scenario: Scenario) -> dict[str, Any]:
+    """Return what tells a simulation in one's own geometry from another one."""
+    if not isinstance(scenario, OwnErrors):
+        return {}
+    digest = hashlib.sha256(np.round(scenario.matrix, 9).tobytes() + scenario.places.tobytes())
+    return {
+        "errors": list(scenario.numbers),
+        "sizes": list(scenario.sizes),
+        "alpha": scenario.alpha,
+        "geometry": digest.hexdigest()[:16],
+    }
 
 
 def _keep(file: RunsFile, chunk: ChunkDone) -> None:

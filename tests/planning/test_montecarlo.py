@@ -188,7 +188,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 def test_the_command_refuses_by_name(capsys: pytest.CaptureFixture[str]) -> None:
     for call, said in (
-        (["kratky-1983-6-4"], "no scenario is called 'kratky-1983-6-4' (did you mean"),
+        (["kratky-1983-6-4"], "'kratky-1983-6-4' is no scenario (did you mean"),
         ([], "which scenario?"),
         (["size-models", "--strategy", "search"], "size-models has no method 'search'"),
         (["size-models", "--strategy", ","], "size-models has no method ''"),

@@ -1,0 +1,236 @@
+"""Variance components of groups of observations, from sums per group.
+
+Iterated until the factors stay: with s_g^2 the variance factor of group g, v'Pv_g its weighted sum
+of squares and r_g its share of the redundancy, both with the variances of the last step,
+
+    s_g^2  becomes  s_g^2 v'Pv_g / r_g                                    (Foerstner 1979),
+
+which is the solution of Helmert's equations at the point where nothing changes any more, and never
+turns negative on the way. Only sums are needed, so an adjustment may be as sparse as it likes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import sqrt
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.errors import InputError
+
+__all__ = [
+    "LEAST_REDUNDANCY",
+    "GroupSums",
+    "VarianceComponent",
+    "VarianceComponents",
+    "estimate_components",
+    "helmert_factors",
+]
+
+Array = NDArray[np.float64]
+State = Literal["estimated", "undetermined", "vanishing"]
+
+LEAST_REDUNDANCY = 0.5
+"""Redundancy below which a group says nothing about its own variance: its factor is held."""
+_VANISHING = 1e-8  # factor below which nothing is left of a group's variance
+
+
+class GroupSums(NamedTuple):
+    """What an adjustment with given variance factors says of each of k groups.
+
+    Attributes
+    ----------
+    vtpv
+        (k,) sums v'Pv of the groups, P from the given variances.
+    redundancy
+        (k,) sums of redundancy numbers.
+    """
+
+    vtpv: Array
+    redundancy: Array
+
+
+@dataclass(frozen=True, slots=True)
+class VarianceComponent:
+    """The variance of one group.
+
+    Attributes
+    ----------
+    name, observations
+        Of the group.
+    redundancy
+        Its share of the redundancy, at the end.
+    vtpv
+        Its v'Pv with the variances at the end.
+    factor
+        Factor of its a-priori variance.
+    deviation
+        Approximate standard deviation of that factor, factor sqrt(2 / r); None when it is held.
+    state
+        "undetermined": less redundancy than LEAST_REDUNDANCY, with the stated variance or as it
+        falls in the iteration, held at 1; "vanishing": its
+        residuals vanish faster than its redundancy (an estimate of zero or less), held where it
+        was when that showed.
+    """
+
+    name: str
+    observations: int
+    redundancy: float
+    vtpv: float
+    factor: float
+    deviation: float | None
+    state: State
+
+    @property
+    def sigma_factor(self) -> float:
+        """Factor of the a-priori standard deviation."""
+        return sqrt(self.factor)
+
+
+@dataclass(frozen=True, slots=True)
+class VarianceComponents:
+    """Variance components of all groups.
+
+    Attributes
+    ----------
+    components
+        One per group, in the order given.
+    iterations
+        Adjustments made.
+    converged
+        Whether the last one changed no factor by more than the tolerance.
+    history
+        (iterations + 1, k) factors, from the first to the last.
+    """
+
+    components: tuple[VarianceComponent, ...]
+    iterations: int
+    converged: bool
+    history: Array = field(repr=False)
+
+    @property
+    def factors(self) -> Array:
+        """(k,) variance factors."""
+        return np.array([c.factor for c in self.components])
+
+    def remarks(self) -> list[str]:
+        """Return sentences for a person: which groups say nothing, and whether it ended."""
+        out = []
+        for c in self.components:
+            if c.state == "undetermined":
+                why = (
+                    f"redundancy {c.redundancy:.2f}"
+                    if c.redundancy < LEAST_REDUNDANCY
+                    else "its redundancy fades as its variance falls"
+                )
+                out.append(f"{c.name}: {why}: its variance is not determined and is held")
+            elif c.state == "vanishing":
+                out.append(
+                    f"{c.name}: the estimate is zero or negative: its variance is held at "
+                    f"{c.factor:.2g} times the a-priori one"
+                )
+        if not self.converged:
+            out.append(f"no convergence after {self.iterations} adjustments")
+        return out
+
+
+def estimate_components(
+    names: Sequence[str],
+    observations: Sequence[int],
+    readjust: Callable[[Array], GroupSums],
+    *,
+    most: int = 100,
+    tolerance: float = 1e-4,
+) -> VarianceComponents:
+    """Estimate the variance factors of groups.
+
+    Parameters
+    ----------
+    names, observations
+        Names of the k groups, and the number of observations of each.
+    readjust
+        Called with (k,) variance factors; adjusts with them and returns the sums per group.
+    most
+        Largest number of adjustments.
+    tolerance
+        Relative change of a factor at which the iteration ends.
+
+    Raises
+    ------
+    InputError
+        No groups, or names and numbers do not match.
+    """
+    k = len(names)
+    if k == 0 or len(observations) != k:
+        raise InputError("variance components need groups of observations")
+    factors = np.ones(k)
+    history = [factors.copy()]
+    vanishing, undetermined = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
+    found = readjust(factors)
+    runs, converged = 1, False
+    while True:
+        # once without redundancy, held from then on: its factor would swing for ever
+        undetermined |= (found.redundancy < LEAST_REDUNDANCY) & ~vanishing
+        held = undetermined | vanishing
+        ratio = np.ones(k)
+        np.divide(found.vtpv, found.redundancy, out=ratio, where=~held)
+        new = factors * ratio
+        gone = ~held & ~(new > _VANISHING)
+        vanishing |= gone
+        new = np.where(gone, factors, new)
+        new = np.where(undetermined, 1.0, new)
+        change = float(np.abs(new / factors - 1.0).max())
+        converged = change <= tolerance and not bool(gone.any())
+        history.append(new.copy())
+        if converged or runs >= most:
+            break
+        factors = new
+        found = readjust(factors)
+        runs += 1
+    states: list[State] = [
+        "vanishing" if vanishing[g] else ("undetermined" if undetermined[g] else "estimated")
+        for g in range(k)
+    ]
+    return VarianceComponents(
+        tuple(
+            VarianceComponent(
+                names[g],
+                int(observations[g]),
+                float(found.redundancy[g]),
+                float(found.vtpv[g]),
+                float(factors[g]),
+                float(factors[g]) * sqrt(2.0 / float(found.redundancy[g]))
+                if states[g] == "estimated"
+                else None,
+                states[g],
+            )
+            for g in range(k)
+        ),
+        runs,
+        converged,
+        np.array(history),
+    )
+
+
+def helmert_factors(traces: Array, vtpv: Array) -> Array:
+    """Solve Helmert's equations once: the rigorous factors of one step, negative ones included.
+
+    Parameters
+    ----------
+    traces
+        (k, k) traces tr(Q_vv P_g Q_vv P_h) with Q_vv and P of the adjustment.
+    vtpv
+        (k,) sums v'Pv of the groups.
+
+    Returns
+    -------
+    NDArray
+        (k,) unbiased estimates of the factors; a negative one means that the group's variance is
+        not separable from the others by these observations. NaN where the equations are singular.
+    """
+    if np.linalg.matrix_rank(traces) < len(vtpv):
+        return np.full(len(vtpv), np.nan)
+    return np.asarray(np.linalg.solve(traces, vtpv))

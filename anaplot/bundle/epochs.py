@@ -1,0 +1,645 @@
+"""Two epochs of an object: adjusted jointly or apart, and how far every point has moved.
+
+Gruen 1978, section D3, eq. (54): the control (or points that are declared stable) and the
+additional parameters may be common to both periods, every other point has coordinates of its own
+in each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.additional import AdditionalParameters
+from anaplot.bundle.adjust import adjust_block, adjust_bundle
+from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, side_products
+from anaplot.bundle.normal import State
+from anaplot.bundle.problem import Datum, Problem, listed, make_problem
+from anaplot.bundle.similarity import Similarity, fit_similarity
+from anaplot.errors import AnaplotError, InputError, NotComputableError
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    ControlPoint,
+    ImagePoint,
+    Photo,
+    Precision,
+    Strip,
+)
+
+__all__ = [
+    "MOST_POINTS",
+    "Agreement",
+    "EpochDifferences",
+    "compare_epochs",
+    "joint_block",
+    "joint_differences",
+]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+MOST_POINTS = 1000
+"""Points that are compared at once: their covariance matrix is dense."""
+
+_MARKS = (" [1]", " [2]")
+_BOTH = " [both]"  # every name ends in one of the three, so that no two can meet
+_APART = 5.0  # standard deviations by which control of one datum never differs
+_FLAT = 1e-3  # of the extent: stable points closer to one line than this do not hold a rotation
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How well points that are taken as stable agree between the epochs.
+
+    Attributes
+    ----------
+    square, dimension
+        Quadratic form R for the a-priori sigma0 and its degrees of freedom, 3 s - 7.
+    """
+
+    square: float
+    dimension: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EpochDifferences:
+    """Displacements between two epochs.
+
+    Attributes
+    ----------
+    epochs
+        Names of the two blocks.
+    joint
+        Whether both were adjusted in one.
+    datum
+        "control", or "stable": the points named in `common` hold it.
+    common
+        Points that have the same coordinates in both epochs.
+    own_parameters
+        Whether each epoch had additional parameters of its own; None without any.
+    points
+        Names of the compared points.
+    places
+        (m, 3) their coordinates in the first epoch [m].
+    d
+        (3 m,) second minus first epoch [m]: X, Y, Z of one point after the other.
+    cofactors
+        (3 m, 3 m) its covariance matrix [m^2] for the a-priori sigma0.
+    vtpv, redundancy
+        Of the joint adjustment, or the sums of both.
+    alone
+        (vtpv, redundancy) of each epoch by itself; of the joint way without additional parameters.
+    by_known
+        Whether tests go by the a-priori sigma0 (test "baarda").
+    agreement
+        Of the points that hold the datum when they are declared stable, or None.
+    only_first, only_second
+        Names of points of one epoch alone.
+    remarks
+        Sentences for a person.
+    """
+
+    epochs: tuple[str, str]
+    joint: bool
+    datum: str
+    common: tuple[str, ...]
+    own_parameters: bool | None
+    points: tuple[str, ...]
+    places: Array = field(repr=False)
+    d: Array = field(repr=False)
+    cofactors: Array = field(repr=False)
+    vtpv: float
+    redundancy: int
+    alone: tuple[tuple[float, int], tuple[float, int]]
+    by_known: bool
+    agreement: Agreement | None
+    only_first: tuple[str, ...] = field(repr=False)
+    only_second: tuple[str, ...] = field(repr=False)
+    remarks: tuple[str, ...]
+
+
+def compare_epochs(
+    first: Block,
+    second: Block,
+    *,
+    separate: bool = False,
+    additional: AdditionalParameters | None = None,
+    common_parameters: bool | None = None,
+    stable: Sequence[str] = (),
+    points: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> EpochDifferences:
+    """Adjust two epochs and compute the displacements with their covariance matrix.
+
+    Parameters
+    ----------
+    first, second
+        The blocks.
+    separate
+        Two adjustments, whose points are uncorrelated, in place of a joint one.
+    additional
+        Additional parameters.
+    common_parameters
+        Whether both epochs have the same ones; None: where their scope allows (block, camera) and
+        the adjustment is a joint one.
+    stable
+        Points that hold the datum in place of control; at least three.
+    points
+        Names of the points to compare; empty: all common ones.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Raises
+    ------
+    InputError
+        The epochs cannot be compared as asked: no common points, control that differs, names that
+        are not there.
+    NotComputableError
+        An epoch, or both together, are not determined.
+
+    Notes
+    -----
+    With stable points and separate adjustments both epochs are free networks; the second is laid
+    onto the first by a similarity over the stable points, and the covariance matrix goes the same
+    way (S-transformation).
+    """
+    if first.test.kind != second.test.kind:
+        raise InputError(
+            f"the epochs are tested differently ({first.test.kind}, {second.test.kind}): [test] "
+            "kind must be the same"
+        )
+    common = _shares(additional, separate, common_parameters)
+    datum: Datum = "free" if stable else "control"
+    remarks = [] if stable else _check_control(first, second, separate)
+    before = additional if separate else None
+    alone = tuple(
+        _alone(block, number, datum, before, progress)
+        for number, block in enumerate((first, second), start=1)
+    )
+    one, two = alone
+    if stable:
+        _check_stable(one, two, stable)
+        held: tuple[str, ...] = tuple(dict.fromkeys(stable))
+    else:
+        held = _common_control(first, second)
+        if not held:
+            remarks.append(
+                "no control point is common to both epochs: that their control is of one system "
+                "is not checked"
+            )
+    chosen, only = _chosen(one, two, held, points)
+    agreement: Agreement | None
+    if separate:
+        vtpv = one.vtpv + two.vtpv
+        redundancy = one.redundancy + two.redundancy
+        if stable:
+            places, d, q, agreement = _laid(one, two, chosen, held)
+        else:
+            agreement = None
+            places, d, q = _apart(one, two, chosen)
+            if held:
+                remarks.append(
+                    "control counts as determined anew in each epoch; if it is the same "
+                    "survey, the joint adjustment is the rigorous one"
+                )
+    else:
+        block = _jointly(one, two, held, datum, additional, common=bool(common), progress=progress)
+        vtpv, redundancy = block.vtpv, block.redundancy
+        places, d, q = joint_differences(block, chosen)
+        agreement = None
+        if stable and additional is None:
+            # what both epochs by themselves need not agree in (Gruen 1978, eq. 32)
+            agreement = Agreement(
+                max(vtpv - one.vtpv - two.vtpv, 0.0),
+                redundancy - one.redundancy - two.redundancy,
+            )
+        remarks += [f"jointly: {r}" for r in block.remarks if not _is_left_out(r)]
+    for number, adjusted in enumerate(alone, start=1):
+        remarks += [f"epoch {number}: {remark}" for remark in adjusted.remarks]
+    if stable and not _has_scale(first):
+        remarks.append(
+            "no control in the first epoch: lengths are in the units of its free network"
+        )
+    return EpochDifferences(
+        epochs=(first.name, second.name),
+        joint=not separate,
+        datum="stable" if stable else "control",
+        common=held,
+        own_parameters=None if additional is None else not common,
+        points=chosen,
+        places=places,
+        d=d,
+        cofactors=q,
+        vtpv=vtpv,
+        redundancy=redundancy,
+        alone=((one.vtpv, one.redundancy), (two.vtpv, two.redundancy)),
+        by_known=first.test.kind == "baarda",
+        agreement=agreement,
+        only_first=only[0],
+        only_second=only[1],
+        remarks=tuple(dict.fromkeys(remarks)),
+    )
+
+
+def _is_left_out(remark: str) -> bool:
+    return "left out" in remark
+
+
+def _has_scale(block: Block) -> bool:
+    full = [row for row in block.control if row.use == "control" and None not in row.xyz]
+    return len(full) >= 3
+
+
+def _shares(additional: AdditionalParameters | None, separate: bool, asked: bool | None) -> bool:
+    """Whether additional parameters are common to both epochs."""
+    possible = not separate and additional is not None and additional.scope in ("block", "camera")
+    if asked and additional is None:
+        raise InputError("common parameters: no additional parameters are asked for")
+    if asked and separate:
+        raise InputError("separate adjustments have no common parameters")
+    if asked and not possible and additional is not None:
+        raise InputError(
+            f"additional parameters of every {additional.scope} cannot be common to both epochs: "
+            "block or camera can"
+        )
+    return possible if asked is None else asked
+
+
+def _alone(
+    block: Block,
+    number: int,
+    datum: Datum,
+    additional: AdditionalParameters | None,
+    progress: Progress | None,
+) -> AdjustedBlock:
+    def tell(what: str, share: float) -> None:
+        if progress is not None:
+            progress(f"epoch {number}: {what}", share)
+
+    try:
+        return adjust_block(block, datum=datum, additional=additional, progress=tell)
+    except AnaplotError as error:
+        hint = ""
+        bare = not any(row.use == "control" for row in block.control)
+        if isinstance(error, NotComputableError) and datum == "control" and bare:
+            hint = " (points that have not moved can hold the datum: --stable)"
+        raise type(error)(f"epoch {number}: {error}{hint}") from error
+
+
+def _sigmas(block: Block, row: ControlPoint) -> tuple[float | None, ...]:
+    return tuple(
+        None if value is None else block.precision.control_m if sigma is None else sigma
+        for value, sigma in zip(row.xyz, row.sigma, strict=True)
+    )
+
+
+def _control_pairs(first: Block, second: Block) -> list[tuple[ControlPoint, ControlPoint]]:
+    there = {row.point: row for row in second.control if row.use == "control"}
+    return [
+        (row, there[row.point])
+        for row in first.control
+        if row.use == "control" and row.point in there
+    ]
+
+
+def _check_control(first: Block, second: Block, separate: bool) -> list[str]:
+    """Refuse control that is not of one datum; joint control must be the same."""
+    for one, two in _control_pairs(first, second):
+        sigmas = zip(_sigmas(first, one), _sigmas(second, two), strict=True)
+        for axis, (a, b, (s, t)) in enumerate(zip(one.xyz, two.xyz, sigmas, strict=True)):
+            name = f"control point {one.point}"
+            if not separate and (a != b or s != t):
+                raise InputError(
+                    f"{name}: {'XYZ'[axis]} is {_stated(a, s)} in the first epoch and "
+                    f"{_stated(b, t)} in the second: a joint adjustment needs the same "
+                    "(--separate does not)"
+                )
+            if a is None or b is None or s is None or t is None:
+                continue
+            if abs(a - b) > _APART * float(np.hypot(s, t)):
+                raise InputError(
+                    f"{name}: {'XYZ'[axis]} differs by {b - a:g} m between the epochs, more than "
+                    f"its sigmas {s:g} and {t:g} m allow: the epochs are not in one datum "
+                    "(points that have not moved can hold it: --stable)"
+                )
+    return []
+
+
+def _stated(value: float | None, sigma: float | None) -> str:
+    return "not known" if value is None else f"{value:.10g} (sigma {sigma:g})"
+
+
+def _common_control(first: Block, second: Block) -> tuple[str, ...]:
+    return tuple(one.point for one, _ in _control_pairs(first, second))
+
+
+def _check_stable(one: AdjustedBlock, two: AdjustedBlock, stable: Sequence[str]) -> None:
+    names = list(dict.fromkeys(stable))
+    for number, block in enumerate((one, two), start=1):
+        missing = [name for name in names if name not in set(block.problem.points)]
+        if missing:
+            raise InputError(f"stable points that epoch {number} does not have: {listed(missing)}")
+    if len(names) < 3:
+        raise InputError(f"{len(names)} stable points do not hold a datum: at least 3")
+    at = _places(one, names)
+    spread = np.linalg.svd(at - at.mean(axis=0), compute_uv=False)
+    if not spread[1] > _FLAT * spread[0]:
+        raise NotComputableError(
+            f"the stable points {listed(names)} lie on one line: the rotation about it is open"
+        )
+
+
+def _chosen(
+    one: AdjustedBlock, two: AdjustedBlock, held: Collection[str], asked: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Names to compare, and those of one epoch only, in the order of the files."""
+    names = [[row.point for row in block.problem.block.image_points] for block in (one, two)]
+    there = [set(block.problem.points) for block in (one, two)]
+    order = [list(dict.fromkeys(n for n in mine if n in have))
+             for mine, have in zip(names, there, strict=True)]  # fmt: skip
+    only = (
+        tuple(n for n in order[0] if n not in there[1]),
+        tuple(n for n in order[1] if n not in there[0]),
+    )
+    both = [n for n in order[0] if n in there[1]]
+    if not both:
+        raise InputError("the two epochs have no point in common")
+    taken = set(held)
+    free = [n for n in both if n not in taken]
+    if asked:
+        for name in dict.fromkeys(asked):
+            if name in taken:
+                raise InputError(f"point {name} holds the datum: it cannot be compared")
+            if name not in both:
+                raise InputError(f"point {name} is not in both epochs")
+        free = [n for n in free if n in set(asked)]
+    if not free:
+        raise InputError(
+            "nothing to compare: every point that is common to both epochs holds the datum "
+            f"({listed(both)})"
+        )
+    if len(free) > MOST_POINTS:
+        raise InputError(
+            f"{len(free)} common points; {MOST_POINTS} can be compared at once: choose (--points)"
+        )
+    return tuple(free), only
+
+
+def _index(block: AdjustedBlock, names: Sequence[str]) -> list[int]:
+    at = {name: k for k, name in enumerate(block.problem.points)}
+    return [at[name] for name in names]
+
+
+def _places(block: AdjustedBlock, names: Sequence[str]) -> Array:
+    out: Array = block.state.points[_index(block, names)] + block.state.origin
+    return out
+
+
+def _cofactors(block: AdjustedBlock, names: Sequence[str]) -> Array:
+    return coordinate_cofactors(
+        block, [(k, axis) for k in _index(block, names) for axis in (0, 1, 2)]
+    )
+
+
+def _apart(
+    one: AdjustedBlock, two: AdjustedBlock, names: Sequence[str]
+) -> tuple[Array, Array, Array]:
+    at = _places(one, names)
+    d = _places(two, names) - at
+    return at, d.reshape(-1), _cofactors(one, names) + _cofactors(two, names)
+
+
+def _laid(
+    one: AdjustedBlock, two: AdjustedBlock, names: Sequence[str], stable: Sequence[str]
+) -> tuple[Array, Array, Array, Agreement]:
+    """Displacements after an S-transformation onto the stable points."""
+    every = [*names, *stable]
+    m, s = len(names), len(stable)
+    at, other = _places(one, every), _places(two, every)
+    fitted = fit_similarity(other[m:], at[m:])
+    d = (fitted.apply(other) - at).reshape(-1)
+    turn = fitted.scale * fitted.rotation
+    q = _cofactors(two, every).reshape(m + s, 3, m + s, 3)
+    q = np.einsum("ij,ajbk,lk->aibl", turn, q, turn).reshape(3 * (m + s), -1)
+    q = q + _cofactors(one, every)
+    null = _similarity_effects(at - at[m:].mean(axis=0))
+    held = null.copy()
+    held[: 3 * m] = 0.0
+    change = np.eye(len(d)) - null @ np.linalg.solve(held.T @ null, held.T)
+    q = change @ q @ change.T
+    q = 0.5 * (q + q.T)
+    first = 3 * m
+    values, vectors = np.linalg.eigh(q[first:, first:])
+    rank = 3 * s - 7
+    part = vectors[:, len(values) - rank :].T @ d[first:]
+    square = float(np.sum(part * part / values[len(values) - rank :]))
+    return at[:m], d[:first], q[:first, :first], Agreement(square, rank)
+
+
+def _similarity_effects(at: Array) -> Array:
+    """Return (3 n, 7): effect of shift, rotation and scale on points, columns of like size."""
+    size = float(np.abs(at).max()) or 1.0
+    out = np.zeros((len(at), 3, 7))
+    for axis in range(3):
+        unit = np.eye(3)[axis]
+        out[:, axis, axis] = 1.0
+        out[:, :, 3 + axis] = np.cross(unit, at) / size
+    out[:, :, 6] = at / size
+    return out.reshape(-1, 7)
+
+
+def joint_block(
+    first: Block,
+    second: Block,
+    common: Collection[str] = (),
+    *,
+    control: bool = True,
+    used: tuple[Collection[int], Collection[int]] | None = None,
+    epoch_strips: bool = False,
+    same_cameras: bool = True,
+) -> Block:
+    """Return both epochs as one block, names marked by " [1]", " [2]" and " [both]".
+
+    Parameters
+    ----------
+    first, second
+        The blocks.
+    common
+        Points that have one set of coordinates.
+    control
+        Whether the second epoch's control is taken besides the first's.
+    used
+        Rows of image points that take part; None: all.
+    epoch_strips
+        Make each epoch one strip.
+    same_cameras
+        Let cameras that are declared alike be one.
+    """
+    together = set(common)
+
+    def named(name: str, k: int) -> str:
+        return name + (_BOTH if name in together else _MARKS[k])
+
+    blocks = (first, second)
+    alike = {c.id for c in first.cameras} & {c.id for c in second.cameras}
+    alike = {n for n in alike if same_cameras and _camera(first, n) == _camera(second, n)}
+    cameras: dict[str, Camera] = {}
+    photos: list[Photo] = []
+    strips: list[Strip] = []
+    rows: list[ImagePoint] = []
+    controls: dict[str, ControlPoint] = {}
+    for k, block in enumerate(blocks):
+        mark = _MARKS[k]
+
+        def camera_name(name: str, mark: str = mark) -> str:
+            return name + (_BOTH if name in alike else mark)
+
+        for camera in block.cameras:
+            name = camera_name(camera.id)
+            cameras.setdefault(name, replace(camera, id=name))
+        photos += [replace(p, id=p.id + mark, camera=camera_name(p.camera)) for p in block.photos]
+        if epoch_strips:
+            strips.append(Strip(f"epoch{mark}", tuple(p.id + mark for p in block.photos)))
+        else:
+            strips += [
+                replace(s, id=s.id + mark, photos=tuple(p + mark for p in s.photos))
+                for s in block.strips
+            ]
+        chosen = range(len(block.image_points)) if used is None else sorted(used[k])
+        for at in chosen:
+            row = block.image_points[at]
+            sigma = block.precision.image_um if row.sigma_um is None else row.sigma_um
+            rows.append(
+                replace(row, photo=row.photo + mark, point=named(row.point, k), sigma_um=sigma)
+            )
+        if k == 1 and not control:
+            continue
+        for point in block.control:
+            if point.use == "off":
+                continue
+            name = named(point.point, k)
+            sigmas = _sigmas(block, point)
+            controls.setdefault(
+                name,
+                replace(point, point=name, sigma=(sigmas[0], sigmas[1], sigmas[2])),
+            )
+    return Block(
+        name=f"{first.name} and {second.name}",
+        precision=Precision(first.precision.image_um, first.precision.tie_variance),
+        test=first.test,
+        cameras=tuple(cameras.values()),
+        photos=tuple(photos),
+        strips=tuple(strips),
+        image_points=tuple(rows),
+        control=tuple(controls.values()),
+    )
+
+
+def _camera(block: Block, name: str) -> Camera:
+    return next(c for c in block.cameras if c.id == name)
+
+
+def _jointly(
+    one: AdjustedBlock,
+    two: AdjustedBlock,
+    held: Sequence[str],
+    datum: Datum,
+    additional: AdditionalParameters | None,
+    *,
+    common: bool,
+    progress: Progress | None,
+) -> AdjustedBlock:
+    first, second = one.problem.block, two.problem.block
+    per_epoch = additional is not None and not common and additional.scope == "block"
+    own_cameras = additional is not None and not common and additional.scope == "camera"
+    if common:
+        for camera in first.cameras:
+            other = next((c for c in second.cameras if c.id == camera.id), None)
+            if other is not None and other != camera:
+                raise InputError(
+                    f"camera {camera.id} is declared differently in the two epochs: common "
+                    "parameters need the same camera"
+                )
+    block = joint_block(
+        first,
+        second,
+        held,
+        control=datum == "control",
+        used=(set(one.problem.source.tolist()), set(two.problem.source.tolist())),
+        epoch_strips=per_epoch,
+        same_cameras=not own_cameras,
+    )
+    if per_epoch and additional is not None:
+        additional = replace(additional, scope="strip")
+    problem = make_problem(block, datum=datum, additional=additional)
+    fitted = None
+    if datum == "free":
+        fitted = fit_similarity(_places(two, held), _places(one, held))
+    start = _start(problem, one, two, fitted)
+
+    def tell(what: str, share: float) -> None:
+        if progress is not None:
+            progress(f"both epochs: {what}", share)
+
+    return adjust_bundle(problem, start, progress=tell)
+
+
+def _start(
+    problem: Problem, one: AdjustedBlock, two: AdjustedBlock, fitted: Similarity | None
+) -> State:
+    """Approximate values from the epochs' own adjustments."""
+    origin = one.state.origin
+    centres: dict[str, Array] = {}
+    rotations: dict[str, Array] = {}
+    points: dict[str, Array] = {}
+    for k, block in reversed(list(enumerate((one, two)))):
+        state, names = block.state, block.problem
+        at_photos, at_points = state.centres + state.origin, state.points + state.origin
+        turned = state.rotations
+        if k == 1 and fitted is not None:
+            at_photos, at_points = fitted.apply(at_photos), fitted.apply(at_points)
+            turned = fitted.rotation @ turned
+        centres.update((n + _MARKS[k], v) for n, v in zip(names.photos, at_photos, strict=True))
+        rotations.update((n + _MARKS[k], v) for n, v in zip(names.photos, turned, strict=True))
+        for n, v in zip(names.points, at_points, strict=True):
+            points[n + _MARKS[k]] = v
+            points[n + _BOTH] = v
+    at = np.array([points[n] for n in problem.points]) - origin
+    fixed = problem.fixed
+    at[fixed] = (problem.known - origin)[fixed]
+    return State(
+        centres=np.array([centres[n] for n in problem.photos]) - origin,
+        rotations=np.array([rotations[n] for n in problem.photos]),
+        points=at,
+        own=np.zeros((len(problem.photos), problem.per_photo - 6)),
+        shared=np.zeros(problem.in_border),
+        origin=origin,
+    )
+
+
+def joint_differences(block: AdjustedBlock, names: Sequence[str]) -> tuple[Array, Array, Array]:
+    """Return (m, 3) places, (3 m,) displacements [m] and their cofactors in a joint adjustment.
+
+    One right-hand side for each difference. A difference of two points does not depend on what
+    holds the joint datum, up to its own size over the extent of the block.
+    """
+    problem = block.problem
+    before, after = (_index(block, [n + mark for n in names]) for mark in _MARKS)
+
+    def sides(mine: range) -> Sides:
+        photos = np.zeros((len(problem.photos), problem.per_photo, len(mine)))
+        points = np.zeros((len(problem.points), 3, len(mine)))
+        for column, k in enumerate(mine):
+            point, axis = divmod(k, 3)
+            for at, sign in ((before[point], -1.0), (after[point], 1.0)):
+                points[at, axis, column] = 0.0 if problem.fixed[at, axis] else sign
+        return photos, points, np.zeros((problem.in_border, len(mine)))
+
+    at = block.state.points[before] + block.state.origin
+    d = block.state.points[after] - block.state.points[before]
+    return at, d.reshape(-1), side_products(block, 3 * len(names), sides)

@@ -1,0 +1,318 @@
+"""Tests of displacements between two epochs: all, single points, single coordinates.
+
+Gruen 1978, section D3, eq. (55) to (58). "Bonferroni" shares the significance among the tests of a
+family, "Scheffe" keeps it for every combination of coordinates that anyone may choose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import fdtr, fdtrc
+
+from anaplot.adjustment.hypothesis import (
+    bonferroni_alpha,
+    critical_f,
+    quadratic_form,
+    scheffe_factor,
+)
+from anaplot.bundle.epochs import EpochDifferences
+from anaplot.bundle.verdict import Variance, Verdict
+from anaplot.errors import NotComputableError
+
+__all__ = [
+    "CoordinateMove",
+    "EpochTests",
+    "Located",
+    "PointMove",
+    "VarianceRatio",
+    "epoch_tests",
+]
+
+
+class CoordinateMove(NamedTuple):
+    """The displacement of one coordinate.
+
+    Attributes
+    ----------
+    axis
+        "X", "Y" or "Z".
+    d, s
+        Displacement [m] and its standard deviation with the sigma of the test; s None without.
+    verdict
+        Bonferroni over all coordinates; None where the displacement has no variance.
+    scheffe
+        Whether Scheffe's limit is exceeded; None where it cannot be tested.
+    half_bonferroni, half_scheffe
+        Half widths of the simultaneous confidence intervals [m]; None without.
+    detectable
+        Smallest displacement [m] found with the power asked for; None without variance.
+    """
+
+    axis: str
+    d: float
+    s: float | None
+    verdict: Verdict | None
+    scheffe: bool | None
+    half_bonferroni: float | None
+    half_scheffe: float | None
+    detectable: float | None
+
+
+class PointMove(NamedTuple):
+    """The displacement of one point.
+
+    Attributes
+    ----------
+    point
+        Name.
+    place
+        X, Y, Z in the first epoch [m].
+    length
+        Of the displacement [m].
+    s_length
+        Its standard deviation [m] along its own direction; None without sigma.
+    verdict
+        Bonferroni over all points; None where the cofactors are singular.
+    scheffe
+        Whether Scheffe's limit is exceeded; None where it cannot be tested.
+    coordinates
+        X, Y and Z.
+    """
+
+    point: str
+    place: tuple[float, float, float]
+    length: float
+    s_length: float | None
+    verdict: Verdict | None
+    scheffe: bool | None
+    coordinates: tuple[CoordinateMove, CoordinateMove, CoordinateMove]
+
+
+class Located(NamedTuple):
+    """A step of naming moved points.
+
+    Attributes
+    ----------
+    point
+        The point whose displacement explains most of what is left.
+    square
+        R of that, the displacements named before taken as given.
+    rest
+        R of all other points once this one may move.
+    """
+
+    point: str
+    square: float
+    rest: float
+
+
+class VarianceRatio(NamedTuple):
+    """Whether both epochs have the same variance factor.
+
+    Attributes
+    ----------
+    ratio
+        First over second.
+    redundancies
+        Of both.
+    significance
+        Two-sided probability of a ratio as far from one.
+    """
+
+    ratio: float
+    redundancies: tuple[int, int]
+    significance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EpochTests:
+    """The tested displacements.
+
+    Attributes
+    ----------
+    differences
+        What is tested.
+    alpha, power
+        Settings.
+    everything
+        "No point has moved"; None when the cofactors are singular.
+    agreement
+        "The points that hold the datum have not moved"; None when control holds it.
+    variance
+        Of both epochs by themselves; None without redundancy in one.
+    points
+        Every point.
+    located
+        Points that explain most of R, one after the other, until the rest is within the global
+        limit. A search: that each named point has moved is not a test at alpha.
+    """
+
+    differences: EpochDifferences = field(repr=False)
+    alpha: float
+    power: float
+    everything: Verdict | None
+    agreement: Verdict | None
+    variance: VarianceRatio | None
+    points: tuple[PointMove, ...] = field(repr=False)
+    located: tuple[Located, ...]
+
+    @property
+    def any_moved(self) -> bool:
+        """Whether the global test or that of a point or coordinate finds a displacement."""
+        verdicts = [self.everything, *(p.verdict for p in self.points)]
+        verdicts += [c.verdict for p in self.points for c in p.coordinates]
+        return any(v is not None and bool(v.rejected) for v in verdicts)
+
+
+def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05, power: float = 0.80) -> EpochTests:
+    """Test displacements.
+
+    Parameters
+    ----------
+    found
+        Displacements and their covariance matrix.
+    alpha
+        Significance of the global test and of each family of single tests.
+    power
+        That smallest detectable displacements refer to.
+
+    Raises
+    ------
+    NotComputableError
+        No displacement has a variance.
+    ValueError
+        Not 0 < alpha < power < 1.
+    """
+    variance = Variance(found.vtpv, found.redundancy, found.by_known)
+    q = np.diag(found.cofactors)
+    live = q > 1e-12 * float(q.max(initial=0.0))
+    if not live.any():
+        raise NotComputableError("no displacement has a variance: nothing can be tested")
+    b = int(live.sum())
+    d, cofactors = found.d[live], found.cofactors[np.ix_(live, live)]
+    try:
+        everything = variance.test(quadratic_form(d, cofactors), b, alpha)
+    except ValueError:
+        everything = None
+    own = variance.used
+    degrees = variance.degrees
+    testable = own is not None
+    sharp = bonferroni_alpha(alpha, b)
+    t = sqrt(critical_f(sharp, 1, degrees)) if testable else None
+    scheffe = scheffe_factor(alpha, b, degrees) if testable else None
+    reach = variance.detectable(sharp, power)
+    moves = []
+    single = bonferroni_alpha(alpha, len(found.points))
+    for k, name in enumerate(found.points):
+        coordinates = []
+        for axis in range(3):
+            at = 3 * k + axis
+            value, root = float(found.d[at]), sqrt(max(float(q[at]), 0.0))
+            if not live[at]:
+                coordinates.append(
+                    CoordinateMove("XYZ"[axis], value, None, None, None, None, None, None)
+                )
+                continue
+            s = None if own is None else own * root
+            coordinates.append(
+                CoordinateMove(
+                    "XYZ"[axis],
+                    value,
+                    s,
+                    variance.test((value / root) ** 2, 1, sharp),
+                    None if s is None or scheffe is None else abs(value) > scheffe * s,
+                    None if s is None or t is None else t * s,
+                    None if s is None or scheffe is None else scheffe * s,
+                    sqrt(reach) * root,
+                )
+            )
+        mine = [at for at in range(3 * k, 3 * k + 3) if live[at]]
+        verdict, beyond = None, None
+        if mine:
+            block = found.cofactors[np.ix_(mine, mine)]
+            try:
+                square = quadratic_form(found.d[mine], block)
+            except ValueError:
+                pass
+            else:
+                verdict = variance.test(square, len(mine), single)
+                if own is not None and scheffe is not None:
+                    beyond = square > (scheffe * own) ** 2
+        whole = found.d[3 * k : 3 * k + 3]
+        length = float(np.linalg.norm(whole))
+        s_length = None
+        if own is not None and length > 0.0:
+            block = found.cofactors[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+            s_length = own * sqrt(max(float(whole @ block @ whole), 0.0)) / length
+        place = found.places[k].tolist()
+        moves.append(
+            PointMove(
+                name,
+                (place[0], place[1], place[2]),
+                length,
+                s_length,
+                verdict,
+                beyond,
+                (coordinates[0], coordinates[1], coordinates[2]),
+            )
+        )
+    agreement = None
+    if found.agreement is not None and found.agreement.dimension > 0:
+        # jointly adjusted, the quadratic form is a part of v'Pv
+        left = variance
+        if found.joint:
+            left = variance.without(found.agreement.square, found.agreement.dimension)
+        agreement = left.test(found.agreement.square, found.agreement.dimension, alpha)
+    located: tuple[Located, ...] = ()
+    if everything is not None and everything.rejected and own is not None and scheffe is not None:
+        located = _located(found, np.nonzero(live)[0].tolist(), (scheffe * own) ** 2)
+    return EpochTests(
+        found, alpha, power, everything, agreement, _ratio(found), tuple(moves), located
+    )
+
+
+def _located(found: EpochDifferences, live: list[int], limit: float) -> tuple[Located, ...]:
+    """Let one point after the other move until R of the rest is within the limit.
+
+    R of the rest with the moved points free is that of the rest by itself: free points take no
+    part in it.
+    """
+    rest = list(live)
+    out: list[Located] = []
+    total = quadratic_form(found.d[rest], found.cofactors[np.ix_(rest, rest)])
+    information = np.linalg.inv(found.cofactors[np.ix_(rest, rest)])
+    while rest and total > limit:
+        gradient = information @ found.d[rest]
+        at: dict[int, list[int]] = {}
+        for position, row in enumerate(rest):
+            at.setdefault(row // 3, []).append(position)
+        drops = {
+            point: float(gradient[mine] @ np.linalg.solve(information[np.ix_(mine, mine)],
+                                                           gradient[mine]))
+            for point, mine in at.items()
+        }  # fmt: skip
+        point = max(drops, key=lambda name: drops[name])
+        mine = at[point]
+        stay = [k for k in range(len(rest)) if k not in set(mine)]
+        # the information of the rest alone is the Schur complement
+        side = information[np.ix_(stay, mine)]
+        core = information[np.ix_(mine, mine)]
+        information = information[np.ix_(stay, stay)] - side @ np.linalg.solve(core, side.T)
+        rest = [rest[k] for k in stay]
+        total = max(total - drops[point], 0.0)
+        out.append(Located(found.points[point], drops[point], total))
+    return tuple(out)
+
+
+def _ratio(found: EpochDifferences) -> VarianceRatio | None:
+    (a, f), (b, g) = found.alone
+    if f < 1 or g < 1 or not a > 0.0 or not b > 0.0:
+        return None
+    ratio = (a / f) / (b / g)
+    upper = float(fdtrc(f, g, ratio))
+    lower = float(fdtr(f, g, ratio))
+    return VarianceRatio(ratio, (f, g), min(1.0, 2.0 * min(upper, lower)))

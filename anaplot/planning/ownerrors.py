@@ -1,0 +1,142 @@
+"""Gross errors of any sizes, numbers and places in any geometry that is linearised once.
+
+Errors and noise are counted in a-priori sigmas of their row; every run leaves e = R l.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.batch import BATCH_TESTS, reject_stepwise
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
+from anaplot.adjustment.residualsystem import DenseResiduals
+from anaplot.adjustment.significance import TESTABLE
+from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
+from anaplot.errors import InputError
+from anaplot.planning.montecarlo import Key, Tally, sums
+
+__all__ = ["METHODS", "OwnErrors"]
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+METHODS = tuple(name for name in STRATEGIES if name != "modified")
+"""Strategies that need no model values."""
+
+_QUANTITIES = ("right", "wrong", "missed", "wrong beside a partner", "exactly the errors")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnErrors:
+    """Errors planted in rows of a geometry; a `Scenario`.
+
+    Attributes
+    ----------
+    name, about, methods, runs, chunk, references
+        See `Scenario`.
+    matrix
+        (n, n) R of the whitened rows.
+    numbers
+        How many errors there are in a run, one case each; 0: none.
+    sizes
+        Their sizes [a-priori sigmas of the row], one case each.
+    places
+        (n,) rows in which errors are planted.
+    alpha
+        Significance of a single row.
+    """
+
+    name: str
+    about: str
+    matrix: Array = field(repr=False)
+    numbers: tuple[int, ...]
+    sizes: tuple[float, ...]
+    places: Bools = field(repr=False)
+    alpha: float = 0.001
+    runs: int = 1_000
+    chunk: int = 50
+    methods: tuple[str, ...] = METHODS
+    references: Mapping[Key, float] = field(default_factory=dict)
+
+    def prepare(self) -> _OwnTrial:
+        """Check that the errors have room.
+
+        Raises
+        ------
+        InputError
+            More errors than places for them.
+        """
+        room = int(self.places.sum())
+        if max(self.numbers) > room:
+            raise InputError(f"{max(self.numbers)} errors, but only {room} rows to put them in")
+        return _OwnTrial(self)
+
+
+class _OwnTrial:
+    def __init__(self, scenario: OwnErrors) -> None:
+        self._of = scenario
+        r = np.diag(scenario.matrix)
+        rho = np.abs(np.nan_to_num(residual_correlations(scenario.matrix, r)))
+        np.fill_diagonal(rho, 0.0)
+        self._near = rho >= HARD_TO_TELL
+        self._r = r
+
+    def remarks(self) -> tuple[str, ...]:
+        n = len(self._r)
+        return (
+            f"{n} rows, redundancy {float(self._r.sum()):.1f}, "
+            f"{int(self._of.places.sum())} rows in which errors are planted",
+            f"{int((self._r < TESTABLE).sum())} rows cannot be tested, "
+            f"{int(self._near.any(axis=1).sum())} have a partner with residual correlation of "
+            f"{HARD_TO_TELL:g} or more",
+            "right, wrong and missed are numbers of rows in a run",
+        )
+
+    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
+        tally: Tally = {}
+        n = len(self._r)
+        rows = np.flatnonzero(self._of.places)
+        cases = [(k, size) for k in self._of.numbers for size in self._of.sizes if k or size]
+        if 0 in self._of.numbers:
+            cases = [(0, 0.0), *((k, size) for k, size in cases if k)]
+        for number, size in cases:
+            errors = rng.standard_normal((runs, n))
+            planted = np.zeros((runs, n), dtype=bool)
+            for one in range(runs):
+                at = rng.choice(rows, number, replace=False)
+                planted[one, at] = True
+                errors[one, at] += size * rng.choice((-1.0, 1.0), number)
+            case = f"{number} of {size:g} sigma" if number else "no error"
+            for method in methods:
+                found = self._rejected(errors, method)
+                for quantity, values in zip(
+                    _QUANTITIES, self._counted(found, planted), strict=True
+                ):
+                    tally[case, method, quantity] = sums(values)
+        return tally
+
+    def _counted(self, found: Bools, planted: Bools) -> tuple[Array, ...]:
+        wrong, missed = found & ~planted, planted & ~found
+        near = wrong & ((missed @ self._near) > 0)
+        counts = (found & planted, wrong, missed, near)
+        same = (found == planted).all(axis=1)
+        return (*(rows.sum(axis=1).astype(float) for rows in counts), same.astype(float))
+
+    def _rejected(self, errors: Array, method: str) -> Bools:
+        matrix, r = self._of.matrix, self._r
+        if method in BATCH_TESTS:
+            return reject_stepwise(matrix, errors, method, self._of.alpha).rejected
+        redundancy = max(round(float(r.sum())), 0)
+        settings = SearchSettings(alpha=self._of.alpha)
+        out = np.zeros(errors.shape, dtype=bool)
+        left = errors @ matrix
+        names = tuple(range(len(r)))
+        for one, e in enumerate(left):
+            system = DenseResiduals(names, e, r, float(e @ e), redundancy, matrix)
+            out[one, list(find_gross_errors(system, method, settings).rows)] = True
+        return out

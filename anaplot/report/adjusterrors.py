@@ -1,0 +1,333 @@
+"""A block without its gross errors: what was rejected and why, as text and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from anaplot.adjustment.findings import Findings, SearchSettings, Step
+from anaplot.adjustment.reliability import HARD_TO_TELL, Odds
+from anaplot.adjustment.significance import critical_normal
+from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
+from anaplot.bundle.residuals import ObservationName
+from anaplot.report.printable import printable
+
+__all__ = ["block_errors_json", "block_errors_printout", "clean_block", "mark_rejected"]
+
+Json = dict[str, Any]
+
+_MOST = 30  # rows of a list in the text; JSON holds them all
+_ODDS = 0.01  # smallest probability shown
+_DIGITS = {"um": (1.0, "um"), "m": (1e3, "mm"), "rad": (1e6, "urad"), "mm": (1e3, "um")}
+
+
+def clean_block(
+    block: AdjustedBlock,
+    strategy: str,
+    partner: float | None = None,
+    *,
+    pairs: bool = False,
+    progress: Callable[[str, float], None] | None = None,
+) -> BlockFindings:
+    """Search an adjusted block for gross errors with the alpha and power of its test.
+
+    Parameters
+    ----------
+    block
+        The adjusted block.
+    strategy
+        Name of the strategy.
+    partner
+        Residual correlation from which two observations are hard to tell apart; None: the default.
+    pairs
+        Whether the odds over pairs of gross errors are computed.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Raises
+    ------
+    InputError
+        Odds over pairs of too many observations.
+    NotComputableError
+        The block is not determined without what the strategy rejects.
+    """
+    test = block.problem.test
+    settings = SearchSettings(
+        alpha=test.alpha,
+        power=test.power,
+        partner=HARD_TO_TELL if partner is None else partner,
+        pairs=pairs,
+    )
+    return block_gross_errors(block, strategy, settings, progress=progress)
+
+
+def named(name: ObservationName) -> str:
+    """Return an observation in words, without control characters."""
+    kind, *rest = name
+    words = [printable(part) if part is not None else "" for part in rest]
+    if kind == "image":
+        photo, point, model, axis = words
+        inside = f" in {model}" if model else ""
+        return f"photo {photo}{inside}  point {point}  {axis}"
+    if kind == "control":
+        return f"control point {words[0]}  {words[1]}"
+    return f"prior of {words[0]}  {words[1]}"
+
+
+def _name_json(name: ObservationName) -> Json:
+    keys = {
+        "image": ("photo", "point", "model", "axis"),
+        "control": ("point", "axis"),
+        "prior": ("owner", "unknown"),
+    }[str(name[0])]
+    return {"kind": name[0], **dict(zip(keys, name[1:], strict=True))}
+
+
+def block_errors_printout(cleaned: BlockFindings) -> str:
+    """Return the rejected observations of a block as text.
+
+    Estimated errors in micrometres (image), millimetres (control) or microradians (priors).
+    """
+    found, names, settings = cleaned.findings, cleaned.system.names, cleaned.settings
+    rejected = cleaned.rejected
+    many = "1 observation is" if len(rejected) == 1 else f"{len(rejected)} observations are"
+    lines = [
+        f"GROSS ERRORS ({found.strategy})",
+        f"  alpha {settings.alpha:g}, critical value of w {critical_normal(settings.alpha):.2f}; "
+        f"{many} rejected after {_count(len(cleaned.passes), 'pass', 'passes')}",
+        f"  sigma0 {_number(cleaned.first.sigma0, 4)} with all observations, "
+        f"{_number(cleaned.block.sigma0, 4)} without the rejected; redundancy "
+        f"{cleaned.first.redundancy} and {cleaned.block.redundancy}",
+    ]
+    if rejected:
+        width = max(len(named(row.name)) for row in rejected)
+        lines.append(
+            f"  ORDER  {'OBSERVATION':<{width}}       ERROR     SIGMA           w   RED-N  BECAUSE"
+        )
+        lines += [_rejected_line(row, width, found.strategy) for row in rejected]
+    else:
+        lines.append("  nothing is rejected")
+    lines += _listed("rejected on the way, came back", [named(name) for name in cleaned.came_back])
+    lines += _listed(
+        f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
+        [
+            f"{named(names[a])} is rejected, {named(names[b])} is kept (correlation {rho:.2f})"
+            for a, b, rho in found.hard_to_tell
+        ],
+    )
+    lines += _listed(
+        "cannot be left out", [f"{named(r.name)}: {printable(r.reason)}" for r in cleaned.refused]
+    )
+    lines += _listed(
+        "cannot be tested: nothing checks them", [named(names[k]) for k in found.untestable]
+    )
+    lines += _odds(found, names)
+    if found.model_values is not None:
+        m = found.model_values
+        lines.append(
+            f"  model values decided {m.decided} times, exact ones {m.computed} times; in the "
+            f"first step the exact test decides "
+            f"{len(m.wrongly_accepted) + len(m.wrongly_rejected)} otherwise"
+        )
+    lines += [f"  note: {printable(remark)}" for remark in cleaned.remarks]
+    return "\n".join(lines)
+
+
+def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
+    scale, unit = _DIGITS[row.unit]
+    error = "-" if row.error is None else f"{row.error * scale:.1f}"
+    sigma = "-" if row.sigma is None else f"{row.sigma * scale:.1f}"
+    because = ""
+    if row.statistic is not None and row.critical is not None:
+        if strategy in ("search", "odds"):
+            because = f"the sum falls by {-row.statistic:.2f}"
+        else:
+            because = f"{_measure(strategy)} {row.statistic:.2f} above {row.critical:.2f}"
+    weight = "" if row.weight is None else f", weight {row.weight:.2g}"
+    return (
+        f"  {row.order:5d}  {named(row.name):<{width}}  {error:>10}{sigma:>10} {unit:<4}"
+        f"{_number(row.w, 2):>7}{row.redundancy_number:8.3f}  {because}{weight}"
+    ).rstrip()
+
+
+def _measure(strategy: str) -> str:
+    return {"tau": "tau", "rms": "v/rms", "huber": "v", "danish": "v"}.get(strategy, "w")
+
+
+def _odds(found: Findings, names: tuple[ObservationName, ...]) -> list[str]:
+    lines = _single_odds(found.odds, names)
+    odds = found.pair_odds
+    if odds is None:
+        return lines
+    lines.append(
+        f"  odds over none, one and two, all observations in: "
+        f"no gross error {100.0 * odds.none:.1f} %, one "
+        f"{100.0 * float(odds.single.sum()):.1f} %, two {100.0 * odds.pairs:.1f} %"
+    )
+    singles = np.argsort(-odds.single, kind="stable")
+    shown = [k for k in singles.tolist() if odds.single[k] >= _ODDS]
+    lines += _listed(
+        "one gross error", [f"{100.0 * odds.single[k]:5.1f} %  {named(names[k])}" for k in shown]
+    )
+    lines += _listed(
+        "two gross errors",
+        [
+            f"{100.0 * p:5.1f} %  {named(names[a])}  and  {named(names[b])}"
+            for a, b, p in zip(
+                odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
+            )
+            if p >= _ODDS
+        ],
+    )
+    return lines
+
+
+def _single_odds(odds: Odds, names: tuple[ObservationName, ...]) -> list[str]:
+    order = np.argsort(-odds.rows, kind="stable")
+    shown = [k for k in order.tolist() if odds.rows[k] >= _ODDS]
+    return _listed(
+        f"if there is one gross error at most, all observations in: none {100.0 * odds.none:.1f} %",
+        [f"{100.0 * odds.rows[k]:5.1f} %  {named(names[k])}" for k in shown],
+    )
+
+
+def _listed(title: str, rows: list[str]) -> list[str]:
+    if not rows:
+        return []
+    lines = [f"  {title}:", *(f"    {row}" for row in rows[:_MOST])]
+    if len(rows) > _MOST:
+        lines.append(f"    and {len(rows) - _MOST} more")
+    return lines
+
+
+def _count(number: int, one: str, more: str) -> str:
+    return f"{number} {one if number == 1 else more}"
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def block_errors_json(cleaned: BlockFindings) -> Json:
+    """Return the rejected observations of a block for programs.
+
+    Errors and sigmas in the unit that stands beside them.
+    """
+    found, names, settings = cleaned.findings, cleaned.system.names, cleaned.settings
+    out: Json = {
+        "strategy": found.strategy,
+        "alpha": settings.alpha,
+        "power": settings.power,
+        "critical": critical_normal(settings.alpha),
+        "partner": settings.partner,
+        "passes": len(cleaned.passes),
+        "sigma0_before": cleaned.first.sigma0,
+        "redundancy_before": cleaned.first.redundancy,
+        "rejected": [
+            {
+                **_name_json(row.name),
+                "order": row.order,
+                "statistic": row.statistic,
+                "critical": row.critical,
+                "error": row.error,
+                "sigma": row.sigma,
+                "unit": row.unit,
+                "w": row.w,
+                "r": row.r,
+                "redundancy_number": row.redundancy_number,
+                "weight": row.weight,
+            }
+            for row in cleaned.rejected
+        ],
+        "came_back": [_name_json(name) for name in cleaned.came_back],
+        "hard_to_tell": [
+            {"rejected": _name_json(names[a]), "kept": _name_json(names[b]), "correlation": rho}
+            for a, b, rho in found.hard_to_tell
+        ],
+        "untestable": [_name_json(names[k]) for k in found.untestable],
+        "refused": [{**_name_json(r.name), "reason": r.reason} for r in cleaned.refused],
+        "steps": [_step_json(step, names) for step in found.steps],
+        "odds": {
+            "none": found.odds.none,
+            "single": [
+                {**_name_json(names[k]), "probability": float(found.odds.rows[k])}
+                for k in np.argsort(-found.odds.rows, kind="stable").tolist()
+                if found.odds.rows[k] >= _ODDS
+            ],
+        },
+        "remarks": list(cleaned.remarks),
+    }
+    if found.model_values is not None:
+        m = found.model_values
+        out["model_values"] = {
+            "computed": m.computed,
+            "decided": m.decided,
+            "wrongly_accepted": [_name_json(names[k]) for k in m.wrongly_accepted],
+            "wrongly_rejected": [_name_json(names[k]) for k in m.wrongly_rejected],
+            "beyond_tolerance": m.beyond_tolerance,
+        }
+    if found.pair_odds is not None:
+        odds = found.pair_odds
+        out["pair_odds"] = {
+            "none": odds.none,
+            "one": float(odds.single.sum()),
+            "two": odds.pairs,
+            "single": [
+                {**_name_json(names[k]), "probability": float(odds.single[k])}
+                for k in np.argsort(-odds.single, kind="stable").tolist()
+                if odds.single[k] >= _ODDS
+            ],
+            "pairs": [
+                {"first": _name_json(names[a]), "second": _name_json(names[b]), "probability": p}
+                for a, b, p in zip(
+                    odds.rows.tolist(),
+                    odds.others.tolist(),
+                    odds.probability.tolist(),
+                    strict=True,
+                )
+            ],
+        }
+    return out
+
+
+def _step_json(step: Step, names: tuple[ObservationName, ...]) -> Json:
+    return {
+        "action": step.action,
+        "rows": [_name_json(names[k]) for k in step.rows],
+        "statistic": step.statistic,
+        "critical": step.critical,
+        "before": step.before,
+        "after": step.after,
+    }
+
+
+def mark_rejected(answer: Json, cleaned: BlockFindings) -> None:
+    """Say in the rows of an adjusted block's JSON which of them are rejected.
+
+    Every row of image_points, control and priors gets "rejected", those of image_points also
+    "rejected_axes". Rejected control and priors, no observations any more, stand after the others.
+    """
+    block = cleaned.block
+    axes: dict[int, list[str]] = {}
+    for ray, axis in np.argwhere(block.rejected).tolist():
+        axes.setdefault(int(block.problem.source[ray]), []).append("xy"[axis])
+    for k, row in enumerate(answer["image_points"]):
+        row["rejected"] = k in axes
+        row["rejected_axes"] = axes.get(k, [])
+    for key, kind in (("control", "control"), ("priors", "prior")):
+        for row in answer[key]:
+            row["rejected"] = False
+        for one in cleaned.rejected:
+            if one.name[0] != kind:
+                continue
+            row = _name_json(one.name)
+            del row["kind"]
+            # adjusted minus observed: the estimated error with the other sign
+            row["v"] = None if one.error is None else -one.error
+            row |= dict.fromkeys(("r", "w", "mdb"))
+            if key == "control":
+                row["effect"] = None
+            answer[key].append({**row, "flagged": False, "rejected": True})

@@ -1,0 +1,278 @@
+"""The command `anaplot compare`: two epochs in, displacements out."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from anaplot.adjustment.hypothesis import FTest
+from anaplot.bundle.additional import additional_parameters
+from anaplot.bundle.epochs import compare_epochs
+from anaplot.bundle.epochtests import EpochTests, PointMove, epoch_tests
+from anaplot.bundle.verdict import Verdict
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.wording import quoted
+from anaplot.report.printable import printable
+from anaplot.report.progress import ProgressLine
+
+__all__ = ["compare_json", "compare_printout", "run_compare"]
+
+Json = dict[str, Any]
+
+_LISTED = 12
+
+
+def _names(text: str | None) -> tuple[str, ...]:
+    return () if text is None else tuple(n for n in (p.strip() for p in text.split(",")) if n)
+
+
+def run_compare(options: argparse.Namespace) -> int:
+    """Compare two block folders and print the result.
+
+    Returns
+    -------
+    int
+        0, or 1 with `--fail-on-flag` when a displacement is significant.
+
+    Raises
+    ------
+    AnaplotError
+        Bad input or epochs that cannot be compared; nothing is printed then.
+    """
+    if not 0.0 < options.alpha <= 0.5:
+        raise InputError(f"--alpha {options.alpha:g}: above 0, at most 0.5")
+    for option, text in (("--stable", options.stable), ("--points", options.points)):
+        if text is not None and not _names(text):
+            raise InputError(f"{option}: no point is named")
+    if options.additional is None and options.additional_sigma_um is not None:
+        raise InputError("--additional-sigma-um goes with --additional")
+    additional = None
+    if options.additional is not None:
+        additional = additional_parameters(options.additional, options.additional_sigma_um)
+    first, second = read_block(options.first), read_block(options.second)
+    with ProgressLine(sys.stderr) as progress:
+        found = compare_epochs(
+            first,
+            second,
+            separate=options.separate,
+            additional=additional,
+            common_parameters=options.common_parameters,
+            stable=_names(options.stable),
+            points=_names(options.points),
+            progress=progress,
+        )
+        tested = epoch_tests(found, alpha=options.alpha)
+    if options.csv is not None:
+        _write_csv(options.csv, tested)
+    if options.json:
+        print(json.dumps(compare_json(tested), indent=1, allow_nan=False))
+    else:
+        print(compare_printout(tested))
+    return 1 if options.fail_on_flag and tested.any_moved else 0
+
+
+def _write_csv(path: Path, found: EpochTests) -> None:
+    try:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(
+                ["point", "X", "Y", "Z", "dX", "dY", "dZ", "sX", "sY", "sZ", "length", "s_length",
+                 "P", "moved_bonferroni", "moved_scheffe"]
+            )  # fmt: skip
+            for p in found.points:
+                test = None if p.verdict is None else p.verdict.decisive
+                writer.writerow(
+                    [
+                        p.point,
+                        *p.place,
+                        *(c.d for c in p.coordinates),
+                        *("" if c.s is None else c.s for c in p.coordinates),
+                        p.length,
+                        "" if p.s_length is None else p.s_length,
+                        "" if test is None else test.significance,
+                        *("" if m is None else int(m) for m in (_moved(p.verdict), p.scheffe)),
+                    ]
+                )
+    except OSError as error:
+        raise InputError(
+            f"{quoted(str(path))}: cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from error
+
+
+def _moved(verdict: Verdict | None) -> bool | None:
+    return None if verdict is None else verdict.rejected
+
+
+def _test_json(test: FTest | None) -> Json | None:
+    return None if test is None else {**test._asdict(), "rejected": test.rejected}
+
+
+def _verdict_json(verdict: Verdict | None) -> Json | None:
+    if verdict is None:
+        return None
+    return {
+        "rejected": verdict.rejected,
+        "estimated": _test_json(verdict.estimated),
+        "known": _test_json(verdict.known),
+    }
+
+
+def compare_json(found: EpochTests) -> Json:
+    """Return what `--json` prints: lengths in metres, what does not exist is None."""
+    differences = found.differences
+    redundancy = differences.redundancy
+    sigma0 = (differences.vtpv / redundancy) ** 0.5 if redundancy > 0 else None
+    return {
+        "epochs": list(differences.epochs),
+        "adjustment": "joint" if differences.joint else "separate",
+        "datum": differences.datum,
+        "common_points": list(differences.common),
+        "common_parameters": None
+        if differences.own_parameters is None
+        else not differences.own_parameters,
+        "redundancy": redundancy,
+        "sigma0": sigma0,
+        "alpha": found.alpha,
+        "power": found.power,
+        "variance_ratio": None if found.variance is None else found.variance._asdict(),
+        "all": _verdict_json(found.everything),
+        "agreement": _verdict_json(found.agreement),
+        "located": [step._asdict() for step in found.located],
+        "points": [_point_json(p) for p in found.points],
+        "only_first": list(differences.only_first),
+        "only_second": list(differences.only_second),
+        "remarks": list(differences.remarks),
+    }
+
+
+def _point_json(p: PointMove) -> Json:
+    return {
+        "point": p.point,
+        **dict(zip("XYZ", p.place, strict=True)),
+        "length": p.length,
+        "s_length": p.s_length,
+        "bonferroni": _verdict_json(p.verdict),
+        "scheffe": p.scheffe,
+        "coordinates": [
+            {
+                "axis": c.axis,
+                "d": c.d,
+                "s": c.s,
+                "bonferroni": _verdict_json(c.verdict),
+                "scheffe": c.scheffe,
+                "half_bonferroni": c.half_bonferroni,
+                "half_scheffe": c.half_scheffe,
+                "detectable": c.detectable,
+            }
+            for c in p.coordinates
+        ],
+    }
+
+
+def _line(label: str, verdict: Verdict | None) -> str:
+    test = None if verdict is None else verdict.decisive
+    if test is None:
+        return f"  {label:<34}  not testable"
+    degrees = "known" if test.redundancy is None else str(test.redundancy)
+    end = "  << REJECTED" if test.rejected else "  accepted"
+    return (
+        f"  {label:<34}{test.dimension:5d}{degrees:>7}{test.statistic:10.3f}{test.critical:10.3f}"
+        f"{_probability(test.significance):>9}{end}"
+    )
+
+
+def _probability(value: float) -> str:
+    return f"{value:.4f}" if value >= 1e-4 else f"{value:.0e}"
+
+
+def _mm(value: float | None, width: int = 9) -> str:
+    return f"{'-':>{width}}" if value is None else f"{value * 1e3:{width}.2f}"
+
+
+def _few(names: tuple[str, ...]) -> str:
+    text = ", ".join(printable(n) for n in names[:_LISTED])
+    return text + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+
+
+def compare_printout(found: EpochTests) -> str:
+    """Return the report: displacements in millimetres."""
+    of = found.differences
+    sigma0 = (
+        f"sigma0 {(of.vtpv / of.redundancy) ** 0.5:.3f}" if of.redundancy > 0 else "no redundancy"
+    )
+    lines = [
+        f"COMPARE  {printable(of.epochs[0])} (1) and {printable(of.epochs[1])} (2), "
+        f"{'adjusted jointly' if of.joint else 'adjusted separately'}, redundancy "
+        f"{of.redundancy}, {sigma0}; tests with "
+        f"{'the a-priori sigma0' if of.by_known else 'the estimated sigma0'}"
+    ]
+    what = "control" if of.datum == "control" else "stable points"
+    if of.common:
+        lines.append(f"  common {what}: {_few(of.common)}")
+    if of.own_parameters is not None:
+        lines.append(
+            "  additional parameters: "
+            + ("each epoch its own" if of.own_parameters else "common to both epochs")
+        )
+    for number, names in ((1, of.only_first), (2, of.only_second)):
+        if names:
+            lines.append(f"  in epoch {number} alone: {_few(names)}")
+    lines += [f"  note: {printable(remark)}" for remark in of.remarks]
+    if found.variance is not None:
+        lines.append(
+            f"  variance of epoch 1 over epoch 2: {found.variance.ratio:.3f}, "
+            f"P {_probability(found.variance.significance)}"
+            + ("  << THEY DIFFER" if found.variance.significance < found.alpha else "")
+        )
+    lines += ["", f"  {'HYPOTHESIS':<34}    b      f         T  critical        P"]
+    lines.append(_line("no point has moved", found.everything))
+    if found.agreement is not None:
+        lines.append(_line("the stable points have not moved", found.agreement))
+    if found.located:
+        lines.append(
+            "  explain it, one after the other until the rest is accepted: "
+            + _few(tuple(step.point for step in found.located))
+        )
+    width = max(5, *(len(printable(p.point)) for p in found.points))
+    lines += [
+        "",
+        f"  {'POINT':<{width}}  dX [mm]  dY [mm]  dZ [mm]       sX       sY       sZ   length"
+        "        s        P",
+    ]
+    for p in found.points:
+        test = None if p.verdict is None else p.verdict.decisive
+        lines.append(
+            f"  {printable(p.point):<{width}}"
+            + "".join(_mm(c.d) for c in p.coordinates)
+            + "".join(_mm(c.s) for c in p.coordinates)
+            + _mm(p.length)
+            + _mm(p.s_length)
+            + f"{'-' if test is None else _probability(test.significance):>9}"
+            + _marks(p)
+        )
+    lines.append(
+        f"  P of each point by itself; marked what exceeds the limit for all {len(found.points)} "
+        f"points, or all coordinates, together at alpha {found.alpha:g}: B Bonferroni, S Scheffe"
+    )
+    return "\n".join(lines)
+
+
+def _marks(p: PointMove) -> str:
+    """Name the point's and its coordinates' verdicts."""
+
+    def letters(bonferroni: bool | None, scheffe: bool | None) -> str:
+        return ("B" if bonferroni else "") + ("S" if scheffe else "")
+
+    own = letters(_moved(p.verdict), p.scheffe)
+    single = [
+        f"{c.axis} {found}"
+        for c in p.coordinates
+        if (found := letters(_moved(c.verdict), c.scheffe))
+    ]
+    parts = ([f"MOVED {own}"] if own else []) + single
+    return f"  << {', '.join(parts)}" if parts else ""

@@ -1,0 +1,71 @@
+"""Variance components of a block as text and as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from anaplot.bundle.components import BlockComponents, ComponentSigma
+from anaplot.report.printable import printable
+
+__all__ = ["components_json", "components_printout"]
+
+Json = dict[str, Any]
+
+
+def components_json(found: BlockComponents) -> Json:
+    """Return the JSON value of the key "components".
+
+    Each group has its number of observations, its share of the redundancy, the factor of its
+    a-priori variance with its standard deviation (null when it is held), and both standard
+    deviations where one number says them.
+    """
+    variances = found.variances
+    return {
+        "grouping": found.grouping,
+        "iterations": variances.iterations,
+        "converged": variances.converged,
+        "groups": [
+            {
+                "group": c.name,
+                "observations": c.observations,
+                "redundancy": c.redundancy,
+                "vtpv": c.vtpv,
+                "variance_factor": c.factor,
+                "s_variance_factor": c.deviation,
+                "sigma_factor": c.sigma_factor,
+                "state": c.state,
+                "sigma_apriori": None if sigma is None else sigma.apriori,
+                "sigma": None if sigma is None else sigma.estimated,
+                "unit": None if sigma is None else sigma.unit,
+            }
+            for c, sigma in zip(variances.components, found.sigmas, strict=True)
+        ],
+        "remarks": found.remarks(),
+    }
+
+
+def components_printout(found: BlockComponents) -> str:
+    """Return the table of variance components."""
+    variances = found.variances
+    width = max([5, *(len(printable(c.name)) for c in variances.components)])
+    lines = [
+        f"VARIANCE COMPONENTS, by {found.grouping}; {variances.iterations} adjustments",
+        f"  {'group':<{width}}  {'n':>6}  {'r':>9}  {'s/s0':>7}  {'s^2/s0^2':>9}  {'+-':>7}  "
+        f"{'a priori':>12}  {'estimated':>12}",
+    ]
+    for c, sigma in zip(variances.components, found.sigmas, strict=True):
+        deviation = f"{'held':>7}" if c.deviation is None else f"{c.deviation:7.3f}"
+        lines.append(
+            f"  {printable(c.name):<{width}}  {c.observations:6d}  {c.redundancy:9.2f}  "
+            f"{c.sigma_factor:7.3f}  {c.factor:9.3f}  {deviation}  {_sigma(sigma, 0)}  "
+            f"{_sigma(sigma, 1)}"
+        )
+    lines += [f"  note: {printable(remark)}" for remark in found.remarks()]
+    return "\n".join(lines)
+
+
+def _sigma(sigma: ComponentSigma | None, which: int) -> str:
+    if sigma is None:
+        return f"{'-':>12}"
+    value = (sigma.apriori, sigma.estimated)[which]
+    return f"{value:9.2f} um" if sigma.unit == "um" else f"{value:10.4f} m"

@@ -1,0 +1,143 @@
+"""A geometry of one's own to simulate in: a pattern, a block's folder, a network."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.residuals import block_residuals
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.networkfile import read_network
+from anaplot.exchange.patternfile import read_pattern
+from anaplot.exchange.wording import hint, quoted
+from anaplot.orientation.patterns import pattern
+from anaplot.planning.networkplan import CUBE_VERSIONS, cube, plan_network
+from anaplot.planning.ownerrors import OwnErrors
+from anaplot.planning.patternplan import PlannedPattern, from_pattern, solve
+from anaplot.report.plannetwork import network_from_file
+
+__all__ = ["MOST_ROWS", "own_scenario"]
+
+Array = NDArray[np.float64]
+Rows = tuple[str, tuple[tuple[str, ...], ...], Array]
+
+MOST_ROWS = 4_000
+"""Rows of the largest block: R is held dense in every process."""
+
+_BASE, _D, _C = 90.0, 100.0, 152.0
+
+
+def own_scenario(
+    source: str,
+    *,
+    numbers: tuple[int, ...],
+    sizes: tuple[float, ...],
+    places: list[str] | None,
+    alpha: float,
+    known: Collection[str],
+) -> OwnErrors:
+    """Return the scenario of errors planted in a geometry.
+
+    Parameters
+    ----------
+    source
+        "13/5" or a file of points; a block's folder; "cube:A" or a network's file.
+    numbers, sizes, alpha
+        As `OwnErrors` has them.
+    places
+        Photos, points and axes to which the errors are kept; a row must lie in a named photo if
+        any is named, in a named point likewise, and so on.
+    known
+        Names of scenarios, for a hint.
+
+    Raises
+    ------
+    InputError
+        No such geometry or place, or the block is too large.
+    NotComputableError
+        It does not determine its unknowns.
+    """
+    about, names, matrix = _rows(source, known)
+    scenario = OwnErrors(
+        source, f"errors planted in {about}", matrix, numbers, sizes, _places(names, places), alpha
+    )
+    scenario.prepare()
+    return scenario
+
+
+def _rows(source: str, known: Collection[str]) -> Rows:
+    path = Path(source)
+    if source.startswith("cube:"):
+        version = source.removeprefix("cube:")
+        if version not in CUBE_VERSIONS:
+            raise InputError(f"no cube {quoted(version)}: A to E")
+        return _block_rows(plan_network(cube(version)).evaluated(), f"the cube of 1978, {version}")
+    if path.is_dir():
+        block = adjust_block(read_block(path))
+        return _block_rows(block, f"block {block.problem.block.name}")
+    suffix = path.suffix.lower()
+    if suffix == ".csv" or (suffix == ".toml" and _is_pattern(path)):
+        points, ties = read_pattern(path)
+        return _model_rows(PlannedPattern(points, ties, _BASE, _C), f"the pattern {path.name}")
+    if suffix == ".toml":
+        network = network_from_file(read_network(path))
+        made = plan_network(network).evaluated("control" if network.control else "free")
+        return _block_rows(made, f"network {network.name}")
+    try:
+        named = pattern(source)
+    except InputError:
+        raise InputError(
+            f"{quoted(source)} is no scenario{hint(source, known)}, pattern, block or network; "
+            "--list names the scenarios"
+        ) from None
+    return _model_rows(from_pattern(named, _BASE, _D, _C), f"a model of pattern {source}")
+
+
+def _is_pattern(path: Path) -> bool:
+    """Tell a pattern from a network: only its points have labels."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            return not any(line.strip().startswith("[[station]]") for line in file)
+    except OSError:
+        return False
+
+
+def _model_rows(plan: PlannedPattern, about: str) -> Rows:
+    solution = solve(plan, "propagated")
+    root = np.sqrt(solution.q_l)
+    names = tuple((row.point, row.axis) for row in solution.table)
+    return about, names, solution.q_vv / root[:, None] / root
+
+
+def _block_rows(block: AdjustedBlock, about: str) -> Rows:
+    normal = block.cofactors.normal
+    count = 2 * len(block.problem.photo)
+    if count > MOST_ROWS:
+        raise InputError(f"{about}: {count} image coordinates, at most {MOST_ROWS} are simulated")
+    system = block_residuals(block.problem, block.state, normal.structure)
+    n = len(system.e)
+    names = tuple(tuple(str(part) for part in name[1:]) for name in system.names)
+    return about, names, system.columns(np.arange(n))
+
+
+def _places(names: tuple[tuple[str, ...], ...], places: list[str] | None) -> NDArray[np.bool_]:
+    if not places:
+        return np.ones(len(names), dtype=bool)
+    at: dict[int, set[str]] = {}
+    for place in places:
+        columns = {k for name in names for k, part in enumerate(name) if part == place}
+        if not columns:
+            raise InputError(f"no row lies in {quoted(place)}: a photo, a point or an axis")
+        for k in columns:
+            at.setdefault(k, set()).add(place)
+    return np.array([_lies(name, at.items()) for name in names])
+
+
+def _lies(name: tuple[str, ...], wanted: Iterable[tuple[int, set[str]]]) -> bool:
+    return all(k < len(name) and name[k] in among for k, among in wanted)

@@ -1,0 +1,154 @@
+"""Variance components from sums per group."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anaplot.adjustment.prior import LinearSystem, separate_estimate
+from anaplot.adjustment.variancecomponents import (
+    GroupSums,
+    estimate_components,
+    helmert_factors,
+)
+from anaplot.errors import InputError
+
+
+def linear(a, observed, group, k):
+    """Return a callback that adjusts a dense linear model with variances per group."""
+
+    def readjust(factors):
+        p = 1.0 / factors[group]
+        q = np.linalg.inv(a.T @ (p[:, None] * a))
+        v = a @ (q @ (a.T @ (p * observed))) - observed
+        r = 1.0 - np.einsum("ij,jk,ik->i", a, q, a) * p
+        return GroupSums(
+            np.bincount(group, weights=p * v * v, minlength=k),
+            np.bincount(group, weights=r, minlength=k),
+        )
+
+    return readjust
+
+
+def test_a_common_factor_is_one_step():
+    rng = np.random.default_rng(1)
+    a = rng.normal(size=(20, 4))
+    group = np.zeros(20, dtype=int)
+    found = estimate_components(["all"], [20], linear(a, rng.normal(size=20), group, 1))
+    readjusted = linear(a, rng.normal(size=20), group, 1)(np.ones(1))
+    assert readjusted.redundancy[0] == pytest.approx(16.0)
+    assert found.converged
+    assert found.iterations == 2
+    assert found.components[0].redundancy == pytest.approx(16.0)
+    assert found.components[0].vtpv == pytest.approx(16.0)
+
+
+def test_factors_that_made_the_noise_come_back_on_average():
+    rng = np.random.default_rng(2)
+    group = np.repeat([0, 1, 2], [60, 40, 30])
+    truth = np.array([1.0, 4.0, 0.25])
+    a = rng.normal(size=(130, 20))
+    found, stated = [], []
+    for _ in range(120):
+        observed = rng.normal(size=130) * np.sqrt(truth[group])
+        result = estimate_components("abc", [60, 40, 30], linear(a, observed, group, 3))
+        assert result.converged
+        assert sum(c.redundancy for c in result.components) == pytest.approx(110.0)
+        found.append(result.factors)
+        stated.append([c.deviation for c in result.components])
+    mean, error = np.mean(found, axis=0), np.std(found, axis=0) / np.sqrt(len(found))
+    assert (np.abs(mean - truth) < 4.0 * error).all()
+    # the stated deviation is about the one that is seen
+    ratio = np.mean(stated, axis=0) / np.std(found, axis=0)
+    assert (np.abs(ratio - 1.0) < 0.3).all()
+
+
+def test_the_fixed_point_solves_helmerts_equations():
+    rng = np.random.default_rng(3)
+    group = np.repeat([0, 1], [25, 25])
+    a = rng.normal(size=(50, 6))
+    observed = rng.normal(size=50) * np.where(group, 3.0, 1.0)
+    found = estimate_components("ab", [25, 25], linear(a, observed, group, 2), tolerance=1e-10)
+    p = 1.0 / found.factors[group]
+    q_vv = np.diag(1.0 / p) - a @ np.linalg.inv(a.T @ (p[:, None] * a)) @ a.T
+    v = q_vv @ (p * observed)
+    redundant = q_vv * p
+    traces = np.array(
+        [
+            [np.trace(redundant[np.ix_(group == g, group == h)]
+                      @ redundant[np.ix_(group == h, group == g)]) for h in (0, 1)]
+            for g in (0, 1)
+        ]
+    )  # fmt: skip
+    vtpv = np.bincount(group, weights=p * v * v)
+    np.testing.assert_allclose(helmert_factors(traces, vtpv), [1.0, 1.0], rtol=1e-6)
+
+
+def test_it_agrees_with_the_separate_factors_of_observations_and_priors():
+    rng = np.random.default_rng(4)
+    a = rng.normal(size=(40, 10))
+    observed, prior = rng.normal(size=40) * 2.0, rng.normal(size=10)
+    bayes = separate_estimate(LinearSystem(a, -observed, np.ones(40), -prior, np.ones(10)))
+    found = estimate_components(
+        ["observations", "priors"],
+        [40, 10],
+        linear(
+            np.vstack((a, np.eye(10))),
+            np.concatenate((observed, prior)),
+            np.repeat([0, 1], [40, 10]),
+            2,
+        ),
+        tolerance=1e-10,
+        most=200,
+    )
+    np.testing.assert_allclose(found.factors, [bayes.variance, bayes.prior_variance], rtol=1e-6)
+
+
+def test_a_group_without_redundancy_is_held_and_named():
+    rng = np.random.default_rng(5)
+    a = np.zeros((21, 5))
+    a[:20, :4] = rng.normal(size=(20, 4))
+    a[20, 4] = 1.0  # nothing checks it
+    group = np.repeat([0, 1], [20, 1])
+    found = estimate_components(
+        ["good", "lonely"], [20, 1], linear(a, rng.normal(size=21), group, 2)
+    )
+    assert found.converged
+    assert found.components[1].state == "undetermined"
+    assert found.components[1].factor == 1.0
+    assert found.components[1].deviation is None
+    assert "lonely" in found.remarks()[0]
+
+
+def test_a_group_that_fits_exactly_vanishes_and_is_named():
+    rng = np.random.default_rng(6)
+    a = rng.normal(size=(40, 3))
+    observed = np.concatenate((rng.normal(size=20), np.zeros(20)))  # the last 20 agree exactly
+    group = np.repeat([0, 1], [20, 20])
+    found = estimate_components(["rough", "exact"], [20, 20], linear(a, observed, group, 2))
+    assert found.components[1].state == "vanishing"
+    assert found.components[1].deviation is None
+    assert found.components[0].state == "estimated"
+    assert any(line.startswith("exact: ") for line in found.remarks())
+
+
+def test_no_convergence_is_said():
+    rng = np.random.default_rng(7)
+    group = np.repeat([0, 1], [20, 20])
+    a = rng.normal(size=(40, 6))
+    found = estimate_components(
+        "ab", [20, 20], linear(a, rng.normal(size=40) * 3.0, group, 2), most=1
+    )
+    assert not found.converged
+    assert found.remarks() == ["no convergence after 1 adjustments"]
+    assert found.history.shape == (2, 2)
+
+
+def test_singular_helmert_equations_and_a_negative_estimate():
+    assert np.isnan(helmert_factors(np.ones((2, 2)), np.ones(2))).all()
+    assert helmert_factors(np.array([[5.0, 3.0], [3.0, 4.0]]), np.array([9.0, 3.0]))[1] < 0.0
+
+
+def test_groups_are_needed():
+    with pytest.raises(InputError, match="groups"):
+        estimate_components([], [], lambda f: GroupSums(f, f))

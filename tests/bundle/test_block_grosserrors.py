@@ -1,0 +1,324 @@
+"""Gross errors of blocks: found, left out alone, adjusted anew, and able to come back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import test_sxb
+from bundleblocks import aerial
+
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.strategies import STRATEGIES
+from anaplot.bundle.adjust import adjust_block, adjust_bundle
+from anaplot.bundle.grosserrors import block_gross_errors, model_values, without
+from anaplot.bundle.problem import make_problem
+from anaplot.bundle.residuals import block_residuals
+from anaplot.errors import InputError
+from anaplot.photogrammetry.block import ControlPoint
+
+ALPHA = SearchSettings(alpha=0.001)
+
+
+def plant(scene, places, times=18.0):
+    """Add errors of `times` sigma (5 um) to the coordinates (row, axis) of a scene's block."""
+    rows = list(scene.block.image_points)
+    for k, axis in places:
+        rows[k] = replace(rows[k], **{axis: getattr(rows[k], axis) + times * 5e-3})
+    return scene.with_rows(rows)
+
+
+def names(scene, places):
+    rows = scene.block.image_points
+    return {("image", rows[k].photo, rows[k].point, rows[k].model, axis) for k, axis in places}
+
+
+def adjusted(scene, **options):
+    problem = make_problem(scene.block, **options)
+    return adjust_bundle(problem, scene.start(problem))
+
+
+def small(**options):
+    return aerial(2, 5, per_base=2, control_sigma=0.05, noise_um=5.0, **options)
+
+
+# rays of points of six photos
+PLACES = ((27, "y"), (57, "x"), (152, "y"))
+
+
+def test_a_block_of_fifty_photos_loses_its_planted_errors() -> None:
+    scene = aerial(5, 10, per_base=2, control_sigma=0.05, noise_um=5.0)
+    clean = adjusted(scene)
+    # errors that can be seen at all: 18 sigma stand well above the critical value
+    good = np.argwhere(clean.cofactors.r > 0.4)
+    rng = np.random.default_rng(8)
+    chosen = good[rng.choice(len(good), 20, replace=False)]
+    places = [(int(clean.problem.source[k]), "xy"[axis]) for k, axis in chosen.tolist()]
+    block = adjusted(plant(scene, places))
+    found = block_gross_errors(block, "search", ALPHA)
+    planted = names(scene, places)
+    got = {row.name: row for row in found.rejected}
+    # a point of two rays: their residuals are nearly one, and the search says so
+    partners = {found.system.names[kept] for _, kept, _ in found.findings.hard_to_tell}
+    assert planted - set(got) <= partners
+    assert len(planted - set(got)) <= 1
+    assert len(got) <= len(planted) + 2  # 2318 coordinates tested at 0.001
+    for name in planted & set(got):
+        row = got[name]
+        assert row.unit == "um"
+        assert row.error == pytest.approx(90.0, abs=4.0 * row.sigma)
+        assert row.w == pytest.approx(row.error / row.sigma)
+        assert row.r == pytest.approx((5.0 / row.sigma) ** 2, rel=1e-6)
+    # honest numbers: an observation less for each, nothing else
+    assert found.block.redundancy == block.redundancy - len(got)
+    assert found.block.problem.observations == block.problem.observations - len(got)
+    assert found.block.problem.unknowns == block.problem.unknowns
+    assert found.block.sigma0 < 1.1 < block.sigma0
+    assert found.block.cofactors.r.sum() + np.nansum(
+        found.block.cofactors.r_control
+    ) == pytest.approx(found.block.redundancy, abs=1e-6)
+    assert found.refused == ()
+    # what a linear adjustment predicts is what the new adjustment says, in the last pass exactly
+    assert found.findings.at_end.vtpv == pytest.approx(found.block.vtpv, rel=1e-7)
+    # and from the minimum with all errors in, to second order of 90 um in 150 mm
+    assert found.passes[0].rows == found.findings.rows
+    assert found.passes[0].at_end.vtpv == pytest.approx(found.block.vtpv, rel=0.02)
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_every_strategy_on_a_small_block(strategy) -> None:
+    scene = small()
+    block = adjusted(plant(scene, PLACES, 15.0))
+    found = block_gross_errors(block, strategy, ALPHA)
+    got = {row.name for row in found.rejected}
+    assert names(scene, PLACES) <= got
+    assert found.findings.strategy == strategy
+    assert (found.findings.at_end.weights is not None) == (strategy in ("huber", "danish"))
+    assert all((row.weight is not None) == (strategy in ("huber", "danish"))
+               for row in found.rejected)  # fmt: skip
+    assert (found.findings.model_values is not None) == (strategy == "modified")
+    assert found.passes[-1].rows == found.findings.rows
+    kept = set(found.came_back)
+    assert not kept & got
+
+
+def test_the_rank_one_prediction_is_the_new_adjustment_to_second_order() -> None:
+    scene = small()
+    clean = adjusted(scene)
+    ray, axis = int(np.argmax(clean.cofactors.r[:, 0])), 0
+    structure = clean.cofactors.normal.structure
+    misses = []
+    for times in (100.0, 200.0):
+        xy = clean.problem.xy.copy()
+        xy[ray, axis] += times * clean.problem.sigma[ray]
+        problem = replace(clean.problem, xy=xy)
+        torn = adjust_bundle(problem, clean.state)
+        system = block_residuals(problem, torn.state, structure)
+        row = 2 * ray + axis
+        column = system.columns(np.array([row]))[:, 0]
+        z = system.e[row] / system.r[row]
+        predicted = system.e - column * z
+        left = adjust_bundle(without(system, frozenset([row])), torn.state)
+        real = -left.v.ravel()
+        assert real[row] == 0.0
+        miss = np.abs(np.delete(predicted[: system.image_rows] - real, row)).max()
+        effect = np.abs(np.delete(column * z, row)).max()
+        assert miss < 1e-3 * effect
+        misses.append(miss)
+    # twice the error, four times the miss
+    assert misses[1] / misses[0] == pytest.approx(4.0, rel=0.2)
+
+
+def test_a_coordinate_goes_alone_and_stays_visible() -> None:
+    scene = small()
+    found = block_gross_errors(adjusted(plant(scene, PLACES)), "baarda", ALPHA)
+    block = found.block
+    [row] = [r for r in block.ray_rows() if r.row == 27]
+    assert row.rejected == (False, True)
+    assert row.r[1] == 0.0
+    assert row.w[1] is None
+    assert row.mdb_um[1] is None
+    assert row.r[0] > 0.0
+    assert row.w[0] is not None
+    [error] = [r.error for r in found.rejected if r.name in names(scene, PLACES[:1])]
+    # adjusted minus observed
+    assert row.v_um[1] == pytest.approx(-error, rel=1e-6)
+    assert not any(block.flagged[block.rejected])
+    assert not {(p, q, a) for p, q, a in block.spurs()} & {
+        (n[1], n[2], n[4]) for n in names(scene, PLACES)
+    }
+    k = int(np.flatnonzero(block.problem.source == 27)[0])
+    assert block.cofactors.column(k, 1)[k, 1] == 0.0
+    rays, q = block.cofactors.point_rays(int(block.problem.point[k]))
+    at = 2 * int(np.flatnonzero(rays == k)[0]) + 1
+    assert not q[at].any()
+
+
+def test_a_rejected_one_is_looked_at_anew_and_comes_back() -> None:
+    scene = small()
+    clean = adjusted(scene)
+    quiet = block_gross_errors(clean, "baarda", SearchSettings(alpha=1e-5))
+    assert quiet.block is clean
+    assert quiet.rejected == ()
+    assert len(quiet.passes) == 1
+    rejected = np.zeros(clean.v.shape, dtype=bool)
+    rejected[40, 0] = True
+    start = adjust_bundle(replace(clean.problem, rejected=rejected), clean.state)
+    assert start.redundancy == clean.redundancy - 1
+    found = block_gross_errors(start, "baarda", SearchSettings(alpha=1e-5))
+    assert found.rejected == ()
+    assert found.block.redundancy == clean.redundancy
+    assert found.block.vtpv == pytest.approx(clean.vtpv, rel=1e-9)
+
+
+def test_a_wrong_control_coordinate_becomes_unknown() -> None:
+    scene = small()
+    control = list(scene.block.control)
+    wrong = control[1]
+    x, y, z = wrong.xyz
+    control[1] = ControlPoint(wrong.point, (x, y, z + 2.0), wrong.sigma)
+    scene.block = replace(scene.block, control=tuple(control))
+    block = adjusted(scene)
+    found = block_gross_errors(block, "search", ALPHA)
+    row = found.rejected[0]
+    assert row.name == ("control", wrong.point, "Z")
+    assert row.unit == "m"
+    assert row.error == pytest.approx(2.0, abs=4.0 * row.sigma)
+    assert found.block.redundancy == block.redundancy - len(found.rejected)
+    assert found.block.problem.unknowns == block.problem.unknowns
+    left = [(r.point, r.axis) for r in found.block.control_rows()]
+    assert (wrong.point, "Z") not in left
+    assert (wrong.point, "X") in left
+
+
+def test_a_wrong_prior_is_rejected_alone() -> None:
+    scene = aerial(2, 4, per_base=2, control_sigma=0.05, noise_um=5.0, priors=True)
+    photos = list(scene.block.photos)
+    omega, phi, kappa = photos[2].rotation
+    photos[2] = replace(photos[2], rotation=(omega, phi + 0.03, kappa))
+    x, y, z = photos[5].position
+    photos[5] = replace(photos[5], position=(x + 4.0, y, z))
+    scene.block = replace(scene.block, photos=tuple(photos))
+    block = adjusted(scene)
+    found = block_gross_errors(block, "search", ALPHA)
+    got = {row.name: row for row in found.rejected}
+    turned, shifted = got[("prior", photos[2].id, "phi")], got[("prior", photos[5].id, "X")]
+    assert (turned.unit, shifted.unit) == ("rad", "m")
+    assert turned.error == pytest.approx(0.03, abs=4.0 * turned.sigma)
+    assert shifted.error == pytest.approx(4.0, abs=4.0 * shifted.sigma)
+    assert found.block.redundancy == block.redundancy - len(got)
+    left = {(row.owner, row.unknown) for row in found.block.prior_rows()}
+    assert (photos[2].id, "phi") not in left
+    assert {(photos[2].id, "omega"), (photos[2].id, "kappa"), (photos[5].id, "Y")} <= left
+
+
+def test_priors_of_additional_parameters_are_never_rejected() -> None:
+    from anaplot.bundle.additional import additional_parameters
+
+    scene = small(distort=lambda x, y: (2e-6 * x * y, 0.0))
+    block = adjusted(scene, additional=additional_parameters("ebner", 0.05))
+    found = block_gross_errors(block, "baarda", ALPHA)
+    system = found.system
+    assert len(system.additional)
+    assert all(row < system.starts[2] for row in found.findings.rows)
+    with pytest.raises(ValueError, match="cannot be rejected"):
+        without(system, frozenset([system.starts[2]]))
+
+
+def test_errors_so_large_that_the_minimum_is_torn() -> None:
+    scene = small(test=None)
+    places = (*PLACES, (182, "x"), (80, "y"), (110, "y"))
+    block = adjust_block(plant(scene, places, 4000.0).block)  # 20 mm
+    assert block.sigma0 > 100.0
+    found = block_gross_errors(block, "search", ALPHA)
+    assert names(scene, places) <= {row.name for row in found.rejected}
+    assert found.block.sigma0 < 1.2
+
+
+def test_what_the_block_cannot_do_without_is_refused_by_name(monkeypatch) -> None:
+    from anaplot.bundle import grosserrors
+    from anaplot.errors import NotComputableError
+
+    scene = small()
+    block = adjusted(plant(scene, PLACES, 40.0))
+    real = grosserrors.find_minimum
+    at = next(k for k in np.argsort(block.problem.source).tolist()
+              if block.problem.source[k] == 27)  # fmt: skip
+
+    def minimum(problem, *rest, **options):
+        if problem.rejected is not None and problem.rejected[at, 1]:
+            raise NotComputableError("block synthetic: not determined: photo 101")
+        return real(problem, *rest, **options)
+
+    monkeypatch.setattr(grosserrors, "find_minimum", minimum)
+    found = block_gross_errors(block, "baarda", replace(ALPHA, most=60))
+    refused = {row.name: row.reason for row in found.refused}
+    assert names(scene, PLACES[:1]) <= set(refused)
+    assert set(refused.values()) == {"block synthetic: not determined: photo 101"}
+    assert not names(scene, PLACES[:1]) & {row.name for row in found.rejected}
+
+
+def test_control_that_alone_holds_the_datum_is_untestable_not_rejected() -> None:
+    scene = aerial(1, 4, per_base=1, control_sigma=0.05, noise_um=5.0)
+    control = [c for c in scene.block.control if c.point in ("p1", "p4", "p12")]
+    kept = [replace(control[0]), replace(control[1]),
+            replace(control[2], xyz=(None, None, control[2].xyz[2]))]  # fmt: skip
+    scene.block = replace(scene.block, control=tuple(kept))
+    found = block_gross_errors(adjusted(plant(scene, [(6, "y")], 60.0)), "search", ALPHA)
+    blind = {found.system.names[k] for k in found.findings.untestable}
+    assert {("control", "p1", "X"), ("control", "p4", "Y"), ("control", "p12", "Z")} <= blind
+    assert all(row.name[0] == "image" for row in found.rejected)
+
+
+@pytest.mark.parametrize("datum", ["free", "minimal"])
+def test_without_a_datum_of_control(datum) -> None:
+    scene = small()
+    block = adjusted(plant(scene, PLACES), datum=datum)
+    found = block_gross_errors(block, "search", ALPHA)
+    assert names(scene, PLACES) <= {row.name for row in found.rejected}
+    assert found.block.redundancy == block.redundancy - len(found.rejected)
+
+
+def test_model_values_stand_for_image_coordinates_only() -> None:
+    block = adjusted(small())
+    system = block_residuals(block.problem, block.state, block.cofactors.normal.structure)
+    models = model_values(system)
+    assert np.isfinite(models[: system.image_rows]).all()
+    assert np.isnan(models[system.image_rows :]).all()
+    assert ((models[: system.image_rows] >= 0.0) & (models[: system.image_rows] <= 1.0)).all()
+
+
+def test_wrong_requests() -> None:
+    block = adjusted(small())
+    with pytest.raises(ValueError, match="no strategy 'guess'"):
+        block_gross_errors(block, "guess")
+    large = adjusted(aerial(6, 12, per_base=2, control_sigma=0.05, noise_um=5.0))
+    with pytest.raises(InputError, match=r"odds over pairs of .* at most 3000"):
+        block_gross_errors(large, "baarda", replace(ALPHA, pairs=True))
+
+
+@pytest.mark.skipif(test_sxb.FOLDER is None, reason="the data of sxb is not here")
+def test_sxb_with_planted_errors() -> None:
+    block = test_sxb.sxb(())
+    clean = block_gross_errors(block, "search", ALPHA)
+    kept = {row.name for row in clean.rejected}
+    adjustment = adjust_block(block)
+    rng = np.random.default_rng(3)
+    good = np.argwhere(adjustment.cofactors.r > 0.4)
+    chosen = good[rng.choice(len(good), 8, replace=False)]
+    rows = list(block.image_points)
+    planted = {}
+    for k, axis in chosen.tolist():
+        source = int(adjustment.problem.source[k])
+        row, label = rows[source], "xy"[axis]
+        size = 20.0 * float(adjustment.problem.sigma[k])
+        rows[source] = replace(row, **{label: getattr(row, label) + size})
+        planted["image", row.photo, row.point, row.model, label] = size * 1e3
+    found = block_gross_errors(replace(block, image_points=tuple(rows)), "search", ALPHA)
+    got = {row.name: row for row in found.rejected}
+    assert set(planted) - set(got) <= kept
+    assert len(set(planted) & set(got)) >= 7
+    for name in set(planted) & set(got):
+        assert got[name].error == pytest.approx(planted[name], abs=5.0 * got[name].sigma)
+    assert len(set(got) - set(planted) - kept) <= 3

@@ -1,0 +1,331 @@
+"""Two epochs: dense formulas, planted displacements, the null rate, refusals, the command."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from bundleblocks import aerial, make_scene
+
+from anaplot.bundle.additional import additional_parameters
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.crosscofactors import coordinate_cofactors
+from anaplot.bundle.epochs import compare_epochs, joint_block
+from anaplot.bundle.epochtests import epoch_tests
+from anaplot.bundle.similarity import fit_similarity
+from anaplot.cli import main
+from anaplot.errors import InputError, NotComputableError
+from anaplot.exchange.blockfolder import write_new_block
+from anaplot.photogrammetry.block import ControlPoint, TestSettings
+
+BAARDA = TestSettings(kind="baarda")
+
+
+@lru_cache(maxsize=1)
+def layout():
+    return aerial(2, 3, per_base=2, noise_um=0.0, control_sigma=0.02, seed=1)
+
+
+def epoch(seed, *, moved=None, noise_um=5.0, test=None, control=True, distort=None):
+    """The same photos and points with other noise; `moved` {name: displacement [m]}."""
+    base = layout()
+    points = {
+        n: p + np.array((moved or {}).get(n, (0.0, 0.0, 0.0))) for n, p in base.points.items()
+    }
+    rows = {(r.photo, r.point) for r in base.block.image_points}
+    photos = {p: (base.centres[p], base.rotations[p]) for p in base.centres}
+    return make_scene(
+        photos,
+        points,
+        control=base.block.control if control else (),
+        strips=base.block.strips,
+        sees=lambda photo, point, _: (photo, point) in rows,
+        noise_um=noise_um,
+        seed=seed,
+        test=test,
+        distort=distort,
+    ).block
+
+
+def inverse(block):
+    """Dense inverse of the normal equations (no additional parameters), and its columns."""
+    problem, linear = block.problem, block.cofactors.normal.linear
+    n = 6 * len(problem.photos)
+    u = n + 3 * len(problem.points)
+    rows = np.zeros((2 * len(problem.photo), u))
+    for ray in range(len(problem.photo)):
+        f, p = int(problem.photo[ray]), int(problem.point[ray])
+        rows[2 * ray : 2 * ray + 2, 6 * f : 6 * f + 6] = linear.a[ray]
+        rows[2 * ray : 2 * ray + 2, n + 3 * p : n + 3 * p + 3] = linear.b[ray]
+    normal = rows.T @ rows
+    for p, axis in np.argwhere(np.isfinite(problem.known_sigma)):
+        normal[n + 3 * p + axis, n + 3 * p + axis] += problem.known_sigma[p, axis] ** -2
+    return normal, {name: n + 3 * k for k, name in enumerate(problem.points)}
+
+
+def test_joint_covariances_are_those_of_the_whole_inverse() -> None:
+    first, second = epoch(1), epoch(2)
+    found = compare_epochs(first, second)
+    joint = adjust_block(joint_block(first, second, found.common))
+    normal, column = inverse(joint)
+    q = np.linalg.inv(normal)
+    b = np.zeros((3 * len(found.points), len(q)))
+    for k, name in enumerate(found.points):
+        for axis in range(3):
+            b[3 * k + axis, column[name + " [1]"] + axis] = -1.0
+            b[3 * k + axis, column[name + " [2]"] + axis] = 1.0
+    np.testing.assert_allclose(found.cofactors, b @ q @ b.T, rtol=2e-5, atol=1e-9)
+    rows = {r.point: np.array(r[1]) for r in joint.point_rows()}
+    for k, name in enumerate(found.points):
+        d = rows[name + " [2]"] - rows[name + " [1]"]
+        np.testing.assert_allclose(found.d[3 * k : 3 * k + 3], d, atol=1e-7)
+    assert found.vtpv == pytest.approx(joint.vtpv, rel=1e-8)
+    assert found.redundancy == joint.redundancy
+    tested = epoch_tests(found)
+    r = found.d @ np.linalg.solve(b @ q @ b.T, found.d)
+    assert tested.everything.estimated.square == pytest.approx(r, rel=1e-4)
+    assert tested.everything.estimated.dimension == len(found.d)
+
+
+def test_separate_covariances_add_up() -> None:
+    first, second = epoch(1), epoch(2)
+    found = compare_epochs(first, second, separate=True)
+    total = 0.0
+    for block in (first, second):
+        normal, column = inverse(adjust_block(block))
+        at = [column[name] + axis for name in found.points for axis in range(3)]
+        total = total + np.linalg.inv(normal)[np.ix_(at, at)]
+    mine = [k for k, p in enumerate(found.points) if p not in found.common]
+    assert len(mine) == len(found.points)
+    np.testing.assert_allclose(found.cofactors, total, rtol=2e-5, atol=1e-9)
+    joint = compare_epochs(first, second)
+    # common control takes its own error out of the differences
+    assert np.trace(joint.cofactors) < np.trace(found.cofactors)
+
+
+def stable_names():
+    return ("p1", "p5", "p16", "p31", "p35")
+
+
+def test_stable_points_by_s_transformation() -> None:
+    first, second = epoch(1, control=False), epoch(2, control=False)
+    stable = [n for n in stable_names() if n in layout().points]
+    found = compare_epochs(first, second, separate=True, stable=stable, points=("p8", "p9"))
+    # the same from the two free networks
+    one, two = (adjust_block(b, datum="free") for b in (first, second))
+
+    def at(block, names):
+        rows = dict(zip(block.problem.points, block.state.points + block.state.origin, strict=True))
+        return np.array([rows[n] for n in names])
+
+    fitted = fit_similarity(at(two, stable), at(one, stable))
+    d = fitted.apply(at(two, ("p8", "p9"))) - at(one, ("p8", "p9"))
+    np.testing.assert_allclose(found.d, d.ravel(), atol=1e-8)
+    assert found.agreement.dimension == 3 * len(stable) - 7
+    # dense: S (Q1 + Q2) S' with S = I - G (G'EG)^-1 G'E, E the stable points
+    names = list(dict.fromkeys((*stable, "p8", "p9")))
+    total = sum(
+        coordinate_cofactors(
+            block, [(block.problem.points.index(n), axis) for n in names for axis in range(3)]
+        )
+        for block in (one, two)
+    )
+    place = at(one, names) - at(one, stable).mean(axis=0)
+    g = np.zeros((len(total), 7))
+    for k, (x, y, z) in enumerate(place):
+        g[3 * k : 3 * k + 3, :3] = np.eye(3)
+        g[3 * k : 3 * k + 3, 3:6] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+        g[3 * k : 3 * k + 3, 6] = x, y, z
+    held = np.repeat([name in stable for name in names], 3)
+    s = np.eye(len(total)) - g @ np.linalg.solve(g[held].T @ g[held], (g * held[:, None]).T)
+    dense = (s @ total @ s.T)[-6:, -6:]
+    # up to the different scales of the two free networks
+    np.testing.assert_allclose(found.cofactors, dense, rtol=5e-3, atol=1e-4 * dense.max())
+    joint = compare_epochs(first, second, stable=stable, points=("p8", "p9"))
+    assert joint.agreement.dimension == found.agreement.dimension
+    # R of the stable points: by covariances here, by the growth of v'Pv there
+    assert joint.agreement.square == pytest.approx(found.agreement.square, rel=2e-2)
+    assert joint.redundancy == found.redundancy + found.agreement.dimension
+    # the rigorous weighting is never worse
+    assert np.trace(joint.cofactors) <= 1.02 * np.trace(found.cofactors)
+
+
+@pytest.mark.parametrize("options", [{}, {"separate": True}, {"stable": stable_names()}])
+def test_a_planted_displacement_is_found_and_named(options) -> None:
+    first, second = epoch(11), epoch(12, moved={"p13": (0.0, 0.25, 0.4)})
+    tested = epoch_tests(compare_epochs(first, second, **options))
+    assert tested.everything.rejected
+    assert tested.located[0].point == "p13"
+    by = {p.point: p for p in tested.points}
+    assert by["p13"].verdict.rejected
+    assert by["p13"].length == pytest.approx(np.hypot(0.25, 0.4), abs=5 * by["p13"].s_length)
+    for c, true in zip(by["p13"].coordinates, (0.0, 0.25, 0.4), strict=True):
+        assert abs(c.d - true) < c.half_scheffe
+        assert c.half_scheffe > c.half_bonferroni > c.s
+
+
+@pytest.mark.parametrize("kind", [BAARDA, TestSettings(kind="tau")])
+@pytest.mark.parametrize(
+    "options", [{}, {"stable": stable_names()}, {"separate": True, "stable": stable_names()}]
+)
+def test_null_rate_is_alpha(kind, options) -> None:
+    rejected = single = 0
+    square = 0.0
+    runs, alpha = 40, 0.2
+    for k in range(runs):
+        found = compare_epochs(
+            epoch(100 + 2 * k, test=kind),
+            epoch(101 + 2 * k, test=kind),
+            points=("p8", "p13"),
+            **options,
+        )
+        tested = epoch_tests(found, alpha=alpha)
+        square += tested.everything.known.square
+        rejected += bool(tested.everything.rejected)
+        single += any(p.verdict.rejected for p in tested.points)
+    # R of fresh noise is chi-square of 6 with the covariance claimed: within 3.3 deviations
+    assert abs(square - 6 * runs) < 3.3 * np.sqrt(2 * 6 * runs)
+    # the count is binomial, Bonferroni keeps at most alpha: within 3.3 deviations
+    room = 3.3 * np.sqrt(runs * alpha * (1.0 - alpha))
+    assert abs(rejected - alpha * runs) < room
+    assert single < alpha * runs + room
+
+
+def test_common_parameters_and_those_of_each_epoch() -> None:
+    def bend(x, y):
+        return (0.01 * x * y / 90.0**2, 0.0)
+
+    first, second = epoch(21, distort=bend), epoch(22, distort=bend)
+    extra = additional_parameters("ebner")
+    common = compare_epochs(first, second, additional=extra)
+    own = compare_epochs(first, second, additional=extra, common_parameters=False)
+    assert common.own_parameters is False
+    assert own.own_parameters is True
+    assert common.redundancy == own.redundancy + 12
+    assert np.trace(common.cofactors) < np.trace(own.cofactors)
+    with pytest.raises(InputError, match="cannot be common"):
+        compare_epochs(
+            first, second, additional=additional_parameters("ebner:photo"), common_parameters=True
+        )
+
+
+def test_points_of_one_epoch_and_control_in_one_epoch() -> None:
+    first, second = epoch(1), epoch(2)
+    second = replace(
+        second,
+        image_points=tuple(r for r in second.image_points if r.point != "p8"),
+        control=second.control[1:],
+    )
+    found = compare_epochs(first, second)
+    assert found.only_first == ("p8",)
+    # control given up in one epoch is a point like others, and compared
+    assert first.control[0].point in found.points
+    assert first.control[0].point not in found.common
+
+
+def test_refusals() -> None:
+    first, second = epoch(1), epoch(2)
+    row = second.control[0]
+    shifted = replace(row, xyz=(row.xyz[0] + 0.03, *row.xyz[1:]))
+    with pytest.raises(InputError, match=f"control point {row.point}: X .* needs the same"):
+        compare_epochs(first, replace(second, control=(shifted, *second.control[1:])))
+    near = replace(second, control=(shifted, *second.control[1:]))
+    compare_epochs(first, near, separate=True, points=("p8",))
+    far = replace(row, xyz=(row.xyz[0] + 100.0, *row.xyz[1:]))
+    with pytest.raises(InputError, match="not in one datum"):
+        compare_epochs(first, replace(second, control=(far, *second.control[1:])), separate=True)
+    with pytest.raises(NotComputableError, match=r"^epoch 2: .*--stable"):
+        compare_epochs(first, replace(second, control=()))
+    with pytest.raises(InputError, match="at least 3"):
+        compare_epochs(first, second, stable=("p1", "p2"))
+    with pytest.raises(InputError, match="does not have: nowhere"):
+        compare_epochs(first, second, stable=("p1", "p2", "nowhere"))
+    with pytest.raises(InputError, match="point p999 is not in both"):
+        compare_epochs(first, second, points=("p999",))
+    other = replace(
+        second,
+        image_points=tuple(replace(r, point="q" + r.point) for r in second.image_points),
+        control=tuple(replace(c, point="q" + c.point) for c in second.control),
+    )
+    with pytest.raises(InputError, match="no point in common"):
+        compare_epochs(first, other)
+    with pytest.raises(InputError, match="tested differently"):
+        compare_epochs(first, replace(second, test=BAARDA))
+
+
+def test_names_cannot_meet() -> None:
+    first = epoch(1)
+    odd = {"p8": "p9 [1]", "p9": "p9", "p10": "p9 [both]"}
+
+    def renamed(block):
+        rows = tuple(replace(r, point=odd.get(r.point, r.point)) for r in block.image_points)
+        return replace(block, image_points=rows)
+
+    plain = compare_epochs(first, epoch(2))
+    found = compare_epochs(renamed(first), renamed(epoch(2)))
+    assert len(found.points) == len(plain.points)
+    np.testing.assert_allclose(found.d, plain.d, atol=1e-8)
+
+
+# --- the command ----------------------------------------------------------------------------
+
+
+def written(tmp_path, first, second):
+    write_new_block(tmp_path / "spring", first)
+    write_new_block(tmp_path / "autumn", second)
+    for name, block in (("spring", first), ("autumn", second)):
+        lines = ["point,X,Y,Z,sX,sY,sZ,use"]
+        for c in block.control:
+            assert isinstance(c, ControlPoint)
+            lines.append(",".join([c.point, *map(repr, c.xyz), *map(repr, c.sigma), c.use]))
+        (tmp_path / name / "control.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        rows = ["photo,point,x,y"]
+        rows += [f"{r.photo},{r.point},{float(r.x)!r},{float(r.y)!r}" for r in block.image_points]
+        (tmp_path / name / "image_points.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return [str(tmp_path / "spring"), str(tmp_path / "autumn")]
+
+
+def test_the_command(tmp_path, capsys) -> None:
+    folders = written(tmp_path, epoch(11), epoch(12, moved={"p13": (0.0, 0.25, 0.4)}))
+    table = tmp_path / "moves.csv"
+    assert main(["compare", *folders, "--csv", str(table)]) == 0
+    text = capsys.readouterr().out
+    line = next(x for x in text.splitlines() if x.startswith("  p13 "))
+    assert "MOVED BS" in line
+    assert "no point has moved" in text
+    assert "<< REJECTED" in text
+    with table.open(encoding="utf-8", newline="") as file:
+        rows = {row["point"]: row for row in csv.DictReader(file)}
+    assert rows["p13"]["moved_bonferroni"] == "1"
+    assert main(["compare", *folders, "--json", "--fail-on-flag"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["adjustment"] == "joint"
+    assert found["all"]["rejected"] is True
+    assert found["located"][0]["point"] == "p13"
+    by = {p["point"]: p for p in found["points"]}
+    assert by["p13"]["coordinates"][2]["d"] == pytest.approx(float(rows["p13"]["dZ"]))
+    assert set(by) == set(rows)
+    assert main(["compare", *folders, "--separate", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["adjustment"] == "separate"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["--alpha", "0"], 2),
+        (["--common-parameters"], 2),
+        (["--stable", ","], 2),
+        (["--additional-sigma-um", "3"], 2),
+        (["--stable", "p1,p2,p3,p4,p5"], 4),
+    ],
+)
+def test_refused_by_the_command(tmp_path, capsys, arguments, code) -> None:
+    folders = written(tmp_path, epoch(11), epoch(12))
+    assert main(["compare", *folders, *arguments]) == code
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("anaplot: ") == 1

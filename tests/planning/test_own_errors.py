@@ -1,0 +1,93 @@
+"""Errors planted in geometries of one's own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from anaplot.cli import main
+from anaplot.planning.modelscenarios import model_rows
+from anaplot.planning.montecarlo import simulate
+from anaplot.planning.ownerrors import METHODS, OwnErrors
+
+QUICK = ["--runs", "40", "--processes", "1", "--json"]
+
+
+def simulated(capsys, *call: str) -> dict[tuple[str, str, str], float]:
+    assert main(["plan", "simulate", *call, *QUICK]) == 0
+    found = json.loads(capsys.readouterr().out)["figures"]
+    return {(f["case"], f["method"], f["quantity"]): f["mean"] for f in found}
+
+
+def test_every_strategy_finds_one_large_error_in_a_good_pattern(capsys) -> None:
+    quick = [method for method in METHODS if method != "odds"]
+    found = simulated(
+        capsys, "13/5", "--errors", "0,1", "--size", "20", "--strategy", ",".join(quick)
+    )
+    for method in quick:
+        assert found["no error", method, "wrong"] < 0.3
+        assert found["1 of 20 sigma", method, "right"] > 0.95
+        key = ("1 of 20 sigma", method)
+        assert found[(*key, "right")] + found[(*key, "missed")] == pytest.approx(1.0)
+
+
+def test_places_keep_the_errors_where_they_are_wanted(capsys) -> None:
+    # in the cube A nothing checks the x coordinates of new points
+    blind = simulated(
+        capsys, "cube:A", "--size", "30", "--place", "2", "--place", "x", "--strategy", "search"
+    )
+    assert blind["1 of 30 sigma", "search", "right"] == 0.0
+    seen = simulated(capsys, "cube:E", "--size", "30", "--place", "2", "--strategy", "search")
+    assert seen["1 of 30 sigma", "search", "right"] > 0.9
+
+
+def test_a_block_a_pattern_file_and_a_network_file(tmp_path: Path, capsys) -> None:
+    block = tmp_path / "block"
+    assert main(["plan", "block", "--strips", "2", "--photos", "3", "--to", str(block)]) == 0
+    capsys.readouterr()
+    points = tmp_path / "points.csv"
+    points.write_text("label,x,y\n" + "".join(
+        f"p{k},{x},{y}\n" for k, (x, y) in enumerate((x, y) for x in (0, 45, 90)
+                                                     for y in (-90, -30, 30, 90))))  # fmt: skip
+    for source in (str(block), str(points)):
+        found = simulated(capsys, source, "--size", "25", "--strategy", "baarda,search")
+        assert {method for _, method, _ in found} == {"baarda", "search"}
+        assert found["1 of 25 sigma", "search", "right"] > 0.3
+
+
+def test_the_search_is_better_than_stepwise_rejection_with_many_errors() -> None:
+    rows = model_rows("15/5")
+    own = OwnErrors(
+        "own", "", rows.matrix, (4,), (12.0,), rows.testable, methods=("baarda", "search")
+    )
+    tally = simulate(own, runs=150, seed=5)
+    case = "4 of 12 sigma"
+    for quantity in ("right", "exactly the errors"):
+        assert tally[case, "search", quantity].total >= tally[case, "baarda", quantity].total
+    # the same in processes of their own, to which the geometry is sent
+    assert simulate(own, runs=150, seed=5, processes=2) == tally
+
+
+def test_what_belongs_to_another_geometry_is_not_taken(tmp_path: Path, capsys) -> None:
+    kept = tmp_path / "kept.jsonl"
+    call = ["plan", "simulate", "13/5", *QUICK, "--strategy", "baarda", "--to", str(kept)]
+    assert main(call) == 0
+    assert main(call) == 0
+    assert main([*call, "--size", "7"]) == 2
+    assert "belongs to another simulation: sizes is" in capsys.readouterr().err
+
+
+def test_refusals(tmp_path: Path, capsys) -> None:
+    for call, said in (
+        (["13/6"], "'13/6' is no scenario"),
+        (["cube:Z"], "no cube 'Z'"),
+        (["13/5", "--place", "nowhere"], "no row lies in 'nowhere'"),
+        (["13/5", "--errors", "19"], "19 errors, but only 18 rows"),
+        (["size-models", "--size", "3"], "--size goes with a pattern"),
+        ([str(tmp_path / "none.toml")], "none.toml"),
+        ([str(tmp_path)], "block.toml"),
+    ):
+        assert main(["plan", "simulate", *call]) == 2
+        assert said in capsys.readouterr().err

@@ -1,0 +1,200 @@
+"""`anaplot adjust --errors`: text, JSON and exit codes."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anaplot import cli
+from anaplot.adjustment.strategies import STRATEGIES
+from anaplot.bundle.adjust import adjust_block
+from anaplot.errors import InputError
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    ControlPoint,
+    ImagePoint,
+    Photo,
+    Precision,
+    TestSettings,
+)
+from anaplot.photogrammetry.collinearity import project
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.report.adjustcommand import run_adjust
+from anaplot.report.adjusterrors import (
+    block_errors_json,
+    block_errors_printout,
+    clean_block,
+    mark_rejected,
+)
+
+
+def make(*, error_mm: float = 0.15, height_m: float = 0.0, name: str = "p8") -> Block:
+    """Two strips of four photos; an error in y of `name` in photo 11, one in the height of p0."""
+    rng = np.random.default_rng(12)
+    grid = [(x, y) for x in range(0, 1801, 300) for y in (-500, 0, 300, 600, 1100)]
+    points = {f"p{k}": np.array([x, y, rng.uniform(-40, 40)]) for k, (x, y) in enumerate(grid)}
+    rows = []
+    for i in range(8):
+        centre = np.array([600.0 * (i % 4), 600.0 * (i // 4), 1000.0])
+        rotation = rotation_matrix(*rng.normal(size=3) * 0.01)
+        for point, at in points.items():
+            if np.abs(at[:2] - centre[:2]).max() > 650:
+                continue
+            seen = project(centre[None], rotation[None], np.array([150.0]), at[None]).xy[0]
+            x, y = (seen + rng.normal(size=2) * 0.005).tolist()
+            if i == 1 and point == "p8":
+                y += error_mm
+            rows.append(ImagePoint(f"1{i}", name if point == "p8" else point, x, y, None, None))
+    control = []
+    for point in ("p0", "p4", "p15", "p19", "p30", "p34", "p2", "p32"):
+        x, y, z = points[point].tolist()
+        lift = height_m if point == "p0" else 0.0
+        control.append(ControlPoint(point, (x, y, z + lift), (0.02,) * 3))
+    return Block(
+        "twostrips",
+        Precision(image_um=5.0),
+        TestSettings(),
+        (Camera("c", 150.0),),
+        tuple(Photo(f"1{i}", "c") for i in range(8)),
+        (),
+        tuple(rows),
+        tuple(control),
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    block, folder = make(height_m=1.5), tmp_path / "two"
+    folder.mkdir()
+    lines = ['format = 1\nname = "twostrips"\n[precision]\nimage_um = 5.0\n[[camera]]\nid = "c"\n'
+             'c = 150.0\n[[strip]]\nid = "1"\nphotos = ["10", "11", "12", "13"]']  # fmt: skip
+    lines += [f'[[photo]]\nid = "{photo.id}"\ncamera = "c"' for photo in block.photos]
+    (folder / "block.toml").write_text("\n".join(lines) + "\n")
+    rows = ["photo,point,x,y"]
+    rows += [f"{r.photo},{r.point},{r.x!r},{r.y!r}" for r in block.image_points]
+    (folder / "image_points.csv").write_text("\n".join(rows) + "\n")
+    rows = ["point,X,Y,Z,sX,sY,sZ,use"]
+    for r in block.control:
+        rows.append(",".join([r.point, *map(str, r.xyz), *map(str, r.sigma), r.use]))
+    (folder / "control.csv").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def run(folder: Path, **options) -> tuple[int, str]:
+    out = io.StringIO()
+    return run_adjust(folder, out=out, err=io.StringIO(), **options), out.getvalue()
+
+
+def test_the_text_says_what_was_rejected_and_why(folder: Path) -> None:
+    code, text = run(folder, errors="search")
+    assert code == 0
+    assert "  1 image coordinate is rejected" in text
+    at = text.index("GROSS ERRORS (search)")
+    section = text[at:]
+    assert "2 observations are rejected after" in section
+    [control] = [line for line in section.splitlines() if "control point p0  Z" in line][:1]
+    assert " mm " in control
+    assert "the sum falls by" in control
+    [image] = [line for line in section.splitlines() if "photo 11  point p8  y" in line][:1]
+    assert " um " in image
+    table = [line for line in text[:at].splitlines() if line.endswith("rejected")]
+    assert len([line for line in table if " p8 " in line]) == 1
+    code, text = run(folder, errors="baarda", fail_on_flag=True)
+    assert code == 1
+    assert "w " in text[text.index("GROSS ERRORS (baarda)") :]
+
+
+def test_the_json_stays_and_gains_errors(folder: Path) -> None:
+    plain = json.loads(run(folder, as_json=True)[1])
+    found = json.loads(run(folder, as_json=True, errors="search", partner=0.5, pairs=True)[1])
+    assert set(found) == set(plain) | {"errors"}
+    errors = found["errors"]
+    assert errors["strategy"] == "search"
+    assert errors["partner"] == 0.5
+    assert errors["redundancy_before"] == plain["redundancy"]
+    assert errors["sigma0_before"] == plain["sigma0"]
+    assert found["observations"] == plain["observations"] - 2
+    assert found["redundancy"] == plain["redundancy"] - 2
+    assert found["unknowns"] == plain["unknowns"]
+    image, control = sorted(errors["rejected"], key=lambda row: row["kind"], reverse=True)
+    assert [image[k] for k in ("photo", "point", "model", "axis")] == ["11", "p8", None, "y"]
+    assert image["error"] == pytest.approx(150.0, abs=4 * image["sigma"])
+    assert [control[k] for k in ("point", "axis", "unit")] == ["p0", "Z", "m"]
+    assert control["error"] == pytest.approx(1.5, abs=4 * control["sigma"])
+    # every row stays; only the rejected coordinate has lost its test
+    assert len(found["image_points"]) == len(plain["image_points"])
+    keys = set(plain["image_points"][0])
+    for row in found["image_points"]:
+        assert set(row) == keys | {"rejected", "rejected_axes"}
+    [row] = [row for row in found["image_points"] if row["rejected"]]
+    assert (row["photo"], row["point"], row["rejected_axes"]) == ("11", "p8", ["y"])
+    assert row["vy_um"] == pytest.approx(-image["error"], rel=1e-6)
+    assert row["ry"] is row["wy"] is row["mdb_y_um"] is row["effect_y"] is None
+    assert row["rx"] is not None
+    assert len(found["control"]) == len(plain["control"])
+    [row] = [row for row in found["control"] if row["rejected"]]
+    assert set(row) == set(plain["control"][0]) | {"rejected"}
+    assert row["v"] == pytest.approx(-control["error"])
+    assert [step["action"] for step in errors["steps"]][:2] == ["add", "add"]
+    single = errors["odds"]["single"]
+    assert errors["odds"]["none"] < 0.01
+    assert single[0]["probability"] == max(row["probability"] for row in single)
+    assert 0.9 < sum(row["probability"] for row in single) <= 1.0 + 1e-9
+    odds = errors["pair_odds"]
+    assert odds["none"] + odds["one"] + odds["two"] == pytest.approx(1.0)
+    first, second = odds["pairs"][0]["first"], odds["pairs"][0]["second"]
+    assert {first["kind"], second["kind"]} == {"image", "control"}
+    assert all(abs(pair["correlation"]) >= 0.5 for pair in errors["hard_to_tell"])
+    assert errors["hard_to_tell"]
+
+
+def test_the_command_line(folder: Path, capsys) -> None:
+    for name in ("tau", "danish", "modified"):
+        assert name in STRATEGIES
+        assert cli.main(["adjust", str(folder), "--errors", name, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["errors"]["strategy"] == name
+    assert cli.main(["adjust", str(folder), "--errors", "search", "--fail-on-flag"]) == 1
+    assert cli.main(["adjust", str(folder), "--pairs"]) == 2
+    assert "--partner and --pairs go with --errors" in capsys.readouterr().err
+    assert cli.main(["adjust", str(folder), "--errors", "modified", "--snooping"]) == 0
+    text = capsys.readouterr().out
+    assert "model values decided" in text
+    assert "MODIFIED DATA SNOOPING" in text
+    with pytest.raises(InputError):
+        run(folder, partner=0.9)
+
+
+def test_nothing_rejected_is_said(tmp_path: Path) -> None:
+    block = adjust_block(make(error_mm=0.0))
+    cleaned = clean_block(block, "baarda")
+    assert cleaned.rejected == ()
+    text = block_errors_printout(cleaned)
+    assert "nothing is rejected" in text
+    assert block_errors_json(cleaned)["rejected"] == []
+
+
+def test_names_are_text_and_never_control_sequences() -> None:
+    block = adjust_block(make(name="p\x1b[31m8"))
+    cleaned = clean_block(block, "search", 0.3, pairs=True)
+    assert any("p\x1b[31m8" in row.name for row in cleaned.rejected)
+    assert "\x1b" not in block_errors_printout(cleaned)
+
+
+def test_a_rejected_prior_stands_in_the_rows_of_priors() -> None:
+    block = make(error_mm=0.0)
+    photos = list(block.photos)
+    photos[3] = replace(photos[3], position=(1803.0, 0.0, 1000.0), position_sigma=(0.1,) * 3)
+    cleaned = clean_block(adjust_block(replace(block, photos=tuple(photos))), "search")
+    [row] = cleaned.rejected
+    assert row.name == ("prior", "13", "X")
+    assert "prior of 13  X" in block_errors_printout(cleaned)
+    answer = {"image_points": [], "control": [], "priors": [{"owner": "13", "unknown": "Y"}]}
+    mark_rejected(answer, cleaned)
+    assert [prior["rejected"] for prior in answer["priors"]] == [False, True]
+    assert answer["priors"][1]["v"] == pytest.approx(-3.0, abs=0.3)
