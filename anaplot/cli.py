@@ -94,6 +94,7 @@ def _adjust(options: argparse.Namespace) -> int:
         errors=options.errors,
         partner=options.partner,
         pairs=options.pairs,
+        control_last=options.control_last,
         components=options.components,
     )
 
@@ -712,6 +713,12 @@ def _parser() -> _Parser:
         metavar="NAME",
         help="reject what this strategy finds, coordinate by coordinate, and adjust again: baarda, "
         "tau, rms, modified, huber, danish, search or odds",
+    )
+    adjust.add_argument(
+        "--control-last",
+        action="store_true",
+        help="with --errors: clean the image coordinates without control (under priors, or as a "
+        "free network), then bring control in and clean that",
     )
     adjust.add_argument(
         "--partner",

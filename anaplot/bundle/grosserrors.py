@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.adjustment.findings import Findings, SearchSettings
+from anaplot.adjustment.left import Left
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import (
     MOST_ROWS_OF_PAIRS,
@@ -229,6 +230,7 @@ def block_gross_errors(
     strategy: str,
     settings: SearchSettings | None = None,
     *,
+    control_only: bool = False,
     progress: Progress | None = None,
 ) -> BlockFindings:
     """Search a block for gross errors, adjust it without them, and search again until it stands.
@@ -242,6 +244,8 @@ def block_gross_errors(
         One of `STRATEGIES`.
     settings
         Significance, limits; None: alpha and power of the block's test.
+    control_only
+        Suspect control and priors alone; image coordinates rejected in the block stay rejected.
     progress
         Called with what is being done and the fraction of it.
 
@@ -273,8 +277,14 @@ def block_gross_errors(
             f"block {problem.block.name}: odds over pairs of {n} observations: "
             f"at most {MOST_ROWS_OF_PAIRS}"
         )
-    search = _Search(problem, first.cofactors.normal.structure, strategy, used, progress)
-    rows = frozenset[int]() if first.problem.rejected is None else None
+    held = frozenset[int]()
+    if control_only and first.problem.rejected is not None:
+        held = frozenset(np.flatnonzero(first.problem.rejected).tolist())
+    search = _Search(
+        problem, first.cofactors.normal.structure, strategy, used, progress, held, control_only
+    )
+    # the first adjustment is the minimum without these, if there is such a set
+    rows = held if control_only or first.problem.rejected is None else None
     end = search.run(first.state, rows, first.vtpv)
     if first.sigma0 is not None and first.sigma0 > _TORN:
         try:
@@ -289,7 +299,7 @@ def block_gross_errors(
         findings = replace(findings, pair_odds=pair_odds(end.system))
     cleaned = first
     if end.found is not None:
-        cleaned = evaluate(without(end.system, frozenset(findings.rows)), end.found)
+        cleaned = evaluate(without(end.system, frozenset(findings.rows) | held), end.found)
     return BlockFindings(
         cleaned,
         first,
@@ -330,6 +340,8 @@ class _Search:
     strategy: str
     settings: SearchSettings
     progress: Progress | None
+    held: frozenset[int] = frozenset()
+    control_only: bool = False
 
     def run(self, state: State, rows: frozenset[int] | None, vtpv: float) -> _End:
         """Go on from a state, which may be the minimum without `rows` (none) and its v'Pv.
@@ -348,7 +360,7 @@ class _Search:
         while True:
             system, findings = self._pass(state, barred, len(passes) + 1)
             passes.append(findings)
-            proposed = frozenset(findings.rows)
+            proposed = frozenset(findings.rows) | self.held
             if proposed == rows:
                 found, score = (None, vtpv) if at is None else (at.found, at.score)
                 at = _Tried(found, system, findings, score)
@@ -397,8 +409,9 @@ class _Search:
         suspects = np.ones(len(system.names), dtype=bool)
         suspects[system.starts[2] :] = False
         suspects[list(barred)] = False
+        suspects[: system.image_rows] &= not self.control_only
         findings = find_gross_errors(
-            system,
+            Left(system, self.held) if self.held else system,
             self.strategy,
             replace(self.settings, pairs=False),
             models=model_values(system) if self.strategy == "modified" else None,

@@ -20,6 +20,7 @@ from anaplot.report.adjusterrors import (
     block_errors_json,
     block_errors_printout,
     clean_block,
+    clean_step_by_step,
     mark_rejected,
 )
 from anaplot.report.bundlecontract import adjust_json
@@ -52,6 +53,7 @@ def run_adjust(
     errors: str | None = None,
     partner: float | None = None,
     pairs: bool = False,
+    control_last: bool = False,
     components: Grouping | None = None,
     out: TextIO | None = None,
     err: TextIO | None = None,
@@ -88,6 +90,8 @@ def run_adjust(
         Residual correlation from which it calls two observations hard to tell apart.
     pairs
         Whether it adds the odds over pairs of gross errors.
+    control_last
+        Whether it cleans the image coordinates without control before control comes in.
     components
         Add variance components, image coordinates grouped like this.
     out, err
@@ -103,16 +107,24 @@ def run_adjust(
     AnaplotError
         Bad input or a block that cannot be computed; nothing is printed then.
     """
-    if errors is None and (partner is not None or pairs):
-        raise InputError("--partner and --pairs go with --errors")
+    if errors is None and (partner is not None or pairs or control_last):
+        raise InputError("--partner, --pairs and --control-last go with --errors")
+    if control_last and datum != "control":
+        raise InputError("--control-last brings control in: it goes with the datum of control")
     block = read_block(folder)
     chosen = None
     if additional is not None:
         chosen = additional_parameters(additional, additional_sigma_um)
     with ProgressLine(sys.stderr if err is None else err) as progress:
-        adjusted = adjust_block(block, datum=datum, additional=chosen, progress=progress)
-        cleaned = None
-        if errors is not None:
+        cleaned = earlier = None
+        if errors is not None and control_last:
+            steps = clean_step_by_step(
+                block, errors, partner, pairs=pairs, additional=chosen, progress=progress
+            )
+            earlier, cleaned, adjusted = steps, steps.control, steps.block
+        else:
+            adjusted = adjust_block(block, datum=datum, additional=chosen, progress=progress)
+        if errors is not None and cleaned is None:
             cleaned = clean_block(adjusted, errors, partner, pairs=pairs, progress=progress)
             adjusted = cleaned.block
         progress("report", 0.0)
@@ -134,9 +146,21 @@ def run_adjust(
         if cleaned is not None:
             found["errors"] = block_errors_json(cleaned)
             mark_rejected(found, cleaned)
+        if earlier is not None:
+            found["errors_without_control"] = {
+                "datum": earlier.datum,
+                **block_errors_json(earlier.images),
+            }
         text = json.dumps(found, indent=1, allow_nan=False)
     else:
         parts = [adjust_printout(adjusted)]
+        if earlier is not None:
+            held = "by priors" if earlier.datum == "priors" else "as a free network"
+            parts.append(
+                f"STEP 1: image coordinates, without control, {held}\n"
+                + block_errors_printout(earlier.images)
+            )
+            parts.append("STEP 2: control, without what step 1 rejected in the images")
         if cleaned is not None:
             parts.append(block_errors_printout(cleaned))
         parts.append(hypotheses_printout(tested))
@@ -148,5 +172,8 @@ def run_adjust(
             parts.append(correlations_printout(related, correlations))
         text = "\n\n".join(part for part in parts if part)
     print(text, file=sys.stdout if out is None else out)
-    wrong = adjusted.any_flagged or (cleaned is not None and len(cleaned.rejected) > 0)
+    rejected = () if cleaned is None else cleaned.rejected
+    if earlier is not None:
+        rejected += earlier.images.rejected
+    wrong = adjusted.any_flagged or len(rejected) > 0
     return 1 if fail_on_flag and wrong else 0

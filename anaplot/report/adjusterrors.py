@@ -10,12 +10,21 @@ import numpy as np
 from anaplot.adjustment.findings import Findings, SearchSettings, Step
 from anaplot.adjustment.reliability import HARD_TO_TELL, Odds
 from anaplot.adjustment.significance import critical_normal
+from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.controllast import ControlLast, clean_control_last
 from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
 from anaplot.bundle.residuals import ObservationName
+from anaplot.photogrammetry.block import Block, TestSettings
 from anaplot.report.printable import printable
 
-__all__ = ["block_errors_json", "block_errors_printout", "clean_block", "mark_rejected"]
+__all__ = [
+    "block_errors_json",
+    "block_errors_printout",
+    "clean_block",
+    "clean_step_by_step",
+    "mark_rejected",
+]
 
 Json = dict[str, Any]
 
@@ -54,14 +63,34 @@ def clean_block(
     NotComputableError
         The block is not determined without what the strategy rejects.
     """
-    test = block.problem.test
-    settings = SearchSettings(
+    settings = _settings(block.problem.test, partner, pairs=pairs)
+    return block_gross_errors(block, strategy, settings, progress=progress)
+
+
+def clean_step_by_step(
+    block: Block,
+    strategy: str,
+    partner: float | None = None,
+    *,
+    pairs: bool = False,
+    additional: AdditionalParameters | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> ControlLast:
+    """Clean the image coordinates of a block without control, then the control.
+
+    Parameters, units and errors as `clean_block` and `clean_control_last` have them.
+    """
+    settings = _settings(block.test, partner, pairs=pairs)
+    return clean_control_last(block, strategy, settings, additional=additional, progress=progress)
+
+
+def _settings(test: TestSettings, partner: float | None, *, pairs: bool) -> SearchSettings:
+    return SearchSettings(
         alpha=test.alpha,
         power=test.power,
         partner=HARD_TO_TELL if partner is None else partner,
         pairs=pairs,
     )
-    return block_gross_errors(block, strategy, settings, progress=progress)
 
 
 def named(name: ObservationName) -> str:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastsquares import adjust
+from anaplot.adjustment.left import Left
 from anaplot.adjustment.residualsystem import DenseResiduals, dense_residuals
 from anaplot.adjustment.reweighting import weighted_misclosures
 from anaplot.adjustment.significance import critical_normal, critical_tau
@@ -71,6 +72,22 @@ def test_order_does_not_matter_and_drop_undoes(seed: int, order: list[int]) -> N
         second.drop(row)
     assert second.e == pytest.approx(system.e, abs=1e-12)
     assert second.rows == ()
+
+
+@given(st.integers(0, 10**6), st.permutations(range(14)), st.integers(1, 5))
+def test_rows_left_out_for_good_are_a_smaller_system(seed: int, order: list[int], k: int) -> None:
+    design, misclosures, system = random_system(seed, 14, 4)
+    left, keep = Left(system, order[:k]), np.sort(order[k:])
+    anew = system_of(design[keep], misclosures[keep])
+    assert left.names == system.names
+    assert left.redundancy == anew.redundancy
+    assert left.vtpv == pytest.approx(anew.vtpv, abs=1e-7)
+    assert left.e[keep] == pytest.approx(anew.e, abs=1e-7)
+    assert left.r[keep] == pytest.approx(anew.r, abs=1e-7)
+    columns = left.columns(keep)
+    assert columns[keep] == pytest.approx(anew.matrix, abs=1e-6)
+    assert columns[order[:k]] == pytest.approx(0.0, abs=1e-9)
+    assert not left.r[order[:k]].any()
 
 
 @given(st.integers(0, 10**6), st.permutations(range(14)), st.integers(1, 5))

@@ -161,7 +161,7 @@ def test_the_command_line(folder: Path, capsys) -> None:
         assert json.loads(capsys.readouterr().out)["errors"]["strategy"] == name
     assert cli.main(["adjust", str(folder), "--errors", "search", "--fail-on-flag"]) == 1
     assert cli.main(["adjust", str(folder), "--pairs"]) == 2
-    assert "--partner and --pairs go with --errors" in capsys.readouterr().err
+    assert "--pairs and --control-last go with --errors" in capsys.readouterr().err
     assert cli.main(["adjust", str(folder), "--errors", "modified", "--snooping"]) == 0
     text = capsys.readouterr().out
     assert "model values decided" in text

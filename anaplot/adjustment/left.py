@@ -1,0 +1,68 @@
+"""A residual system some rows of which are left out for good."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.elimination import Elimination
+from anaplot.adjustment.residualsystem import ResidualSystem
+
+__all__ = ["Left"]
+
+Array = NDArray[np.float64]
+
+
+class Left:
+    """What a system is without some of its rows, in the same numbering; a `ResidualSystem`.
+
+    Parameters
+    ----------
+    system
+        All rows.
+    rows
+        Those left out: nothing checks them any more (r = 0).
+
+    Raises
+    ------
+    NotSeparableError
+        The other rows do not check one of them.
+    """
+
+    def __init__(self, system: ResidualSystem, rows: Collection[int]) -> None:
+        self._names = system.names
+        self._state = Elimination(system)
+        for row in sorted(rows):
+            self._state.add(row)
+
+    @property
+    def names(self) -> Sequence[Hashable]:
+        """Identity of each of the n rows."""
+        return self._names
+
+    @property
+    def e(self) -> Array:
+        """(n,) misclosures left, without the rows left out; zero in these."""
+        return self._state.e
+
+    @property
+    def r(self) -> Array:
+        """(n,) redundancy numbers, zero in the rows left out."""
+        return self._state.r
+
+    @property
+    def vtpv(self) -> float:
+        """The v'Pv of the others."""
+        return self._state.vtpv
+
+    @property
+    def redundancy(self) -> int:
+        """Redundancy of the others."""
+        return self._state.redundancy
+
+    def columns(self, rows: NDArray[np.intp]) -> Array:
+        """Return (n, k): the columns of R that belong to k rows, without those left out."""
+        self._state.original_columns(rows)  # all of them at once
+        return np.array([self._state.column(row) for row in rows.tolist()]).T

@@ -1,0 +1,123 @@
+"""Step by step: image coordinates cleaned under prior knowledge, and only then the control.
+
+Errors of image coordinates and of control hide behind each other. Without control the image
+coordinates are checked by each other and by the priors of the orientations alone; what is clean
+then judges the control (the Bayesian paper's step-by-step technique).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.bundle.additional import AdditionalParameters
+from anaplot.bundle.adjust import adjust_block, adjust_problem
+from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.grosserrors import BlockFindings, block_gross_errors
+from anaplot.bundle.problem import make_problem
+from anaplot.errors import InputError, NotComputableError
+from anaplot.photogrammetry.block import Block
+
+__all__ = ["ControlLast", "clean_control_last"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlLast:
+    """Both steps.
+
+    Attributes
+    ----------
+    images
+        The block without control, in the datum of its priors or as a free network: what is wrong
+        in image coordinates and priors.
+    control
+        The block with control and without those image coordinates: what is wrong in the control.
+    datum
+        "priors" or "free": what held the first step.
+    """
+
+    images: BlockFindings
+    control: BlockFindings
+    datum: str
+
+    @property
+    def block(self) -> AdjustedBlock:
+        """Adjusted without all that is rejected."""
+        return self.control.block
+
+
+def clean_control_last(
+    block: Block,
+    strategy: str,
+    settings: SearchSettings | None = None,
+    *,
+    additional: AdditionalParameters | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> ControlLast:
+    """Clean the image coordinates without control, then bring the control in and clean that.
+
+    Parameters
+    ----------
+    block
+        The block; its control has standard deviations, as nothing free of error can be wrong.
+    strategy, settings
+        As `block_gross_errors` has them.
+    additional
+        Additional parameters, in both steps.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Raises
+    ------
+    InputError
+        There is no weighted control.
+    NotComputableError
+        One of the steps cannot be computed.
+    ValueError
+        No such strategy.
+    """
+    weighted = [
+        c
+        for c in block.control
+        if c.use == "control"
+        and any(
+            value is not None and (block.precision.control_m if s is None else s) > 0.0
+            for value, s in zip(c.xyz, c.sigma, strict=True)
+        )
+    ]
+    if not weighted:
+        raise InputError(
+            f"block {block.name}: no control with standard deviations that could be brought in"
+        )
+    bare = replace(block, control=tuple(replace(c, use="off") for c in block.control))
+    first, datum = _without_control(bare, additional, progress)
+    images = block_gross_errors(first, strategy, settings, progress=progress)
+    wrong = np.argwhere(images.block.rejected)
+    source = images.block.problem.source
+    out = {(int(source[ray]), axis) for ray, axis in wrong.tolist()}
+    problem = make_problem(block, additional=additional)
+    rejected = np.array(
+        [[(row, axis) in out for axis in (0, 1)] for row in problem.source.tolist()]
+    )
+    if rejected.any():
+        problem = replace(problem, rejected=rejected)
+    second = adjust_problem(problem, progress=progress)
+    control = block_gross_errors(second, strategy, settings, control_only=True, progress=progress)
+    return ControlLast(images, control, datum)
+
+
+def _without_control(
+    bare: Block,
+    additional: AdditionalParameters | None,
+    progress: Callable[[str, float], None] | None,
+) -> tuple[AdjustedBlock, str]:
+    """Adjust in the datum of the priors, or free where they do not hold one."""
+    if any(photo.position_sigma is not None for photo in bare.photos):
+        try:
+            return adjust_block(bare, additional=additional, progress=progress), "priors"
+        except NotComputableError:
+            pass  # too few priors for a datum: the free network says what is wrong with the rest
+    return adjust_block(bare, datum="free", additional=additional, progress=progress), "free"

@@ -1,0 +1,122 @@
+"""Image coordinates cleaned without control, then control brought in."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anaplot.bundle.controllast import clean_control_last
+from anaplot.bundle.grosserrors import block_gross_errors
+from anaplot.cli import main
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
+from anaplot.photogrammetry.block import Block, ControlPoint
+from anaplot.planning.blockplan import BlockPlan, plan_block
+
+WRONG = ("202", "05-05")
+
+
+def noisy(seed: int = 5, *, control_m: float = 0.02, priors: bool = False) -> Block:
+    """A block with noise of its a-priori size."""
+    made = plan_block(BlockPlan(3, 4, 0.60, 0.60, 5, twin=True, control_m=control_m))
+    rng = np.random.default_rng(seed)
+    rows = tuple(
+        replace(row, x=row.x + dx, y=row.y + dy)
+        for row, (dx, dy) in zip(
+            made.block.image_points,
+            rng.normal(size=(len(made.block.image_points), 2)) * 0.005,
+            strict=True,
+        )
+    )
+    control = tuple(
+        replace(c, xyz=tuple(None if v is None else v + rng.normal() * control_m for v in c.xyz))
+        for c in made.block.control
+    )
+    photos = made.block.photos
+    if priors:
+        photos = tuple(
+            replace(
+                photo,
+                position=tuple((made.stations[photo.id].centre + rng.normal(size=3)).tolist()),
+                position_sigma=(1.0, 1.0, 1.0),
+            )
+            for photo in photos
+        )
+    return replace(made.block, image_points=rows, control=control, photos=photos)
+
+
+def spoiled(block: Block, *, image: float = 0.12, control: float = 0.6) -> tuple[Block, str]:
+    """The block with one wrong image coordinate and one wrong control coordinate."""
+    rows = list(block.image_points)
+    at = next(k for k, row in enumerate(rows) if (row.photo, row.point) == WRONG)
+    rows[at] = replace(rows[at], x=rows[at].x + image)
+    points = list(block.control)
+    k = next(k for k, c in enumerate(points) if c.xyz[0] is not None)
+    x, y, z = points[k].xyz
+    points[k] = replace(points[k], xyz=(x, y + control, z))
+    name = points[k].point
+    return replace(block, image_points=tuple(rows), control=tuple(points)), name
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "tau", "search"])
+@pytest.mark.parametrize("priors", [False, True])
+def test_each_step_finds_its_own(strategy: str, priors: bool) -> None:
+    block, point = spoiled(noisy(priors=priors))
+    found = clean_control_last(block, strategy)
+    assert found.datum == ("priors" if priors else "free")
+    assert [r.name[:3] for r in found.images.rejected] == [("image", *WRONG)]
+    assert [r.name for r in found.control.rejected] == [("control", point, "Y")]
+    (error,) = found.control.rejected
+    assert error.error == pytest.approx(0.6, abs=4.0 * error.sigma)
+    # what is rejected in the images stays so, and is counted once
+    assert found.block.rejected.sum() == 1
+    whole = block_gross_errors(block, strategy)
+    assert found.block.redundancy == whole.block.redundancy
+    assert found.block.sigma0 == pytest.approx(whole.block.sigma0, rel=0.02)
+
+
+def test_without_errors_both_steps_reject_next_to_nothing() -> None:
+    found = clean_control_last(noisy(9), "search")
+    assert len(found.images.rejected) + len(found.control.rejected) <= 2
+
+
+def test_wrong_control_does_not_reach_the_image_coordinates() -> None:
+    block = noisy(3)
+    spoilt = spoiled(block, image=0.0, control=20.0)[0]
+    clean, found = (clean_control_last(b, "baarda").images for b in (block, spoilt))
+    assert [r.name for r in found.rejected] == [r.name for r in clean.rejected]
+    assert found.block.sigma0 == pytest.approx(clean.block.sigma0, rel=1e-9)
+
+
+def test_control_free_of_error_cannot_be_brought_in() -> None:
+    block = noisy()
+    fixed = tuple(replace(c, sigma=(0.0, 0.0, 0.0)) for c in block.control)
+    for control in (fixed, (), (ControlPoint("k", (None, None, None), (1.0, 1.0, 1.0)),)):
+        with pytest.raises(InputError, match="no control with standard deviations"):
+            clean_control_last(replace(block, control=control), "baarda")
+
+
+def test_the_command(tmp_path: Path, capsys) -> None:
+    block, point = spoiled(noisy())
+    folder = tmp_path / "block"
+    write_new_block(folder, block)
+    write_image_points(folder, block.image_points)
+    write_control(folder, block.control)
+    call = ["adjust", str(folder), "--errors", "search", "--control-last"]
+    assert main([*call, "--json", "--fail-on-flag"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert [r["point"] for r in answer["errors_without_control"]["rejected"]] == [WRONG[1]]
+    assert answer["errors_without_control"]["datum"] == "free"
+    assert [r["point"] for r in answer["errors"]["rejected"]] == [point]
+    marked = [row["point"] for row in answer["image_points"] if row["rejected"]]
+    assert marked == [WRONG[1]]
+    assert main(call) == 0
+    out = capsys.readouterr().out
+    assert out.index("STEP 1") < out.index("STEP 2") < out.index(f"control point {point}")
+    for wrong in ([*call[:2], "--control-last"], [*call, "--datum", "free"]):
+        assert main(wrong) == 2
+        assert "--control-last" in capsys.readouterr().err
