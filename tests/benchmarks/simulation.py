@@ -2,7 +2,8 @@
 
     python tests/benchmarks/simulation.py [runs]
 
-Each run has noise and one error of 10 sigma; stepwise rejection with known sigma.
+Each run has noise and one error of 10 sigma; stepwise rejection with known sigma. Then the
+parallel efficiency of a simulation: what two processes gain, start included, of what they could.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from model_speed import tilted_pair
 from anaplot.adjustment.batch import reject_stepwise
 from anaplot.orientation.model import orient
 from anaplot.photogrammetry.block import Precision, TestSettings
+from anaplot.planning.montecarlo import simulate
+from anaplot.planning.scenarios import scenarios
 
 
 def main(runs: int = 10_000) -> int:
@@ -34,6 +37,18 @@ def main(runs: int = 10_000) -> int:
     print(f"{runs} runs at once   {(middle - start) * 1e3:9.1f} ms")
     print(f"{runs} runs one by one{(end - middle) * 1e3:9.1f} ms")
     print(f"ratio {(end - middle) / (middle - start):.1f}")
+    scenario = scenarios()["size-strips"]
+    start = perf_counter()
+    one = simulate(scenario, seed=1)
+    middle = perf_counter()
+    two = simulate(scenario, seed=1, processes=2)
+    end = perf_counter()
+    gain = (middle - start) / (end - middle)
+    print(f"{scenario.name}, {scenario.runs} runs, 1 process  {middle - start:7.2f} s")
+    print(f"{scenario.name}, {scenario.runs} runs, 2 processes{end - middle:7.2f} s")
+    print(f"parallel efficiency on two cores {gain / 2.0:.2f}")
+    if one != two:
+        return 1
     return 0 if np.array_equal(at_once, np.array(singly)) else 1
 
 
