@@ -48,8 +48,15 @@ def _bridge(options: argparse.Namespace) -> int:
         from anaplot.report.modelerrors import run_bridge_errors
 
         return run_bridge_errors(
-            block, options.errors, as_json=options.json, fail_on_flag=options.fail_on_flag
+            block,
+            options.errors,
+            as_json=options.json,
+            fail_on_flag=options.fail_on_flag,
+            partner=options.partner,
+            pairs=options.pairs,
         )
+    if options.partner is not None or options.pairs:
+        raise InputError("--partner and --pairs go with --errors")
     strips = tuple(bridge_strip(block, strip) for strip in block.strips)
     if options.json:
         print(json.dumps(bridge_json(strips), indent=1, allow_nan=False))
@@ -651,6 +658,16 @@ def _parser() -> _Parser:
         metavar="NAME",
         help="take out what this strategy rejects before the next model: baarda, tau, rms, huber, "
         "danish, search or odds",
+    )
+    bridge.add_argument(
+        "--partner",
+        type=_correlation,
+        metavar="LIMIT",
+        help="with --errors: correlation of residuals from which two rows are named as hard to "
+        "tell apart, default 0.9",
+    )
+    bridge.add_argument(
+        "--pairs", action="store_true", help="with --errors: add the odds over two gross errors"
     )
     adjust = command(
         "adjust",

@@ -321,4 +321,16 @@ def test_errors_are_taken_out_before_the_next_model(block: Path) -> None:
     text = anaplot("bridge", block, "--errors", "search", "--fail-on-flag")
     assert text.returncode == 1
     assert "GROSS ERRORS (search)" in text.stdout
+    assert "; pass 1, step 1, the sum falls by" in text.stdout
     one_line(anaplot("bridge", block, "--errors", "guess"), 2, "--errors")
+    pairs = anaplot("bridge", block, "--errors", "baarda", "--pairs", "--json", "--partner", "0.5")
+    for model in strict(pairs.stdout)["strips"][0]["models"]:
+        errors = model["errors"]
+        odds = errors["pair_odds"]
+        single = sum(row["probability"] for row in odds["single"])
+        assert odds["none"] + single <= 1.0 + 1e-9
+        assert all(abs(pair["correlation"]) >= 0.5 for pair in errors["hard_to_tell"])
+        for row in errors["rejected"]:
+            (why, *_) = [e for e in errors["evidence"] if e["point"] == row["point"]]
+            assert why["statistic"] > why["critical"]
+    one_line(anaplot("bridge", block, "--pairs"), 2, "--partner and --pairs go with --errors")

@@ -69,6 +69,8 @@ class CleanedModel:
         Rows that a pass rejected and the final trial put back.
     hard_to_tell
         Rejected row, kept row, and the correlation of their residuals when the first one went.
+    first_rows
+        The rows of the first pass in their order: those that could be oriented at all.
     """
 
     solution: ModelSolution
@@ -76,6 +78,7 @@ class CleanedModel:
     findings: tuple[Findings, ...]
     came_back: tuple[tuple[str, str], ...]
     hard_to_tell: tuple[tuple[tuple[str, str], tuple[str, str], float], ...] = ()
+    first_rows: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,6 +140,7 @@ def model_gross_errors(
     findings: list[Findings] = []
     partners: list[tuple[tuple[str, str], tuple[str, str], float]] = []
     solution = _oriented(pair, precision, test, out)
+    first_rows = tuple(row.key for row in solution.table)
     for _ in range(_MOST_PASSES):
         room = used if used.most is None else replace(used, most=max(used.most - len(out), 0))
         found = find_gross_errors(residual_system(solution), strategy, room)
@@ -167,7 +171,7 @@ def model_gross_errors(
         rest = [other for other in out if other != key]
         rejected.append(_tried(pair, precision, test, rest, key))
     hard = tuple(p for p in partners if p[0] in out and p[1] not in out)
-    return CleanedModel(solution, tuple(rejected), tuple(findings), tuple(back), hard)
+    return CleanedModel(solution, tuple(rejected), tuple(findings), tuple(back), hard, first_rows)
 
 
 def strip_gross_errors(

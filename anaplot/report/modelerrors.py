@@ -6,6 +6,8 @@ import json
 import sys
 from typing import Any
 
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.grosserrors import CleanedModel, strip_gross_errors
 from anaplot.orientation.strip import pooled_sigma_um
@@ -18,9 +20,32 @@ __all__ = ["errors_json", "errors_printout", "run_bridge_errors"]
 
 Json = dict[str, Any]
 
+_SHOWN_ODDS = 0.01  # smallest probability in the text
 
-def run_bridge_errors(block: Block, strategy: str, *, as_json: bool, fail_on_flag: bool) -> int:
+
+def run_bridge_errors(
+    block: Block,
+    strategy: str,
+    *,
+    as_json: bool,
+    fail_on_flag: bool,
+    partner: float | None = None,
+    pairs: bool = False,
+) -> int:
     """Bridge every strip with a strategy for gross errors and print it.
+
+    Parameters
+    ----------
+    block
+        The block.
+    strategy
+        Name of the strategy.
+    as_json, fail_on_flag
+        As the command has them.
+    partner
+        Residual correlation from which two rows are hard to tell apart; None: the default.
+    pairs
+        Whether the odds over pairs of gross errors are added.
 
     Returns
     -------
@@ -28,7 +53,13 @@ def run_bridge_errors(block: Block, strategy: str, *, as_json: bool, fail_on_fla
         Exit code: 4 when a model cannot be computed, 1 for `fail_on_flag` with rejected or flagged
         rows, else 0.
     """
-    strips = [strip_gross_errors(block, strip, strategy) for strip in block.strips]
+    settings = SearchSettings(
+        alpha=block.test.alpha,
+        power=block.test.power,
+        partner=HARD_TO_TELL if partner is None else partner,
+        pairs=pairs,
+    )
+    strips = [strip_gross_errors(block, strip, strategy, settings) for strip in block.strips]
     if as_json:
         answer = bridge_json(strip.bridged for strip in strips)
         for item, strip in zip(answer["strips"], strips, strict=True):
@@ -68,7 +99,7 @@ def errors_printout(cleaned: CleanedModel) -> str:
             line += ": no orientation with it that could be tested"
         else:
             line += f"  RED-N {row.redn:.3f}  PARX {row.parx_um:.1f} um  w {row.w:.2f} with it in"
-        lines.append(line)
+        lines.append(line + _because(cleaned, (row.point, row.axis)))
     for point, axis in cleaned.came_back:
         lines.append(f"    {printable(point)} {axis}  rejected at first, came back")
     if not cleaned.rejected:
@@ -81,7 +112,64 @@ def errors_printout(cleaned: CleanedModel) -> str:
     blind = [f"{printable(p)} {a}" for p, a in _untestable(cleaned)]
     if blind:
         lines.append(f"    cannot be tested: {', '.join(blind)}")
+    lines += _odds_lines(cleaned)
     return "\n".join(lines)
+
+
+def _because(cleaned: CleanedModel, key: tuple[str, str]) -> str:
+    """Return when a row went and what decided; a row may go again in a later pass."""
+    for number, found in reversed(list(enumerate(cleaned.findings, 1))):
+        for gone in found.rejected:
+            if gone.name != key:
+                continue
+            when = f"; pass {number}, step {gone.order}"
+            if gone.statistic is None or gone.critical is None:
+                return when
+            if found.strategy in ("search", "odds"):
+                return f"{when}, the sum falls by {-gone.statistic:.1f}"
+            return f"{when}, {gone.statistic:.2f} above {gone.critical:.2f}"
+    return "; so far off that there is no orientation with it"
+
+
+def _odds_lines(cleaned: CleanedModel) -> list[str]:
+    """Return the odds over pairs, all rows in, where they were asked for."""
+    odds = cleaned.findings[0].pair_odds
+    if odds is None:
+        return []
+    keys = cleaned.first_rows
+    lines = [
+        f"    odds over none, one and two, all rows in: none {100.0 * odds.none:.1f} %, one "
+        f"{100.0 * float(odds.single.sum()):.1f} %, two {100.0 * odds.pairs:.1f} %"
+    ]
+    for a, b, chance in zip(
+        odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
+    ):
+        if chance >= _SHOWN_ODDS:
+            (one, axis), (other, other_axis) = keys[a], keys[b]
+            lines.append(
+                f"      {100.0 * chance:5.1f} %  {printable(one)} {axis} and "
+                f"{printable(other)} {other_axis}"
+            )
+    return lines
+
+
+def _pair_odds_json(cleaned: CleanedModel) -> Json | None:
+    odds, keys = cleaned.findings[0].pair_odds, cleaned.first_rows
+    if odds is None:
+        return None
+    return {
+        "none": odds.none,
+        "single": [
+            {"point": p, "axis": a, "probability": float(v)}
+            for (p, a), v in zip(keys, odds.single.tolist(), strict=True)
+        ],
+        "pairs": [
+            {"first": list(keys[a]), "second": list(keys[b]), "probability": float(v)}
+            for a, b, v in zip(
+                odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
+            )
+        ],
+    }
 
 
 def errors_json(cleaned: CleanedModel) -> Json:
@@ -96,6 +184,21 @@ def errors_json(cleaned: CleanedModel) -> Json:
         ],
         "untestable": [{"point": p, "axis": a} for p, a in _untestable(cleaned)],
         "passes": len(cleaned.findings),
+        "evidence": [
+            {
+                "pass": number,
+                "point": gone.name[0],
+                "axis": gone.name[1],
+                "order": gone.order,
+                "statistic": gone.statistic,
+                "critical": gone.critical,
+                "redundancy_number": gone.redundancy_number,
+            }
+            for number, found in enumerate(cleaned.findings, 1)
+            for gone in found.rejected
+            if isinstance(gone.name, tuple)
+        ],
+        "pair_odds": _pair_odds_json(cleaned),
     }
 
 
