@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from anaplot.adjustment.hypothesis import FTest
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.epochs import compare_epochs
 from anaplot.bundle.epochtests import EpochTests, PointMove, epoch_tests
@@ -17,6 +16,7 @@ from anaplot.bundle.verdict import Verdict
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.wording import quoted
+from anaplot.report.hypothesestext import verdict_json
 from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
 
@@ -108,20 +108,6 @@ def _moved(verdict: Verdict | None) -> bool | None:
     return None if verdict is None else verdict.rejected
 
 
-def _test_json(test: FTest | None) -> Json | None:
-    return None if test is None else {**test._asdict(), "rejected": test.rejected}
-
-
-def _verdict_json(verdict: Verdict | None) -> Json | None:
-    if verdict is None:
-        return None
-    return {
-        "rejected": verdict.rejected,
-        "estimated": _test_json(verdict.estimated),
-        "known": _test_json(verdict.known),
-    }
-
-
 def compare_json(found: EpochTests) -> Json:
     """Return what `--json` prints: lengths in metres, what does not exist is None."""
     differences = found.differences
@@ -140,8 +126,8 @@ def compare_json(found: EpochTests) -> Json:
         "alpha": found.alpha,
         "power": found.power,
         "variance_ratio": None if found.variance is None else found.variance._asdict(),
-        "all": _verdict_json(found.everything),
-        "agreement": _verdict_json(found.agreement),
+        "all": verdict_json(found.everything),
+        "agreement": verdict_json(found.agreement),
         "located": [step._asdict() for step in found.located],
         "points": [_point_json(p) for p in found.points],
         "only_first": list(differences.only_first),
@@ -156,14 +142,14 @@ def _point_json(p: PointMove) -> Json:
         **dict(zip("XYZ", p.place, strict=True)),
         "length": p.length,
         "s_length": p.s_length,
-        "bonferroni": _verdict_json(p.verdict),
+        "bonferroni": verdict_json(p.verdict),
         "scheffe": p.scheffe,
         "coordinates": [
             {
                 "axis": c.axis,
                 "d": c.d,
                 "s": c.s,
-                "bonferroni": _verdict_json(c.verdict),
+                "bonferroni": verdict_json(c.verdict),
                 "scheffe": c.scheffe,
                 "half_bonferroni": c.half_bonferroni,
                 "half_scheffe": c.half_scheffe,

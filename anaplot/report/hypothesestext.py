@@ -13,7 +13,7 @@ from anaplot.bundle.parametertests import ComponentTest, ParameterTests
 from anaplot.bundle.verdict import Verdict
 from anaplot.report.printable import printable
 
-__all__ = ["hypotheses_json", "hypotheses_printout"]
+__all__ = ["hypotheses_json", "hypotheses_printout", "verdict_json"]
 
 Json = dict[str, Any]
 
@@ -302,7 +302,8 @@ def _test_json(test: FTest | None) -> Json | None:
     return None if test is None else {**test._asdict(), "rejected": test.rejected}
 
 
-def _verdict_json(verdict: Verdict | None) -> Json | None:
+def verdict_json(verdict: Verdict | None) -> Json | None:
+    """Return a test with the estimated and with the known sigma; None without one."""
     if verdict is None:
         return None
     return {
@@ -315,7 +316,7 @@ def _verdict_json(verdict: Verdict | None) -> Json | None:
 def _row_json(row: Any) -> Json:
     """Return a row of single tests with its verdict written out."""
     out: Json = row._asdict()
-    out["verdict"] = _verdict_json(row.verdict)
+    out["verdict"] = verdict_json(row.verdict)
     return out
 
 
@@ -329,13 +330,13 @@ def _component_json(part: ComponentTest) -> Json:
         "value": part.value,
         "variance": part.variance,
         "loadings": list(part.loadings),
-        "verdict": _verdict_json(part.verdict),
+        "verdict": verdict_json(part.verdict),
     }
 
 
 def _additional_json(found: ParameterTests) -> Json:
     return {
-        "all": _verdict_json(found.everything),
+        "all": verdict_json(found.everything),
         "groups": [_row_json(row) for row in found.groups],
         "parameters": [_row_json(row) for row in found.parameters],
         "pairs": [
@@ -343,14 +344,14 @@ def _additional_json(found: ParameterTests) -> Json:
                 "first": _label_json(pair.first),
                 "second": _label_json(pair.second),
                 "correlation": pair.correlation,
-                "verdict": _verdict_json(pair.verdict),
+                "verdict": verdict_json(pair.verdict),
             }
             for pair in found.pairs
         ],
         "sets": [
             {
                 "members": [_label_json(member) for member in entry.members],
-                "verdict": _verdict_json(entry.verdict),
+                "verdict": verdict_json(entry.verdict),
                 "sequential": [_component_json(part) for part in entry.sequential],
                 "principal": [_component_json(part) for part in entry.principal],
             }
