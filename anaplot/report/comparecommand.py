@@ -241,10 +241,10 @@ def compare_printout(found: EpochTests) -> str:
             + f"{'-' if test is None else _probability(test.significance):>9}"
             + _marks(p)
         )
-    lines.append(
-        f"  P of each point by itself; marked what exceeds the limit for all {len(found.points)} "
-        f"points, or all coordinates, together at alpha {found.alpha:g}: B Bonferroni, S Scheffe"
-    )
+    lines += [
+        "  P of each point by itself; marked (B Bonferroni, S Scheffe) what exceeds the limit for",
+        f"  all {len(found.points)} points, or all coordinates, together at alpha {found.alpha:g}",
+    ]
     return "\n".join(lines)
 
 

@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import sys
+import textwrap
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -29,6 +30,7 @@ from anaplot.report.progress import ProgressLine
 
 __all__ = ["run_simulate"]
 
+_WIDTH = 96
 _COLUMNS = ("case", "method", "quantity", "runs", "mean", "low", "high", "reference")
 
 
@@ -188,7 +190,8 @@ def _write_csv(path: Path, found: Iterable[Figure]) -> None:
 def _printout(
     scenario: Scenario, found: tuple[Figure, ...], remarks: Iterable[str], runs: int, seed: int
 ) -> str:
-    lines = [f"{scenario.name}: {scenario.about}", f"{runs} runs, seed {seed}", ""]
+    title = textwrap.wrap(f"{printable(scenario.name)}: {printable(scenario.about)}", _WIDTH)
+    lines = [*title, f"{runs} runs, seed {seed}", ""]
     method = max([len("method"), *(len(f.method) for f in found)])
     quantity = max([len("quantity"), *(len(f.quantity) for f in found)])
     head = f"  {'method':<{method}}  {'quantity':<{quantity}}  {'mean':>8}  95 % interval"
@@ -208,7 +211,7 @@ def _printout(
             line += f"  {_number(figure.reference)}"
         lines.append(line.rstrip())
     for remark in remarks:
-        lines += ["", printable(remark)]
+        lines += ["", *textwrap.wrap(printable(remark), _WIDTH)]
     return "\n".join(lines)
 
 
