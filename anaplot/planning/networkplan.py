@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.rows import RayRow
+from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Camera, ControlPoint, Strip
 from anaplot.planning.idealblock import IdealBlock, Station, photograph
 
@@ -140,7 +141,13 @@ def looking_at(
 
 
 def plan_network(network: Network) -> IdealBlock:
-    """Photograph the object from all stations."""
+    """Photograph the object from all stations.
+
+    Raises
+    ------
+    NotComputableError
+        No station sees any point.
+    """
     limit = cos(radians(network.incidence_deg))
 
     def sees(photo: str, point: str, _: Array) -> bool:
@@ -151,7 +158,7 @@ def plan_network(network: Network) -> IdealBlock:
         facing = float(normal @ ray) / float(np.linalg.norm(normal) * np.linalg.norm(ray))
         return facing >= limit - 1e-12
 
-    return photograph(
+    made = photograph(
         network.name,
         network.cameras,
         network.stations,
@@ -163,6 +170,9 @@ def plan_network(network: Network) -> IdealBlock:
         image_um=network.image_um,
         stated=True,
     )
+    if not made.block.image_points:
+        raise NotComputableError(f"network {network.name}: no station sees any point")
+    return made
 
 
 def cube(version: str, image_um: float = 5.0) -> Network:

@@ -196,6 +196,9 @@ def test_other_refusals(tmp_path: Path, capsys) -> None:
     path = tmp_path / "pier.toml"
     path.write_text(network(1))
     assert main(["plan", "network", str(path)]) == 4
+    path.write_text(network().replace("format = [60.0, 60.0]", "format = [0.01, 0.01]"))
+    assert main(["plan", "network", str(path)]) == 4
+    assert "no station sees any point" in capsys.readouterr().err
     path.write_text(network())
     for option in (["--case", "A"], ["--image-um", "2"]):
         assert main(["plan", "network", str(path), *option]) == 2
