@@ -103,6 +103,7 @@ def _adjust(options: argparse.Namespace) -> int:
         pairs=options.pairs,
         control_last=options.control_last,
         components=options.components,
+        operators=options.operators,
     )
 
 
@@ -753,10 +754,16 @@ def _parser() -> _Parser:
         "--components",
         nargs="?",
         const="axes",
-        choices=("kinds", "axes", "strips"),
+        choices=("kinds", "axes", "strips", "operators"),
         metavar="GROUPING",
         help="estimate the variances of image coordinates, control and priors: kinds, axes (x and "
-        "y apart, the default) or strips (image coordinates by strip)",
+        "y apart, the default), strips or operators (image coordinates by strip, by operator)",
+    )
+    adjust.add_argument(
+        "--operators",
+        type=Path,
+        metavar="FILE",
+        help="for --components operators: a CSV file of photo,operator",
     )
 
     compare = command(

@@ -16,6 +16,7 @@ from anaplot.bundle.snooping import PAPER_TOLERANCE
 from anaplot.bundle.verdict import HypothesisSettings
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.operatorscsv import read_operators
 from anaplot.report.adjusterrors import (
     block_errors_json,
     block_errors_printout,
@@ -55,6 +56,7 @@ def run_adjust(
     pairs: bool = False,
     control_last: bool = False,
     components: Grouping | None = None,
+    operators: Path | None = None,
     out: TextIO | None = None,
     err: TextIO | None = None,
 ) -> int:
@@ -94,6 +96,8 @@ def run_adjust(
         Whether it cleans the image coordinates without control before control comes in.
     components
         Add variance components, image coordinates grouped like this.
+    operators
+        A file that says who measured which photo, for the grouping "operators".
     out, err
         Standard output and standard error when None.
 
@@ -111,6 +115,9 @@ def run_adjust(
         raise InputError("--partner, --pairs and --control-last go with --errors")
     if control_last and datum != "control":
         raise InputError("--control-last brings control in: it goes with the datum of control")
+    if (components == "operators") != (operators is not None):
+        raise InputError("--components operators and --operators FILE go together")
+    who = None if operators is None else read_operators(operators)
     block = read_block(folder)
     chosen = None
     if additional is not None:
@@ -132,7 +139,7 @@ def run_adjust(
         related = None if correlations is None else correlated_rays(adjusted, correlations)
         parted = None
         if components is not None:
-            parted = block_components(adjusted, components, progress=progress)
+            parted = block_components(adjusted, components, operators=who, progress=progress)
         tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha))
     if as_json:
         found = adjust_json(adjusted)

@@ -1,0 +1,65 @@
+"""`adjust --components` as a user calls it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
+from anaplot.planning.blockplan import BlockPlan, plan_block
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A block whose x has twice, and whose y half, the noise that it states."""
+    made = plan_block(BlockPlan(3, 5, 0.60, 0.60, 5, control_m=0.05))
+    rng = np.random.default_rng(3)
+    noise = rng.normal(size=(len(made.block.image_points), 2)) * (0.010, 0.0025)
+    rows = [
+        replace(row, x=row.x + dx, y=row.y + dy)
+        for row, (dx, dy) in zip(made.block.image_points, noise.tolist(), strict=True)
+    ]
+    path = tmp_path / "block"
+    write_new_block(path, made.block)
+    write_image_points(path, rows)
+    write_control(path, made.block.control)
+    return path
+
+
+def components(capsys, *call: str) -> dict[str, dict]:
+    assert main([*call, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["components"]
+    return {row["group"]: row for row in found["groups"]}
+
+
+def test_axes_find_both_sigmas(folder: Path, capsys) -> None:
+    found = components(capsys, "adjust", str(folder), "--components")
+    assert found["image x"]["variance_factor"] == pytest.approx(4.0, rel=0.25)
+    assert found["image y"]["variance_factor"] == pytest.approx(0.25, rel=0.25)
+    assert main(["adjust", str(folder), "--components", "strips"]) == 0
+    assert "VARIANCE COMPONENTS, by strips" in capsys.readouterr().out
+
+
+def test_operators_come_from_a_file(folder: Path, tmp_path: Path, capsys) -> None:
+    who = tmp_path / "who.csv"
+    who.write_text("photo,operator\n" + "".join(f"{p},anna\n" for p in (101, 102, 103)))
+    call = ["adjust", str(folder), "--components", "operators"]
+    found = components(capsys, *call, "--operators", str(who))
+    assert set(found) >= {"operator anna", "(no operator)"}
+    for wrong, text, said in (
+        (call, None, "--components operators and --operators FILE go together"),
+        ([*call[:2], "--operators", str(who)], None, "go together"),
+        ([*call, "--operators", str(who)], "photo,operator\n101,a\n101,b\n", "line 3"),
+        ([*call, "--operators", str(who)], "photo,operator\n999,a\n", "unknown photo 999"),
+        ([*call, "--operators", str(who)], "photo\n101\n", "operator"),
+        ([*call, "--operators", str(who)], "photo,operator\n101,\n", "line 2"),
+    ):
+        if text is not None:
+            who.write_text(text)
+        assert main(wrong) == 2
+        assert said in capsys.readouterr().err
