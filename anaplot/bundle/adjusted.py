@@ -9,6 +9,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.consistency import GlobalTest, global_from_single
 from anaplot.adjustment.significance import TESTABLE, noncentrality
 from anaplot.bundle.minimum import Convergence
 from anaplot.bundle.normal import State, image_misclosures
@@ -99,6 +100,17 @@ class AdjustedBlock:
             or any(row.flagged for row in self.control_rows())
             or any(row.flagged for row in self.prior_rows())
         )
+
+    def global_test(self) -> GlobalTest | None:
+        """Return Baarda's global test of sigma0^2 that is consistent with the single tests.
+
+        The same power at the same noncentrality (1968; Gruen 1978, eq. 18 and 19): its alpha
+        grows with the redundancy. None without redundancy, or with a power below alpha.
+        """
+        test = self.problem.test
+        if self.redundancy < 1 or not test.alpha < test.power:
+            return None
+        return global_from_single(test.alpha, test.power, self.redundancy)
 
     def indicators(self) -> Indicators:
         """Return the global indicators."""

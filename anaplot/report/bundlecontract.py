@@ -35,6 +35,7 @@ def adjust_json(block: AdjustedBlock) -> Json:
             "power": problem.test.power,
             "critical": block.critical,
         },
+        "global_test": _global_test(block),
         "datum": {"kind": problem.datum, "defect": problem.defect},
         "iterations": block.convergence.iterations,
         "photos": [
@@ -144,3 +145,10 @@ def _ray(row: RayRow | None, photo: str, point: str, model: str | None) -> Json:
 
 def _list(values: tuple[float, float, float] | None) -> list[float] | None:
     return None if values is None else list(values)
+
+
+def _global_test(block: AdjustedBlock) -> Json | None:
+    found = block.global_test()
+    if found is None or block.sigma0 is None:
+        return None
+    return {"alpha": found.alpha, "critical": found.critical, "statistic": block.sigma0**2}

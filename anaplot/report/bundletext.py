@@ -57,6 +57,7 @@ def _summary(block: AdjustedBlock) -> list[str]:
         f"  sigma0 {sigma0}{um}, a priori 1 ({problem.block.precision.image_um:g} um); "
         f"{block.convergence.iterations} iterations, {block.convergence.damped} damped",
         f"  test {test.kind}, alpha {test.alpha:g}, critical value {critical}",
+        *_global_test(block),
         f"  reliability  RI x {i.ri_x:.3f}  y {i.ri_y:.3f}  all {i.ri:.3f}",
         f"  accuracy     AI X {i.ai_x:.4f}  Y {i.ai_y:.4f}  Z {i.ai_z:.4f}  all {i.ai:.4f} m",
     ]
@@ -89,6 +90,18 @@ def _summary(block: AdjustedBlock) -> list[str]:
         cells = [f"{printable(f)}:{printable(p)} {axis}" for f, p, axis in spurs[:_MOST]]
         lines.append("    " + ", ".join(cells) + (" ..." if len(spurs) > _MOST else ""))
     return [*lines, ""]
+
+
+def _global_test(block: AdjustedBlock) -> list[str]:
+    """Return Baarda's global test, consistent with the test of single observations."""
+    found = block.global_test()
+    if found is None or block.sigma0 is None:
+        return []
+    return [
+        f"  global test consistent with alpha {block.problem.test.alpha:g} and power "
+        f"{found.power:g}: alpha {found.alpha:.3f}, sigma0^2 {block.sigma0**2:.3f} against "
+        f"{found.critical:.3f}"
+    ]
 
 
 def _accusations(block: AdjustedBlock, points: list[str]) -> list[str]:

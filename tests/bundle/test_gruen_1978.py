@@ -13,6 +13,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.exchange.blockfolder import read_block, write_block_toml, write_image_points
 from anaplot.photogrammetry.block import Strip, TestSettings
 from anaplot.planning.networkplan import CUBE_VERSIONS
+from anaplot.report.bundlecontract import adjust_json
 
 # n, u, r, AI X Y Z T [mm] (worked out; A's printed 1.17 and .57 are slips), RI x y T (printed)
 TABLE_2 = {
@@ -81,6 +82,20 @@ def test_correlations() -> None:
 def test_critical_value_and_noncentrality() -> None:
     assert critical_normal(0.001) == pytest.approx(3.29, abs=0.005)
     assert noncentrality(0.001, 0.80) ** 2 == pytest.approx(17.07, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("version", "alpha", "ratio"),
+    [("A", 0.213, 1.172), ("C", 0.369, 1.044), ("D", 0.450, 1.011)],
+)
+def test_table_4_of_the_consistent_global_test(version: str, alpha: float, ratio: float) -> None:
+    block = solved(version)
+    found = block.global_test()
+    assert found is not None
+    assert found.alpha == pytest.approx(alpha, abs=5e-4)
+    assert found.critical == pytest.approx(ratio, abs=5e-4)
+    answer = adjust_json(block)["global_test"]
+    assert (answer["alpha"], answer["critical"]) == (found.alpha, found.critical)
 
 
 def test_spurs_of_version_a_are_the_x_coordinates_of_new_points() -> None:
