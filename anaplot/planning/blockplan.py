@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 _REACH = 0.45  # part of the format from its middle in which points are put
 _TWIN = 0.05  # bases between the two points of twin control
 _MOST_PHOTOS = 2_500
+_MOST_CONTROL = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,11 @@ class BlockPlan:
         """Distance between strips [m]."""
         return (1.0 - self.sidelap) * self.format * self.scale / 1000.0
 
+    @property
+    def across(self) -> int:
+        """Photos of a cross strip."""
+        return max(2, ceil((self.strips - 1) * self.spacing / self.base - 1e-9) + 1)
+
     def check(self) -> None:
         """Refuse what cannot be flown, or joined.
 
@@ -107,8 +113,6 @@ class BlockPlan:
         """
         if self.strips < 1 or self.photos < 2:
             raise InputError("a block has at least one strip of at least two photos")
-        if (self.strips + self.cross_strips) * self.photos > _MOST_PHOTOS:
-            raise InputError(f"more than {_MOST_PHOTOS} photos are planned")
         if not 0.55 <= self.overlap <= 0.90:
             raise InputError(
                 f"overlap {100 * self.overlap:g} %: models join from 55 %, and 90 % are plenty"
@@ -117,8 +121,16 @@ class BlockPlan:
             raise InputError(
                 f"side lap {100 * self.sidelap:g} %: strips join from 10 %, and 90 % are plenty"
             )
-        if self.bridging <= 0.0 or self.cross_strips < 0:
-            raise InputError("the bridging distance must be positive, cross strips not negative")
+        if self.cross_strips < 0:
+            raise InputError("the number of cross strips is negative")
+        if not self.bridging > _TWIN:
+            raise InputError(
+                f"bridging distance {self.bridging:g} bases: control is put more than {_TWIN:g} "
+                "bases apart"
+            )
+        # the photos of a cross strip follow from the laps, which are sound here
+        if self.strips * self.photos + self.cross_strips * self.across > _MOST_PHOTOS:
+            raise InputError(f"more than {_MOST_PHOTOS} photos are planned")
 
 
 class ClassRow(NamedTuple):
@@ -190,16 +202,17 @@ def plan_block(plan: BlockPlan) -> IdealBlock:
     height = plan.c * plan.scale / 1000.0
     stations: dict[str, Station] = {}
     strips = []
+    # as wide as the last, or strip 1 photo 101 is strip 11 photo 01
+    digits = max(2, len(str(plan.photos)), len(str(plan.across if plan.cross_strips else 0)))
     for j in range(plan.strips):
-        names = tuple(f"{j + 1}{i + 1:02d}" for i in range(plan.photos))
+        names = tuple(f"{j + 1}{i + 1:0{digits}d}" for i in range(plan.photos))
         for i, name in enumerate(names):
             stations[name] = Station(np.array([i * b, j * s, height]), np.eye(3), "camera")
         strips.append(Strip(str(j + 1), names, (1.0 - plan.overlap) * plan.format))
-    across_count = max(2, ceil(width / b - 1e-9) + 1)
     turned = rotation_matrix(0.0, 0.0, pi / 2.0)
     for k, x in enumerate(_spread(length, plan.cross_strips), 1):
-        names = tuple(f"c{k}{i + 1:02d}" for i in range(across_count))
-        first = (width - (across_count - 1) * b) / 2.0
+        names = tuple(f"c{k}{i + 1:0{digits}d}" for i in range(plan.across))
+        first = (width - (plan.across - 1) * b) / 2.0
         for i, name in enumerate(names):
             stations[name] = Station(np.array([x, first + i * b, height]), turned, "camera")
         strips.append(Strip(f"c{k}", names, (1.0 - plan.overlap) * plan.format))
@@ -277,6 +290,10 @@ def _control(
         x_parts = max(1, floor(length / distance + 0.5))
         # strips that overlap in one line of points would turn about it
         y_parts = max(1 if inside else plan.strips, floor((high - low) / distance + 0.5))
+    if (x_parts + 1) * (y_parts + 1) > _MOST_CONTROL:
+        raise InputError(
+            f"bridging {plan.bridging:g} bases: more than {_MOST_CONTROL} control points"
+        )
     xs = [length * k / x_parts for k in range(x_parts + 1)]
     ys = [low + (high - low) * k / y_parts for k in range(y_parts + 1)]
     lattice = [(x, y, k in (0, x_parts) or m in (0, y_parts))

@@ -99,6 +99,10 @@ class _StripTrial:
             "model do not exist",
             "paper: the ties' model coordinates count as free of error, so that an x row has six "
             "times the variance it is tested with; propagated: they do not",
+            "propagated still flags slightly more than alpha: v'Pv per redundancy is 1.04 to 1.06 "
+            "in tied models, for their ties share the errors of the orientation before, which the "
+            "variance of a single row leaves out; in the first model it is 1.01, from tilts of "
+            "some degrees (0.99 without them)",
         )
 
     def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:

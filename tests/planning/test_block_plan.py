@@ -67,6 +67,12 @@ def test_standard_points_lie_on_axes_and_in_overlaps() -> None:
         assert len(seen) == (per_photo if side == 3 else 5 * rows)
 
 
+def test_photos_of_long_strips_keep_their_own_names() -> None:
+    made = plan_block(BlockPlan(11, 101, control="corners"))
+    names = [photo for strip in made.block.strips for photo in strip.photos]
+    assert len(set(names)) == len(names) == len(made.stations) == 11 * 101
+
+
 def test_twins_cross_strips_and_denser_control_help() -> None:
     plan = BlockPlan(3, 5, bridging=4)
 
@@ -93,6 +99,9 @@ def test_twins_cross_strips_and_denser_control_help() -> None:
         ({"overlap": 0.4}, "overlap 40 %"),
         ({"sidelap": 0.05}, "side lap 5 %"),
         ({"bridging": 0.0}, "bridging distance"),
+        ({"bridging": 5e-324}, "bridging distance"),
+        ({"strips": 20, "photos": 50, "bridging": 0.06}, "more than 10000 control points"),
+        ({"strips": 1000, "photos": 2, "cross_strips": 100}, "more than 2500 photos"),
         ({"strips": 100, "photos": 100}, "more than 2500 photos"),
     ],
 )
