@@ -177,9 +177,16 @@ class Elimination:
         ------
         ValueError
             It is not left out.
+        NotSeparableError
+            The others are so nearly inseparable that rounding decides; S is as before.
         """
         at = self._rows.index(row)
-        self._rebuild(at, self._rows[at + 1 :])
+        after = self._rows[at + 1 :]
+        try:
+            self._rebuild(at, after)
+        except NotSeparableError:
+            self._rebuild(at, [row, *after])
+            raise
 
     def swap(self, row: int, instead: int) -> None:
         """Bring `row` back and leave `instead` out.
@@ -193,8 +200,8 @@ class Elimination:
         """
         at = self._rows.index(row)
         after = self._rows[at + 1 :]
-        self._rebuild(at, after)
         try:
+            self._rebuild(at, after)
             self.add(instead)
         except NotSeparableError:
             self._rebuild(at, [row, *after])

@@ -22,6 +22,7 @@ standardized estimate of its error falls below the critical value.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from math import log, sqrt
 from typing import Literal, NamedTuple
 
@@ -124,6 +125,8 @@ def find_gross_errors(
             remarks.append(f"{sure} of {len(state.rows)} are in error more probably than not")
     elif strategy in ("huber", "danish"):
         kind: Literal["huber", "danish"] = "huber" if strategy == "huber" else "danish"
+        # weights that turn against most of the rows have broken down
+        most = min(most, system.redundancy // 2)
         state, steps, robust = _robust(system, kind, critical, allowed, most)
         weights = robust.weights
         if not robust.converged:
@@ -157,8 +160,9 @@ def _by_odds(
     )
     for row in [row for row in state.rows if row not in odds.best]:
         before = state.vtpv
-        state.drop(row)
-        steps.append(Step("drop", (row,), None, None, before, state.vtpv))
+        with suppress(NotSeparableError):
+            state.drop(row)
+            steps.append(Step("drop", (row,), None, None, before, state.vtpv))
     for row in [row for row in odds.best if row not in state.rows]:
         before = state.vtpv
         try:
@@ -314,10 +318,11 @@ def _stepwise(
     steps: list[Step] = []
     seen = {frozenset[int]()}
     refused = np.zeros(len(suspects), dtype=bool)
+    stays = np.zeros(len(suspects), dtype=bool)
     while True:
         test = rule(state)
         with np.errstate(invalid="ignore"):
-            back = [k for k in state.rows if test.size[k] < test.limit[k]]
+            back = [k for k in state.rows if test.size[k] < test.limit[k] and not stays[k]]
             bad = suspects & ~refused & (test.size > test.limit)
         bad[list(state.rows)] = False
         if back:
@@ -326,9 +331,13 @@ def _stepwise(
                 back = []
             else:
                 before = state.vtpv
-                state.drop(row)
-                steps.append(_step("drop", row, test, before, state.vtpv))
-                seen.add(frozenset(state.rows))
+                try:
+                    state.drop(row)
+                except NotSeparableError:
+                    stays[row] = True
+                else:
+                    steps.append(_step("drop", row, test, before, state.vtpv))
+                    seen.add(frozenset(state.rows))
                 continue
         if not bad.any() or len(state.rows) >= most:
             return state, steps
@@ -383,14 +392,20 @@ def _robust(
             continue
         steps.append(Step("reject", (row,), float(size[row]), critical, before, state.vtpv))
     rule = _Normal(critical)
-    while state.rows:
+    stays: set[int] = set()
+    while True:
         test = rule(state)
-        row = min(state.rows, key=lambda k: test.size[k])
-        if test.size[row] >= critical:
+        back = [k for k in state.rows if test.size[k] < critical and k not in stays]
+        if not back:
             break
+        row = min(back, key=lambda k: test.size[k])
         before = state.vtpv
-        state.drop(row)
-        steps.append(_step("drop", row, test, before, state.vtpv))
+        try:
+            state.drop(row)
+        except NotSeparableError:
+            stays.add(row)
+        else:
+            steps.append(_step("drop", row, test, before, state.vtpv))
     return state, steps, robust
 
 
