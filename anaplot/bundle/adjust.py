@@ -14,22 +14,15 @@ from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.approximate import approximate_ways, laid_onto_control, restricted
 from anaplot.bundle.datum import check_datum, datum_change
-from anaplot.bundle.minimum import (
-    Found,
-    NoConvergenceError,
-    RobustState,
-    find_minimum,
-    no_minimum,
-    robust_state,
-    robust_suspects,
-)
+from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum
 from anaplot.bundle.normal import State, Structure, linearise, make_structure, objective
 from anaplot.bundle.problem import Datum, Problem, make_problem
 from anaplot.bundle.reliability import compute_cofactors
+from anaplot.bundle.robust import RobustState, no_minimum, robust_state, robust_suspects
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
-__all__ = ["adjust_block", "adjust_bundle", "adjust_problem", "evaluate"]
+__all__ = ["adjust_block", "adjust_bundle", "adjust_problem", "evaluate", "with_additional"]
 
 Progress = Callable[[str, float], None]
 
@@ -65,23 +58,6 @@ def adjust_block(
     NotComputableError
         Something is not determined, or no solution is found; names photos and points.
     """
-    try:
-        # whatever bad data makes infinite on the way is looked at where it matters
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return _adjusted(block, datum, additional, progress)
-    except np.linalg.LinAlgError as error:
-        raise NotComputableError(
-            f"block {block.name}: no approximate values found: the measurements contradict each "
-            "other"
-        ) from error
-
-
-def _adjusted(
-    block: Block,
-    datum: Datum,
-    additional: AdditionalParameters | None,
-    progress: Progress | None,
-) -> AdjustedBlock:
     problem = make_problem(block, datum=datum, additional=additional)
     return adjust_problem(problem, progress=progress)
 
@@ -104,18 +80,38 @@ def adjust_problem(problem: Problem, *, progress: Progress | None = None) -> Adj
     NotComputableError
         As `adjust_block`.
     """
+    try:
+        # whatever bad data makes infinite on the way is looked at where it matters
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return _adjusted(problem, progress)
+    except np.linalg.LinAlgError as error:
+        raise NotComputableError(
+            f"block {problem.block.name}: no approximate values found: the measurements "
+            "contradict each other"
+        ) from error
+
+
+def _adjusted(problem: Problem, progress: Progress | None) -> AdjustedBlock:
     if problem.additional is None:
         found, robust = _searched(problem, progress)
         return evaluate(problem, found, robust=robust, progress=progress)
     # orientations do not wait for them: additional parameters start from the block without
-    bare = make_problem(problem.block, datum=problem.datum)
-    state = _searched(bare, progress)[0].state
-    start = replace(
+    found, robust = _searched(problem.bare, progress)
+    return adjust_bundle(
+        problem,
+        with_additional(problem, found.state),
+        robust=None if robust is None else with_additional(problem, robust),
+        progress=progress,
+    )
+
+
+def with_additional(problem: Problem, state: State) -> State:
+    """Return the state of the bundle without additional parameters for the one that has some."""
+    return replace(
         state,
         own=np.zeros((len(problem.photos), problem.per_photo - 6)),
         shared=np.zeros(problem.in_border),
     )
-    return adjust_bundle(problem, start, progress=progress)
 
 
 def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State | None]:
@@ -127,7 +123,7 @@ def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State
     def minimum(at: State, structure: Structure) -> Found | None:
         nonlocal best, failure
         try:
-            found = find_minimum(problem, at, structure, progress=progress, explain=False)
+            found = find_minimum(problem, at, structure, progress=progress)
         except NoConvergenceError:
             return None
         except NotComputableError as error:
@@ -187,7 +183,10 @@ def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State
                     solution = other
                 if found is not None and _fits(problem, found):
                     break
-        if solution is not None and solution.explains(len(problem.photo)):
+        # gross errors explain it: other ways lead to the same, unless this one missed the ground
+        explained = solution is not None and solution.explains(len(problem.photo))
+        missed = best is None and solution is not None and solution.control_off > 0
+        if explained and not missed:
             break
     if best is not None:
         return best, None if closest is None else closest.solution.state
@@ -231,7 +230,7 @@ def _from_free_network(problem: Problem, start: State, progress: Progress | None
         structure = make_structure(free, bare.centres)
         check_datum(free, bare, linearise(free, bare))
         bare = robust_state(free, structure, bare).state
-        found = find_minimum(free, bare, structure, progress=progress, explain=False)
+        found = find_minimum(free, bare, structure, progress=progress)
         return laid_onto_control(problem, free, found.state)
     except (NotComputableError, np.linalg.LinAlgError):
         return None
@@ -242,6 +241,7 @@ def adjust_bundle(
     start: State,
     *,
     structure: Structure | None = None,
+    robust: State | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
     """Adjust a bundle and compute the reliability of every observation.
@@ -254,6 +254,8 @@ def adjust_bundle(
         Approximate values.
     structure
         Of the normal equations, when it is already known.
+    robust
+        A robust solution, if there is one: where the search for gross errors starts.
     progress
         Called with what is being done and the fraction of it.
 
@@ -266,8 +268,13 @@ def adjust_bundle(
     if structure is None:
         structure = make_structure(problem, start.centres)
     check_datum(problem, start, linearise(problem, start))
-    found = find_minimum(problem, start, structure, progress=progress)
-    return evaluate(problem, found, progress=progress)
+    try:
+        found = find_minimum(problem, start, structure, progress=progress)
+    except NoConvergenceError as error:
+        if not objective(problem, start)[0] < float("inf"):
+            raise
+        raise no_minimum(problem, structure, start, error.state) from error
+    return evaluate(problem, found, robust=robust, progress=progress)
 
 
 def evaluate(
@@ -316,6 +323,7 @@ def evaluate(
         critical=critical,
         v=linear.e,
         remarks=tuple(_remarks(problem, found, sigma0, robust)),
+        robust=robust,
     )
 
 

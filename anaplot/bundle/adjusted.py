@@ -60,6 +60,8 @@ class AdjustedBlock:
         they are rejected.
     remarks
         Sentences for a person.
+    robust
+        A robust solution, where one was looked for because of gross errors, or None.
     """
 
     problem: Problem = field(repr=False)
@@ -73,6 +75,7 @@ class AdjustedBlock:
     critical: float | None
     v: Array = field(repr=False)
     remarks: tuple[str, ...]
+    robust: State | None = field(default=None, repr=False)
 
     @property
     def delta0(self) -> float:

@@ -375,10 +375,12 @@ def _grow(
         waiting = [c for c in waiting if c not in joined]
         if joined:
             continue
-        if not ground.add_photos(problem, by_photo, 5) and not ground.add_photos(
-            problem, by_photo, 4
-        ):
+        if ground.add_photos(problem, by_photo, 5) or ground.add_photos(problem, by_photo, 4):
+            continue
+        hinged = next((c for c in waiting if ground.join(c, hinged=True)), None)
+        if hinged is None:
             break
+        waiting = [c for c in waiting if c is not hinged]
 
 
 def _in_ground(problem: Problem, cluster: Cluster) -> bool:

@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.resection import resect
-from anaplot.bundle.similarity import Similarity, robust_similarity
-from anaplot.photogrammetry.collinearity import project
+from anaplot.bundle.similarity import Similarity, fit_similarity, line_of, robust_similarity
+from anaplot.photogrammetry.collinearity import project, turns
 
 __all__ = ["Cluster", "intersect_rays"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+_ALONG = 0.01  # share of the extent within which points on a line coincide
 _PARALLEL = 1e-10  # smallest over largest eigenvalue below which rays count as parallel
 
 
@@ -96,24 +97,56 @@ class Cluster:
             added += 1
         return added
 
-    def join(self, other: Cluster) -> bool:
-        """Take up another cluster by the points and projection centres common to both."""
+    def join(self, other: Cluster, *, hinged: bool = False) -> bool:
+        """Take up another cluster by the points and projection centres common to both.
+
+        Parameters
+        ----------
+        other
+            The other cluster, moved into this system.
+        hinged
+            Whether common points nearly on a line suffice (strips with little side lap over flat
+            ground): noise alone would tell how the other cluster is turned about it, so both are
+            made to look the same way.
+        """
         points = self.placed & other.placed
         photos = self.oriented & other.oriented
         source = np.concatenate((other.points[points], other.centres[photos]))
         target = np.concatenate((self.points[points], self.centres[photos]))
+        if len(source) < 3:
+            return False
         found = robust_similarity(source, target)
+        if found is None and hinged:
+            found = _on_a_line(source, target)
         if found is None:
             return False
         similarity, inliers = found
         if inliers.sum() < max(3, 0.5 * len(source)):
             return False
+        axis = line_of(target[inliers])
+        if axis is not None and not hinged:
+            return False
         other.transform(similarity)
+        if axis is not None:
+            turn = self._looking_alike(other, axis)
+            middle = target[inliers].mean(axis=0)
+            other.transform(Similarity(1.0, turn, middle - turn @ middle))
         new_photos, new_points = other.oriented & ~self.oriented, other.placed & ~self.placed
         self.centres[new_photos] = other.centres[new_photos]
         self.rotations[new_photos] = other.rotations[new_photos]
         self.points[new_points] = other.points[new_points]
         return True
+
+    def _looking_alike(self, other: Cluster, axis: Array) -> Array:
+        """(3, 3) turn of another cluster about an axis after which both look the same way."""
+        mine, its = (
+            np.nanmean(cluster.rotations[:, :, 2], axis=0)
+            - axis * (np.nanmean(cluster.rotations[:, :, 2], axis=0) @ axis)
+            for cluster in (self, other)
+        )
+        angle = float(np.arctan2(np.cross(its, mine) @ axis, its @ mine))
+        turn: Array = turns(angle * axis[None])[0]
+        return turn
 
     def residuals(self, problem: Problem) -> Array:
         """(m,) distances of the rays from their points in the image [mm]; NaN when unknown."""
@@ -125,6 +158,16 @@ class Cluster:
         )
         size = np.linalg.norm(seen.xy - problem.xy, axis=1)
         return np.where(seen.depth > 0.0, size, np.where(np.isfinite(size), np.inf, np.nan))
+
+
+def _on_a_line(source: Array, target: Array) -> tuple[Similarity, NDArray[np.bool_]] | None:
+    """Return a similarity of points on a line, anyhow turned about it; None where they differ."""
+    extent = float(np.ptp(target, axis=0).max())
+    if not extent > 0.0:
+        return None
+    similarity = fit_similarity(source, target)
+    inliers = np.linalg.norm(similarity.apply(source) - target, axis=1) < _ALONG * extent
+    return (similarity, inliers) if inliers.all() else None
 
 
 def intersect_rays(problem: Problem, cluster: Cluster, rays: Array, rounds: int = 6) -> Array:

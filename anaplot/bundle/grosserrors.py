@@ -8,12 +8,14 @@ the others. A single coordinate is rejected alone; the other coordinate of its r
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.left import Left
 from anaplot.adjustment.significance import critical_normal
@@ -23,14 +25,16 @@ from anaplot.adjustment.strategies import (
     find_gross_errors,
     pair_odds,
 )
-from anaplot.bundle.adjust import adjust_block, evaluate
+from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.datum import anchor, check_datum
 from anaplot.bundle.factor import NotPositiveError
-from anaplot.bundle.minimum import Found, find_minimum, robust_state, undetermined
+from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum, undetermined
 from anaplot.bundle.normal import NormalEquations, PointError, State, Structure, linearise
-from anaplot.bundle.problem import Problem
+from anaplot.bundle.problem import Problem, make_problem
+from anaplot.bundle.rescue import Fitting, adjust_what_fits, minimum_of_what_fits
 from anaplot.bundle.residuals import BlockResiduals, ObservationName, Unit, block_residuals
+from anaplot.bundle.robust import robust_state
 from anaplot.bundle.snooping import PAPER_TOLERANCE, classify, estimate_models
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
@@ -48,6 +52,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 _MOST_PASSES = 30
+_MOST_WILD = 5  # proposed sets without which there is no minimum either
 _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise at
 
 
@@ -112,8 +117,9 @@ class BlockFindings:
     ----------
     block
         Adjusted without the rejected observations.
-    first
-        Adjusted with all of them.
+    begun
+        Adjusted with all of them; where that has no solution, with all that fit. The search has
+        looked at the others as well.
     system
         All observations, linearised where the block lies at the end.
     passes
@@ -124,15 +130,26 @@ class BlockFindings:
         Sentences: what limited the search.
     settings
         Significance and limits.
+    held
+        Rows that were rejected before and that it did not look at.
+    kept_out
+        Rows rejected because no solution was found with them, whatever else was left out.
     """
 
     block: AdjustedBlock
-    first: AdjustedBlock
+    begun: Fitting
     system: BlockResiduals = field(repr=False)
     passes: tuple[Findings, ...] = field(repr=False)
     refused: tuple[Refused, ...]
     remarks: tuple[str, ...]
     settings: SearchSettings
+    held: frozenset[int] = frozenset()
+    kept_out: frozenset[int] = frozenset()
+
+    @property
+    def first(self) -> AdjustedBlock | None:
+        """Adjusted with all observations; None where that has no solution."""
+        return None if self.begun.left_out else self.begun.block
 
     @property
     def findings(self) -> Findings:
@@ -141,10 +158,10 @@ class BlockFindings:
 
     @property
     def rejected(self) -> tuple[RejectedObservation, ...]:
-        """What is left out, in the order in which it went."""
+        """What is left out, in the order in which it went; what was kept out has the order 0."""
         found, system = self.findings, self.system
         weights = found.at_end.weights
-        out = []
+        out = self._kept_out_rows()
         for row in found.rejected:
             sigma = float(system.sigma[row.row])
             w = float(found.at_end.w[row.row])
@@ -166,6 +183,44 @@ class BlockFindings:
             )
         return tuple(out)
 
+    def _kept_out_rows(self) -> list[RejectedObservation]:
+        """Return what was kept out, its errors estimated without all that is rejected."""
+        if not self.kept_out:
+            return []
+        state = Elimination(self.system)
+        for row in sorted(self.held | self.kept_out | set(self.findings.rows)):
+            with suppress(NotSeparableError):
+                state.add(row)
+        error, sigma = state.estimates()
+        known = dict(zip(state.rows, zip(error.tolist(), sigma.tolist(), strict=True), strict=True))
+        out = []
+        for row in sorted(self.kept_out):
+            unit, size, deviation = float(self.system.sigma[row]), None, None
+            if row in known:
+                size, deviation = known[row]
+            out.append(
+                RejectedObservation(
+                    self.system.names[row],
+                    0,
+                    None,
+                    None,
+                    None if size is None else size * unit,
+                    None if deviation is None else deviation * unit,
+                    self.system.units[row],
+                    None if size is None or deviation is None else size / deviation,
+                    None if deviation is None else deviation**-2,
+                    float(self.system.r[row]),
+                    None,
+                )
+            )
+        return out
+
+    @property
+    def untestable(self) -> tuple[ObservationName, ...]:
+        """What nothing checks, with all observations in."""
+        out = self.held | self.kept_out
+        return tuple(self.system.names[k] for k in self.findings.untestable if k not in out)
+
     @property
     def came_back(self) -> tuple[ObservationName, ...]:
         """What some pass or step rejected and is in at the end."""
@@ -176,7 +231,7 @@ class BlockFindings:
                     rows.update(dict.fromkeys(step.rows))
                 elif step.action == "swap":
                     rows[step.rows[0]] = None
-        kept = set(self.findings.rows)
+        kept = {*self.findings.rows, *self.kept_out}
         return tuple(self.system.names[row] for row in rows if row not in kept)
 
 
@@ -212,6 +267,16 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
     )
 
 
+def _missing(problem: Problem, reduced: Problem) -> frozenset[int]:
+    """Return the rows that a smaller bundle lacks: image coordinates and control."""
+    rejected = reduced.rejected
+    rows = set() if rejected is None else set(np.flatnonzero(rejected).tolist())
+    held = np.argwhere(np.isfinite(problem.known_sigma))
+    gone = np.isnan(reduced.known_sigma[tuple(held.T)])
+    first = 2 * len(problem.photo)
+    return frozenset(rows | set((first + np.flatnonzero(gone)).tolist()))
+
+
 def model_values(system: BlockResiduals) -> Array:
     """Return (n,) model values of sqrt(q_vv) for modified snooping, by classes of 1980.
 
@@ -226,7 +291,7 @@ def model_values(system: BlockResiduals) -> Array:
 
 
 def block_gross_errors(
-    block: Block | AdjustedBlock,
+    block: Block | Problem | AdjustedBlock,
     strategy: str,
     settings: SearchSettings | None = None,
     *,
@@ -238,8 +303,8 @@ def block_gross_errors(
     Parameters
     ----------
     block
-        The block, or its adjustment (also with another datum or additional parameters); image
-        coordinates rejected in it are looked at anew.
+        The block, or the bundle made of it (also with another datum or additional parameters), or
+        its adjustment; image coordinates rejected there are looked at anew.
     strategy
         One of `STRATEGIES`.
     settings
@@ -267,47 +332,49 @@ def block_gross_errors(
     """
     if strategy not in STRATEGIES:
         raise ValueError(f"no strategy {strategy!r}; there are {', '.join(STRATEGIES)}")
-    first = adjust_block(block, progress=progress) if isinstance(block, Block) else block
-    problem = replace(first.problem, rejected=None)
+    if isinstance(block, AdjustedBlock):
+        problem = block.problem
+    else:
+        problem = make_problem(block) if isinstance(block, Block) else block
+    every = replace(problem, rejected=None)
     test = problem.test
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
-    n = problem.observations
-    if used.pairs and n > MOST_ROWS_OF_PAIRS:
+    if used.pairs and every.observations > MOST_ROWS_OF_PAIRS:
         raise InputError(
-            f"block {problem.block.name}: odds over pairs of {n} observations: "
+            f"block {problem.block.name}: odds over pairs of {every.observations} observations: "
             f"at most {MOST_ROWS_OF_PAIRS}"
         )
-    held = frozenset[int]()
-    if control_only and first.problem.rejected is not None:
-        held = frozenset(np.flatnonzero(first.problem.rejected).tolist())
-    search = _Search(
-        problem, first.cofactors.normal.structure, strategy, used, progress, held, control_only
+    begun = (
+        Fitting(block, (), "")
+        if isinstance(block, AdjustedBlock)
+        else adjust_what_fits(problem, progress=progress)
     )
-    # the first adjustment is the minimum without these, if there is such a set
-    rows = held if control_only or first.problem.rejected is None else None
-    end = search.run(first.state, rows, first.vtpv)
-    if first.sigma0 is not None and first.sigma0 > _TORN:
-        try:
-            start = robust_state(problem, search.structure, first.state).state
-            other = search.run(start, None, first.vtpv)
-        except (NotComputableError, np.linalg.LinAlgError):
-            pass  # the first end stands
-        else:
-            end = min(end, other, key=lambda found: found.score)
+    first = begun.block
+    held = frozenset[int]()
+    if control_only and problem.rejected is not None:
+        held = frozenset(np.flatnonzero(problem.rejected).tolist())
+    search = _Search(
+        every, first.cofactors.normal.structure, strategy, used, progress, held, control_only
+    )
+    # the first adjustment is the minimum without what is held, unless it lacks something else
+    complete = not begun.left_out and (problem.rejected is None or control_only)
+    end = search.best_end(first, held if complete else None)
     findings = end.passes[-1]
     if used.pairs:
         findings = replace(findings, pair_odds=pair_odds(end.system))
     cleaned = first
     if end.found is not None:
-        cleaned = evaluate(without(end.system, frozenset(findings.rows) | held), end.found)
+        cleaned = evaluate(without(end.system, frozenset(findings.rows) | end.held), end.found)
     return BlockFindings(
         cleaned,
-        first,
+        begun,
         end.system,
         (*end.passes[:-1], findings),
         end.refused,
         (*findings.remarks, *end.remarks),
         used,
+        held,
+        end.held - held,
     )
 
 
@@ -320,6 +387,7 @@ class _End(NamedTuple):
     refused: tuple[Refused, ...]
     remarks: tuple[str, ...]
     score: float
+    held: frozenset[int]
 
 
 class _Tried(NamedTuple):
@@ -343,6 +411,38 @@ class _Search:
     held: frozenset[int] = frozenset()
     control_only: bool = False
 
+    def best_end(self, first: AdjustedBlock, rows: frozenset[int] | None) -> _End:
+        """Search from the first adjustment, and from a robust one where that is torn.
+
+        Where no set that is found can be left out, what fits nowhere stays out for good.
+        """
+        ends: list[_End] = []
+        failures: list[NotComputableError] = []
+        reduced, state = first.problem, first.state
+
+        def go_on(search: _Search, rows: frozenset[int] | None) -> None:
+            try:
+                ends.append(search.run(state, rows, first.vtpv))
+            except NotComputableError as error:
+                failures.append(error)
+
+        go_on(self, rows)
+        if first.sigma0 is not None and first.sigma0 > _TORN:
+            state = first.state if first.robust is None else first.robust
+            with suppress(np.linalg.LinAlgError):
+                least = minimum_of_what_fits(self.problem, self.structure, state)
+                if least is None:
+                    state = robust_state(self.problem, self.structure, state).state
+                else:
+                    reduced, state = least[0], least[1].state
+                go_on(self, None)
+        kept_out = _missing(self.problem, reduced) - self.held
+        if not ends and kept_out:
+            go_on(replace(self, held=self.held | kept_out), None)
+        if not ends:
+            raise failures[0]
+        return min(ends, key=lambda end: end.score)
+
     def run(self, state: State, rows: frozenset[int] | None, vtpv: float) -> _End:
         """Go on from a state, which may be the minimum without `rows` (none) and its v'Pv.
 
@@ -357,6 +457,7 @@ class _Search:
         passes: list[Findings] = []
         remarks: tuple[str, ...] = ()
         at: _Tried | None = None
+        wild = 0
         while True:
             system, findings = self._pass(state, barred, len(passes) + 1)
             passes.append(findings)
@@ -375,9 +476,10 @@ class _Search:
             try:
                 found = self._minimum(without(system, proposed), state)
             except NotComputableError as error:
+                wild += isinstance(error, NoConvergenceError)
                 # what was checked least of all is what the block cannot do without
                 least = min(findings.rejected, key=lambda row: row.redundancy_number, default=None)
-                if least is None:
+                if least is None or wild > _MOST_WILD:
                     raise
                 barred[least.row] = Refused(system.names[least.row], str(error))
                 continue
@@ -390,7 +492,8 @@ class _Search:
                 f"block {self.problem.block.name}: nothing that {self.strategy} rejects can be "
                 f"left out: {refused[-1].reason}"
             )
-        return _End(at.found, at.system, (*passes[:-1], at.findings), refused, remarks, at.score)
+        every = (*passes[:-1], at.findings)
+        return _End(at.found, at.system, every, refused, remarks, at.score, self.held)
 
     def _pass(
         self, state: State, barred: dict[int, Refused], number: int
@@ -429,7 +532,7 @@ class _Search:
             NormalEquations(problem, self.structure, linear, 0.0, weights).factor()
         except (PointError, NotPositiveError) as error:
             raise self._open(problem, state, error) from error
-        return find_minimum(problem, state, self.structure, progress=self.progress, explain=False)
+        return find_minimum(problem, state, self.structure, progress=self.progress)
 
     def _open(
         self, problem: Problem, state: State, error: PointError | NotPositiveError

@@ -7,7 +7,7 @@ observations and its coordinates to the unknowns; so does every prior.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -151,6 +151,20 @@ class Problem:
     control_rows: Mapping[str, ControlPoint] = field(repr=False)
     rejected: NDArray[np.bool_] | None = field(default=None, repr=False)
     axis_factor: Array | None = field(default=None, repr=False)
+
+    @property
+    def bare(self) -> Problem:
+        """The same without additional parameters."""
+        if self.additional is None:
+            return self
+        return replace(
+            self,
+            additional=None,
+            basis=self.basis[:, :, :0],
+            additional_group=np.zeros_like(self.additional_group),
+            additional_groups=(),
+            additional_sigma=np.empty(0),
+        )
 
     @property
     def sigma_xy(self) -> Array:

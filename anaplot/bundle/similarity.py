@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from anaplot.photogrammetry.collinearity import turns
 
-__all__ = ["Similarity", "fit_similarity", "fit_to_partial", "robust_similarity"]
+__all__ = ["Similarity", "fit_similarity", "fit_to_partial", "line_of", "robust_similarity"]
 
 Array = NDArray[np.float64]
+
+_ON_A_LINE = 0.02  # extent across over extent along below which points leave a rotation open
 
 
 class Similarity(NamedTuple):
@@ -46,6 +48,13 @@ def fit_similarity(source: Array, target: Array) -> Similarity:
     """Return the least-squares similarity of (n, 3) points, n >= 3."""
     scale, rotation, shift = _closed_form(source[None], target[None])
     return Similarity(float(scale[0]), rotation[0], shift[0])
+
+
+def line_of(points: Array) -> Array | None:
+    """(3,) unit vector of the line on which (n, 3) points nearly lie; None where they do not."""
+    _, spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    axis: Array = axes[0]
+    return axis if spread[1] < _ON_A_LINE * spread[0] else None
 
 
 def robust_similarity(

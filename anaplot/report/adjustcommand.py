@@ -11,7 +11,7 @@ from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.components import Grouping, block_components
 from anaplot.bundle.hypotheses import block_hypotheses
-from anaplot.bundle.problem import Datum
+from anaplot.bundle.problem import Datum, make_problem
 from anaplot.bundle.snooping import PAPER_TOLERANCE
 from anaplot.bundle.verdict import HypothesisSettings
 from anaplot.errors import InputError
@@ -124,15 +124,16 @@ def run_adjust(
         chosen = additional_parameters(additional, additional_sigma_um)
     with ProgressLine(sys.stderr if err is None else err) as progress:
         cleaned = earlier = None
-        if errors is not None and control_last:
+        if errors is None:
+            adjusted = adjust_block(block, datum=datum, additional=chosen, progress=progress)
+        elif control_last:
             steps = clean_step_by_step(
                 block, errors, partner, pairs=pairs, additional=chosen, progress=progress
             )
             earlier, cleaned, adjusted = steps, steps.control, steps.block
         else:
-            adjusted = adjust_block(block, datum=datum, additional=chosen, progress=progress)
-        if errors is not None and cleaned is None:
-            cleaned = clean_block(adjusted, errors, partner, pairs=pairs, progress=progress)
+            problem = make_problem(block, datum=datum, additional=chosen)
+            cleaned = clean_block(problem, errors, partner, pairs=pairs, progress=progress)
             adjusted = cleaned.block
         progress("report", 0.0)
         snooped = snoop_block(adjusted, tolerance=tolerance) if snooping else None

@@ -11,9 +11,9 @@ from anaplot.adjustment.findings import Findings, SearchSettings, Step
 from anaplot.adjustment.reliability import HARD_TO_TELL, Odds
 from anaplot.adjustment.significance import critical_normal
 from anaplot.bundle.additional import AdditionalParameters
-from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.controllast import ControlLast, clean_control_last
 from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
+from anaplot.bundle.problem import Problem
 from anaplot.bundle.residuals import ObservationName
 from anaplot.photogrammetry.block import Block, TestSettings
 from anaplot.report.printable import printable
@@ -34,19 +34,19 @@ _DIGITS = {"um": (1.0, "um"), "m": (1e3, "mm"), "rad": (1e6, "urad"), "mm": (1e3
 
 
 def clean_block(
-    block: AdjustedBlock,
+    problem: Problem,
     strategy: str,
     partner: float | None = None,
     *,
     pairs: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> BlockFindings:
-    """Search an adjusted block for gross errors with the alpha and power of its test.
+    """Search a block for gross errors with the alpha and power of its test.
 
     Parameters
     ----------
-    block
-        The adjusted block.
+    problem
+        The bundle.
     strategy
         Name of the strategy.
     partner
@@ -61,10 +61,11 @@ def clean_block(
     InputError
         Odds over pairs of too many observations.
     NotComputableError
-        The block is not determined without what the strategy rejects.
+        The block has no solution, also without what fits nowhere, or none without what the
+        strategy rejects.
     """
-    settings = _settings(block.problem.test, partner, pairs=pairs)
-    return block_gross_errors(block, strategy, settings, progress=progress)
+    settings = _settings(problem.test, partner, pairs=pairs)
+    return block_gross_errors(problem, strategy, settings, progress=progress)
 
 
 def clean_step_by_step(
@@ -127,9 +128,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
         f"GROSS ERRORS ({found.strategy})",
         f"  alpha {settings.alpha:g}, critical value of w {critical_normal(settings.alpha):.2f}; "
         f"{many} rejected after {_count(len(cleaned.passes), 'pass', 'passes')}",
-        f"  sigma0 {_number(cleaned.first.sigma0, 4)} with all observations, "
-        f"{_number(cleaned.block.sigma0, 4)} without the rejected; redundancy "
-        f"{cleaned.first.redundancy} and {cleaned.block.redundancy}",
+        *_before_and_after(cleaned),
     ]
     if rejected:
         width = max(len(named(row.name)) for row in rejected)
@@ -151,7 +150,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
         "cannot be left out", [f"{named(r.name)}: {printable(r.reason)}" for r in cleaned.refused]
     )
     lines += _listed(
-        "cannot be tested: nothing checks them", [named(names[k]) for k in found.untestable]
+        "cannot be tested: nothing checks them", [named(name) for name in cleaned.untestable]
     )
     lines += _odds(found, names)
     if found.model_values is not None:
@@ -165,11 +164,28 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
     return "\n".join(lines)
 
 
+def _before_and_after(cleaned: BlockFindings) -> list[str]:
+    first, block = cleaned.first, cleaned.block
+    after = f"{_number(block.sigma0, 4)} without the rejected"
+    if first is not None:
+        return [
+            f"  sigma0 {_number(first.sigma0, 4)} with all observations, {after}; redundancy "
+            f"{first.redundancy} and {block.redundancy}"
+        ]
+    return [
+        f"  sigma0 {after}; redundancy {block.redundancy}",
+        *_listed(
+            f"{printable(cleaned.begun.reason)}; the search began without",
+            [named(name) for name in cleaned.begun.left_out],
+        ),
+    ]
+
+
 def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
     scale, unit = _DIGITS[row.unit]
     error = "-" if row.error is None else f"{row.error * scale:.1f}"
     sigma = "-" if row.sigma is None else f"{row.sigma * scale:.1f}"
-    because = ""
+    because = "no solution is found with it" if row.order == 0 else ""
     if row.statistic is not None and row.critical is not None:
         if strategy in ("search", "odds"):
             because = f"the sum falls by {-row.statistic:.2f}"
@@ -253,8 +269,10 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
         "critical": critical_normal(settings.alpha),
         "partner": settings.partner,
         "passes": len(cleaned.passes),
-        "sigma0_before": cleaned.first.sigma0,
-        "redundancy_before": cleaned.first.redundancy,
+        "sigma0_before": None if cleaned.first is None else cleaned.first.sigma0,
+        "redundancy_before": None if cleaned.first is None else cleaned.first.redundancy,
+        "no_solution": cleaned.begun.reason or None,
+        "begun_without": [_name_json(name) for name in cleaned.begun.left_out],
         "rejected": [
             {
                 **_name_json(row.name),
@@ -276,7 +294,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
             {"rejected": _name_json(names[a]), "kept": _name_json(names[b]), "correlation": rho}
             for a, b, rho in found.hard_to_tell
         ],
-        "untestable": [_name_json(names[k]) for k in found.untestable],
+        "untestable": [_name_json(name) for name in cleaned.untestable],
         "refused": [{**_name_json(r.name), "reason": r.reason} for r in cleaned.refused],
         "steps": [_step_json(step, names) for step in found.steps],
         "odds": {

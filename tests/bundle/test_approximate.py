@@ -12,9 +12,15 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.cluster import Cluster
 from anaplot.bundle.relative import orient_pair
 from anaplot.bundle.resection import resect, three_point_resection
-from anaplot.bundle.similarity import fit_similarity, fit_to_partial, robust_similarity
+from anaplot.bundle.similarity import (
+    Similarity,
+    fit_similarity,
+    fit_to_partial,
+    robust_similarity,
+)
 from anaplot.photogrammetry.block import ControlPoint, Strip
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
@@ -221,6 +227,33 @@ def test_points_on_a_line_give_no_similarity() -> None:
     assert robust_similarity(line, line) is None
     assert robust_similarity(line[:2], line[:2]) is None
     assert fit_to_partial(line, line, fit_similarity(line + np.eye(5)[:, :3], line)) is None
+
+
+@given(st.integers(0, 10**6), st.floats(0.0, 1e-4))
+@settings(max_examples=30)
+def test_strips_that_share_a_line_of_points_look_the_same_way(seed: int, noise: float) -> None:
+    rng = np.random.default_rng(seed)
+    x = np.arange(7) * 0.6
+    line = np.column_stack((x, 0 * x, 0 * x))
+    sides = [np.column_stack((x, 0 * x + y, 0 * x)) for y in (-1.0, 1.0)]
+
+    def strip(k: int) -> Cluster:
+        points = np.full((21, 3), np.nan)
+        points[:7], points[7 * k + 7 : 7 * k + 14] = line, sides[k]
+        points += rng.normal(size=points.shape) * noise
+        centres, rotations = np.full((14, 3), np.nan), np.full((14, 3, 3), np.nan)
+        centres[7 * k : 7 * k + 7] = sides[k] / 2.0 + [0.0, 0.0, 1.0]
+        rotations[7 * k : 7 * k + 7] = np.eye(3)
+        return Cluster(centres, rotations, points)
+
+    first, second = strip(0), strip(1)
+    second.transform(
+        Similarity(rng.uniform(0.5, 2.0), Rotation.random(random_state=seed).as_matrix(), x[:3])
+    )
+    assert not first.join(second)
+    assert first.join(second, hinged=True)
+    np.testing.assert_allclose(first.points[14:], sides[1], atol=2e-3)
+    np.testing.assert_allclose(first.rotations[7:], np.tile(np.eye(3), (7, 1, 1)), atol=2e-3)
 
 
 def thinned(scene, share: float, seed: int):

@@ -12,7 +12,7 @@ import pytest
 
 from anaplot import cli
 from anaplot.adjustment.strategies import STRATEGIES
-from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.problem import make_problem
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import (
     Block,
@@ -171,8 +171,7 @@ def test_the_command_line(folder: Path, capsys) -> None:
 
 
 def test_nothing_rejected_is_said(tmp_path: Path) -> None:
-    block = adjust_block(make(error_mm=0.0))
-    cleaned = clean_block(block, "baarda")
+    cleaned = clean_block(make_problem(make(error_mm=0.0)), "baarda")
     assert cleaned.rejected == ()
     text = block_errors_printout(cleaned)
     assert "nothing is rejected" in text
@@ -180,8 +179,8 @@ def test_nothing_rejected_is_said(tmp_path: Path) -> None:
 
 
 def test_names_are_text_and_never_control_sequences() -> None:
-    block = adjust_block(make(name="p\x1b[31m8"))
-    cleaned = clean_block(block, "search", 0.3, pairs=True)
+    problem = make_problem(make(name="p\x1b[31m8"))
+    cleaned = clean_block(problem, "search", 0.3, pairs=True)
     assert any("p\x1b[31m8" in row.name for row in cleaned.rejected)
     assert "\x1b" not in block_errors_printout(cleaned)
 
@@ -190,7 +189,7 @@ def test_a_rejected_prior_stands_in_the_rows_of_priors() -> None:
     block = make(error_mm=0.0)
     photos = list(block.photos)
     photos[3] = replace(photos[3], position=(1803.0, 0.0, 1000.0), position_sigma=(0.1,) * 3)
-    cleaned = clean_block(adjust_block(replace(block, photos=tuple(photos))), "search")
+    cleaned = clean_block(make_problem(replace(block, photos=tuple(photos))), "search")
     [row] = cleaned.rejected
     assert row.name == ("prior", "13", "X")
     assert "prior of 13  X" in block_errors_printout(cleaned)

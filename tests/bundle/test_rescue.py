@@ -1,0 +1,170 @@
+"""Blocks with errors so large that there is no minimum: they are adjusted, and the errors found."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.bundle.additional import additional_parameters
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.grosserrors import block_gross_errors
+from anaplot.bundle.minimum import NoConvergenceError
+from anaplot.bundle.problem import make_problem
+from anaplot.bundle.rescue import adjust_what_fits
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
+from anaplot.photogrammetry.block import Block
+from anaplot.planning.blockplan import BlockPlan, plan_block
+
+ALPHA = SearchSettings(alpha=0.001)
+
+
+def planned(seed: int, *, strips: int = 2, photos: int = 7, sigma: float = 0.05) -> Block:
+    """A block of strips with 30 % side lap over flat ground, with noise of its a-priori size."""
+    made = plan_block(BlockPlan(strips, photos, 0.60, 0.30, control_m=sigma)).block
+    rng = np.random.default_rng(seed)
+    rows = tuple(
+        replace(row, x=row.x + rng.normal() * 0.005, y=row.y + rng.normal() * 0.005)
+        for row in made.image_points
+    )
+    control = tuple(
+        replace(c, xyz=tuple(None if v is None else v + rng.normal() * sigma for v in c.xyz))
+        for c in made.control
+    )
+    return replace(made, image_points=rows, control=control)
+
+
+def interchanged(block: Block, photo: str, one: str, other: str) -> Block:
+    """The block with two points taken for each other in a photo."""
+    at = {row.point: k for k, row in enumerate(block.image_points) if row.photo == photo}
+    rows = list(block.image_points)
+    first, second = rows[at[one]], rows[at[other]]
+    rows[at[one]] = replace(first, x=second.x, y=second.y)
+    rows[at[other]] = replace(second, x=first.x, y=first.y)
+    return replace(block, image_points=tuple(rows))
+
+
+def moved(block: Block, point: str, axis: int, by: float) -> Block:
+    """The block with a control coordinate off by some metres."""
+    control = tuple(
+        replace(c, xyz=tuple(v + by if k == axis else v for k, v in enumerate(c.xyz)))
+        if c.point == point
+        else c
+        for c in block.control
+    )
+    return replace(block, control=control)
+
+
+def rejected(found) -> set[tuple[str | None, ...]]:
+    """Photo, point, axis of image coordinates, point and axis of control."""
+    return {
+        (row.name[1], row.name[2], row.name[4]) if row.name[0] == "image" else row.name[1:]
+        for row in found.rejected
+    }
+
+
+def both(photo: str, *points: str) -> set[tuple[str, str, str]]:
+    return {(photo, point, axis) for point in points for axis in "xy"}
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "search"])
+def test_interchanged_points_are_found_by_name(strategy: str) -> None:
+    block = interchanged(planned(1), "104", "02-03", "03-05")
+    with pytest.raises(NoConvergenceError, match=r"0\d-0\d in photo 104 disagrees"):
+        adjust_block(block)
+    found = block_gross_errors(block, strategy, ALPHA)
+    assert found.first is None
+    assert {name[1:3] for name in found.begun.left_out} == {("104", "02-03"), ("104", "03-05")}
+    assert both("104", "02-03", "03-05") <= rejected(found)
+    assert len(found.rejected) <= 6
+    assert found.block.sigma0 < 1.2
+    assert found.block.redundancy == make_problem(block).redundancy - len(found.rejected)
+
+
+def test_control_a_kilometre_off_is_found() -> None:
+    block = moved(planned(2), "01-01", 0, 1000.0)
+    with pytest.raises(NoConvergenceError, match="control point 01-01"):
+        adjust_block(block)
+    found = block_gross_errors(block, "search", ALPHA)
+    # what there was no solution with is looked at like all else: Y and Z have come back
+    assert {name[1] for name in found.begun.left_out} == {"01-01"}
+    assert ("01-01", "X") in rejected(found)
+    assert {("01-01", "Y"), ("01-01", "Z")}.isdisjoint(rejected(found))
+    row = next(row for row in found.rejected if row.name == ("control", "01-01", "X"))
+    assert row.error == pytest.approx(1000.0, abs=4.0 * row.sigma)
+
+
+def test_control_free_of_error_cannot_be_left_out() -> None:
+    block = moved(planned(2, sigma=0.0), "01-01", 0, 1000.0)
+    with pytest.raises(NoConvergenceError, match="control point 01-01 disagrees"):
+        adjust_what_fits(make_problem(block))
+
+
+def test_additional_parameters_wait_for_what_fits() -> None:
+    block = interchanged(planned(3, strips=3), "204", "04-03", "03-05")
+    chosen = additional_parameters("ebner:block", 5.0)
+    fitting = adjust_what_fits(make_problem(block, additional=chosen))
+    assert fitting.left_out
+    assert fitting.block.problem.additional is chosen
+    assert fitting.block.sigma0 < 1.2
+    found = block_gross_errors(make_problem(block, additional=chosen), "search", ALPHA)
+    assert both("204", "04-03", "03-05") <= rejected(found)
+    assert found.block.problem.additional is chosen
+
+
+def test_what_has_a_minimum_is_adjusted_with_everything() -> None:
+    block = planned(4)
+    fitting = adjust_what_fits(make_problem(block))
+    assert fitting.left_out == ()
+    assert fitting.reason == ""
+    assert fitting.block.vtpv == adjust_block(block).vtpv
+
+
+def test_where_nothing_settles_the_wild_ones_stay_out() -> None:
+    # photo 101 has six points: two of them interchanged, its others hardly check each other
+    block = planned(1, strips=3)
+    block = interchanged(block, "101", "03-02", "01-01")
+    block = interchanged(block, "104", "01-05", "03-04")
+    block = interchanged(block, "103", "02-02", "02-04")
+    block = moved(block, "03-05", 2, 50.0)
+    found = block_gross_errors(block, "search", ALPHA)
+    wild = both("104", "01-05", "03-04") | {("103", "02-04", "x"), ("03-05", "Z")}
+    assert wild <= rejected(found)
+    assert found.block.sigma0 < 1.2
+    for row in found.rejected:
+        if row.order == 0:
+            assert row.statistic is None
+            assert row.w == pytest.approx(row.error / row.sigma)
+    if found.kept_out:
+        assert found.kept_out.isdisjoint(found.findings.rows)
+        named = {found.system.names[k] for k in found.kept_out}
+        assert named.isdisjoint(found.untestable)
+        assert named.isdisjoint(found.came_back)
+
+
+def test_the_command_says_how_it_began(tmp_path: Path, capsys) -> None:
+    block = interchanged(planned(1), "104", "02-03", "03-05")
+    folder = tmp_path / "b"
+    write_new_block(folder, block)
+    write_image_points(folder, block.image_points)
+    write_control(folder, block.control)
+    assert main(["adjust", str(folder)]) == 4
+    assert "disagrees" in capsys.readouterr().err
+    assert main(["adjust", str(folder), "--errors", "search"]) == 0
+    text = capsys.readouterr().out
+    assert "the search began without" in text
+    assert "no solution found" in text
+    assert main(["adjust", str(folder), "--errors", "search", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)["errors"]
+    assert answer["sigma0_before"] is None
+    assert answer["redundancy_before"] is None
+    assert {(row["photo"], row["point"]) for row in answer["begun_without"]} == {
+        ("104", "02-03"),
+        ("104", "03-05"),
+    }
+    assert "disagrees" in answer["no_solution"]
