@@ -388,6 +388,11 @@ class _End(NamedTuple):
     remarks: tuple[str, ...]
     score: float
     held: frozenset[int]
+    settled: bool
+
+    def fits(self, problem: Problem) -> bool:
+        """Whether it is no torn minimum any more."""
+        return self.score <= _TORN**2 * max(problem.redundancy, 1)
 
 
 class _Tried(NamedTuple):
@@ -418,27 +423,31 @@ class _Search:
         """
         ends: list[_End] = []
         failures: list[NotComputableError] = []
-        reduced, state = first.problem, first.state
+        reduced = first.problem
 
-        def go_on(search: _Search, rows: frozenset[int] | None) -> None:
+        def go_on(search: _Search, state: State, rows: frozenset[int] | None) -> None:
             try:
                 ends.append(search.run(state, rows, first.vtpv))
             except NotComputableError as error:
                 failures.append(error)
 
-        go_on(self, rows)
+        state = first.state
         if first.sigma0 is not None and first.sigma0 > _TORN:
-            state = first.state if first.robust is None else first.robust
+            start = first.state if first.robust is None else first.robust
             with suppress(np.linalg.LinAlgError):
-                least = minimum_of_what_fits(self.problem, self.structure, state)
+                least = minimum_of_what_fits(self.problem, self.structure, start)
                 if least is None:
-                    state = robust_state(self.problem, self.structure, state).state
+                    start = robust_state(self.problem, self.structure, start).state
                 else:
-                    reduced, state = least[0], least[1].state
-                go_on(self, None)
+                    reduced, start = least[0], least[1].state
+                state = start
+                go_on(self, state, None)
+        # a torn minimum is only gone on from where nothing better has come to an end
+        if not any(end.settled and end.fits(self.problem) for end in ends):
+            go_on(self, first.state, rows)
         kept_out = _missing(self.problem, reduced) - self.held
         if not ends and kept_out:
-            go_on(replace(self, held=self.held | kept_out), None)
+            go_on(replace(self, held=self.held | kept_out), state, None)
         if not ends:
             raise failures[0]
         return min(ends, key=lambda end: end.score)
@@ -493,7 +502,8 @@ class _Search:
                 f"left out: {refused[-1].reason}"
             )
         every = (*passes[:-1], at.findings)
-        return _End(at.found, at.system, every, refused, remarks, at.score, self.held)
+        settled = not remarks
+        return _End(at.found, at.system, every, refused, remarks, at.score, self.held, settled)
 
     def _pass(
         self, state: State, barred: dict[int, Refused], number: int
