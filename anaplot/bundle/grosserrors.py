@@ -268,13 +268,18 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
 
 
 def _missing(problem: Problem, reduced: Problem) -> frozenset[int]:
-    """Return the rows that a smaller bundle lacks: image coordinates and control."""
+    """Return the rows that a smaller bundle lacks: image coordinates, control and priors."""
     rejected = reduced.rejected
-    rows = set() if rejected is None else set(np.flatnonzero(rejected).tolist())
-    held = np.argwhere(np.isfinite(problem.known_sigma))
-    gone = np.isnan(reduced.known_sigma[tuple(held.T)])
-    first = 2 * len(problem.photo)
-    return frozenset(rows | set((first + np.flatnonzero(gone)).tolist()))
+    rows: set[int] = set() if rejected is None else set(np.flatnonzero(rejected).tolist())
+    start = 2 * len(problem.photo)
+    for sigma, left in (
+        (problem.known_sigma, reduced.known_sigma),
+        (problem.prior_sigma, reduced.prior_sigma),
+    ):
+        observed = np.isfinite(sigma)
+        rows.update((start + np.flatnonzero(np.isnan(left[observed]))).tolist())
+        start += int(observed.sum())
+    return frozenset(rows)
 
 
 def model_values(system: BlockResiduals) -> Array:

@@ -174,6 +174,11 @@ class Problem:
         return self.sigma[:, None] * self.axis_factor
 
     @property
+    def prior_sigma(self) -> Array:
+        """(photos, 6) standard deviations of prior orientations [m, rad]; NaN without."""
+        return np.concatenate((self.position_sigma, self.rotation_sigma), axis=1)
+
+    @property
     def test(self) -> TestSettings:
         """The test that flags observations."""
         return self.block.test

@@ -20,7 +20,7 @@ from anaplot.bundle.datum import check_datum
 from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum
 from anaplot.bundle.normal import State, Structure, linearise, make_structure
 from anaplot.bundle.problem import Problem
-from anaplot.bundle.residuals import ObservationName
+from anaplot.bundle.residuals import ORIENTATION, ObservationName
 from anaplot.bundle.robust import FarOff, far_off
 from anaplot.errors import NotComputableError
 
@@ -83,12 +83,23 @@ def adjust_what_fits(problem: Problem, *, progress: Progress | None = None) -> F
         if problem.additional is None:
             block = evaluate(reduced, found, progress=progress)
         else:
-            reduced = replace(problem, rejected=reduced.rejected, known_sigma=reduced.known_sigma)
+            reduced = _like(problem, reduced)
             start = with_additional(reduced, found.state)
             block = adjust_bundle(reduced, start, progress=progress)
     except np.linalg.LinAlgError:
         raise failure from None
     return Fitting(block, _names(problem, reduced), str(failure))
+
+
+def _like(problem: Problem, reduced: Problem) -> Problem:
+    """Return the bundle with the observations of a smaller one."""
+    return replace(
+        problem,
+        rejected=reduced.rejected,
+        known_sigma=reduced.known_sigma,
+        position_sigma=reduced.position_sigma,
+        rotation_sigma=reduced.rotation_sigma,
+    )
 
 
 def minimum_of_what_fits(
@@ -133,9 +144,12 @@ def _without(problem: Problem, off: FarOff) -> Problem | None:
 
     A point keeps the coordinates without which it would not be determined.
     """
-    known_sigma = problem.known_sigma.copy()
-    known_sigma[off.control] = np.nan
-    smaller = replace(problem, known_sigma=known_sigma)
+    smaller = replace(
+        problem,
+        known_sigma=np.where(off.control[:, None], np.nan, problem.known_sigma),
+        position_sigma=np.where(off.priors[:, :1], np.nan, problem.position_sigma),
+        rotation_sigma=np.where(off.priors[:, 1:], np.nan, problem.rotation_sigma),
+    )
     linear = linearise(smaller, off.state)
     before = np.zeros((len(problem.photo), 2), dtype=bool)
     if problem.rejected is not None:
@@ -154,10 +168,8 @@ def _without(problem: Problem, off: FarOff) -> Problem | None:
                 out.flat[k] = True
                 out.flat[k] = _weakest(b[~out], weight) >= enough
         rejected[rays] = out
-    lost = int(np.isfinite(problem.known_sigma).sum() - np.isfinite(known_sigma).sum())
-    if not lost and bool((rejected == before).all()):
-        return None
-    return replace(smaller, rejected=rejected if rejected.any() else None)
+    smaller = replace(smaller, rejected=rejected if rejected.any() else None)
+    return None if smaller.observations == problem.observations else smaller
 
 
 def _weakest(b: Array, weight: Array) -> float:
@@ -179,4 +191,6 @@ def _names(problem: Problem, reduced: Problem) -> tuple[ObservationName, ...]:
             names.append(("image", row.photo, row.point, row.model, "xy"[axis]))
     gone = np.isfinite(problem.known_sigma) & ~np.isfinite(reduced.known_sigma)
     names += [("control", problem.points[k], "XYZ"[axis]) for k, axis in np.argwhere(gone).tolist()]
+    gone = np.isfinite(problem.prior_sigma) & ~np.isfinite(reduced.prior_sigma)
+    names += [("prior", problem.photos[k], ORIENTATION[i]) for k, i in np.argwhere(gone).tolist()]
     return tuple(names)

@@ -22,7 +22,7 @@ from anaplot.bundle.normal import NormalEquations, State, Structure, linearise
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.reliability import Cofactors, compute_cofactors
 
-__all__ = ["BlockResiduals", "ObservationName", "Unit", "block_residuals"]
+__all__ = ["ORIENTATION", "BlockResiduals", "ObservationName", "Unit", "block_residuals"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -31,7 +31,7 @@ ObservationName = tuple[str | None, ...]
 Unit = Literal["um", "m", "rad", "mm"]
 
 _PORTION = 60_000_000  # bytes of the largest array while columns are solved for
-_ORIENTATION = ("X", "Y", "Z", "omega", "phi", "kappa")
+ORIENTATION = ("X", "Y", "Z", "omega", "phi", "kappa")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,7 +223,7 @@ def block_residuals(
             np.clip(held.ravel()[additional], 0.0, 1.0),
         )
     )
-    sigmas = np.concatenate((problem.position_sigma, problem.rotation_sigma), axis=1)
+    sigmas = problem.prior_sigma
     q = max(len(problem.additional_sigma), 1)
     sigma = np.concatenate(
         (
@@ -281,7 +281,7 @@ def _names(
         row = rows[source]
         names += [("image", row.photo, row.point, row.model, axis) for axis in "xy"]
     names += [("control", problem.points[k], "XYZ"[axis]) for k, axis in control.tolist()]
-    names += [("prior", problem.photos[k], _ORIENTATION[index]) for k, index in priors.tolist()]
+    names += [("prior", problem.photos[k], ORIENTATION[index]) for k, index in priors.tolist()]
     if problem.additional is not None:
         labels = problem.additional.set.names
         for k in additional.tolist():

@@ -80,7 +80,7 @@ class Suspect(NamedTuple):
     Attributes
     ----------
     what
-        "point P in photo F" or "control point P".
+        "point P in photo F", "control point P" or "the stated position of photo F".
     size
         How far it is off, with its unit.
     times
@@ -101,7 +101,8 @@ def robust_suspects(
     points of the others first.
     """
     clearest = _clearest(problem, structure, start, steps)
-    image, control, held = clearest.image, clearest.control, clearest.held
+    image, control, priors = clearest.misfits
+    held = clearest.held
     found = []
     scale = clearest.ray_scale(problem)
     rays = np.bincount(problem.point, minlength=len(problem.points))
@@ -127,6 +128,10 @@ def robust_suspects(
             if what in named:
                 continue
             found.append(Suspect(what, f"{control[k]:.3g} m", control[k] / scale))
+    scale = clearest.prior_scale()
+    for k, group in np.argwhere(priors > _FAR * scale).tolist():
+        what = f"the stated {('position', 'rotation')[group]} of photo {problem.photos[k]}"
+        found.append(Suspect(what, f"{priors[k, group]:.3g} sigma", priors[k, group] / scale))
     found = [suspect for suspect in found if suspect.times > _FAR]
     found.sort(key=lambda suspect: -suspect.times)
     return found
@@ -139,13 +144,15 @@ class FarOff(NamedTuple):
     ----------
     state
         The solution; coordinates free of error have their values.
-    rays, control
-        (m,) and (points,) which rays and which points' control.
+    rays, control, priors
+        (m,) which rays, (points,) which points' control, (photos, 2) which prior positions and
+        rotations.
     """
 
     state: State
     rays: NDArray[np.bool_]
     control: NDArray[np.bool_]
+    priors: NDArray[np.bool_]
 
 
 def far_off(problem: Problem, structure: Structure, start: State, steps: int = 12) -> FarOff:
@@ -154,42 +161,54 @@ def far_off(problem: Problem, structure: Structure, start: State, steps: int = 1
     held = clearest.held.any(axis=1)
     control = np.zeros(len(problem.points), dtype=bool)
     if held.any():
-        control = held & (clearest.control > _FAR * clearest.control_scale())
-    rays = clearest.image > _FAR * clearest.ray_scale(problem)
-    return FarOff(_with_fixed(problem, clearest.state), rays, control)
+        control = held & (clearest.misfits.control > _FAR * clearest.control_scale())
+    rays = clearest.misfits.image > _FAR * clearest.ray_scale(problem)
+    priors = clearest.misfits.priors > _FAR * clearest.prior_scale()
+    return FarOff(_with_fixed(problem, clearest.state), rays, control, priors)
+
+
+class _Misfits(NamedTuple):
+    """(m,) of rays [mm], (points,) of control [m], (photos, 2) of prior orientations [sigmas]."""
+
+    image: Array
+    control: Array
+    priors: Array
 
 
 class _Clearest(NamedTuple):
-    """A robust solution; held, least and misfits as `_robust` and `_misfits` return them."""
+    """A robust solution; held and least as `_robust` returns them."""
 
     state: State
     held: NDArray[np.bool_]
     least: Array
-    image: Array
-    control: Array
+    misfits: _Misfits
 
     def ray_scale(self, problem: Problem) -> float:
         """Return what a ray is off in the median, not less than its sigma [mm]."""
-        return max(float(np.median(self.image)), float(np.median(problem.sigma)))
+        return max(float(np.median(self.misfits.image)), float(np.median(problem.sigma)))
 
     def control_scale(self) -> float:
         """Return what control is off in the median, not less than its smallest sigma [m]."""
         held = self.held
-        middle = float(np.median(self.control[held.any(axis=1)]))
+        middle = float(np.median(self.misfits.control[held.any(axis=1)]))
         return max(middle, float(self.least[held].min()))
+
+    def prior_scale(self) -> float:
+        """Return what prior orientations are off in the median, not less than their sigma."""
+        return _prior_scale(self.misfits.priors)
 
 
 def _clearest(problem: Problem, structure: Structure, start: State, steps: int) -> _Clearest:
     """Return the robust solution that leaves fewer rays off, with and without new orientations."""
     state, held, least = _robust(problem, structure, start, steps)
-    image, control = _misfits(problem, held, state)
-    off = _off(problem, image)
-    if off > max(1, len(image) // 200):
+    misfits = _misfits(problem, held, state)
+    off = _off(problem, misfits.image)
+    if off > max(1, len(misfits.image) // 200):
         again, _, _ = _robust(problem, structure, _reoriented(problem, start), steps)
         others = _misfits(problem, held, again)
-        if _off(problem, others[0]) <= off:
-            state, (image, control) = again, others
-    return _Clearest(state, held, least, image, control)
+        if _off(problem, others.image) <= off:
+            state, misfits = again, others
+    return _Clearest(state, held, least, misfits)
 
 
 class RobustState(NamedTuple):
@@ -225,12 +244,12 @@ def robust_state(
 ) -> RobustState:
     """Return the state after some steps of a robust adjustment.
 
-    The sigma of every ray and control point grows with its residual (Cauchy's weight function), so
-    that gross errors lose their pull. The steps are damped; control free of error is weighted
-    here, for it may be what is wrong.
+    The sigma of every ray, control point and prior grows with its residual (Cauchy's weight
+    function), so that gross errors lose their pull. The steps are damped; control free of error is
+    weighted here, for it may be what is wrong.
     """
     state, held, least = _robust(problem, structure, start, steps)
-    image, control = _misfits(problem, held, state)
+    image, control, _ = _misfits(problem, held, state)
     off = control > 20.0 * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
     return RobustState(
         _with_fixed(problem, state),
@@ -269,13 +288,20 @@ def _robust(
     weights = None if tie is None else tie.weights
     damping = 1e-3
     for _ in range(steps):
-        image, control = _misfits(problem, held, state)
+        image, control, priors = _misfits(problem, held, state)
         scale = max(float(np.median(image)), float(np.median(problem.sigma)))
         soft = replace(soft, sigma=scale * np.sqrt(1.0 + (image / scale) ** 2))
         if held.any():
             scale = max(float(np.median(control[held.any(axis=1)])), float(least[held].min()))
             grown = least * np.sqrt(1.0 + (control / scale) ** 2)[:, None]
             soft = replace(soft, known_sigma=np.where(held, grown, np.nan))
+        if priors.any():
+            grown = np.sqrt(1.0 + (priors / _prior_scale(priors)) ** 2)
+            soft = replace(
+                soft,
+                position_sigma=problem.position_sigma * grown[:, :1],
+                rotation_sigma=problem.rotation_sigma * grown[:, 1:],
+            )
         linear = linearise(soft, state)
         step = damped_step(soft, structure, linear, damping, weights, None)
         if step is None:
@@ -330,9 +356,14 @@ def _reoriented(problem: Problem, start: State, rounds: int = 3) -> State:
     )
 
 
-def _misfits(problem: Problem, held: NDArray[np.bool_], state: State) -> tuple[Array, Array]:
-    """(m,) misfit of the rays [mm] and (points,) of control [m]."""
-    e = linearise(problem, state).e * problem.sigma_xy
+def _misfits(problem: Problem, held: NDArray[np.bool_], state: State) -> _Misfits:
+    linear = linearise(problem, state)
+    e = linear.e * problem.sigma_xy
     image = np.nan_to_num(np.linalg.norm(e, axis=1), nan=1e6, posinf=1e6)
     off = np.where(held, state.points + state.origin - problem.known, 0.0)
-    return image, np.linalg.norm(off, axis=1)
+    priors = np.abs(linear.photo_e).reshape(-1, 2, 3).max(axis=2)
+    return _Misfits(image, np.linalg.norm(off, axis=1), priors)
+
+
+def _prior_scale(priors: Array) -> float:
+    return max(float(np.median(priors[priors > 0.0])), 1.0) if priors.any() else 1.0

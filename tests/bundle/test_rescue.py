@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bundleblocks import aerial
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.additional import additional_parameters
@@ -168,3 +169,18 @@ def test_the_command_says_how_it_began(tmp_path: Path, capsys) -> None:
         ("104", "03-05"),
     }
     assert "disagrees" in answer["no_solution"]
+
+
+def test_a_wild_prior_is_named_and_rejected_alone() -> None:
+    scene = aerial(3, 4, per_base=2, noise_um=5.0, control_sigma=0.05, priors=True, seed=3)
+    photos = list(scene.block.photos)
+    x, y, z = photos[4].position
+    photos[4] = replace(photos[4], position=(x + 20_000.0, y, z))
+    block = replace(scene.block, photos=tuple(photos))
+    with pytest.raises(NoConvergenceError, match="the stated position of photo 201 disagrees"):
+        adjust_block(block)
+    found = block_gross_errors(block, "search", ALPHA)
+    assert {name[:2] for name in found.begun.left_out} == {("prior", "201")}
+    assert ("prior", "201", "X") in {row.name for row in found.rejected}
+    assert not {("prior", "201", axis) for axis in "YZ"} & {row.name for row in found.rejected}
+    assert found.block.sigma0 < 1.2
