@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import io
 import json
+import math
 import os
 import signal
 import sys
@@ -448,10 +449,10 @@ def _add_plan_block(parts: Any) -> None:
     block.add_argument("--strips", type=whole, default=3, metavar="N", help="default 3")
     block.add_argument("--photos", type=whole, default=6, metavar="N", help="a strip, default 6")
     block.add_argument(
-        "--overlap", type=_percentage, default=60.0, metavar="PERCENT", help="default 60"
+        "--overlap", type=_between(0.0, 100.0), default=60.0, metavar="PERCENT", help="default 60"
     )
     block.add_argument(
-        "--sidelap", type=_percentage, default=30.0, metavar="PERCENT", help="default 30"
+        "--sidelap", type=_between(0.0, 100.0), default=30.0, metavar="PERCENT", help="default 30"
     )
     block.add_argument(
         "--points", choices=("3x3", "5x5"), default="3x3", help="a photo, default 3x3"
@@ -464,8 +465,7 @@ def _add_plan_block(parts: Any) -> None:
     )
     block.add_argument(
         "--bridging",
-        type=_positive,
-        default=2.0,
+        type=_length,
         metavar="BASES",
         help="bases from control to control, default 2",
     )
@@ -474,20 +474,24 @@ def _add_plan_block(parts: Any) -> None:
         "--cross-strips", type=_whole(0, 100), default=0, metavar="N", help="flown across"
     )
     block.add_argument(
-        "--c", type=_positive, default=150.0, metavar="MM", help="camera constant, default 150"
+        "--c", type=_length, default=150.0, metavar="MM", help="camera constant, default 150"
     )
     block.add_argument(
-        "--format", type=_positive, default=230.0, metavar="MM", help="side, default 230"
+        "--format", type=_length, default=230.0, metavar="MM", help="side, default 230"
     )
     block.add_argument(
-        "--scale", type=_positive, default=10_000.0, metavar="N", help="1 : N, default 10000"
+        "--scale", type=_length, default=10_000.0, metavar="N", help="1 : N, default 10000"
     )
     block.add_argument(
-        "--image-um", type=_positive, default=5.0, metavar="UM", help="a-priori sigma0, default 5"
+        "--image-um",
+        type=_micrometres,
+        default=5.0,
+        metavar="UM",
+        help="a-priori sigma0, default 5",
     )
     block.add_argument(
         "--control-m",
-        type=_not_negative,
+        type=_none_or_length,
         default=0.0,
         metavar="M",
         help="standard deviation of control, default 0: free of error",
@@ -519,7 +523,7 @@ def _add_plan_network(parts: Any) -> None:
         "--case", choices=("A", "B", "C", "D", "E"), help="stations of the cube, default A"
     )
     network.add_argument(
-        "--image-um", type=_positive, metavar="UM", help="a-priori sigma0 of the cube, default 5"
+        "--image-um", type=_micrometres, metavar="UM", help="a-priori sigma0 of the cube, default 5"
     )
     network.add_argument(
         "--correlations",
@@ -605,12 +609,12 @@ def _add_plan(commands: Any) -> None:
         help='"13", "13/5", ... or a .csv or .toml with label,x,y[,tie] (mm)',
     )
     show.add_argument("--ties", choices=("3", "5"), help="points shared with the preceding model")
-    show.add_argument("--base", type=_positive, default=90.0, metavar="MM", help="default 90")
+    show.add_argument("--base", type=_length, default=90.0, metavar="MM", help="default 90")
     show.add_argument(
-        "--d", type=_positive, default=100.0, metavar="MM", help="half the model in y, default 100"
+        "--d", type=_length, default=100.0, metavar="MM", help="half the model in y, default 100"
     )
     show.add_argument(
-        "--c", type=_positive, default=152.0, metavar="MM", help="camera constant, default 152"
+        "--c", type=_length, default=152.0, metavar="MM", help="camera constant, default 152"
     )
     show.add_argument(
         "--tie-variance",
@@ -880,8 +884,31 @@ def _positive(text: str) -> float:
     return value
 
 
-def _not_negative(text: str) -> float:
-    return 0.0 if text.strip() in ("0", "0.0") else _positive(text)
+def _between(low: float, high: float) -> Callable[[str], float]:
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} is no number from {low:g} to {high:g}")
+        return value
+
+    return number
+
+
+# what is planned is computed in double precision: wide enough for any camera and any object
+_length = _between(1e-6, 1e6)
+_micrometres = _between(1e-3, 1e6)
+
+
+def _none_or_length(text: str) -> float:
+    try:
+        if float(text) == 0.0:
+            return 0.0
+        return _between(1e-9, 1e6)(text)
+    except (ValueError, argparse.ArgumentTypeError):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither 0 nor from 1e-09 to 1e+06") from None
 
 
 def _percentage(text: str) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container
 from dataclasses import dataclass
-from math import radians
+from math import dist, hypot, radians
 from pathlib import Path
 
 from anaplot.exchange.blocktoml import read_rotation
@@ -19,6 +19,11 @@ __all__ = ["NETWORK_FORMAT", "NetworkFile", "ObjectPoint", "StationEntry", "read
 NETWORK_FORMAT = 1
 _MAX_BYTES = 4_000_000
 _MOST_STATIONS, _MOST_POINTS = 1_000, 20_000
+# computed in double precision: wide enough for any camera and any object
+_BOUNDS = (1e-6, 1e6)  # mm
+_IMAGE_UM = (1e-3, 1e6)
+_FINEST = 1e-9  # m, of control that is not free of error
+_NEAREST = 1e-6  # m: what is closer has no direction
 
 Triple = tuple[float, float, float]
 
@@ -78,7 +83,7 @@ def read_network(path: Path) -> NetworkFile:
     cameras: dict[str, Camera] = {}
     for table in root.tables("camera"):
         table.only("id", "c", "format")
-        camera = Camera(table.name("id"), table.positive("c"), frame_format(table))
+        camera = Camera(table.name("id"), table.between("c", *_BOUNDS), _format(table))
         _once("camera", camera.id, table, cameras)
         cameras[camera.id] = camera
     stations: dict[str, StationEntry] = {}
@@ -103,7 +108,7 @@ def read_network(path: Path) -> NetworkFile:
         raise root.fail("incidence", f"incidence = {incidence:g} must be at most 90 degrees")
     return NetworkFile(
         root.name("name"),
-        root.positive("image_um", 5.0),
+        root.between("image_um", *_IMAGE_UM, 5.0),
         incidence,
         tuple(cameras.values()),
         tuple(stations.values()),
@@ -125,7 +130,7 @@ def _station(table: TomlTable, cameras: dict[str, Camera]) -> StationEntry:
             raise table.fail("roll", "roll goes with look_at; a rotation holds it already")
         return StationEntry(name, camera, position, read_rotation(table, "rotation"), None)
     target = _triple(table, "look_at")
-    if target == position:
+    if dist(target, position) < _NEAREST:
         raise table.fail("look_at", "look_at is the station itself")
     roll = radians(table.number("roll", 0.0))
     return StationEntry(name, camera, position, None, target, roll)
@@ -134,12 +139,28 @@ def _station(table: TomlTable, cameras: dict[str, Camera]) -> StationEntry:
 def _point(table: TomlTable) -> ObjectPoint:
     table.only("id", "position", "normal", "control")
     normal = _triple(table, "normal") if "normal" in table else None
-    if normal == (0.0, 0.0, 0.0):
-        raise table.fail("normal", "normal has no direction")
+    name = table.name("id")
+    if normal is not None and hypot(*normal) < _NEAREST:
+        raise table.fail(
+            "normal",
+            f"point {quoted(name)}: normal has no direction: its length is {hypot(*normal):g}, "
+            f"at least {_NEAREST:g}",
+        )
     control = table.number("control") if "control" in table else None
-    if control is not None and control < 0.0:
-        raise table.fail("control", f"control = {control:g} must not be negative")
-    return ObjectPoint(table.name("id"), _triple(table, "position"), normal, control)
+    if control is not None and control != 0.0 and not _FINEST <= control <= _BOUNDS[1]:
+        raise table.fail(
+            "control",
+            f"point {quoted(name)}: control = {control:g} must be 0 or lie between {_FINEST:g} and "
+            f"{_BOUNDS[1]:g} m",
+        )
+    return ObjectPoint(name, _triple(table, "position"), normal, control)
+
+
+def _format(table: TomlTable) -> tuple[float, float] | None:
+    size = frame_format(table)
+    if size is not None and not _BOUNDS[0] <= min(size) <= max(size) <= _BOUNDS[1]:
+        raise table.fail("format", f"format must lie between {_BOUNDS[0]:g} and {_BOUNDS[1]:g} mm")
+    return size
 
 
 def _triple(table: TomlTable, key: str) -> Triple:

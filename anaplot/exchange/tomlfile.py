@@ -149,6 +149,13 @@ class TomlTable:
             raise self.fail(key, f"{key} = {value:g} must be greater than 0")
         return value
 
+    def between(self, key: str, low: float, high: float, default: float | None = None) -> float:
+        """Return a number from `low` to `high`, both included."""
+        value = self.number(key, default)
+        if not low <= value <= high:
+            raise self.fail(key, f"{key} = {value:g} must lie between {low:g} and {high:g}")
+        return value
+
     def fraction(self, key: str, default: float) -> float:
         """Return a number between 0 and 1, both excluded."""
         value = self.number(key, default)

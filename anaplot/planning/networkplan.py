@@ -155,8 +155,7 @@ def plan_network(network: Network) -> IdealBlock:
         if normal is None:
             return True
         ray = network.stations[photo].centre - network.points[point]
-        facing = float(normal @ ray) / float(np.linalg.norm(normal) * np.linalg.norm(ray))
-        return facing >= limit - 1e-12
+        return float(_unit(normal) @ _unit(ray)) >= limit - 1e-12
 
     made = photograph(
         network.name,
@@ -173,6 +172,13 @@ def plan_network(network: Network) -> IdealBlock:
     if not made.block.image_points:
         raise NotComputableError(f"network {network.name}: no station sees any point")
     return made
+
+
+def _unit(vector: Array) -> Array:
+    """Return the direction of a vector that is not zero, however short; (3,)."""
+    scaled = vector / np.abs(vector).max()
+    unit: Array = scaled / np.linalg.norm(scaled)
+    return unit
 
 
 def cube(version: str, image_um: float = 5.0) -> Network:

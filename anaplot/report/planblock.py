@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import (
     write_control,
     write_image_points,
@@ -31,6 +32,7 @@ from anaplot.report.progress import ProgressLine
 __all__ = ["run_plan_block", "write_planned"]
 
 _SHOWN = 6
+_BRIDGING = 2.0  # bases
 
 
 def run_plan_block(options: argparse.Namespace) -> int:
@@ -43,6 +45,10 @@ def run_plan_block(options: argparse.Namespace) -> int:
     NotComputableError
         The plan does not determine everything.
     """
+    if options.twin and options.control == "none":
+        raise InputError("--twin goes with control: --control none plans none")
+    if options.bridging is not None and options.control != "perimeter":
+        raise InputError("--bridging goes with --control perimeter")
     plan = BlockPlan(
         strips=options.strips,
         photos=options.photos,
@@ -50,7 +56,7 @@ def run_plan_block(options: argparse.Namespace) -> int:
         sidelap=options.sidelap / 100.0,
         side=5 if options.points == "5x5" else 3,
         control=options.control,
-        bridging=options.bridging,
+        bridging=_BRIDGING if options.bridging is None else options.bridging,
         twin=options.twin,
         cross_strips=options.cross_strips,
         c=options.c,

@@ -135,3 +135,47 @@ def test_the_command_and_the_folder(tmp_path: Path, capsys) -> None:
     assert "leave a movement open" in capsys.readouterr().err
     assert main(["plan", "block", "--control", "none", "--sidelap", "60", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["accuracy_m"]["rms"][0] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        (["--control-m", "1e-300"], "--control-m: '1e-300' is neither 0 nor from 1e-09 to 1e+06"),
+        (["--control-m", "-1"], "--control-m: '-1' is neither 0 nor"),
+        (["--image-um", "1e-150"], "--image-um: '1e-150' is no number from 0.001 to 1e+06"),
+        (["--c", "1e-150"], "--c: '1e-150' is no number from 1e-06 to 1e+06"),
+        (["--format", "inf"], "--format: 'inf' is no number from 1e-06 to 1e+06"),
+        (["--scale", "nan"], "--scale: 'nan' is no number from 1e-06 to 1e+06"),
+        (["--sidelap", "0"], "side lap 0 %: strips join from 10 %, and 90 % are plenty"),
+        (["--overlap", "0"], "overlap 0 %: models join from 55 %, and 90 % are plenty"),
+        (["--twin", "--control", "none"], "--twin goes with control"),
+        (["--bridging", "2", "--control", "none"], "--bridging goes with --control perimeter"),
+        (["--bridging", "2", "--control", "corners"], "--bridging goes with --control perimeter"),
+    ],
+)
+def test_options_out_of_their_limits_are_refused(capsys, option, said) -> None:
+    assert main(["plan", "block", *option]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("zero", ["0", "0.0", "00", "0e0"])
+def test_control_free_of_error_is_any_zero(capsys, zero) -> None:
+    call = ["plan", "block", "--strips", "2", "--photos", "3", "--json", "--control-m", zero]
+    assert main(call) == 0
+    assert json.loads(capsys.readouterr().out)["observations"] > 0
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        ["--control-m", "1e-9"],
+        ["--image-um", "1e-3"],
+        ["--image-um", "1e6"],
+        ["--c", "1e-6"],
+        ["--scale", "1e-6"],
+    ],
+)
+def test_the_limits_themselves_can_be_planned(option) -> None:
+    assert main(["plan", "block", "--strips", "2", "--photos", "3", "--json", *option]) == 0

@@ -14,8 +14,11 @@ from hypothesis import strategies as st
 from anaplot.bundle.adjust import adjust_block
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block
+from anaplot.photogrammetry.block import Camera
+from anaplot.planning.idealblock import Station
 from anaplot.planning.networkplan import (
     CUBE_VERSIONS,
+    Network,
     cube,
     looking_at,
     photo_worth,
@@ -159,6 +162,15 @@ def test_a_network_from_a_file(tmp_path: Path, capsys) -> None:
     assert better["indicators"]["ri"] > answer["indicators"]["ri"]
 
 
+def test_a_point_is_seen_along_the_shortest_ray() -> None:
+    corner = np.zeros(3)
+    near = {"near": np.array([0.0, 0.0, -1e-200]), "behind": np.array([0.0, 0.0, -2e-200])}
+    normals = {"near": np.array([0.0, 0.0, 1.0]), "behind": np.array([0.0, 0.0, -1.0])}
+    stations = {"s": Station(corner, np.eye(3), "cam")}
+    made = plan_network(Network("n", (Camera("cam", 50.0),), stations, near, normals=normals))
+    assert [row.point for row in made.block.image_points] == ["near"]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -167,7 +179,6 @@ def test_a_network_from_a_file(tmp_path: Path, capsys) -> None:
         ('id = "p2"', 'id = "p1"', "point 'p1' twice"),
         ('id = "s1"', 'id = "s0"', "station 's0' twice"),
         ("normal = [2.0000, 0.0000, 0.0]", "normal = [0.0, 0.0, 0.0]", "normal has no direction"),
-        ("control = 0.0005", "control = -1.0", "control = -1 must not be negative"),
         ("image_um = 3.0", "image_um = 3.0\nincidence = 95.0", "at most 90 degrees"),
         ("look_at = [0.0, 0.0, 3.0]", "look_at = [12.0, 0.0, 2.0]", "is the station itself"),
         ("position = [2.0000,", "position = [2e9,", "out of all measure"),
