@@ -484,7 +484,7 @@ def _add_plan_block(parts: Any) -> None:
     )
     block.add_argument(
         "--image-um",
-        type=_micrometres,
+        type=_length,
         default=5.0,
         metavar="UM",
         help="a-priori sigma0, default 5",
@@ -523,7 +523,7 @@ def _add_plan_network(parts: Any) -> None:
         "--case", choices=("A", "B", "C", "D", "E"), help="stations of the cube, default A"
     )
     network.add_argument(
-        "--image-um", type=_micrometres, metavar="UM", help="a-priori sigma0 of the cube, default 5"
+        "--image-um", type=_length, metavar="UM", help="a-priori sigma0 of the cube, default 5"
     )
     network.add_argument(
         "--correlations",
@@ -609,9 +609,17 @@ def _add_plan(commands: Any) -> None:
         help='"13", "13/5", ... or a .csv or .toml with label,x,y[,tie] (mm)',
     )
     show.add_argument("--ties", choices=("3", "5"), help="points shared with the preceding model")
-    show.add_argument("--base", type=_length, default=90.0, metavar="MM", help="default 90")
     show.add_argument(
-        "--d", type=_length, default=100.0, metavar="MM", help="half the model in y, default 100"
+        "--base",
+        type=_length,
+        metavar="MM",
+        help="default 90, for a file the largest x of its points",
+    )
+    show.add_argument(
+        "--d",
+        type=_length,
+        metavar="MM",
+        help="half the model in y, default 100, for a file as far as its points lie",
     )
     show.add_argument(
         "--c", type=_length, default=152.0, metavar="MM", help="camera constant, default 152"
@@ -898,8 +906,7 @@ def _between(low: float, high: float) -> Callable[[str], float]:
 
 
 # what is planned is computed in double precision: wide enough for any camera and any object
-_length = _between(1e-6, 1e6)
-_micrometres = _between(1e-3, 1e6)
+_length = _between(1e-3, 1e6)
 
 
 def _none_or_length(text: str) -> float:

@@ -20,8 +20,7 @@ NETWORK_FORMAT = 1
 _MAX_BYTES = 4_000_000
 _MOST_STATIONS, _MOST_POINTS = 1_000, 20_000
 # computed in double precision: wide enough for any camera and any object
-_BOUNDS = (1e-6, 1e6)  # mm
-_IMAGE_UM = (1e-3, 1e6)
+_BOUNDS = (1e-3, 1e6)  # mm or um
 _FINEST = 1e-9  # m, of control that is not free of error
 _NEAREST = 1e-6  # m: what is closer has no direction
 
@@ -108,7 +107,7 @@ def read_network(path: Path) -> NetworkFile:
         raise root.fail("incidence", f"incidence = {incidence:g} must be at most 90 degrees")
     return NetworkFile(
         root.name("name"),
-        root.between("image_um", *_IMAGE_UM, 5.0),
+        root.between("image_um", *_BOUNDS, 5.0),
         incidence,
         tuple(cameras.values()),
         tuple(stations.values()),

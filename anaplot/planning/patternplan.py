@@ -8,10 +8,14 @@ from typing import Literal
 
 import numpy as np
 
+from anaplot.errors import NotComputableError
 from anaplot.orientation.patterns import Pattern, ideal_model
 from anaplot.orientation.results import ModelSolution
 
-__all__ = ["Advice", "PlannedPattern", "advise", "from_pattern", "grid", "solve"]
+__all__ = ["Advice", "PlannedPattern", "Span", "advise", "from_pattern", "grid", "solve"]
+
+
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,8 @@ class Advice:
         Where the point would lie in the left photo [mm].
     doubles
         Label of the point that it doubles, or None.
+    tie
+        Whether it is shared with the preceding model.
     before, after
         Weakest redundancy number of the rows that are there already.
     """
@@ -51,6 +57,7 @@ class Advice:
     x: float
     y: float
     doubles: str | None
+    tie: bool
     before: float
     after: float
 
@@ -75,13 +82,11 @@ def solve(
     return ideal_model(at, plan.ties, plan.base, plan.c, tie_variance)
 
 
-def grid(base: float, d: float, steps: int = 5) -> tuple[tuple[float, float], ...]:
-    """Return steps x steps positions over the model, x in 0..base and y in -d..d [mm]."""
-    return tuple(
-        (float(x), float(y))
-        for x in np.linspace(0.0, base, steps)
-        for y in np.linspace(-d, d, steps)
-    )
+def grid(x: Span, y: Span, steps: int = 5) -> tuple[tuple[float, float], ...]:
+    """Return steps x steps positions over the model, between the ends of x and of y [mm]."""
+    places = ((float(px), float(py)) for px in np.linspace(*x, steps)
+              for py in np.linspace(*y, steps))  # fmt: skip
+    return tuple(dict.fromkeys(places))
 
 
 def advise(
@@ -90,6 +95,9 @@ def advise(
     tie_variance: Literal["paper", "propagated"] = "paper",
 ) -> tuple[Advice, ...]:
     """Try every doubled point and every extra position; the most helpful comes first.
+
+    Where there are ties, what lies no further along the flight than they do is tried as a tie
+    too: the preceding model has it.
 
     Raises
     ------
@@ -103,10 +111,20 @@ def advise(
     places = [(x, y, label) for label, x, y in plan.points]
     taken = {(x, y) for x, y, _ in places}
     candidates = [*places, *((x, y, None) for x, y in extra if (x, y) not in taken)]
+    reach = max((x for label, x, _ in plan.points if label in plan.ties), default=-np.inf)
     out = []
     for x, y, doubles in candidates:
-        wider = replace(plan, points=(*plan.points, (new, x, y)))
-        table = solve(wider, tie_variance).table
-        after = min(row.redn for row in table if row.key in rows)
-        out.append(Advice(x, y, doubles, before, after))
+        for tie in (False, True) if x <= reach else (False,):
+            wider = replace(
+                plan,
+                points=(*plan.points, (new, x, y)),
+                ties=(*plan.ties, new) if tie else plan.ties,
+            )
+            try:
+                table = solve(wider, tie_variance).table
+            except NotComputableError:
+                # so far off that the others lie in one place beside it: no advice
+                continue
+            after = min(row.redn for row in table if row.key in rows)
+            out.append(Advice(x, y, doubles, tie, before, after))
     return tuple(sorted(out, key=lambda a: -a.after))

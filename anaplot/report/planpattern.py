@@ -6,23 +6,33 @@ import argparse
 import csv
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from anaplot.errors import InputError
 from anaplot.exchange.patternfile import read_pattern
-from anaplot.exchange.wording import quoted
+from anaplot.exchange.wording import place, quoted
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.patterns import pattern, trace_in_bases
 from anaplot.orientation.results import ModelSolution
-from anaplot.planning.patternplan import Advice, PlannedPattern, advise, from_pattern, grid, solve
+from anaplot.planning.patternplan import (
+    Advice,
+    PlannedPattern,
+    Span,
+    advise,
+    from_pattern,
+    grid,
+    solve,
+)
 from anaplot.report.plantext import advice_lines, drawing, transfer_lines
 
 __all__ = ["pattern_json", "run_plan_pattern"]
 
 _SHOWN = 5
 _FILES = (".csv", ".toml")
+_BASE, _D = 90.0, 100.0  # mm, of a named pattern
+_LEAST_BASE = 1e-3  # mm
 
 
 def pattern_json(
@@ -37,6 +47,7 @@ def pattern_json(
         ],
         "rows": [{"point": r.point, "axis": r.axis, "redn": r.redn} for r in solution.table],
         "n": len(redn),
+        "base_mm": plan.base,
         "mean_redn": float(np.mean(redn)),
         "trace_q_gg": trace_in_bases(solution, plan.base),
         "transfers": [
@@ -44,21 +55,55 @@ def pattern_json(
             for t in diagnose(solution).transfers
         ],
         "advice": [
-            {"x_mm": a.x, "y_mm": a.y, "doubles": a.doubles, "before": a.before, "after": a.after}
+            {
+                "x_mm": a.x,
+                "y_mm": a.y,
+                "doubles": a.doubles,
+                "tie": a.tie,
+                "before": a.before,
+                "after": a.after,
+            }
             for a in advice[:_SHOWN]
         ],
     }
 
 
-def _plan(options: argparse.Namespace) -> PlannedPattern:
+class _Planned(NamedTuple):
+    """What is planned, and where a further point may lie: the ends of x and y [mm]."""
+
+    plan: PlannedPattern
+    x: Span
+    y: Span
+    base_derived: bool
+
+
+def _planned(options: argparse.Namespace) -> _Planned:
     path = Path(options.pattern)
     if path.suffix.lower() not in _FILES:
-        name = options.pattern if options.ties is None else f"{options.pattern}/{options.ties}"
-        return from_pattern(pattern(name), options.base, options.d, options.c)
+        return _named(options)
     if options.ties is not None:
         raise InputError("--ties goes with a named pattern; a file says itself which points tie")
     points, ties = read_pattern(path)
-    return PlannedPattern(points, ties, options.base, options.c)
+    xs, ys = [x for _, x, _ in points], [y for _, _, y in points]
+    base = options.base
+    if base is None:
+        base = max(xs)
+        if base < _LEAST_BASE:
+            raise InputError(f"{place(path)}: which --base? no point lies at an x greater than 0")
+    return _Planned(
+        PlannedPattern(points, ties, base, options.c),
+        (min(xs), max(xs)) if options.base is None else (0.0, base),
+        (min(ys), max(ys)) if options.d is None else (-options.d, options.d),
+        options.base is None,
+    )
+
+
+def _named(options: argparse.Namespace) -> _Planned:
+    name = options.pattern if options.ties is None else f"{options.pattern}/{options.ties}"
+    base = _BASE if options.base is None else options.base
+    d = _D if options.d is None else options.d
+    plan = from_pattern(pattern(name), base, d, options.c)
+    return _Planned(plan, (0.0, base), (-d, d), base_derived=False)
 
 
 def run_plan_pattern(options: argparse.Namespace) -> int:
@@ -71,9 +116,10 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     NotComputableError
         The points do not determine a model.
     """
-    plan = _plan(options)
+    planned = _planned(options)
+    plan = planned.plan
     solution = solve(plan, options.tie_variance)
-    advice = advise(plan, grid(options.base, options.d), options.tie_variance)
+    advice = advise(plan, grid(planned.x, planned.y), options.tie_variance)
     if options.csv is not None:
         at = {label: (x, y) for label, x, y in plan.points}
         with options.csv.open("w", encoding="utf-8", newline="") as file:
@@ -81,12 +127,16 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
             writer.writerow(("point", "x_mm", "y_mm", "axis", "redn"))
             writer.writerows((r.point, *at[r.point], r.axis, r.redn) for r in solution.table)
     if options.json:
-        print(json.dumps(pattern_json(plan, solution, advice), indent=1, allow_nan=False))
+        answer = pattern_json(plan, solution, advice)
+        answer["base_derived"] = planned.base_derived
+        print(json.dumps(answer, indent=1, allow_nan=False))
         return 0
     path = Path(options.pattern)
     title = path.name if path.suffix.lower() in _FILES else options.pattern
     redn = [row.redn for row in solution.table]
     print(f"PATTERN {quoted(title)}: redundancy numbers at the points")
+    if planned.base_derived:
+        print(f"base {plan.base:g} mm: the largest x of the points, as no --base is given")
     transfers = diagnose(solution).transfers
     print("\n".join(["", *drawing(plan, solution, transfers), ""]))
     print(

@@ -151,6 +151,7 @@ def advice_lines(best: Advice) -> list[str]:
         if best.doubles is None
         else f"a double of {printable(best.doubles)}"
     )
+    what += " as a tie" if best.tie else ""
     effect = f"helps the weakest redundancy number most: {best.before:.3f} -> {best.after:.3f}"
     line = f"{what} {effect}"
     return [line] if len(line) <= _LINE else [what, f"  {effect}"]

@@ -143,9 +143,9 @@ def test_the_command_and_the_folder(tmp_path: Path, capsys) -> None:
         (["--control-m", "1e-300"], "--control-m: '1e-300' is neither 0 nor from 1e-09 to 1e+06"),
         (["--control-m", "-1"], "--control-m: '-1' is neither 0 nor"),
         (["--image-um", "1e-150"], "--image-um: '1e-150' is no number from 0.001 to 1e+06"),
-        (["--c", "1e-150"], "--c: '1e-150' is no number from 1e-06 to 1e+06"),
-        (["--format", "inf"], "--format: 'inf' is no number from 1e-06 to 1e+06"),
-        (["--scale", "nan"], "--scale: 'nan' is no number from 1e-06 to 1e+06"),
+        (["--c", "1e-150"], "--c: '1e-150' is no number from 0.001 to 1e+06"),
+        (["--format", "inf"], "--format: 'inf' is no number from 0.001 to 1e+06"),
+        (["--scale", "nan"], "--scale: 'nan' is no number from 0.001 to 1e+06"),
         (["--sidelap", "0"], "side lap 0 %: strips join from 10 %, and 90 % are plenty"),
         (["--overlap", "0"], "overlap 0 %: models join from 55 %, and 90 % are plenty"),
         (["--twin", "--control", "none"], "--twin goes with control"),
@@ -173,8 +173,8 @@ def test_control_free_of_error_is_any_zero(capsys, zero) -> None:
         ["--control-m", "1e-9"],
         ["--image-um", "1e-3"],
         ["--image-um", "1e6"],
-        ["--c", "1e-6"],
-        ["--scale", "1e-6"],
+        ["--c", "1e-3"],
+        ["--scale", "1e-3"],
     ],
 )
 def test_the_limits_themselves_can_be_planned(option) -> None:

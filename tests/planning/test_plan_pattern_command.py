@@ -155,3 +155,47 @@ def test_points_at_many_places_are_listed(capsys, tmp_path):
     lines = drawn(capsys, str(path))
     at = lines.index(next(line for line in lines if line.startswith("POINT ")))
     assert [line.split()[0] for line in lines[at + 1 : at + 11]] == [f"a{k}" for k in range(10)]
+
+
+def small(tmp_path, shift=0.0):
+    path = tmp_path / "small.csv"
+    places = [(x + shift, y) for x in (0, 11, 22) for y in (25, 0, -25)]
+    rows = [f"{k},{x},{y},{'yes' if k < 3 else ''}" for k, (x, y) in enumerate(places)]
+    path.write_text("\n".join(["label,x,y,tie", *rows]) + "\n")
+    return path
+
+
+def test_the_advice_for_a_file_stays_among_its_points(capsys, tmp_path):
+    path = small(tmp_path)
+    assert main(["plan", "pattern", str(path), "--json"]) == 0
+    out = json.loads(capsys.readouterr().out)
+    assert (out["base_mm"], out["base_derived"]) == (22.0, True)
+    for advice in out["advice"]:
+        assert 0.0 <= advice["x_mm"] <= 22.0
+        assert abs(advice["y_mm"]) <= 25.0
+    assert out["advice"][0]["tie"] is True
+    assert main(["plan", "pattern", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert "base 22 mm: the largest x of the points" in text
+    assert " as a tie helps the weakest" in text.replace("\n", "").replace("  ", " ")
+    assert main(["plan", "pattern", str(path), "--base", "30", "--json"]) == 0
+    out = json.loads(capsys.readouterr().out)
+    assert (out["base_mm"], out["base_derived"]) == (30.0, False)
+
+
+def test_places_out_of_all_measure_are_no_advice(capsys, tmp_path):
+    assert main(["plan", "pattern", str(small(tmp_path)), "--d", "1e6", "--json"]) == 0
+    assert all(abs(a["y_mm"]) <= 25.0 for a in json.loads(capsys.readouterr().out)["advice"])
+
+
+def test_a_file_without_a_point_to_the_right_is_asked_for_its_base(capsys, tmp_path):
+    path = small(tmp_path, shift=-50.0)
+    assert main(["plan", "pattern", str(path)]) == 2
+    assert "small.csv: which --base?" in capsys.readouterr().err
+    assert main(["plan", "pattern", str(path), "--base", "22"]) == 0
+
+
+@pytest.mark.parametrize("option", ["--base", "--d", "--c"])
+def test_lengths_have_limits(capsys, option):
+    assert main(["plan", "pattern", "6", option, "1e-150"]) == 2
+    assert f"{option}: '1e-150' is no number from 0.001 to 1e+06" in capsys.readouterr().err
