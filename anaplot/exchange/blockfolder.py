@@ -114,6 +114,11 @@ def write_block_toml(folder: Path, block: Block) -> None:
     create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
 
 
+def block_files(folder: Path) -> tuple[Path, ...]:
+    """Return the files by which a folder is a block, whether they exist or not."""
+    return folder / BLOCK_TOML, folder / IMAGE_POINTS_CSV, folder / CONTROL_CSV
+
+
 def write_new_block(folder: Path, block: Block) -> None:
     """Write the block.toml of a new block, and before it the camera files that stand beside it.
 

@@ -22,9 +22,11 @@ from anaplot.planning.idealblock import IdealBlock, Station, photograph
 __all__ = [
     "CUBE_VERSIONS",
     "Network",
+    "NetworkWorth",
     "PointWorth",
     "cube",
     "looking_at",
+    "network_worth",
     "photo_worth",
     "plan_network",
     "point_worth",
@@ -120,6 +122,38 @@ class PointWorth(NamedTuple):
     axis: Literal["x", "y"]
     mdb_um: float | None
     s_xyz: tuple[float | None, float | None, float | None] | None
+
+
+class NetworkWorth(NamedTuple):
+    """What a network would be worth, and what it leaves open.
+
+    Attributes
+    ----------
+    points, photos
+        Everything adjusted, the weakest first.
+    rays
+        Photos in which each point is seen, by name.
+    new_s
+        Means of the expected standard deviations of the determined new points in X, Y, Z and of
+        all three [m]; None when there are none.
+    new_determined
+        How many new points are determined.
+    not_determined
+        New points that are not.
+    unused_photos
+        Stations without usable rays.
+    unused_control
+        Control that no usable ray meets.
+    """
+
+    points: tuple[PointWorth, ...]
+    photos: tuple[PointWorth, ...]
+    rays: Mapping[str, int]
+    new_s: tuple[float, float, float, float] | None
+    new_determined: int
+    not_determined: tuple[str, ...]
+    unused_photos: tuple[str, ...]
+    unused_control: tuple[str, ...]
 
 
 def looking_at(
@@ -222,6 +256,31 @@ def _cube_rotation(phi: float, omega: float) -> Array:
     )
     rotation: Array = about_z @ about_x @ level
     return rotation
+
+
+def network_worth(network: Network, made: IdealBlock, block: AdjustedBlock) -> NetworkWorth:
+    """Return what an adjusted network determines, and what it does not."""
+    rays = dict.fromkeys(network.points, 0)
+    for row in made.block.image_points:
+        rays[row.point] += 1
+    control = {row.point for row in network.control}
+    adjusted, used = set(block.problem.points), set(block.problem.photos)
+    points = point_worth(block)
+    s = [worth.s_xyz for worth in points if worth.name not in control]
+    new_s = None
+    if s:
+        x, y, z = np.array(s, dtype=float).mean(axis=0).tolist()
+        new_s = (x, y, z, (x + y + z) / 3.0)
+    return NetworkWorth(
+        points,
+        photo_worth(block),
+        rays,
+        new_s,
+        len(s),
+        tuple(p for p in network.points if p not in adjusted and p not in control),
+        tuple(photo for photo in network.stations if photo not in used),
+        tuple(row.point for row in network.control if row.point not in adjusted),
+    )
 
 
 def point_worth(block: AdjustedBlock) -> tuple[PointWorth, ...]:

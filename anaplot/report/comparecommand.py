@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import sys
 from pathlib import Path
@@ -14,8 +13,8 @@ from anaplot.bundle.epochs import compare_epochs
 from anaplot.bundle.epochtests import EpochTests, PointMove, epoch_tests
 from anaplot.bundle.verdict import Verdict
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import read_block
-from anaplot.exchange.wording import quoted
+from anaplot.exchange.blockfolder import block_files, read_block
+from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.hypothesestext import verdict_json
 from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
@@ -54,6 +53,7 @@ def run_compare(options: argparse.Namespace) -> int:
     additional = None
     if options.additional is not None:
         additional = additional_parameters(options.additional, options.additional_sigma_um)
+    check_csv(options.csv, (*block_files(options.first), *block_files(options.second)))
     first, second = read_block(options.first), read_block(options.second)
     with ProgressLine(sys.stderr) as progress:
         found = compare_epochs(
@@ -77,31 +77,26 @@ def run_compare(options: argparse.Namespace) -> int:
 
 
 def _write_csv(path: Path, found: EpochTests) -> None:
-    try:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(
-                ["point", "X", "Y", "Z", "dX", "dY", "dZ", "sX", "sY", "sZ", "length", "s_length",
-                 "P", "moved_bonferroni", "moved_scheffe"]
-            )  # fmt: skip
-            for p in found.points:
-                test = None if p.verdict is None else p.verdict.decisive
-                writer.writerow(
-                    [
-                        p.point,
-                        *p.place,
-                        *(c.d for c in p.coordinates),
-                        *("" if c.s is None else c.s for c in p.coordinates),
-                        p.length,
-                        "" if p.s_length is None else p.s_length,
-                        "" if test is None else test.significance,
-                        *("" if m is None else int(m) for m in (_moved(p.verdict), p.scheffe)),
-                    ]
-                )
-    except OSError as error:
-        raise InputError(
-            f"{quoted(str(path))}: cannot be written: {(error.strerror or str(error)).lower()}"
-        ) from error
+    write_csv(
+        path,
+        ("point", "X", "Y", "Z", "dX", "dY", "dZ", "sX", "sY", "sZ", "length", "s_length",
+         "P", "moved_bonferroni", "moved_scheffe"),
+        (_csv_row(p) for p in found.points),
+    )  # fmt: skip
+
+
+def _csv_row(p: PointMove) -> tuple[object, ...]:
+    test = None if p.verdict is None else p.verdict.decisive
+    return (
+        p.point,
+        *p.place,
+        *(c.d for c in p.coordinates),
+        *(c.s for c in p.coordinates),
+        p.length,
+        p.s_length,
+        None if test is None else test.significance,
+        *(None if m is None else int(m) for m in (_moved(p.verdict), p.scheffe)),
+    )
 
 
 def _moved(verdict: Verdict | None) -> bool | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import sys
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import (
+    block_files,
     write_control,
     write_image_points,
     write_new_block,
@@ -27,6 +27,7 @@ from anaplot.planning.blockplan import (
     weak_photos,
 )
 from anaplot.planning.idealblock import IdealBlock
+from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.progress import ProgressLine
 
 __all__ = ["run_plan_block", "write_planned"]
@@ -49,6 +50,7 @@ def run_plan_block(options: argparse.Namespace) -> int:
         raise InputError("--twin goes with control: --control none plans none")
     if options.bridging is not None and options.control != "perimeter":
         raise InputError("--bridging goes with --control perimeter")
+    check_csv(options.csv, () if options.to is None else block_files(options.to), options.to)
     plan = BlockPlan(
         strips=options.strips,
         photos=options.photos,
@@ -188,20 +190,18 @@ def _without_kind(row: ClassRow) -> dict[str, Any]:
 
 
 def _write_csv(path: Path, classes: tuple[ClassRow, ...]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            ("rays", "ray", "point", "axis", "number", "mean_root", "least", "most", "mean_r",
-             "mdb_um", "untestable")
-        )  # fmt: skip
-        for row in classes:
-            kind = row.kind
-            writer.writerow(
-                (
-                    kind.rays,
-                    "inner" if kind.inner else "outer",
-                    "control" if kind.control else "new",
-                    kind.axis,
-                    *(("" if value is None else value) for value in row[1:]),
-                )
+    write_csv(
+        path,
+        ("rays", "ray", "point", "axis", "number", "mean_root", "least", "most", "mean_r",
+         "mdb_um", "untestable"),
+        (
+            (
+                row.kind.rays,
+                "inner" if row.kind.inner else "outer",
+                "control" if row.kind.control else "new",
+                row.kind.axis,
+                *row[1:],
             )
+            for row in classes
+        ),
+    )  # fmt: skip

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,7 @@ import numpy as np
 
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.networkfile import NetworkFile, read_network
 from anaplot.exchange.wording import quoted
 from anaplot.photogrammetry.block import ControlPoint
@@ -21,12 +20,12 @@ from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.idealblock import IdealBlock, Station
 from anaplot.planning.networkplan import (
     Network,
+    NetworkWorth,
     PointWorth,
     cube,
     looking_at,
-    photo_worth,
+    network_worth,
     plan_network,
-    point_worth,
 )
 from anaplot.report.correlations import (
     RayPair,
@@ -34,14 +33,12 @@ from anaplot.report.correlations import (
     correlations_json,
     correlations_printout,
 )
+from anaplot.report.csvoutput import check_csv, write_csv
+from anaplot.report.networktext import first_lines, network_lines, point_lines
 from anaplot.report.planblock import write_planned
-from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
 
 __all__ = ["network_from_file", "run_plan_network"]
-
-_FEW = 3  # with two rays one coordinate of each is checked by nothing, or next to nothing
-_SHOWN, _NAMED = 12, 20
 
 
 def run_plan_network(options: argparse.Namespace) -> int:
@@ -54,28 +51,33 @@ def run_plan_network(options: argparse.Namespace) -> int:
     NotComputableError
         The stations do not determine the points.
     """
+    made_folder = () if options.to is None else block_files(options.to)
+    check_csv(options.csv, (Path(options.network), *made_folder), options.to)
     network = _network(options)
+    if options.point is not None and options.point not in network.points:
+        raise InputError(f"no point {quoted(options.point)} is seen in this network")
     with ProgressLine(sys.stderr) as progress:
         progress("network", 0.0)
         made = plan_network(network)
         block = made.evaluated("control" if network.control else "free")
-        points, photos = point_worth(block), photo_worth(block)
+        worth = network_worth(network, made, block)
         pairs = correlated_rays(block, options.correlations)
+    if options.point is not None and options.point not in block.problem.points:
+        raise InputError(f"point {quoted(options.point)} is not determined in this network")
     if options.to is not None:
         write_planned(options.to, made)
     if options.csv is not None:
-        _write_csv(options.csv, points, photos)
-    seen = _rays(made)
+        _write_csv(options.csv, worth)
     if options.json:
-        answer = _json(made, block, points, photos, pairs, seen)
+        answer = _json(made, block, worth, pairs)
         if options.point is not None:
             answer["point"] = _point_json(block, options.point)
         print(json.dumps(answer, indent=1, allow_nan=False))
         return 0
-    print("\n".join(_lines(network, block, points, photos, seen)))
-    print("\n" + _shortened(correlations_printout(pairs, options.correlations)))
+    print("\n".join(network_lines(network, block, worth)))
+    print("\n" + first_lines(correlations_printout(pairs, options.correlations)))
     if options.point is not None:
-        print("\n" + "\n".join(_point_lines(block, options.point)))
+        print("\n" + "\n".join(point_lines(block, options.point)))
     return 0
 
 
@@ -118,116 +120,8 @@ def network_from_file(found: NetworkFile) -> Network:
     )
 
 
-def _rays(made: IdealBlock) -> dict[str, int]:
-    count = dict.fromkeys(made.points, 0)
-    for row in made.block.image_points:
-        count[row.point] += 1
-    return count
-
-
-def _lines(
-    network: Network,
-    block: AdjustedBlock,
-    points: tuple[PointWorth, ...],
-    photos: tuple[PointWorth, ...],
-    seen: dict[str, int],
-) -> list[str]:
-    problem, got = block.problem, block.indicators()
-    millimetres = [1e3 * value for value in (got.ai_x, got.ai_y, got.ai_z, got.ai)]
-    lines = [
-        f"PLANNED NETWORK {printable(network.name)}: {len(network.stations)} stations, "
-        f"{len(network.points)} points, {len(network.control)} of them control",
-        f"n {problem.observations}, u {problem.unknowns}, redundancy {block.redundancy}; "
-        f"a-priori sigma0 {network.image_um:g} um",
-        f"RI (mean r)         x' {got.ri_x:.3f}   y' {got.ri_y:.3f}   both {got.ri:.3f}",
-        "AI (mean deviation)  X {:.3f}   Y {:.3f}   Z {:.3f}   all {:.3f} mm".format(*millimetres),
-    ]
-    if not network.control:
-        lines.append("no control: a free network")
-    lines += ["", "PHOTOS, the one with the weakest observation first", _head("PHOTO", "POINT")]
-    lines += [_row(worth) for worth in photos[:_SHOWN]] + _more(len(photos))
-    lines += ["", "POINTS, the one with the weakest observation first",
-              _head("POINT", "PHOTO") + "      sX      sY      sZ mm"]  # fmt: skip
-    lines += [_row(worth) + _deviations(worth) for worth in points[:_SHOWN]] + _more(len(points))
-    lines += ["", *_few(seen)]
-    spurs = block.spurs()
-    if spurs:
-        names = [f"{printable(point)} {axis} in {printable(photo)}" for photo, point, axis in spurs]
-        lines += ["", f"SPUR OBSERVATIONS: next to nothing checks these {len(spurs)}"]
-        lines += [f"  {', '.join(names[k : k + 5])}" for k in range(0, min(len(names), 20), 5)]
-        lines += [f"  and {len(names) - 20} more"] if len(names) > 20 else []
-    return lines
-
-
-def _few(seen: dict[str, int]) -> list[str]:
-    """Return which points are seen in too few photos."""
-    lines = []
-    for count in range(_FEW):
-        names = [printable(name) for name, rays in seen.items() if rays == count]
-        if names:
-            more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-            photos = "1 photo" if count == 1 else f"{count or 'no'} photos"
-            lines.append(f"  {photos}: {', '.join(names[:_NAMED])}{more}")
-    if not lines:
-        return [f"every point is seen in {_FEW} photos or more"]
-    return [f"SEEN IN FEWER THAN {_FEW} PHOTOS", *lines]
-
-
-def _more(count: int) -> list[str]:
-    return [f"  and {count - _SHOWN} more"] if count > _SHOWN else []
-
-
-def _shortened(text: str) -> str:
-    lines = text.splitlines()
-    most = 2 * _SHOWN
-    return "\n".join(lines[: most + 1] + ([f"  and {len(lines) - 1 - most} more"]
-                                          if len(lines) - 1 > most else []))  # fmt: skip
-
-
-def _head(first: str, other: str) -> str:
-    return f"  {first:<10} RAYS  mean r   least  AT {other:<10} AXIS    MDB um"
-
-
-def _row(worth: PointWorth) -> str:
-    mdb = "-" if worth.mdb_um is None else f"{worth.mdb_um:.1f}"
-    return (
-        f"  {printable(worth.name):<10} {worth.rays:>4}  {worth.mean_r:>6.3f}  {worth.low_r:>6.3f}"
-        f"     {printable(worth.weakest):<10} {worth.axis:<4} {mdb:>9}"
-    )
-
-
-def _deviations(worth: PointWorth) -> str:
-    values = worth.s_xyz or (None, None, None)
-    return "".join(f" {'-' if v is None else format(1e3 * v, '.3f'):>7}" for v in values)
-
-
-def _point_lines(block: AdjustedBlock, point: str) -> list[str]:
-    labels, rho = _point(block, point)
-    lines = [f"POINT {printable(point)}: correlations of its residuals, and what is detectable"]
-    names = [f"{printable(photo)} {axis}" for photo, _, axis in labels]
-    width = max(7, *(len(name) + 1 for name in names))
-    lines.append(" " * (width + 2) + "".join(f"{name:>{width}}" for name in names) + "   MDB um")
-    mdb = {
-        (row.photo, axis): value
-        for row in block.ray_rows()
-        if row.point == point
-        for axis, value in zip("xy", row.mdb_um, strict=True)
-    }
-    for name, (photo, _, axis), values in zip(names, labels, rho, strict=True):
-        cells = "".join(f"{'-' if np.isnan(v) else format(v, '.3f'):>{width}}" for v in values)
-        size = mdb[photo, axis]
-        lines.append(f"  {name:<{width}}{cells}{'-' if size is None else format(size, '.1f'):>9}")
-    return lines
-
-
-def _point(block: AdjustedBlock, point: str) -> tuple[list[tuple[str, str | None, str]], Any]:
-    if point not in block.problem.points:
-        raise InputError(f"no point {quoted(point)} is seen in this network")
-    return block.point_correlations(point)
-
-
 def _point_json(block: AdjustedBlock, point: str) -> dict[str, Any]:
-    labels, rho = _point(block, point)
+    labels, rho = block.point_correlations(point)
     return {
         "point": point,
         "coordinates": [{"photo": photo, "axis": axis} for photo, _, axis in labels],
@@ -238,21 +132,28 @@ def _point_json(block: AdjustedBlock, point: str) -> dict[str, Any]:
 def _json(
     made: IdealBlock,
     block: AdjustedBlock,
-    points: tuple[PointWorth, ...],
-    photos: tuple[PointWorth, ...],
+    worth: NetworkWorth,
     pairs: tuple[RayPair, ...],
-    seen: dict[str, int],
 ) -> dict[str, Any]:
-    problem = block.problem
+    problem, indicators = block.problem, block.indicators()._asdict()
+    if worth.new_s is None:
+        indicators.update(dict.fromkeys(("ai_x", "ai_y", "ai_z", "ai")))
     return {
         "name": made.block.name,
         "observations": problem.observations,
         "unknowns": problem.unknowns,
         "redundancy": block.redundancy,
-        "indicators": block.indicators()._asdict(),
-        "points": [_worth_json(worth) for worth in points],
-        "photos": [_worth_json(worth) for worth in photos],
-        "rays": seen,
+        "indicators": indicators,
+        "new_points": {
+            "determined": worth.new_determined,
+            "mean_s_m": None if worth.new_s is None else list(worth.new_s),
+            "not_determined": list(worth.not_determined),
+        },
+        "unused_photos": list(worth.unused_photos),
+        "unused_control": list(worth.unused_control),
+        "points": [_worth_json(one) for one in worth.points],
+        "photos": [_worth_json(one) for one in worth.photos],
+        "rays": worth.rays,
         "spurs": [{"photo": f, "point": p, "axis": a} for f, p, a in block.spurs()],
         "correlations": correlations_json(pairs),
     }
@@ -264,14 +165,25 @@ def _worth_json(worth: PointWorth) -> dict[str, Any]:
     return found
 
 
-def _write_csv(path: Path, points: Iterable[PointWorth], photos: Iterable[PointWorth]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            ("kind", "name", "rays", "mean_r", "least_r", "weakest", "axis", "mdb_um", "sX", "sY",
-             "sZ")
-        )  # fmt: skip
-        for kind, worths in (("point", points), ("photo", photos)):
-            for worth in worths:
-                values = (*worth[:7], *(worth.s_xyz or (None, None, None)))
-                writer.writerow((kind, *("" if value is None else value for value in values)))
+def _write_csv(path: Path, worth: NetworkWorth) -> None:
+    write_csv(
+        path,
+        (
+            "kind",
+            "name",
+            "rays",
+            "mean_r",
+            "least_r",
+            "weakest",
+            "axis",
+            "mdb_um",
+            "sX",
+            "sY",
+            "sZ",
+        ),
+        (
+            (kind, *one[:7], *(one.s_xyz or (None, None, None)))
+            for kind, worths in (("point", worth.points), ("photo", worth.photos))
+            for one in worths
+        ),
+    )

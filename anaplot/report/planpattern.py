@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +24,7 @@ from anaplot.planning.patternplan import (
     grid,
     solve,
 )
+from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.plantext import advice_lines, drawing, transfer_lines
 
 __all__ = ["pattern_json", "run_plan_pattern"]
@@ -116,16 +116,18 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     NotComputableError
         The points do not determine a model.
     """
+    check_csv(options.csv, (Path(options.pattern),))
     planned = _planned(options)
     plan = planned.plan
     solution = solve(plan, options.tie_variance)
     advice = advise(plan, grid(planned.x, planned.y), options.tie_variance)
     if options.csv is not None:
         at = {label: (x, y) for label, x, y in plan.points}
-        with options.csv.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(("point", "x_mm", "y_mm", "axis", "redn"))
-            writer.writerows((r.point, *at[r.point], r.axis, r.redn) for r in solution.table)
+        write_csv(
+            options.csv,
+            ("point", "x_mm", "y_mm", "axis", "redn"),
+            ((r.point, *at[r.point], r.axis, r.redn) for r in solution.table),
+        )
     if options.json:
         answer = pattern_json(plan, solution, advice)
         answer["base_derived"] = planned.base_derived

@@ -1,0 +1,51 @@
+"""Tables and lists that keep to the width of a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from anaplot.report.printable import printable
+
+__all__ = ["PAGE", "fitted", "shortened", "wrapped"]
+
+PAGE = 80
+_GAP = "..."
+
+
+def shortened(name: str, width: int) -> str:
+    """Return a name made printable, in at most `width` characters.
+
+    A long one keeps its two ends: names of a family differ at their ends.
+    """
+    text = printable(name)
+    if len(text) <= width:
+        return text
+    kept = width - len(_GAP)
+    return text[: (kept + 1) // 2] + _GAP + text[len(text) - kept // 2 :]
+
+
+def fitted(value: float | None, decimals: int, width: int) -> str:
+    """Return a number in at most `width` characters, "-" for None.
+
+    A large one has fewer decimals, or an exponent.
+    """
+    if value is None:
+        return "-"
+    forms = [f"{value:.{n}f}" for n in range(decimals, -1, -1)] + [f"{value:.1e}"]
+    return next((text for text in forms if len(text) <= width), forms[-1])
+
+
+def wrapped(head: str, items: Iterable[str], *, separator: str = ", ") -> list[str]:
+    """Return lines of items, no item broken, that begin with `head` and go on indented by 4."""
+    lines = [head]
+    empty = True
+    for item in items:
+        if not empty:
+            lines[-1] += separator.rstrip()
+        gap = "" if empty and lines[-1].endswith(" ") else " " * (not empty)
+        if not empty and len(lines[-1]) + len(gap) + len(item) + 1 > PAGE:
+            lines.append("    " + item)
+        else:
+            lines[-1] += gap + item
+        empty = False
+    return lines
