@@ -213,10 +213,11 @@ def pattern(name: str) -> Pattern:
     Raises
     ------
     InputError
-        There is no such pattern; names the nearest.
+        There is no such pattern; names the nearest, or all.
     """
     try:
         return PATTERNS[name]
     except KeyError:
-        near = get_close_matches(name, PATTERNS, n=1, cutoff=0.0)[0]
-        raise InputError(f"no point pattern {name!r}; the nearest is {near!r}") from None
+        near = get_close_matches(name[:60], PATTERNS, n=1)
+        known = f"the nearest is {near[0]!r}" if near else f"there are {', '.join(PATTERNS)}"
+        raise InputError(f"no point pattern {name[:60]!r}; {known}") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -85,7 +86,7 @@ def _network(options: argparse.Namespace) -> Network:
     if options.network == "cube":
         return cube(options.case or "A", options.image_um or 5.0)
     path = Path(options.network)
-    if path.suffix.lower() != ".toml" and not path.exists():
+    if path.suffix.lower() != ".toml" and not os.path.lexists(path):
         raise InputError(f"no network is called {quoted(options.network)}: cube, or a .toml file")
     if options.case is not None:
         raise InputError("--case goes with the cube")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.exchange.wording import place, quoted
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.patterns import pattern, trace_in_bases
+from anaplot.orientation.patterns import PATTERNS, pattern, trace_in_bases
 from anaplot.orientation.results import ModelSolution
 from anaplot.planning.patternplan import (
     Advice,
@@ -99,7 +100,16 @@ def _planned(options: argparse.Namespace) -> _Planned:
 
 
 def _named(options: argparse.Namespace) -> _Planned:
-    name = options.pattern if options.ties is None else f"{options.pattern}/{options.ties}"
+    name = options.pattern
+    # Path("") is the folder itself
+    if name not in PATTERNS and (not name or os.path.lexists(name)):
+        raise InputError(
+            f"{quoted(name)} is no point pattern: a name as 13/5, or a .csv or .toml file of points"
+        )
+    if options.ties is not None:
+        if "/" in name:
+            raise InputError(f"--ties {options.ties}: {quoted(name)} says itself how many tie")
+        name = f"{name}/{options.ties}"
     base = _BASE if options.base is None else options.base
     d = _D if options.d is None else options.d
     plan = from_pattern(pattern(name), base, d, options.c)

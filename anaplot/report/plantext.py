@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import NamedTuple
 
 from anaplot.orientation.results import ModelSolution, Transfer
@@ -13,6 +14,8 @@ __all__ = ["advice_lines", "drawing", "transfer_lines"]
 
 _LINE = 80
 _WIDEST, _NARROWEST = 20, 11
+_GAP = 0.1  # of the extent: a wider gap begins a new column or level
+_SPREAD = 0.25  # of the extent: no column or level is wider
 _SHAFT = 3  # lines between two levels with an arrow between them
 
 Cell = tuple[int, int]  # column from the left, level from above
@@ -31,41 +34,54 @@ def drawing(
 ) -> list[str]:
     """Return the points in their places, each with its redundancy numbers, at most 80 wide.
 
+    Points that nearly share x stand in one column, those that nearly share y on one level.
     Transfers between neighbours in a column or a row are drawn as arrows, the largest of each
     pair of places with its value where there is room. Points at too many different x for a
     drawing are listed instead.
     """
     redn = {row.key: row.redn for row in solution.table}
-    columns = sorted({round(x, 3) for _, x, _ in plan.points})
-    levels = sorted({round(y, 3) for _, _, y in plan.points}, reverse=True)
-    width = min(_WIDEST, (_LINE - 1) // len(columns))
+    column_of = _ranks([x for _, x, _ in plan.points])
+    level_of = _ranks([-y for _, _, y in plan.points])
+    columns, levels = max(column_of) + 1, max(level_of) + 1
+    width = min(_WIDEST, (_LINE - 1) // columns)
     if width < _NARROWEST:
         return _listed(plan, redn)
-    place = {
-        label: (columns.index(round(x, 3)), levels.index(round(y, 3)))
-        for label, x, y in plan.points
-    }
+    labels = [label for label, _, _ in plan.points]
+    place = dict(zip(labels, zip(column_of, level_of, strict=True), strict=True))
     arrows = _arrows(place, transfers)
+    upright = {ends: arrow for ends, arrow in arrows.items() if ends[0][0] == ends[1][0]}
     lines: list[str] = []
-    for level in range(len(levels)):
+    for level in range(levels):
         cells = [
             _cell([p for p, at in place.items() if at == (column, level)], redn, width)
-            for column in range(len(columns))
+            for column in range(columns)
         ]
-        for column, cell in enumerate(cells):
-            arrow = arrows.get(((column, level), (column + 1, level)))
-            if arrow is not None:
-                cell[0] = _horizontal(cell[0], arrow, width)
-        for k in range(max(map(len, cells))):
-            lines.append(_row([cell[k] if k < len(cell) else "" for cell in cells], width))
-        if level + 1 < len(levels):
-            below = {
-                column: arrows[(column, level), (column, level + 1)]
-                for column in range(len(columns))
-                if ((column, level), (column, level + 1)) in arrows
-            }
-            lines += _vertical(below, len(columns), width) if below else [""]
+        height = max(map(len, cells))
+        for (column, top), (_, bottom) in upright:
+            if top < level < bottom:
+                cells[column] = ["|"] * height
+        for k in range(height):
+            line = _row([cell[k] if k < len(cell) else "" for cell in cells], width)
+            lines.append(_level(line, level, arrows, width) if k == 0 else line)
+        if level + 1 < levels:
+            lines += _vertical(level, upright, columns, width)
     return lines
+
+
+def _ranks(values: list[float]) -> list[int]:
+    """Return which of the columns or levels each value lies in; a wide gap begins a new one."""
+    ordered = sorted({round(value, 3) for value in values})
+    extent = ordered[-1] - ordered[0]
+    groups = [[ordered[0]]]
+    for before, value in pairwise(ordered):
+        if value - before > _GAP * extent:
+            groups.append([])
+        groups[-1].append(value)
+    if any(group[-1] - group[0] > _SPREAD * extent for group in groups):
+        # evenly spread: there are no columns to be seen
+        groups = [[value] for value in ordered]
+    rank = {value: k for k, group in enumerate(groups) for value in group}
+    return [rank[round(value, 3)] for value in values]
 
 
 def _cell(labels: list[str], redn: dict[tuple[str, str], float], width: int) -> list[str]:
@@ -83,40 +99,76 @@ def _row(cells: list[str], width: int) -> str:
 def _arrows(
     place: dict[str, Cell], transfers: Iterable[Transfer]
 ) -> dict[tuple[Cell, Cell], _Arrow]:
+    neighbours = _neighbours(set(place.values()))
     out: dict[tuple[Cell, Cell], _Arrow] = {}
     for transfer in transfers:
         source, target = place[transfer.source[0]], place[transfer.target[0]]
-        if abs(source[0] - target[0]) + abs(source[1] - target[1]) != 1:
-            continue
         forward = source < target
         key = (source, target) if forward else (target, source)
+        if key not in neighbours:
+            continue
         had = out.get(key, _Arrow(False, False, 0.0))
         value = max(had.value, transfer.value, key=abs)
         out[key] = _Arrow(had.forward or forward, had.back or not forward, value)
     return out
 
 
-def _horizontal(head: str, arrow: _Arrow, width: int) -> str:
+def _neighbours(occupied: set[Cell]) -> set[tuple[Cell, Cell]]:
+    """Return the pairs of cells that follow each other in a column or a row."""
+    by_column = sorted(occupied)
+    by_level = sorted(occupied, key=lambda cell: (cell[1], cell[0]))
+    return {(a, b) for a, b in pairwise(by_column) if a[0] == b[0]} | {
+        (a, b) for a, b in pairwise(by_level) if a[1] == b[1]
+    }
+
+
+def _level(line: str, level: int, arrows: dict[tuple[Cell, Cell], _Arrow], width: int) -> str:
+    """Return the first line of a level with the arrows between its cells."""
+    for (left, at), (right, other) in sorted(arrows):
+        if not at == other == level:
+            continue
+        start, end = left * width, right * width
+        line = line.ljust(end)
+        head = line[start : start + width].rstrip()
+        drawn = _horizontal(head, arrows[(left, at), (right, at)], width, end - start)
+        # an upright shaft that is crossed stays to be seen
+        for column in range(left + 1, right):
+            k = (column - left) * width
+            if line[start + k] == "|" and drawn[k : k + 1] == "-":
+                drawn = f"{drawn[:k]}+{drawn[k + 1 :]}"
+        line = line[:start] + drawn.ljust(end - start) + line[end:]
+    return line.rstrip()
+
+
+def _horizontal(head: str, arrow: _Arrow, width: int, reach: int) -> str:
+    """Return a cell's head and the arrow that begins in it; the value stands in the first cell."""
     room = width - len(head) - 2
     if room < 4:
         return head
     tips = ("<" if arrow.back else "-", ">" if arrow.forward else "-")
     value = f" {arrow.value:+.3f} "
     shaft = value if len(value) + 4 <= room else ""
-    return f"{head} {tips[0]}{shaft.center(room - 2, '-')}{tips[1]} "
+    drawn = shaft.center(room - 2, "-").ljust(room - 2 + reach - width, "-")
+    return f"{head} {tips[0]}{drawn}{tips[1]} "
 
 
-def _vertical(below: dict[int, _Arrow], columns: int, width: int) -> list[str]:
+def _vertical(
+    level: int, upright: dict[tuple[Cell, Cell], _Arrow], columns: int, width: int
+) -> list[str]:
+    """Return what stands between a level and the next one."""
+    through = {ends: arrow for ends, arrow in upright.items() if ends[0][1] <= level < ends[1][1]}
+    if not through:
+        return [""]
     lines = []
     for k in range(_SHAFT):
         cells = [""] * columns
-        for column, arrow in below.items():
+        for ((column, top), (_, bottom)), arrow in through.items():
             mark = "|"
-            if k == 0 and arrow.back:
+            if (level, k) == (top, 0) and arrow.back:
                 mark = "^"
-            elif k == _SHAFT - 1 and arrow.forward:
+            elif (level + 1, k) == (bottom, _SHAFT - 1) and arrow.forward:
                 mark = "v"
-            cells[column] = f"{mark} {arrow.value:+.3f}" if k == 1 else mark
+            cells[column] = f"{mark} {arrow.value:+.3f}" if (level, k) == (top, 1) else mark
         lines.append(_row(cells, width))
     return lines
 

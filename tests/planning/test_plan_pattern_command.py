@@ -2,10 +2,16 @@
 
 import csv
 import json
+import re
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from anaplot.cli import main
+from anaplot.orientation.results import Transfer
+from anaplot.planning.patternplan import PlannedPattern
+from anaplot.report.plantext import drawing
 
 LENGTHS = ["--base", "90", "--d", "100", "--c", "152"]
 
@@ -199,3 +205,94 @@ def test_a_file_without_a_point_to_the_right_is_asked_for_its_base(capsys, tmp_p
 def test_lengths_have_limits(capsys, option):
     assert main(["plan", "pattern", "6", option, "1e-150"]) == 2
     assert f"{option}: '1e-150' is no number from 0.001 to 1e+06" in capsys.readouterr().err
+
+
+def written(path, places):
+    rows = [f"{label},{x},{y},{tie}" for label, x, y, tie in places]
+    path.write_text("\n".join(["label,x,y,tie", *rows]) + "\n")
+    return str(path)
+
+
+def skeleton(lines):
+    drawing = lines[lines.index("") + 1 :]
+    end = next(k for k, line in enumerate(drawing) if line.startswith("n "))
+    # a transfer that is critical by a hair may have one tip more or less
+    ways = str.maketrans("<>^v", "--||")
+    return [re.sub(r"[-+]?\d\.\d+", "N", line).translate(ways) for line in drawing[:end]]
+
+
+@pytest.mark.parametrize("name", ["6", "6/3", "9", "9/3", "13", "13/5"])
+def test_measured_positions_are_drawn_as_the_planned_ones(capsys, tmp_path, name):
+    named = said(capsys, name)
+    rng = np.random.default_rng(3)
+    places = [
+        (p["label"], p["x_mm"] + dx, p["y_mm"] + dy, "yes" if p["tie"] else "")
+        for p, (dx, dy) in zip(named["points"], rng.normal(0.0, 0.5, (15, 2)), strict=False)
+    ]
+    scattered = drawn(capsys, written(tmp_path / "measured.csv", places))
+    assert skeleton(scattered) == skeleton(drawn(capsys, name))
+
+
+def test_arrows_run_across_empty_places(capsys, tmp_path):
+    places = [
+        ("1", 0, 100, ""), ("7", 45, 100, ""), ("4", 90, 100, ""), ("2", 0, 0, ""),
+        ("5", 90, 0, ""), ("3", 0, -100, ""), ("9", 45, -100, ""), ("6", 90, -100, ""),
+    ]  # fmt: skip
+    lines = drawn(capsys, written(tmp_path / "hollow.csv", places))
+    (line,) = (line for line in lines if line.startswith("o 2"))
+    assert re.fullmatch(r"o 2 [<-]-+ [-+]\d\.\d{3} -+[>-] o 5", line)
+    assert line.index("o 5") == next(line for line in lines if line.startswith("o 1")).index("o 4")
+
+
+def test_crossing_arrows():
+    points = (("L", 0.0, 0.0), ("T", 45.0, 50.0), ("B", 44.0, -50.0), ("R", 90.0, 1.0))
+    plan = PlannedPattern(points, (), 90.0, 152.0)
+    rows = tuple(SimpleNamespace(key=(label, "y"), redn=0.5) for label, _, _ in points)
+    transfers = [
+        Transfer(("L", "y"), ("R", "y"), 0.25),
+        Transfer(("B", "y"), ("T", "y"), -0.75),
+    ]
+    assert drawing(plan, SimpleNamespace(table=rows), transfers) == [
+        "                    o T",
+        "                      y 0.500",
+        "                    ^",
+        "                    | -0.750",
+        "                    |",
+        "o L ---- +0.250 ----+-----------------> o R",
+        "  y 0.500           |                     y 0.500",
+        "                    |",
+        "                    |",
+        "                    |",
+        "                    o B",
+        "                      y 0.500",
+    ]
+
+
+def test_evenly_spread_points_make_no_columns(capsys, tmp_path):
+    places = [(f"a{k}", 5 * k, (-1) ** k * (20 + 7 * k), "") for k in range(20)]
+    lines = drawn(capsys, written(tmp_path / "even.csv", places))
+    assert any(line.startswith("POINT ") for line in lines)
+
+
+def test_what_is_no_pattern_is_named_as_what_it_is(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "dir").mkdir()
+    (tmp_path / "6").mkdir()
+    expected = "is no point pattern: a name as 13/5, or a .csv or .toml file of points"
+    for name, what in (
+        ("dir", f"'dir' {expected}"),
+        ("", f"'' {expected}"),
+        ("/dev/null", f"'/dev/null' {expected}"),
+        ("13/4", "no point pattern '13/4'; the nearest is '13/"),
+        ("nonsense", "no point pattern 'nonsense'; there are 6, 6/3, 9, 9/3, 10,"),
+        ("x" * 5000, "no point pattern 'xxx"),
+    ):
+        assert main(["plan", "pattern", name]) == 2
+        error = capsys.readouterr().err
+        assert what in error
+        assert len(error) < 200
+    # a folder that happens to have the name of a pattern is no matter
+    assert main(["plan", "pattern", "6"]) == 0
+    capsys.readouterr()
+    assert main(["plan", "pattern", "6/3", "--ties", "3"]) == 2
+    assert "--ties 3: '6/3' says itself how many tie" in capsys.readouterr().err
