@@ -14,7 +14,6 @@ import numpy as np
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.additional import AdditionalParameters
-from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.problem import make_problem
@@ -93,8 +92,7 @@ def clean_control_last(
             f"block {block.name}: no control with standard deviations that could be brought in"
         )
     bare = replace(block, control=tuple(replace(c, use="off") for c in block.control))
-    first, datum = _without_control(bare, additional, progress)
-    images = block_gross_errors(first, strategy, settings, progress=progress)
+    images, datum = _without_control(bare, strategy, settings, additional, progress)
     wrong = np.argwhere(images.block.rejected)
     source = images.block.problem.source
     out = {(int(source[ray]), axis) for ray, axis in wrong.tolist()}
@@ -104,20 +102,23 @@ def clean_control_last(
     )
     if rejected.any():
         problem = replace(problem, rejected=rejected)
-    second = adjust_problem(problem, progress=progress)
-    control = block_gross_errors(second, strategy, settings, control_only=True, progress=progress)
+    control = block_gross_errors(problem, strategy, settings, control_only=True, progress=progress)
     return ControlLast(images, control, datum)
 
 
 def _without_control(
     bare: Block,
+    strategy: str,
+    settings: SearchSettings | None,
     additional: AdditionalParameters | None,
     progress: Callable[[str, float], None] | None,
-) -> tuple[AdjustedBlock, str]:
-    """Adjust in the datum of the priors, or free where they do not hold one."""
+) -> tuple[BlockFindings, str]:
+    """Clean in the datum of the priors, or free where they do not hold one."""
     if any(photo.position_sigma is not None for photo in bare.photos):
         try:
-            return adjust_block(bare, additional=additional, progress=progress), "priors"
+            problem = make_problem(bare, additional=additional)
+            return block_gross_errors(problem, strategy, settings, progress=progress), "priors"
         except NotComputableError:
             pass  # too few priors for a datum: the free network says what is wrong with the rest
-    return adjust_block(bare, datum="free", additional=additional, progress=progress), "free"
+    problem = make_problem(bare, datum="free", additional=additional)
+    return block_gross_errors(problem, strategy, settings, progress=progress), "free"

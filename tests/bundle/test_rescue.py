@@ -13,6 +13,7 @@ from bundleblocks import aerial
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.controllast import clean_control_last
 from anaplot.bundle.grosserrors import block_gross_errors
 from anaplot.bundle.minimum import NoConvergenceError
 from anaplot.bundle.problem import make_problem
@@ -25,9 +26,11 @@ from anaplot.planning.blockplan import BlockPlan, plan_block
 ALPHA = SearchSettings(alpha=0.001)
 
 
-def planned(seed: int, *, strips: int = 2, photos: int = 7, sigma: float = 0.05) -> Block:
-    """A block of strips with 30 % side lap over flat ground, with noise of its a-priori size."""
-    made = plan_block(BlockPlan(strips, photos, 0.60, 0.30, control_m=sigma)).block
+def planned(
+    seed: int, *, strips: int = 2, photos: int = 7, sigma: float = 0.05, sidelap: float = 0.30
+) -> Block:
+    """A block of strips over flat ground, with noise of its a-priori size."""
+    made = plan_block(BlockPlan(strips, photos, 0.60, sidelap, control_m=sigma)).block
     rng = np.random.default_rng(seed)
     rows = tuple(
         replace(row, x=row.x + rng.normal() * 0.005, y=row.y + rng.normal() * 0.005)
@@ -184,3 +187,14 @@ def test_a_wild_prior_is_named_and_rejected_alone() -> None:
     assert ("prior", "201", "X") in {row.name for row in found.rejected}
     assert not {("prior", "201", axis) for axis in "YZ"} & {row.name for row in found.rejected}
     assert found.block.sigma0 < 1.2
+
+
+def test_step_by_step_begins_without_what_fits_nowhere() -> None:
+    # without control, strips that share a line of points only would turn about it
+    block = interchanged(planned(1, strips=3, sidelap=0.60), "104", "03-03", "01-05")
+    block = moved(block, "02-05", 2, 30.0)
+    steps = clean_control_last(block, "search", ALPHA)
+    assert steps.images.first is None
+    assert both("104", "03-03", "01-05") <= rejected(steps.images)
+    assert ("02-05", "Z") in rejected(steps.control)
+    assert steps.block.sigma0 < 1.2
