@@ -27,6 +27,7 @@ from anaplot.planning.blockplan import (
     weak_photos,
 )
 from anaplot.planning.idealblock import IdealBlock
+from anaplot.report.columns import fitted
 from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.progress import ProgressLine
 
@@ -98,9 +99,9 @@ def write_planned(folder: Path, made: IdealBlock) -> None:
 
 
 def _kind(row: ClassRow) -> str:
-    rays = "4 and more" if row.kind.rays >= 4 else str(row.kind.rays)
+    rays = "4+" if row.kind.rays >= 4 else str(row.kind.rays)
     control = "control" if row.kind.control else "-"
-    return f"{rays:<10}  {'inner' if row.kind.inner else 'outer':<5}  {control:<7}  {row.kind.axis}"
+    return f"{rays:<4}  {'inner' if row.kind.inner else 'outer':<5}  {control:<7}  {row.kind.axis}"
 
 
 def _lines(
@@ -122,7 +123,8 @@ def _lines(
         f"PLANNED BLOCK: {plan.strips} strips of {plan.photos} photos{cross}, "
         f"{100 * plan.overlap:g} / {100 * plan.sidelap:g} %, {plan.side} x {plan.side} points",
         f"base {plan.base:.1f} m, strips {plan.spacing:.1f} m apart, 1 : {plan.scale:g}, "
-        f"c {plan.c:g} mm; control {control}",
+        f"c {plan.c:g} mm",
+        f"control {control}",
         f"{len(problem.photos)} photos, {len(problem.points)} points; "
         f"n {problem.observations}, u {problem.unknowns}, redundancy {block.redundancy}",
     ]
@@ -131,15 +133,15 @@ def _lines(
         f"mean r: x {got.ri_x:.3f}, y {got.ri_y:.3f}, both {got.ri:.3f}",
         "",
         "CLASSES (Gruen 1980): sqrt(q_vv) in a-priori sigmas, smallest detectable error",
-        "  rays        ray    point    axis  number   mean  least   most  mean r   MDB um",
+        "  rays  ray    point    axis number  mean least  most mean r   MDB um untestable",
     ]
     for row in classes:
-        mdb = "-" if row.mdb_um is None else f"{row.mdb_um:.1f}"
-        blind = f"  {row.untestable} untestable" if row.untestable else ""
-        lines.append(
-            f"  {_kind(row)}     {row.number:>6}  {row.mean:>5.2f}  {row.low:>5.2f}  "
-            f"{row.high:>5.2f}  {row.r:>6.3f}  {mdb:>7}{blind}"
+        mdb = fitted(row.mdb_um, 1, 8)
+        line = (
+            f"  {_kind(row)}   {row.number:>7} {row.mean:>5.2f} {row.low:>5.2f} "
+            f"{row.high:>5.2f} {row.r:>6.3f} {mdb:>8} {row.untestable or '':>10}"
         )
+        lines.append(line.rstrip())
     lines += ["", "WEAK PHOTOS: smallest mean redundancy number first"]
     lines += [
         f"  {photo.photo:<6} {photo.rays:>3} rays  mean r {photo.mean_r:.3f}  "

@@ -129,7 +129,7 @@ def test_the_command_and_the_folder(tmp_path: Path, capsys) -> None:
     assert main(call) == 0
     out = capsys.readouterr().out
     assert "WEAK PHOTOS" in out
-    assert max(len(line) for line in out.splitlines()) <= 100
+    assert max(len(line) for line in out.splitlines()) <= 80
     # strips that overlap in one line of points may turn about it: said, not hidden
     assert main(["plan", "block", "--control", "none"]) == 4
     assert "leave a movement open" in capsys.readouterr().err
@@ -179,3 +179,21 @@ def test_control_free_of_error_is_any_zero(capsys, zero) -> None:
 )
 def test_the_limits_themselves_can_be_planned(option) -> None:
     assert main(["plan", "block", "--strips", "2", "--photos", "3", "--json", *option]) == 0
+
+
+def test_the_report_keeps_to_a_page_and_loses_nothing(capsys) -> None:
+    call = ["plan", "block", "--strips", "2", "--photos", "12", "--twin", "--cross-strips", "2"]
+    more = ["--scale", "123456.7", "--c", "152.67", "--bridging", "2.5", "--image-um", "1e6"]
+    assert main([*call, *more, "--overlap", "67.5", "--sidelap", "33.3"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    head = next(k for k, line in enumerate(lines) if line.startswith("  rays"))
+    names = lines[head].split()
+    assert main(["plan", "block"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    rows = lines[head + 1 : lines.index("", head)]
+    assert (
+        "  2     outer  -        x        12  0.00  0.00  0.00  0.000        -         12" in rows
+    )
+    # two headings are two words
+    assert {len(row.split()) for row in rows} == {len(names) - 3, len(names) - 2}
