@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import io
 import json
 import math
-import os
 import signal
 import sys
 import tempfile
@@ -974,32 +972,34 @@ def _end_cleanly() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code; errors are one line on standard error."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            # a name that the terminal's encoding cannot show is no reason to stop
-            stream.reconfigure(errors="backslashreplace")
+    from anaplot.report.streams import complain, drop_output, prepare_streams, system_message
+
+    prepare_streams()
     try:
         _end_cleanly()
-        options = _parser().parse_args(arguments)
-        code: int = options.run(options)
+        try:
+            options = _parser().parse_args(arguments)
+            code: int = options.run(options)
+        except SystemExit:
+            # --help has written something
+            sys.stdout.flush()
+            raise
         sys.stdout.flush()
         return code
     except AnaplotError as error:
-        from anaplot.report.printable import printable
-
-        print(f"anaplot: {printable(str(error))}", file=sys.stderr)
+        complain(str(error))
+        drop_output()
         return error.exit_code
     except KeyboardInterrupt:
-        print("anaplot: interrupted", file=sys.stderr)
+        complain("interrupted")
+        drop_output()
         return 130
     except BrokenPipeError:
         # the reader of our output went away (a pager was closed): nothing is wrong
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        drop_output()
         return 0
     except OSError as error:
-        from anaplot.report.printable import printable
-
-        print(f"anaplot: {printable(str(error))}", file=sys.stderr)
+        complain(system_message(error, output_failed=drop_output()))
         return InputError.exit_code
 
 
