@@ -97,7 +97,7 @@ def point_lines(block: AdjustedBlock, point: str) -> list[str]:
 def _means(metres: tuple[float, float, float, float] | None) -> str:
     if metres is None:
         return "-"
-    return "X {}   Y {}   Z {}   all {} mm".format(*(fitted(1e3 * v, 3, 10) for v in metres))
+    return "X {}   Y {}   Z {}   all {} mm".format(*(fitted(1e3 * v, 3, 8) for v in metres))
 
 
 def _open(worth: NetworkWorth) -> list[str]:

@@ -80,7 +80,7 @@ def test_reports_keep_to_a_page(tmp_path: Path, capsys) -> None:
     path.write_text(text.replace('"p2"', '"a-rather-long-name-of-a-point-2"'))
     for call in (
         ["cube", "--case", "E", "--point", "2"],
-        ["cube", "--image-um", "100000"],
+        ["cube", "--image-um", "1e6"],
         [str(path), "--correlations", "0.99", "--point", "a-rather-long-name-of-a-point-2"],
     ):
         assert main(["plan", "network", *call]) == 0
