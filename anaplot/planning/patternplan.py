@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from anaplot.errors import NotComputableError
+from anaplot.orientation.model import WrongPointsError
 from anaplot.orientation.patterns import Pattern, ideal_model
 from anaplot.orientation.results import ModelSolution
 
@@ -79,7 +80,14 @@ def solve(
         The points do not determine the model.
     """
     at = {label: (x, y) for label, x, y in plan.points}
-    return ideal_model(at, plan.ties, plan.base, plan.c, tie_variance)
+    try:
+        return ideal_model(at, plan.ties, plan.base, plan.c, tie_variance)
+    except WrongPointsError:
+        # nothing is wrong with a planned point: double precision ends here
+        raise NotComputableError(
+            f"not determined: base {plan.base:g} mm, c {plan.c:g} mm and the extent of the points "
+            "are too far apart"
+        ) from None
 
 
 def grid(x: Span, y: Span, steps: int = 5) -> tuple[tuple[float, float], ...]:

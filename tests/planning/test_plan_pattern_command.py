@@ -296,3 +296,10 @@ def test_what_is_no_pattern_is_named_as_what_it_is(capsys, tmp_path, monkeypatch
     capsys.readouterr()
     assert main(["plan", "pattern", "6/3", "--ties", "3"]) == 2
     assert "--ties 3: '6/3' says itself how many tie" in capsys.readouterr().err
+
+
+def test_lengths_that_do_not_go_together_are_no_wrong_points(capsys):
+    assert main(["plan", "pattern", "13/5", "--c", "1e6"]) == 4
+    error = capsys.readouterr().err
+    assert "not determined" in error
+    assert "remeasure" not in error
