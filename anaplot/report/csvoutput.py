@@ -41,7 +41,8 @@ def check_csv(path: Path | None, inputs: Iterable[Path] = (), made: Path | None 
         parent = path.parent
         if not parent.is_dir() and (made is None or parent.resolve() != made.resolve()):
             raise InputError(f"{place(path)}: cannot be written: there is no such folder")
-        if any(path.resolve() == other.resolve() for other in inputs):
+        taken = (*inputs, *(() if made is None else (made,)))
+        if any(path.resolve() == other.resolve() for other in taken):
             raise InputError(f"{place(path)}: cannot be written: it is in use by the command")
         if path.is_file() and _is_output(path):
             raise InputError(f"{place(path)}: cannot be written: the report goes there")

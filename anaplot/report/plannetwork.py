@@ -41,6 +41,8 @@ from anaplot.report.progress import ProgressLine
 
 __all__ = ["network_from_file", "run_plan_network"]
 
+_CUBE = "cube"
+
 
 def run_plan_network(options: argparse.Namespace) -> int:
     """Plan a network and show what is to be expected of it.
@@ -52,8 +54,9 @@ def run_plan_network(options: argparse.Namespace) -> int:
     NotComputableError
         The stations do not determine the points.
     """
-    made_folder = () if options.to is None else block_files(options.to)
-    check_csv(options.csv, (Path(options.network), *made_folder), options.to)
+    inputs = () if options.network == _CUBE else (Path(options.network),)
+    outputs = () if options.to is None else block_files(options.to)
+    check_csv(options.csv, (*inputs, *outputs), options.to)
     network = _network(options)
     if options.point is not None and options.point not in network.points:
         raise InputError(f"no point {quoted(options.point)} is seen in this network")
@@ -83,7 +86,7 @@ def run_plan_network(options: argparse.Namespace) -> int:
 
 
 def _network(options: argparse.Namespace) -> Network:
-    if options.network == "cube":
+    if options.network == _CUBE:
         return cube(options.case or "A", options.image_um or 5.0)
     path = Path(options.network)
     if path.suffix.lower() != ".toml" and not os.path.lexists(path):

@@ -126,7 +126,9 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     NotComputableError
         The points do not determine a model.
     """
-    check_csv(options.csv, (Path(options.pattern),))
+    path = Path(options.pattern)
+    from_file = path.suffix.lower() in _FILES
+    check_csv(options.csv, (path,) if from_file else ())
     planned = _planned(options)
     plan = planned.plan
     solution = solve(plan, options.tie_variance)
@@ -143,8 +145,7 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
         answer["base_derived"] = planned.base_derived
         print(json.dumps(answer, indent=1, allow_nan=False))
         return 0
-    path = Path(options.pattern)
-    title = path.name if path.suffix.lower() in _FILES else options.pattern
+    title = path.name if from_file else options.pattern
     redn = [row.redn for row in solution.table]
     print(f"PATTERN {quoted(title)}: redundancy numbers at the points")
     if planned.base_derived:

@@ -46,10 +46,18 @@ def test_inputs_are_not_overwritten(tmp_path: Path, capsys) -> None:
         (["plan", "network", str(pattern)], pattern),
         (["compare", str(first), str(second)], second / "image_points.csv"),
         ([*BLOCK, "--to", str(planned)], planned / "control.csv"),
+        ([*NETWORK, "--to", str(planned)], planned),
     ):
         assert main([*call, "--csv", str(target)]) == 2
         assert "it is in use by the command" in capsys.readouterr().err
     assert contents(tmp_path) == before
+
+
+def test_a_named_pattern_is_no_input(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([*PATTERN, "--csv", "6"]) == 0
+    assert main([*NETWORK, "--csv", "cube"]) == 0
+    assert set(contents(tmp_path)) == {"6", "cube"}
 
 
 @pytest.mark.parametrize("call", [BLOCK, NETWORK])
