@@ -2,7 +2,7 @@
 
 Gruen 1978, section D3, eq. (54): the control (or points that are declared stable) and the
 additional parameters may be common to both periods, every other point has coordinates of its own
-in each.
+in each. Of control that is given in some coordinates only those are common.
 """
 
 from __future__ import annotations
@@ -47,7 +47,9 @@ MOST_POINTS = 1000
 """Points that are compared at once: their covariance matrix is dense."""
 
 _MARKS = (" [1]", " [2]")
+_AXES = "XYZ"
 _BOTH = " [both]"  # every name ends in one of the three, so that no two can meet
+_HALF_WEIGHT = 2.0**0.5  # factor of a standard deviation
 _APART = 5.0  # standard deviations by which control of one datum never differs
 _FLAT = 1e-3  # of the extent: stable points closer to one line than this do not hold a rotation
 
@@ -80,12 +82,16 @@ class EpochDifferences:
         "control", or "stable": the points named in `common` hold it.
     common
         Points that have the same coordinates in both epochs.
+    partly
+        (name, axes) of control that has only some common coordinates; the others are compared.
     own_parameters
         Whether each epoch had additional parameters of its own; None without any.
     points
         Names of the compared points.
     places
         (m, 3) their coordinates in the first epoch [m].
+    given
+        (m, 3) whether control gives the coordinate in both epochs: its difference is no movement.
     d
         (3 m,) second minus first epoch [m]: X, Y, Z of one point after the other.
     cofactors
@@ -108,9 +114,11 @@ class EpochDifferences:
     joint: bool
     datum: str
     common: tuple[str, ...]
+    partly: tuple[tuple[str, str], ...]
     own_parameters: bool | None
     points: tuple[str, ...]
     places: Array = field(repr=False)
+    given: NDArray[np.bool_] = field(repr=False)
     d: Array = field(repr=False)
     cofactors: Array = field(repr=False)
     vtpv: float
@@ -167,6 +175,10 @@ def compare_epochs(
     With stable points and separate adjustments both epochs are free networks; the second is laid
     onto the first by a similarity over the stable points, and the covariance matrix goes the same
     way (S-transformation).
+
+    A control point of which only some coordinates are given in both epochs is a point in each:
+    what is given is common (jointly, a weighted coordinate is one observation of one unknown), what
+    is not is tested. Separate adjustments observe the given coordinate once in each.
     """
     if first.test.kind != second.test.kind:
         raise InputError(
@@ -182,12 +194,13 @@ def compare_epochs(
         for number, block in enumerate((first, second), start=1)
     )
     one, two = alone
+    partly: dict[str, tuple[int, ...]] = {}
     if stable:
         _check_stable(one, two, stable)
         held: tuple[str, ...] = tuple(dict.fromkeys(stable))
     else:
-        held = _common_control(first, second)
-        if not held:
+        held, partly = _common_control(first, second)
+        if not held and not partly:
             remarks.append(
                 "no control point is common to both epochs: that their control is of one system "
                 "is not checked"
@@ -208,9 +221,14 @@ def compare_epochs(
                     "survey, the joint adjustment is the rigorous one"
                 )
     else:
-        block = _jointly(one, two, held, datum, additional, common=bool(common), progress=progress)
-        vtpv, redundancy = block.vtpv, block.redundancy
-        places, d, q = joint_differences(block, chosen)
+        seen = set(one.problem.points) & set(two.problem.points)
+        twice = [name for name in partly if name in seen]
+        block = _jointly(
+            one, two, held, twice, datum, additional, common=bool(common), progress=progress
+        )
+        equal = [(name, axis) for name in twice for axis in partly[name]]
+        places, d, q, cost = joint_differences(block, chosen, equal)
+        vtpv, redundancy = block.vtpv + cost, block.redundancy
         agreement = None
         if stable and additional is None:
             # what both epochs by themselves need not agree in (Gruen 1978, eq. 32)
@@ -230,9 +248,11 @@ def compare_epochs(
         joint=not separate,
         datum="stable" if stable else "control",
         common=held,
+        partly=tuple((n, "".join(_AXES[k] for k in axes)) for n, axes in partly.items()),
         own_parameters=None if additional is None else not common,
         points=chosen,
         places=places,
+        given=np.array([[axis in partly.get(n, ()) for axis in range(3)] for n in chosen]),
         d=d,
         cofactors=q,
         vtpv=vtpv,
@@ -315,7 +335,7 @@ def _check_control(first: Block, second: Block, separate: bool) -> list[str]:
             name = f"control point {one.point}"
             if not separate and (a != b or s != t):
                 raise InputError(
-                    f"{name}: {'XYZ'[axis]} is {_stated(a, s)} in the first epoch and "
+                    f"{name}: {_AXES[axis]} is {_stated(a, s)} in the first epoch and "
                     f"{_stated(b, t)} in the second: a joint adjustment needs the same "
                     "(--separate does not)"
                 )
@@ -323,7 +343,7 @@ def _check_control(first: Block, second: Block, separate: bool) -> list[str]:
                 continue
             if abs(a - b) > _APART * float(np.hypot(s, t)):
                 raise InputError(
-                    f"{name}: {'XYZ'[axis]} differs by {b - a:g} m between the epochs, more than "
+                    f"{name}: {_AXES[axis]} differs by {b - a:g} m between the epochs, more than "
                     f"its sigmas {s:g} and {t:g} m allow: the epochs are not in one datum "
                     "(points that have not moved can hold it: --stable)"
                 )
@@ -334,8 +354,19 @@ def _stated(value: float | None, sigma: float | None) -> str:
     return "not known" if value is None else f"{value:.10g} (sigma {sigma:g})"
 
 
-def _common_control(first: Block, second: Block) -> tuple[str, ...]:
-    return tuple(one.point for one, _ in _control_pairs(first, second))
+def _common_control(
+    first: Block, second: Block
+) -> tuple[tuple[str, ...], dict[str, tuple[int, ...]]]:
+    """Names of control that is common in all coordinates, and common axes of that in some."""
+    whole: list[str] = []
+    partly: dict[str, tuple[int, ...]] = {}
+    for one, two in _control_pairs(first, second):
+        axes = tuple(k for k in range(3) if one.xyz[k] is not None and two.xyz[k] is not None)
+        if len(axes) == 3:
+            whole.append(one.point)
+        elif axes:
+            partly[one.point] = axes
+    return tuple(whole), partly
 
 
 def _check_stable(one: AdjustedBlock, two: AdjustedBlock, stable: Sequence[str]) -> None:
@@ -459,6 +490,7 @@ def joint_block(
     common: Collection[str] = (),
     *,
     control: bool = True,
+    twice: Collection[str] = (),
     used: tuple[Collection[int], Collection[int]] | None = None,
     epoch_strips: bool = False,
     same_cameras: bool = True,
@@ -473,6 +505,9 @@ def joint_block(
         Points that have one set of coordinates.
     control
         Whether the second epoch's control is taken besides the first's.
+    twice
+        Control points that are a point in each epoch, each with half the weight: once both are
+        held equal (`joint_differences`), the two observations are the one that was made.
     used
         Rows of image points that take part; None: all.
     epoch_strips
@@ -480,7 +515,7 @@ def joint_block(
     same_cameras
         Let cameras that are declared alike be one.
     """
-    together = set(common)
+    together, halved = set(common), set(twice)
 
     def named(name: str, k: int) -> str:
         return name + (_BOTH if name in together else _MARKS[k])
@@ -523,11 +558,9 @@ def joint_block(
             if point.use == "off":
                 continue
             name = named(point.point, k)
-            sigmas = _sigmas(block, point)
-            controls.setdefault(
-                name,
-                replace(point, point=name, sigma=(sigmas[0], sigmas[1], sigmas[2])),
-            )
+            wide = _HALF_WEIGHT if point.point in halved else 1.0
+            x, y, z = (None if s is None else wide * s for s in _sigmas(block, point))
+            controls.setdefault(name, replace(point, point=name, sigma=(x, y, z)))
     return Block(
         name=f"{first.name} and {second.name}",
         precision=Precision(first.precision.image_um, first.precision.tie_variance),
@@ -548,6 +581,7 @@ def _jointly(
     one: AdjustedBlock,
     two: AdjustedBlock,
     held: Sequence[str],
+    twice: Sequence[str],
     datum: Datum,
     additional: AdditionalParameters | None,
     *,
@@ -570,6 +604,7 @@ def _jointly(
         second,
         held,
         control=datum == "control",
+        twice=twice,
         used=(set(one.problem.source.tolist()), set(two.problem.source.tolist())),
         epoch_strips=per_epoch,
         same_cameras=not own_cameras,
@@ -622,16 +657,39 @@ def _start(
     )
 
 
-def joint_differences(block: AdjustedBlock, names: Sequence[str]) -> tuple[Array, Array, Array]:
-    """Return (m, 3) places, (3 m,) displacements [m] and their cofactors in a joint adjustment.
+def joint_differences(
+    block: AdjustedBlock, names: Sequence[str], equal: Sequence[tuple[str, int]] = ()
+) -> tuple[Array, Array, Array, float]:
+    """Return displacements in a joint adjustment.
 
     One right-hand side for each difference. A difference of two points does not depend on what
     holds the joint datum, up to its own size over the extent of the block.
+
+    Parameters
+    ----------
+    block
+        The adjusted `joint_block`.
+    names
+        The m points.
+    equal
+        (point, axis) that are the same coordinate in both epochs, see `twice` of `joint_block`;
+        held equal from here on, by conditions between the adjusted unknowns.
+
+    Returns
+    -------
+    tuple
+        (m, 3) places in the first epoch [m], (3 m,) displacements [m], (3 m, 3 m) their cofactors
+        [m^2], and what the conditions add to v'Pv.
     """
     problem = block.problem
-    before, after = (_index(block, [n + mark for n in names]) for mark in _MARKS)
+    every = [*names, *dict.fromkeys(name for name, _ in equal if name not in set(names))]
+    before, after = (_index(block, [n + mark for n in every]) for mark in _MARKS)
+    position = {name: k for k, name in enumerate(every)}
+    same = [3 * position[name] + axis for name, axis in equal]
+    # what is free of error is equal already
+    same = [k for k in same if not problem.fixed[before[k // 3], k % 3]]
 
-    def sides(mine: range) -> Sides:
+    def sides(mine: Sequence[int]) -> Sides:
         photos = np.zeros((len(problem.photos), problem.per_photo, len(mine)))
         points = np.zeros((len(problem.points), 3, len(mine)))
         for column, k in enumerate(mine):
@@ -640,6 +698,19 @@ def joint_differences(block: AdjustedBlock, names: Sequence[str]) -> tuple[Array
                 points[at, axis, column] = 0.0 if problem.fixed[at, axis] else sign
         return photos, points, np.zeros((problem.in_border, len(mine)))
 
-    at = block.state.points[before] + block.state.origin
-    d = block.state.points[after] - block.state.points[before]
-    return at, d.reshape(-1), side_products(block, 3 * len(names), sides)
+    m = 3 * len(names)
+    places = block.state.points[before[: len(names)]] + block.state.origin
+    d = (block.state.points[after] - block.state.points[before]).reshape(-1)
+    q = side_products(block, len(d), sides)
+    if not same:
+        return places, d[:m], q[:m, :m], 0.0
+    off = np.linalg.solve(q[np.ix_(same, same)], d[same])
+    cost = float(d[same] @ off)
+    _, moved, _ = block.cofactors.normal.solve(block.cofactors.factor, *sides(same))
+    moved = np.where(problem.fixed, 0.0, moved @ off)
+    places = places - moved[before[: len(names)]]
+    d = d - q[:, same] @ off
+    q = q - q[:, same] @ np.linalg.solve(q[np.ix_(same, same)], q[same])
+    d[same], q[same], q[:, same] = 0.0, 0.0, 0.0
+    q = 0.5 * (q + q.T)
+    return places, d[:m], q[:m, :m], cost

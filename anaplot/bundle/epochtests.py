@@ -42,6 +42,9 @@ class CoordinateMove(NamedTuple):
         "X", "Y" or "Z".
     d, s
         Displacement [m] and its standard deviation with the sigma of the test; s None without.
+    given
+        Whether control gives the coordinate in both epochs: what differs is no movement, and is
+        not tested.
     verdict
         Bonferroni over all coordinates; None where the displacement has no variance.
     scheffe
@@ -55,6 +58,7 @@ class CoordinateMove(NamedTuple):
     axis: str
     d: float
     s: float | None
+    given: bool
     verdict: Verdict | None
     scheffe: bool | None
     half_bonferroni: float | None
@@ -72,7 +76,7 @@ class PointMove(NamedTuple):
     place
         X, Y, Z in the first epoch [m].
     length
-        Of the displacement [m].
+        Of the displacement [m], over the coordinates that are not given in both epochs.
     s_length
         Its standard deviation [m] along its own direction; None without sigma.
     verdict
@@ -189,7 +193,8 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05, power: float = 
     """
     variance = Variance(found.vtpv, found.redundancy, found.by_known)
     q = np.diag(found.cofactors)
-    live = q > 1e-12 * float(q.max(initial=0.0))
+    free = ~found.given.reshape(-1)
+    live = free & (q > 1e-12 * float(q[free].max(initial=0.0)))
     if not live.any():
         raise NotComputableError("no displacement has a variance: nothing can be tested")
     b = int(live.sum())
@@ -213,8 +218,9 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05, power: float = 
             at = 3 * k + axis
             value, root = float(found.d[at]), sqrt(max(float(q[at]), 0.0))
             if not live[at]:
+                given = not bool(free[at])
                 coordinates.append(
-                    CoordinateMove("XYZ"[axis], value, None, None, None, None, None, None)
+                    CoordinateMove("XYZ"[axis], value, None, given, None, None, None, None, None)
                 )
                 continue
             s = None if own is None else own * root
@@ -223,6 +229,7 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05, power: float = 
                     "XYZ"[axis],
                     value,
                     s,
+                    False,
                     variance.test((value / root) ** 2, 1, sharp),
                     None if s is None or scheffe is None else abs(value) > scheffe * s,
                     None if s is None or t is None else t * s,
@@ -242,7 +249,7 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05, power: float = 
                 verdict = variance.test(square, len(mine), single)
                 if own is not None and scheffe is not None:
                     beyond = square > (scheffe * own) ** 2
-        whole = found.d[3 * k : 3 * k + 3]
+        whole = np.where(free[3 * k : 3 * k + 3], found.d[3 * k : 3 * k + 3], 0.0)
         length = float(np.linalg.norm(whole))
         s_length = None
         if own is not None and length > 0.0:

@@ -113,6 +113,7 @@ def compare_json(found: EpochTests) -> Json:
         "adjustment": "joint" if differences.joint else "separate",
         "datum": differences.datum,
         "common_points": list(differences.common),
+        "common_coordinates": [{"point": n, "axes": axes} for n, axes in differences.partly],
         "common_parameters": None
         if differences.own_parameters is None
         else not differences.own_parameters,
@@ -144,6 +145,7 @@ def _point_json(p: PointMove) -> Json:
                 "axis": c.axis,
                 "d": c.d,
                 "s": c.s,
+                "given": c.given,
                 "bonferroni": verdict_json(c.verdict),
                 "scheffe": c.scheffe,
                 "half_bonferroni": c.half_bonferroni,
@@ -193,8 +195,9 @@ def compare_printout(found: EpochTests) -> str:
         f"{'the a-priori sigma0' if of.by_known else 'the estimated sigma0'}"
     ]
     what = "control" if of.datum == "control" else "stable points"
-    if of.common:
-        lines.append(f"  common {what}: {_few(of.common)}")
+    common = (*of.common, *(f"{name} in {' and '.join(axes)}" for name, axes in of.partly))
+    if common:
+        lines.append(f"  common {what}: {_few(common)}")
     if of.own_parameters is not None:
         lines.append(
             "  additional parameters: "
@@ -229,7 +232,7 @@ def compare_printout(found: EpochTests) -> str:
         test = None if p.verdict is None else p.verdict.decisive
         lines.append(
             f"  {printable(p.point):<{width}}"
-            + "".join(_mm(c.d) for c in p.coordinates)
+            + "".join(f"{'given':>9}" if c.given else _mm(c.d) for c in p.coordinates)
             + "".join(_mm(c.s) for c in p.coordinates)
             + _mm(p.length)
             + _mm(p.s_length)

@@ -107,6 +107,98 @@ def test_separate_covariances_add_up() -> None:
     assert np.trace(joint.cofactors) < np.trace(found.cofactors)
 
 
+def heights_only(block, name, *, sigma=0.02, value=None):
+    """Give up X and Y of a control point, or add a point of which only Z is given."""
+    value = layout().points[name][2] if value is None else value
+    row = ControlPoint(name, (None, None, float(value)), (None, None, sigma))
+    return replace(block, control=(*(c for c in block.control if c.point != name), row))
+
+
+def test_a_coordinate_given_once_is_one_observation_of_one_unknown() -> None:
+    first, second = (heights_only(epoch(k), "p13", sigma=0.03) for k in (1, 2))
+    found = compare_epochs(first, second)
+    assert found.partly == (("p13", "Z"),)
+    assert "p13" not in found.common
+    assert found.given.sum() == 1
+    # dense: the columns of both heights made one; half the weight twice is the weight
+    joint = adjust_block(joint_block(first, second, found.common, twice=("p13",)))
+    normal, column = inverse(joint)
+    one, two = column["p13 [1]"] + 2, column["p13 [2]"] + 2
+    at = dict(zip(joint.problem.points, joint.state.points, strict=True))
+    together = np.delete(np.eye(len(normal)), two, axis=1)
+    together[two, one] = 1.0
+    q = together @ np.linalg.inv(together.T @ normal @ together) @ together.T
+    shift = np.zeros(len(normal))
+    shift[two] = at["p13 [1]"][2] - at["p13 [2]"][2]
+    # from the minimum, where the gradient vanishes, to the smallest v'Pv with equal heights
+    x = shift - q @ normal @ shift
+    b = np.zeros((3 * len(found.points), len(normal)))
+    d = np.zeros(len(b))
+    for k, name in enumerate(found.points):
+        d[3 * k : 3 * k + 3] = at[name + " [2]"] - at[name + " [1]"]
+        for axis in range(3):
+            b[3 * k + axis, column[name + " [1]"] + axis] = -1.0
+            b[3 * k + axis, column[name + " [2]"] + axis] = 1.0
+    np.testing.assert_allclose(found.cofactors, b @ q @ b.T, rtol=2e-5, atol=1e-9)
+    np.testing.assert_allclose(found.d, d + b @ x, atol=1e-7)
+    assert found.vtpv == pytest.approx(joint.vtpv + x @ normal @ x, rel=1e-7)
+    assert abs(x @ normal @ x) > 1e-3
+    places = np.array([at[n + " [1]"] + x[column[n + " [1]"] :][:3] for n in found.points])
+    np.testing.assert_allclose(found.places, places + joint.state.origin, atol=1e-6)
+    # and the redundancy counts it once
+    photos, points = 2 * len(first.photos), len(found.points)
+    rays = len(first.image_points) + len(second.image_points)
+    whole = len(found.common)
+    unknowns = 6 * photos + 3 * whole + 6 * points - 1
+    assert found.redundancy == 2 * rays + 3 * whole + 1 - unknowns
+
+
+def test_a_tiny_sigma_is_next_to_free_of_error() -> None:
+    made = []
+    for sigma in (1e-6, 0.0):
+        first, second = (heights_only(epoch(k), "p13", sigma=sigma) for k in (1, 2))
+        made.append(compare_epochs(first, second))
+    near, fixed = made
+    assert near.redundancy == fixed.redundancy
+    assert near.vtpv == pytest.approx(fixed.vtpv, rel=1e-5)
+    np.testing.assert_allclose(near.d, fixed.d, atol=1e-6)
+    np.testing.assert_allclose(near.cofactors, fixed.cofactors, rtol=1e-4, atol=1e-8)
+    assert near.points == fixed.points
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.02])
+@pytest.mark.parametrize("separate", [False, True])
+def test_a_point_of_given_height_is_seen_to_move_in_plan(sigma, separate) -> None:
+    first = heights_only(epoch(11), "p13", sigma=sigma)
+    second = heights_only(epoch(12, moved={"p13": (0.4, 0.0, 0.0)}), "p13", sigma=sigma)
+    tested = epoch_tests(compare_epochs(first, second, separate=separate))
+    [moved] = [p for p in tested.points if p.point == "p13"]
+    assert moved.verdict.rejected
+    assert moved.verdict.known.dimension == 2
+    assert [c.given for c in moved.coordinates] == [False, False, True]
+    assert moved.coordinates[0].verdict.rejected
+    assert moved.coordinates[2].verdict is None
+    assert moved.length == pytest.approx(np.hypot(*(c.d for c in moved.coordinates[:2])))
+    assert tested.everything.known.dimension == 3 * len(tested.points) - 1
+    assert tested.located[0].point == "p13"
+    assert "p13" not in tested.differences.common
+
+
+def test_a_coordinate_given_in_one_epoch_is_compared() -> None:
+    first, second = epoch(11), heights_only(epoch(12), "p1")
+    found = compare_epochs(first, second, separate=True)
+    assert found.partly == (("p1", "Z"),)
+    assert found.given[found.points.index("p1")].tolist() == [False, False, True]
+    # measured in one epoch alone, it is that epoch's control with all its weight
+    rows = tuple(r for r in epoch(2).image_points if r.point != "p13")
+    first, second = heights_only(epoch(1), "p13"), heights_only(epoch(2), "p13")
+    alone = compare_epochs(first, replace(second, image_points=rows))
+    bare = compare_epochs(first, replace(epoch(2), image_points=rows))
+    assert "p13" in alone.only_first
+    assert alone.vtpv == pytest.approx(bare.vtpv)
+    assert alone.redundancy == bare.redundancy
+
+
 def stable_names():
     return ("p1", "p5", "p16", "p31", "p35")
 
@@ -274,6 +366,10 @@ def test_names_cannot_meet() -> None:
 # --- the command ----------------------------------------------------------------------------
 
 
+def cell(value):
+    return "" if value is None else repr(float(value))
+
+
 def written(tmp_path, first, second):
     write_new_block(tmp_path / "spring", first)
     write_new_block(tmp_path / "autumn", second)
@@ -281,7 +377,7 @@ def written(tmp_path, first, second):
         lines = ["point,X,Y,Z,sX,sY,sZ,use"]
         for c in block.control:
             assert isinstance(c, ControlPoint)
-            lines.append(",".join([c.point, *map(repr, c.xyz), *map(repr, c.sigma), c.use]))
+            lines.append(",".join([c.point, *map(cell, c.xyz), *map(cell, c.sigma), c.use]))
         (tmp_path / name / "control.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
         rows = ["photo,point,x,y"]
         rows += [f"{r.photo},{r.point},{float(r.x)!r},{float(r.y)!r}" for r in block.image_points]
@@ -311,6 +407,20 @@ def test_the_command(tmp_path, capsys) -> None:
     assert set(by) == set(rows)
     assert main(["compare", *folders, "--separate", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["adjustment"] == "separate"
+
+
+def test_given_coordinates_are_shown_as_such(tmp_path, capsys) -> None:
+    folders = written(tmp_path, *(heights_only(epoch(k), "p13") for k in (11, 12)))
+    assert main(["compare", *folders]) == 0
+    text = capsys.readouterr().out
+    assert "p13 in Z" in next(x for x in text.splitlines() if "common control" in x)
+    line = next(x for x in text.splitlines() if x.startswith("  p13 "))
+    assert line.split()[3] == "given"
+    assert main(["compare", *folders, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["common_coordinates"] == [{"point": "p13", "axes": "Z"}]
+    [point] = [p for p in found["points"] if p["point"] == "p13"]
+    assert [c["given"] for c in point["coordinates"]] == [False, False, True]
 
 
 @pytest.mark.parametrize(
