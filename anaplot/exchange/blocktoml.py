@@ -158,11 +158,17 @@ def read_test(table: TomlTable) -> TestSettings:
     """Return the settings of a [test] table, each the default where it is left out."""
     table.only("kind", "alpha", "power")
     default = TestSettings()
-    return TestSettings(
+    settings = TestSettings(
         kind=cast(TestKind, table.choice("kind", ("tau", "baarda"), default.kind)),
         alpha=table.fraction("alpha", default.alpha),
         power=table.fraction("power", default.power),
     )
+    if not settings.alpha < settings.power:
+        raise table.fail(
+            "power" if "power" in table else "alpha",
+            f"power = {settings.power:g} must be greater than alpha = {settings.alpha:g}",
+        )
+    return settings
 
 
 def _cameras(root: TomlTable, folder: Path, files: Mapping[str, str]) -> dict[str, Camera]:

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from anaplot.exchange.csvtable import CsvTable
 from anaplot.exchange.names import name_fault
-from anaplot.exchange.wording import quoted
+from anaplot.exchange.wording import hint, quoted
 
 __all__ = ["read_operators"]
 
 
-def read_operators(path: Path) -> dict[str, str]:
+def read_operators(path: Path, photos: Collection[str]) -> dict[str, str]:
     """Read the operators of photos.
 
     Parameters
     ----------
     path
         The file: columns photo and operator.
+    photos
+        Names of the photos there are.
 
     Returns
     -------
@@ -39,9 +42,16 @@ def read_operators(path: Path) -> dict[str, str]:
                 if fault is not None:
                     raise table.fail(line, f"{name} {quoted(row[column[name]])} {fault}")
             photo = row[column["photo"]]
+            if photo not in photos:
+                raise table.fail(
+                    line,
+                    f"unknown photo {quoted(photo)}{hint(photo, photos)}",
+                )
             if photo in found:
                 raise table.fail(
                     line, f"photo {quoted(photo)} stands in line {lines[photo]} already"
                 )
             found[photo], lines[photo] = row[column["operator"]], line
+        if not found:
+            raise table.fail(None, "no rows")
     return found

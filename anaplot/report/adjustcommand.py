@@ -117,8 +117,10 @@ def run_adjust(
         raise InputError("--control-last brings control in: it goes with the datum of control")
     if (components == "operators") != (operators is not None):
         raise InputError("--components operators and --operators FILE go together")
-    who = None if operators is None else read_operators(operators)
     block = read_block(folder)
+    who = None
+    if operators is not None:
+        who = read_operators(operators, [photo.id for photo in block.photos])
     chosen = None
     if additional is not None:
         chosen = additional_parameters(additional, additional_sigma_um)

@@ -55,7 +55,12 @@ def test_operators_come_from_a_file(folder: Path, tmp_path: Path, capsys) -> Non
         (call, None, "--components operators and --operators FILE go together"),
         ([*call[:2], "--operators", str(who)], None, "go together"),
         ([*call, "--operators", str(who)], "photo,operator\n101,a\n101,b\n", "line 3"),
-        ([*call, "--operators", str(who)], "photo,operator\n999,a\n", "unknown photo 999"),
+        (
+            [*call, "--operators", str(who)],
+            "photo,operator\n101,b\n999,a\n",
+            "who.csv line 3: unknown photo '999'",
+        ),
+        ([*call, "--operators", str(who)], "photo,operator\n", "who.csv: no rows"),
         ([*call, "--operators", str(who)], "photo\n101\n", "operator"),
         ([*call, "--operators", str(who)], "photo,operator\n101,\n", "line 2"),
     ):
