@@ -7,6 +7,9 @@ of squares and r_g its share of the redundancy, both with the variances of the l
 
 which is the solution of Helmert's equations at the point where nothing changes any more, and never
 turns negative on the way. Only sums are needed, so an adjustment may be as sparse as it likes.
+
+The factors' covariance matrix is that of Helmert's equations, 2 s_g^2 s_h^2 (S^-1)_gh with
+S_gh = tr(Q_vv P_g Q_vv P_h). S follows from sums as well: d r_g / d ln s_h^2 = delta_gh r_g - S_gh.
 """
 
 from __future__ import annotations
@@ -35,6 +38,8 @@ State = Literal["estimated", "undetermined", "vanishing"]
 
 LEAST_REDUNDANCY = 0.5
 """Redundancy below which a group says nothing about its own variance: its factor is held."""
+_STEP = 1e-3  # of ln s^2, where redundancies are differentiated
+_APART = 1e-6  # smallest eigenvalue of S, scaled to a unit diagonal, that tells groups apart
 _VANISHING = 1e-8  # factor below which nothing is left of a group's variance
 
 
@@ -68,7 +73,8 @@ class VarianceComponent:
     factor
         Factor of its a-priori variance.
     deviation
-        Approximate standard deviation of that factor, factor sqrt(2 / r); None when it is held.
+        Standard deviation of that factor; None when it is held, or when the groups cannot be told
+        apart.
     state
         "undetermined": less redundancy than LEAST_REDUNDANCY, with the stated variance or as it
         falls in the iteration, held at 1; "vanishing": its
@@ -132,6 +138,12 @@ class VarianceComponents:
                     f"{c.name}: the estimate is zero or negative: its variance is held at "
                     f"{c.factor:.2g} times the a-priori one"
                 )
+        alike = [c.name for c in self.components if c.state == "estimated" and c.deviation is None]
+        if alike:
+            out.append(
+                f"{', '.join(alike)}: nothing tells their variances apart: they have no standard "
+                "deviation"
+            )
         if not self.converged:
             out.append(f"no convergence after {self.iterations} adjustments")
         return out
@@ -142,6 +154,7 @@ def estimate_components(
     observations: Sequence[int],
     readjust: Callable[[Array], GroupSums],
     *,
+    redundancies: Callable[[Array], Array] | None = None,
     most: int = 100,
     tolerance: float = 1e-4,
 ) -> VarianceComponents:
@@ -153,6 +166,9 @@ def estimate_components(
         Names of the k groups, and the number of observations of each.
     readjust
         Called with (k,) variance factors; adjusts with them and returns the sums per group.
+    redundancies
+        Called with (k,) factors next to the final ones, twice for every estimated group but one;
+        returns their redundancies. None: those that `readjust` returns.
     most
         Largest number of adjustments.
     tolerance
@@ -194,6 +210,12 @@ def estimate_components(
         "vanishing" if vanishing[g] else ("undetermined" if undetermined[g] else "estimated")
         for g in range(k)
     ]
+    estimated = [g for g in range(k) if states[g] == "estimated"]
+    deviations: list[float | None] = [None] * k
+    ask = redundancies or (lambda factors: readjust(factors).redundancy)
+    traces = _traces(ask, factors, found.redundancy, estimated)
+    for g, relative in zip(estimated, _deviations(traces), strict=True):
+        deviations[g] = None if relative is None else float(factors[g]) * relative
     return VarianceComponents(
         tuple(
             VarianceComponent(
@@ -202,9 +224,7 @@ def estimate_components(
                 float(found.redundancy[g]),
                 float(found.vtpv[g]),
                 float(factors[g]),
-                float(factors[g]) * sqrt(2.0 / float(found.redundancy[g]))
-                if states[g] == "estimated"
-                else None,
+                deviations[g],
                 states[g],
             )
             for g in range(k)
@@ -213,6 +233,40 @@ def estimate_components(
         converged,
         np.array(history),
     )
+
+
+def _traces(
+    redundancies: Callable[[Array], Array], factors: Array, at: Array, estimated: list[int]
+) -> Array:
+    """Return S between the estimated groups, by central differences of the redundancies."""
+    k = len(factors)
+    columns = np.zeros((k, k))
+    # the columns of all groups add up to the redundancies: one need not be asked for
+    asked = estimated[:-1] if len(estimated) == k else estimated
+    for h in asked:
+        up, down = factors.copy(), factors.copy()
+        up[h] *= np.exp(_STEP)
+        down[h] *= np.exp(-_STEP)
+        columns[:, h] = (redundancies(down) - redundancies(up)) / (2.0 * _STEP)
+        columns[h, h] += at[h]
+    if len(asked) < len(estimated):
+        columns[:, estimated[-1]] = at - columns.sum(axis=1)
+    out = columns[np.ix_(estimated, estimated)]
+    return 0.5 * (out + out.T)
+
+
+def _deviations(traces: Array) -> list[float | None]:
+    """Return sqrt(2 (S^-1)_gg): standard deviations of the factors' logarithms."""
+    if not len(traces):
+        return []
+    size = np.sqrt(np.maximum(np.diag(traces), 0.0))
+    if not bool((size > 0.0).all()):
+        return [None] * len(traces)
+    scaled = traces / size[:, None] / size
+    if not float(np.linalg.eigvalsh(scaled)[0]) > _APART:
+        return [None] * len(traces)
+    variances = np.diag(np.linalg.inv(scaled)) / size**2
+    return [sqrt(2.0 * value) for value in variances.tolist()]
 
 
 def helmert_factors(traces: Array, vtpv: Array) -> Array:

@@ -16,9 +16,10 @@ from anaplot.adjustment.variancecomponents import (
 )
 from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.minimum import Found, find_minimum
+from anaplot.bundle.minimum import Found, equations_at, find_minimum
+from anaplot.bundle.normal import Linearised
 from anaplot.bundle.problem import Problem
-from anaplot.bundle.reliability import compute_cofactors
+from anaplot.bundle.reliability import Cofactors, compute_cofactors
 from anaplot.errors import InputError
 
 __all__ = ["GROUPINGS", "BlockComponents", "ComponentSigma", "Grouping", "block_components"]
@@ -131,10 +132,20 @@ def block_components(
         runs += 1
         if progress is not None:
             progress(f"variance components, adjustment {runs}", 1.0 - 0.7**runs)
-        return _sums(weighted, found, layout)
+        # redundancy numbers are the same in every datum
+        cofactors = compute_cofactors(found.normal, found.factor, None)
+        return GroupSums(_squares(found.normal.linear, layout), _redundancies(cofactors, layout))
+
+    def redundancies(factors: Array) -> Array:
+        """Return what next to the solution changes by the weights, not by the residuals."""
+        weighted = _weighted(problem, layout, np.sqrt(factors))
+        normal, factor, _ = equations_at(weighted, structure, state)
+        if progress is not None:
+            progress("variance components, standard deviations", 0.0)
+        return _redundancies(compute_cofactors(normal, factor, None), layout)
 
     counts = _counts(problem, layout)
-    variances = estimate_components(layout.names, counts, readjust)
+    variances = estimate_components(layout.names, counts, readjust, redundancies=redundancies)
     assert last is not None  # every estimate adjusts at least once
     return BlockComponents(
         grouping,
@@ -215,31 +226,37 @@ def _weighted(problem: Problem, layout: _Layout, scale: Array) -> Problem:
     )
 
 
-def _sums(problem: Problem, found: Found, layout: _Layout) -> GroupSums:
-    # redundancy numbers are the same in every datum
-    cofactors = compute_cofactors(found.normal, found.factor, None)
-    linear = found.normal.linear
-    k = len(layout.names)
-    at = layout.image.ravel()
-    vtpv = np.zeros(k)
-    np.add.at(vtpv, at, linear.e.ravel() ** 2)
-    redundancy = np.zeros(k)
-    np.add.at(redundancy, at, cofactors.r.ravel())
-    photo_e, r_photo = linear.photo_e, cofactors.r_photo
-    for group, errors, shares in (
-        (layout.control, (linear.point_e,), (cofactors.r_control,)),
-        (layout.position, (photo_e[:, :3],), (r_photo[:, :3],)),
-        (layout.rotation, (photo_e[:, 3:],), (r_photo[:, 3:],)),
-        (
-            layout.additional,
-            (linear.own_e, linear.shared_e),
-            (cofactors.r_own, cofactors.r_shared),
-        ),
-    ):
+def _summed(layout: _Layout, image: Array, *rest: tuple[Array, ...]) -> Array:
+    """Return sums per group of images, control, positions, rotations and parameters."""
+    out = np.bincount(layout.image.ravel(), weights=image.ravel(), minlength=len(layout.names))
+    for group, parts in zip(layout[2:], rest, strict=True):
         if group is not None:
-            vtpv[group] = sum(float(np.sum(e * e)) for e in errors)
-            redundancy[group] = sum(float(np.nansum(r)) for r in shares)
-    return GroupSums(np.asarray(vtpv, dtype=float), np.asarray(redundancy, dtype=float))
+            out[group] = sum(float(np.nansum(part)) for part in parts)
+    return np.asarray(out, dtype=float)
+
+
+def _squares(linear: Linearised, layout: _Layout) -> Array:
+    photos = linear.photo_e**2
+    return _summed(
+        layout,
+        linear.e**2,
+        (linear.point_e**2,),
+        (photos[:, :3],),
+        (photos[:, 3:],),
+        (linear.own_e**2, linear.shared_e**2),
+    )
+
+
+def _redundancies(cofactors: Cofactors, layout: _Layout) -> Array:
+    r_photo = cofactors.r_photo
+    return _summed(
+        layout,
+        cofactors.r,
+        (cofactors.r_control,),
+        (r_photo[:, :3],),
+        (r_photo[:, 3:],),
+        (cofactors.r_own, cofactors.r_shared),
+    )
 
 
 def _counts(problem: Problem, layout: _Layout) -> list[int]:

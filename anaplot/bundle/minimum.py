@@ -153,7 +153,7 @@ def find_minimum(
         if done and damping == 0.0:
             if problem.defect:
                 state = relocate(problem, start, state)
-            return _closed(problem, structure, state, tie, accepted, damped, first)
+            return _closed(problem, structure, state, accepted, damped, first)
         # a step that hardly moves is only believed without damping
         damping = 0.0 if damping < 1e-3 or done else damping * 0.1
     raise NoConvergenceError(f"block {problem.block.name}: no solution found", state)
@@ -203,14 +203,33 @@ def _closed(
     problem: Problem,
     structure: Structure,
     state: State,
-    tie: Anchor | None,
     accepted: int,
     damped: int,
     first: float,
 ) -> Found:
     """Equations at the minimum, without damping."""
-    if tie is not None:
-        tie = anchor(problem, state)
+    normal, factor, tie = equations_at(problem, structure, state)
+    return Found(
+        state, normal, factor, tie, Convergence(accepted, damped, first, normal.linear.vtpv)
+    )
+
+
+def equations_at(
+    problem: Problem, structure: Structure, state: State
+) -> tuple[NormalEquations, Factor, Anchor | None]:
+    """Return the equations at a state, their factor, and what holds a datum that is missing.
+
+    Parameters
+    ----------
+    problem, structure, state
+        The bundle, the structure of its normal equations, and where it is linearised.
+
+    Raises
+    ------
+    NotComputableError
+        The observations leave something open there.
+    """
+    tie = anchor(problem, state) if problem.defect else None
     linear = linearise(problem, state)
     try:
         normal = NormalEquations(
@@ -219,9 +238,7 @@ def _closed(
         factor = normal.factor()
     except (PointError, NotPositiveError) as error:
         raise undetermined(problem, structure, linear, tie, error) from error
-    return Found(
-        state, normal, factor, tie, Convergence(accepted, damped, first, normal.linear.vtpv)
-    )
+    return normal, factor, tie
 
 
 def undetermined(

@@ -54,7 +54,8 @@ def components_printout(found: BlockComponents) -> str:
         f"{'a priori':>12}  {'estimated':>12}",
     ]
     for c, sigma in zip(variances.components, found.sigmas, strict=True):
-        deviation = f"{'held':>7}" if c.deviation is None else f"{c.deviation:7.3f}"
+        nothing = "-" if c.state == "estimated" else "held"
+        deviation = f"{nothing:>7}" if c.deviation is None else f"{c.deviation:7.3f}"
         lines.append(
             f"  {printable(c.name):<{width}}  {c.observations:6d}  {c.redundancy:9.2f}  "
             f"{c.sigma_factor:7.3f}  {c.factor:9.3f}  {deviation}  {_sigma(sigma, 0)}  "

@@ -84,6 +84,71 @@ def test_the_fixed_point_solves_helmerts_equations():
     np.testing.assert_allclose(helmert_factors(traces, vtpv), [1.0, 1.0], rtol=1e-6)
 
 
+def helmert_traces(a, factors, group):
+    """Dense tr(Q_vv P_g Q_vv P_h)."""
+    p = 1.0 / factors[group]
+    redundant = np.eye(len(p)) - a @ np.linalg.inv(a.T @ (p[:, None] * a)) @ a.T * p
+    k = len(factors)
+    return np.array(
+        [[np.sum(redundant[np.ix_(group == g, group == h)]
+                 * redundant[np.ix_(group == h, group == g)].T) for h in range(k)]
+         for g in range(k)]
+    )  # fmt: skip
+
+
+def test_deviations_are_those_of_helmerts_equations():
+    rng = np.random.default_rng(8)
+    group = np.repeat([0, 1, 2], [14, 12, 10])
+    a = rng.normal(size=(36, 16))
+    observed = rng.normal(size=36) * np.array([1.0, 2.0, 0.5])[group]
+    found = estimate_components("abc", [14, 12, 10], linear(a, observed, group, 3))
+    assert all(c.state == "estimated" for c in found.components)
+    traces = helmert_traces(a, found.factors, group)
+    expected = found.factors * np.sqrt(2.0 * np.diag(np.linalg.inv(traces)))
+    np.testing.assert_allclose([c.deviation for c in found.components], expected, rtol=1e-4)
+    # what the redundancies alone would promise is too good
+    r = np.array([c.redundancy for c in found.components])
+    ratio = expected / (found.factors * np.sqrt(2.0 / r))
+    assert (ratio > 1.0).all()
+    assert ratio.max() > 1.4
+    # two directions of three are enough: the last follows from their sum
+    asked = []
+
+    def count(factors):
+        asked.append(factors)
+        return linear(a, observed, group, 3)(factors).redundancy
+
+    again = estimate_components(
+        "abc", [14, 12, 10], linear(a, observed, group, 3), redundancies=count
+    )
+    assert len(asked) == 4
+    assert [c.deviation for c in again.components] == [c.deviation for c in found.components]
+
+
+def test_held_groups_take_no_part_in_the_deviations():
+    rng = np.random.default_rng(9)
+    a = np.zeros((41, 9))
+    a[:40, :8] = rng.normal(size=(40, 8))
+    a[40] = rng.normal(size=9)  # the only one that sees the last unknown
+    group = np.repeat([0, 1, 2], [20, 20, 1])
+    found = estimate_components(
+        "abc", [20, 20, 1], linear(a, rng.normal(size=41), group, 3), tolerance=1e-10
+    )
+    assert found.components[2].state == "undetermined"
+    traces = helmert_traces(a, found.factors, group)[:2, :2]
+    expected = found.factors[:2] * np.sqrt(2.0 * np.diag(np.linalg.inv(traces)))
+    np.testing.assert_allclose([c.deviation for c in found.components[:2]], expected, rtol=1e-5)
+
+
+def test_groups_that_nothing_tells_apart_have_no_deviations():
+    rng = np.random.default_rng(10)
+    a = np.vstack((np.eye(8), np.eye(8)))  # pairs: only the sum of both variances shows
+    group = np.repeat([0, 1], [8, 8])
+    found = estimate_components("ab", [8, 8], linear(a, rng.normal(size=16), group, 2))
+    assert [c.deviation for c in found.components] == [None, None]
+    assert any("apart" in remark for remark in found.remarks())
+
+
 def test_it_agrees_with_the_separate_factors_of_observations_and_priors():
     rng = np.random.default_rng(4)
     a = rng.normal(size=(40, 10))

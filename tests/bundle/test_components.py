@@ -88,6 +88,40 @@ def test_control_and_priors_are_groups_of_their_own():
     assert abs(image.factor - 1.0) < 4.0 * image.deviation
 
 
+def test_deviations_are_those_of_the_dense_formula():
+    block = noisy(10.0, 4.0, seed=2, control_sigma=0.05).problem.block
+    rng = np.random.default_rng(2)
+    control = [
+        replace(row, xyz=tuple((np.array(row.xyz) + rng.normal(size=3) * 0.1).tolist()))
+        for row in block.control
+    ]
+    found = block_components(adjust_block(replace(block, control=tuple(control))))
+    problem, linear = found.block.problem, found.block.cofactors.normal.linear
+    n, m = 6 * len(problem.photos), len(problem.photo)
+    given = np.argwhere(np.isfinite(problem.known_sigma))
+    rows = np.zeros((2 * m + len(given), n + 3 * len(problem.points)))
+    for ray in range(m):
+        f, p = 6 * int(problem.photo[ray]), n + 3 * int(problem.point[ray])
+        rows[2 * ray : 2 * ray + 2, f : f + 6] = linear.a[ray]
+        rows[2 * ray : 2 * ray + 2, p : p + 3] = linear.b[ray]
+    for k, (p, axis) in enumerate(given):
+        rows[2 * m + k, n + 3 * p + axis] = 1.0 / problem.known_sigma[p, axis]
+    # orthogonal columns from columns of like size
+    q, _ = np.linalg.qr(rows / np.linalg.norm(rows, axis=0))
+    redundant = np.eye(len(rows)) - q @ q.T
+    group = np.concatenate((np.tile([0, 1], m), np.full(len(given), 2)))
+    traces = np.array(
+        [
+            [np.sum(redundant[np.ix_(group == g, group == h)] ** 2) for h in range(3)]
+            for g in range(3)
+        ]
+    )
+    expected = found.variances.factors * np.sqrt(2.0 * np.diag(np.linalg.inv(traces)))
+    assert all(c.state == "estimated" for c in found.variances.components)
+    deviations = [c.deviation for c in found.variances.components]
+    np.testing.assert_allclose(deviations, expected, rtol=1e-4)
+
+
 def test_unknown_groupings_and_operators_are_refused():
     block = noisy(5.0, 5.0)
     with pytest.raises(InputError, match="one of"):
