@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
+_LEAST_ALPHA = 1e-12  # below, nobody's noise is normal any more
+
 
 class _Parser(argparse.ArgumentParser):
     """Usage errors are one line, like every other error."""
@@ -932,8 +934,10 @@ def _correlation(text: str) -> float:
 
 def _significance(text: str) -> float:
     value = _positive(text)
-    if value > 0.5:
-        raise argparse.ArgumentTypeError(f"{text!r} is no significance: above 0, at most 0.5")
+    if not _LEAST_ALPHA <= value <= 0.5:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no significance: at least {_LEAST_ALPHA:g}, at most 0.5"
+        )
     return value
 
 

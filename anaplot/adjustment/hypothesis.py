@@ -13,7 +13,7 @@ eq. (33) and (38) is half of that, the one of its eq. (18) is not; here it never
 from __future__ import annotations
 
 from functools import lru_cache
-from math import expm1, log1p, sqrt
+from math import exp, expm1, isnan, log, log1p, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -153,16 +153,24 @@ def critical_f(alpha: float, dimension: int, redundancy: int | None = None) -> f
     Raises
     ------
     ValueError
-        Significance outside (0, 1), no condition, or no redundancy.
+        Significance outside (0, 1) or too small for numbers of this size, no condition, or no
+        redundancy.
     """
-    from scipy.special import betaincinv, chdtri
+    from scipy.special import betaincinv, betaln, chdtri
 
     _check(alpha, dimension, redundancy)
     if redundancy is None:
         return float(chdtri(dimension, alpha)) / dimension
     # by the incomplete beta function: 1 - alpha would lose a small alpha
-    x = float(betaincinv(redundancy / 2.0, dimension / 2.0, alpha))
-    return redundancy * (1.0 - x) / (dimension * x)
+    a, b = redundancy / 2.0, dimension / 2.0
+    x = float(betaincinv(a, b, alpha))
+    if not x > 0.0:
+        # far out the function does not get there, but its first term is all there is
+        x = exp((log(alpha) + log(a) + float(betaln(a, b))) / a)
+    critical = redundancy * (1.0 - x) / (dimension * x) if x > 0.0 else float("inf")
+    if not critical < float("inf"):
+        raise ValueError(f"the significance {alpha} is too small for redundancy {redundancy}")
+    return critical
 
 
 @lru_cache(maxsize=4096)
@@ -181,7 +189,7 @@ def f_power(
     Raises
     ------
     ValueError
-        A negative noncentrality, or no such test.
+        A negative noncentrality, no such test, or a power that cannot be computed.
     """
     from scipy.special import chdtr, chndtr, ncfdtr
 
@@ -194,7 +202,10 @@ def f_power(
     if redundancy is None:
         return 1.0 - float(chndtr(critical * dimension, dimension, noncentrality))
     if noncentrality <= _LARGE:
-        return 1.0 - float(ncfdtr(dimension, redundancy, noncentrality, critical))
+        power = 1.0 - float(ncfdtr(dimension, redundancy, noncentrality, critical))
+        if isnan(power):
+            raise ValueError(f"no power at noncentrality {noncentrality} and limit {critical}")
+        return power
     # the series of ncfdtr does not reach this far; chi'^2 = (sqrt(lambda + b - 1) + normal)^2 does
     nodes, weights = _normal_quadrature()
     limit = (sqrt(noncentrality + dimension - 1.0) + nodes) ** 2 / (dimension * critical)

@@ -43,8 +43,6 @@ def run_compare(options: argparse.Namespace) -> int:
     AnaplotError
         Bad input or epochs that cannot be compared; nothing is printed then.
     """
-    if not 0.0 < options.alpha <= 0.5:
-        raise InputError(f"--alpha {options.alpha:g}: above 0, at most 0.5")
     for option, text in (("--stable", options.stable), ("--points", options.points)):
         if text is not None and not _names(text):
             raise InputError(f"{option}: no point is named")

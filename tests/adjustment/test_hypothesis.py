@@ -27,6 +27,21 @@ from anaplot.adjustment.hypothesis import (
 )
 
 
+@pytest.mark.parametrize(("b", "r"), [(57, 5), (100, 10), (3000, 10), (1, 5)])
+def test_a_vanishing_significance_keeps_its_limit_and_power(b, r) -> None:
+    critical = critical_f(1e-300, b, r)
+    assert fdtrc(b, r, critical) == pytest.approx(1e-300, rel=1e-6)
+    size = f_noncentrality(1e-300, 0.8, b, r)
+    assert size > b * critical
+    assert f_power(size, 1e-300, b, r) == pytest.approx(0.8, abs=1e-6)
+
+
+def test_a_significance_beyond_all_numbers_is_refused() -> None:
+    for alpha in (1e-200, 1e-300):
+        with pytest.raises(ValueError, match="too small"):
+            critical_f(alpha, 1, 1)
+
+
 def line(seed: int = 1, n: int = 30, u: int = 5):
     """A correlated linear model of full rank: design and cofactors."""
     rng = np.random.default_rng(seed)

@@ -427,6 +427,7 @@ def test_given_coordinates_are_shown_as_such(tmp_path, capsys) -> None:
     ("arguments", "code"),
     [
         (["--alpha", "0"], 2),
+        (["--alpha", "1e-13"], 2),
         (["--common-parameters"], 2),
         (["--stable", ","], 2),
         (["--additional-sigma-um", "3"], 2),

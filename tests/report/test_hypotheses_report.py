@@ -135,6 +135,9 @@ def test_the_significance_is_the_users(tmp_path: Path, capsys) -> None:
     assert got["control"]["groups"][0]["verdict"]["known"]["alpha"] == 0.01
     assert cli.main(["adjust", str(folder), "--hypothesis-alpha", "0.7"]) == 2
     assert "no significance" in capsys.readouterr().err
+    assert cli.main(["adjust", str(folder), "--hypothesis-alpha", "1e-200"]) == 2
+    assert "at least 1e-12" in capsys.readouterr().err
+    assert cli.main(["adjust", str(folder), "--hypothesis-alpha", "1e-12"]) == 0
 
 
 @pytest.mark.parametrize("kind", ["tau", "baarda"])
