@@ -98,11 +98,25 @@ class AdjustedBlock:
     @property
     def any_flagged(self) -> bool:
         """Whether any observation exceeds the critical value."""
-        return (
-            bool(self.flagged.any())
-            or any(row.flagged for row in self.control_rows())
-            or any(row.flagged for row in self.prior_rows())
-        )
+        return len(self.flagged_observations()) > 0
+
+    def flagged_observations(self) -> list[tuple[float, str]]:
+        """Return (abs(w), what) of all observations that exceed the critical value, worst first."""
+        found = [
+            (w, f"{axis} of point {point} in photo {photo}")
+            for w, photo, point, axis in self.suspects()
+        ]
+        found += [
+            (abs(row.w), f"{row.axis} of control point {row.point}")
+            for row in self.control_rows()
+            if row.flagged and row.w is not None
+        ]
+        found += [
+            (abs(row.w), f"the prior {row.unknown} of {row.owner}")
+            for row in self.prior_rows()
+            if row.flagged and row.w is not None
+        ]
+        return sorted(found, key=lambda each: -each[0])
 
     def global_test(self) -> GlobalTest | None:
         """Return Baarda's global test of sigma0^2 that is consistent with the single tests.

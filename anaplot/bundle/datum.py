@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from anaplot.bundle.normal import Linearised, State
 from anaplot.bundle.problem import Problem, listed
 from anaplot.bundle.reliability import DatumChange
-from anaplot.bundle.similarity import fit_similarity, fit_to_partial
+from anaplot.bundle.similarity import Similarity, fit_similarity, fit_to_partial
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "components",
     "datum_change",
     "null_space",
+    "on_control",
     "relocate",
 ]
 
@@ -37,6 +38,7 @@ _NAMES = (
     "the rotation about Z",
     "the scale",
 )
+_SCALE = 0.01  # by which approximate values differ from control that they were laid onto
 _RANK = 1e-7  # singular value over the largest, in the block's own measure
 
 
@@ -236,3 +238,19 @@ def relocate(problem: Problem, start: State, state: State) -> State:
         shared=state.shared,
         origin=state.origin,
     )
+
+
+def on_control(problem: Problem, state: State) -> bool:
+    """Whether a solution without datum has the scale of control: it was laid onto it.
+
+    Directly, or by way of approximate values; control that does not determine all of a similarity
+    says nothing.
+    """
+    used = np.isfinite(problem.known).any(axis=1)
+    if not used.any():
+        return False
+    at = (state.points + state.origin)[used]
+    still = Similarity(1.0, np.eye(3), np.zeros(3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        fitted = fit_to_partial(at, problem.known[used], still)
+    return fitted is not None and abs(fitted.scale - 1.0) < _SCALE

@@ -17,6 +17,7 @@ from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, side_products
+from anaplot.bundle.datum import on_control
 from anaplot.bundle.normal import State
 from anaplot.bundle.problem import Datum, Problem, listed, make_problem
 from anaplot.bundle.similarity import Similarity, fit_similarity
@@ -54,7 +55,7 @@ _APART = 5.0  # standard deviations by which control of one datum never differs
 _FLAT = 1e-3  # of the extent: stable points closer to one line than this do not hold a rotation
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Agreement:
     """How well points that are taken as stable agree between the epochs.
 
@@ -62,10 +63,15 @@ class Agreement:
     ----------
     square, dimension
         Quadratic form R for the a-priori sigma0 and its degrees of freedom, 3 s - 7.
+    d, information
+        (3 s,) differences [m] of the s points laid onto each other, second minus first epoch, and
+        the pseudo-inverse [1/m^2] of their cofactors; both from separate adjustments.
     """
 
     square: float
     dimension: int
+    d: Array = field(repr=False)
+    information: Array = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,12 +102,16 @@ class EpochDifferences:
         (3 m,) second minus first epoch [m]: X, Y, Z of one point after the other.
     cofactors
         (3 m, 3 m) its covariance matrix [m^2] for the a-priori sigma0.
+    flagged
+        Observations that each epoch by itself flags.
     vtpv, redundancy
         Of the joint adjustment, or the sums of both.
     alone
         (vtpv, redundancy) of each epoch by itself; of the joint way without additional parameters.
     by_known
         Whether tests go by the a-priori sigma0 (test "baarda").
+    power
+        That of the first epoch's [test].
     agreement
         Of the points that hold the datum when they are declared stable, or None.
     only_first, only_second
@@ -121,10 +131,12 @@ class EpochDifferences:
     given: NDArray[np.bool_] = field(repr=False)
     d: Array = field(repr=False)
     cofactors: Array = field(repr=False)
+    flagged: tuple[int, int]
     vtpv: float
     redundancy: int
     alone: tuple[tuple[float, int], tuple[float, int]]
     by_known: bool
+    power: float
     agreement: Agreement | None
     only_first: tuple[str, ...] = field(repr=False)
     only_second: tuple[str, ...] = field(repr=False)
@@ -215,7 +227,7 @@ def compare_epochs(
         else:
             agreement = None
             places, d, q = _apart(one, two, chosen)
-            if held:
+            if _weighted(first, second):
                 remarks.append(
                     "control counts as determined anew in each epoch; if it is the same "
                     "survey, the joint adjustment is the rigorous one"
@@ -232,17 +244,20 @@ def compare_epochs(
         agreement = None
         if stable and additional is None:
             # what both epochs by themselves need not agree in (Gruen 1978, eq. 32)
-            agreement = Agreement(
-                max(vtpv - one.vtpv - two.vtpv, 0.0),
-                redundancy - one.redundancy - two.redundancy,
+            agreement = replace(
+                _laid(one, two, (), held)[3],
+                square=max(vtpv - one.vtpv - two.vtpv, 0.0),
+                dimension=redundancy - one.redundancy - two.redundancy,
             )
         remarks += [f"jointly: {r}" for r in block.remarks if not _is_left_out(r)]
+    without = additional is not None and before is None
     for number, adjusted in enumerate(alone, start=1):
         remarks += [f"epoch {number}: {remark}" for remark in adjusted.remarks]
-    if stable and not _has_scale(first):
-        remarks.append(
-            "no control in the first epoch: lengths are in the units of its free network"
-        )
+        remarks += [f"epoch {number}: {doubt}" for doubt in _doubts(adjusted, without)]
+    if stable and not on_control(one.problem, one.state):
+        some = bool(np.isfinite(one.problem.known).any())
+        why = "control does not hold" if some else "no control in"
+        remarks.append(f"{why} the first epoch: lengths are in the units of its free network")
     return EpochDifferences(
         epochs=(first.name, second.name),
         joint=not separate,
@@ -255,10 +270,12 @@ def compare_epochs(
         given=np.array([[axis in partly.get(n, ()) for axis in range(3)] for n in chosen]),
         d=d,
         cofactors=q,
+        flagged=(len(one.flagged_observations()), len(two.flagged_observations())),
         vtpv=vtpv,
         redundancy=redundancy,
         alone=((one.vtpv, one.redundancy), (two.vtpv, two.redundancy)),
         by_known=first.test.kind == "baarda",
+        power=first.test.power,
         agreement=agreement,
         only_first=only[0],
         only_second=only[1],
@@ -270,9 +287,24 @@ def _is_left_out(remark: str) -> bool:
     return "left out" in remark
 
 
-def _has_scale(block: Block) -> bool:
-    full = [row for row in block.control if row.use == "control" and None not in row.xyz]
-    return len(full) >= 3
+def _doubts(block: AdjustedBlock, without: bool) -> list[str]:
+    """Say what speaks against an epoch by itself."""
+    by_itself = " (by itself, without additional parameters)" if without else ""
+    out = []
+    flagged = block.flagged_observations()
+    if flagged:
+        size, what = flagged[0]
+        which = f"1 observation flagged, {what}" if len(flagged) == 1 else (
+            f"{len(flagged)} observations flagged, the largest {what}"
+        )  # fmt: skip
+        out.append(f"{which} (w {size:.1f}){by_itself}: adjust it first with --errors")
+    test = block.global_test()
+    if test is not None and block.sigma0 is not None and block.sigma0**2 > test.critical:
+        out.append(
+            f"it does not fit its a-priori sigma0{by_itself}: sigma0^2 {block.sigma0**2:.3f} "
+            f"against {test.critical:.3f} (global test, alpha {test.alpha:.3f})"
+        )
+    return out
 
 
 def _shares(additional: AdditionalParameters | None, separate: bool, asked: bool | None) -> bool:
@@ -348,6 +380,15 @@ def _check_control(first: Block, second: Block, separate: bool) -> list[str]:
                     "(points that have not moved can hold it: --stable)"
                 )
     return []
+
+
+def _weighted(first: Block, second: Block) -> bool:
+    """Whether a coordinate that control gives in both epochs has a standard deviation."""
+    return any(
+        s is not None and t is not None and max(s, t) > 0.0
+        for one, two in _control_pairs(first, second)
+        for s, t in zip(_sigmas(first, one), _sigmas(second, two), strict=True)
+    )
 
 
 def _stated(value: float | None, sigma: float | None) -> str:
@@ -467,9 +508,12 @@ def _laid(
     first = 3 * m
     values, vectors = np.linalg.eigh(q[first:, first:])
     rank = 3 * s - 7
-    part = vectors[:, len(values) - rank :].T @ d[first:]
-    square = float(np.sum(part * part / values[len(values) - rank :]))
-    return at[:m], d[:first], q[:first, :first], Agreement(square, rank)
+    values, vectors = values[-rank:], vectors[:, -rank:]
+    part = vectors.T @ d[first:]
+    square = float(np.sum(part * part / values))
+    information = (vectors / values) @ vectors.T
+    agreement = Agreement(square, rank, d[first:], information)
+    return at[:m], d[:first], q[:first, :first], agreement
 
 
 def _similarity_effects(at: Array) -> Array:

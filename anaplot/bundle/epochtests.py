@@ -6,11 +6,13 @@ family, "Scheffe" keeps it for every combination of coordinates that anyone may 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import fdtr, fdtrc
 
 from anaplot.adjustment.hypothesis import (
@@ -19,7 +21,7 @@ from anaplot.adjustment.hypothesis import (
     quadratic_form,
     scheffe_factor,
 )
-from anaplot.bundle.epochs import EpochDifferences
+from anaplot.bundle.epochs import Agreement, EpochDifferences
 from anaplot.bundle.verdict import Variance, Verdict
 from anaplot.errors import NotComputableError
 
@@ -31,6 +33,9 @@ __all__ = [
     "VarianceRatio",
     "epoch_tests",
 ]
+
+
+Array = NDArray[np.float64]
 
 
 class CoordinateMove(NamedTuple):
@@ -147,12 +152,17 @@ class EpochTests:
     agreement
         "The points that hold the datum have not moved"; None when control holds it.
     variance
-        Of both epochs by themselves; None without redundancy in one.
+        Of both epochs by themselves; None without redundancy in one, or where its residuals are
+        rounding.
     points
         Every point.
     located
         Points that explain most of R, one after the other, until the rest is within the global
         limit. A search: that each named point has moved is not a test at alpha.
+    located_stable
+        The same of the points that hold the datum, as long as three others are left.
+    remarks
+        Sentences for a person: those of the differences, and what the tests add.
     """
 
     differences: EpochDifferences = field(repr=False)
@@ -163,16 +173,20 @@ class EpochTests:
     variance: VarianceRatio | None
     points: tuple[PointMove, ...] = field(repr=False)
     located: tuple[Located, ...]
+    located_stable: tuple[Located, ...]
+    remarks: tuple[str, ...]
 
     @property
     def any_moved(self) -> bool:
-        """Whether the global test or that of a point or coordinate finds a displacement."""
-        verdicts = [self.everything, *(p.verdict for p in self.points)]
+        """Whether a displacement is found: of all points, one, a coordinate, or stable points."""
+        verdicts = [self.everything, self.agreement, *(p.verdict for p in self.points)]
         verdicts += [c.verdict for p in self.points for c in p.coordinates]
         return any(v is not None and bool(v.rejected) for v in verdicts)
 
 
-def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05, power: float = 0.80) -> EpochTests:
+def epoch_tests(
+    found: EpochDifferences, *, alpha: float = 0.05, power: float | None = None
+) -> EpochTests:
     """Test displacements.
 
     Parameters
@@ -182,7 +196,7 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05, power: float = 
     alpha
         Significance of the global test and of each family of single tests.
     power
-        That smallest detectable displacements refer to.
+        That smallest detectable displacements refer to; None: that of the first epoch.
 
     Raises
     ------
@@ -191,6 +205,7 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05, power: float = 
     ValueError
         Not 0 < alpha < power < 1.
     """
+    power = found.power if power is None else power
     variance = Variance(found.vtpv, found.redundancy, found.by_known)
     q = np.diag(found.cofactors)
     free = ~found.given.reshape(-1)
@@ -275,31 +290,88 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05, power: float = 
             left = variance.without(found.agreement.square, found.agreement.dimension)
         agreement = left.test(found.agreement.square, found.agreement.dimension, alpha)
     located: tuple[Located, ...] = ()
+    located_stable: tuple[Located, ...] = ()
+    remarks = list(found.remarks)
+    if found.agreement is not None and agreement is not None and agreement.rejected:
+        located_stable = _located_stable(found, found.agreement, agreement)
+        most = ", ".join(step.point for step in located_stable[:8])
+        remarks.append(
+            f"the stable points have moved ({most or 'which of them does not show'}): every "
+            "displacement hangs on a refuted datum"
+            + (": leave out of --stable what is named" if most else "")
+        )
     if everything is not None and everything.rejected and own is not None and scheffe is not None:
         located = _located(found, np.nonzero(live)[0].tolist(), (scheffe * own) ** 2)
     return EpochTests(
-        found, alpha, power, everything, agreement, _ratio(found), tuple(moves), located
+        found,
+        alpha,
+        power,
+        everything,
+        agreement,
+        _ratio(found),
+        tuple(moves),
+        located,
+        located_stable,
+        tuple(remarks),
     )
 
 
 def _located(found: EpochDifferences, live: list[int], limit: float) -> tuple[Located, ...]:
+    cofactors = found.cofactors[np.ix_(live, live)]
+    total = quadratic_form(found.d[live], cofactors)
+    information = np.asarray(np.linalg.inv(cofactors), dtype=np.float64)
+    return _search(found.points, found.d, live, information, total, limit, least=0)
+
+
+def _located_stable(
+    found: EpochDifferences, agreement: Agreement, verdict: Verdict
+) -> tuple[Located, ...]:
+    test = verdict.decisive
+    if test is None:
+        return ()
+    limit = test.critical * test.dimension * test.sigma**2
+    d, information = agreement.d, agreement.information
+    total = float(d @ information @ d)
+    # three points fit each other up to two conditions: which of them moved does not show
+    return _search(found.common, d, list(range(len(d))), information, total, limit, least=9)
+
+
+def _search(
+    names: Sequence[str],
+    d: Array,
+    live: list[int],
+    information: Array,
+    total: float,
+    limit: float,
+    *,
+    least: int,
+) -> tuple[Located, ...]:
     """Let one point after the other move until R of the rest is within the limit.
 
     R of the rest with the moved points free is that of the rest by itself: free points take no
     part in it.
+
+    Parameters
+    ----------
+    names, d
+        All points, and their 3 coordinates each.
+    live, information
+        Rows of `d` that take part, and the inverse of their cofactors, or their pseudo-inverse.
+    total, limit
+        R of all of them, and what it may be.
+    least
+        Rows that stay.
     """
     rest = list(live)
     out: list[Located] = []
-    total = quadratic_form(found.d[rest], found.cofactors[np.ix_(rest, rest)])
-    information = np.linalg.inv(found.cofactors[np.ix_(rest, rest)])
-    while rest and total > limit:
-        gradient = information @ found.d[rest]
+    while len(rest) > least and total > limit:
+        gradient = information @ d[rest]
         at: dict[int, list[int]] = {}
         for position, row in enumerate(rest):
             at.setdefault(row // 3, []).append(position)
         drops = {
-            point: float(gradient[mine] @ np.linalg.solve(information[np.ix_(mine, mine)],
-                                                           gradient[mine]))
+            point: float(gradient[mine] @ _inverse(information[np.ix_(mine, mine)])
+                         @ gradient[mine])
             for point, mine in at.items()
         }  # fmt: skip
         point = max(drops, key=lambda name: drops[name])
@@ -307,17 +379,22 @@ def _located(found: EpochDifferences, live: list[int], limit: float) -> tuple[Lo
         stay = [k for k in range(len(rest)) if k not in set(mine)]
         # the information of the rest alone is the Schur complement
         side = information[np.ix_(stay, mine)]
-        core = information[np.ix_(mine, mine)]
-        information = information[np.ix_(stay, stay)] - side @ np.linalg.solve(core, side.T)
+        core = _inverse(information[np.ix_(mine, mine)])
+        information = information[np.ix_(stay, stay)] - side @ core @ side.T
         rest = [rest[k] for k in stay]
         total = max(total - drops[point], 0.0)
-        out.append(Located(found.points[point], drops[point], total))
+        out.append(Located(names[point], drops[point], total))
     return tuple(out)
+
+
+def _inverse(core: Array) -> Array:
+    # a direction in which the others leave a stable point open is none in which it can be seen
+    return np.asarray(np.linalg.pinv(core, rcond=1e-9, hermitian=True))
 
 
 def _ratio(found: EpochDifferences) -> VarianceRatio | None:
     (a, f), (b, g) = found.alone
-    if f < 1 or g < 1 or not a > 0.0 or not b > 0.0:
+    if any(Variance(*each, by_known=False).sigma is None for each in found.alone):
         return None
     ratio = (a / f) / (b / g)
     upper = float(fdtrc(f, g, ratio))

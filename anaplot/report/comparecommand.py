@@ -10,12 +10,13 @@ from typing import Any
 
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.epochs import compare_epochs
-from anaplot.bundle.epochtests import EpochTests, PointMove, epoch_tests
+from anaplot.bundle.epochtests import EpochTests, Located, PointMove, epoch_tests
 from anaplot.bundle.verdict import Verdict
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block
+from anaplot.exchange.wording import quoted
 from anaplot.report.csvoutput import check_csv, write_csv
-from anaplot.report.hypothesestext import verdict_json
+from anaplot.report.hypothesestext import probability, verdict_json
 from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
 
@@ -126,7 +127,9 @@ def compare_json(found: EpochTests) -> Json:
         "points": [_point_json(p) for p in found.points],
         "only_first": list(differences.only_first),
         "only_second": list(differences.only_second),
-        "remarks": list(differences.remarks),
+        "located_stable": [step._asdict() for step in found.located_stable],
+        "flagged": list(differences.flagged),
+        "remarks": list(found.remarks),
     }
 
 
@@ -163,12 +166,8 @@ def _line(label: str, verdict: Verdict | None) -> str:
     end = "  << REJECTED" if test.rejected else "  accepted"
     return (
         f"  {label:<34}{test.dimension:5d}{degrees:>7}{test.statistic:10.3f}{test.critical:10.3f}"
-        f"{_probability(test.significance):>9}{end}"
+        f"{probability(test.significance):>9}{end}"
     )
-
-
-def _probability(value: float) -> str:
-    return f"{value:.4f}" if value >= 1e-4 else f"{value:.0e}"
 
 
 def _mm(value: float | None, width: int = 9) -> str:
@@ -204,22 +203,19 @@ def compare_printout(found: EpochTests) -> str:
     for number, names in ((1, of.only_first), (2, of.only_second)):
         if names:
             lines.append(f"  in epoch {number} alone: {_few(names)}")
-    lines += [f"  note: {printable(remark)}" for remark in of.remarks]
+    lines += [f"  note: {printable(remark)}" for remark in found.remarks]
     if found.variance is not None:
         lines.append(
             f"  variance of epoch 1 over epoch 2: {found.variance.ratio:.3f}, "
-            f"P {_probability(found.variance.significance)}"
+            f"P {probability(found.variance.significance)}"
             + ("  << THEY DIFFER" if found.variance.significance < found.alpha else "")
         )
     lines += ["", f"  {'HYPOTHESIS':<34}    b      f         T  critical        P"]
     lines.append(_line("no point has moved", found.everything))
+    lines += _explained(found.located)
     if found.agreement is not None:
         lines.append(_line("the stable points have not moved", found.agreement))
-    if found.located:
-        lines.append(
-            "  explain it, one after the other until the rest is accepted: "
-            + _few(tuple(step.point for step in found.located))
-        )
+        lines += _explained(found.located_stable)
     width = max(5, *(len(printable(p.point)) for p in found.points))
     lines += [
         "",
@@ -234,7 +230,7 @@ def compare_printout(found: EpochTests) -> str:
             + "".join(_mm(c.s) for c in p.coordinates)
             + _mm(p.length)
             + _mm(p.s_length)
-            + f"{'-' if test is None else _probability(test.significance):>9}"
+            + f"{'-' if test is None else probability(test.significance):>9}"
             + _marks(p)
         )
     lines += [
@@ -242,6 +238,13 @@ def compare_printout(found: EpochTests) -> str:
         f"  all {len(found.points)} points, or all coordinates, together at alpha {found.alpha:g}",
     ]
     return "\n".join(lines)
+
+
+def _explained(located: tuple[Located, ...]) -> list[str]:
+    if not located:
+        return []
+    names = _few(tuple(step.point for step in located))
+    return [f"  explain it, one after the other until the rest is accepted: {names}"]
 
 
 def _marks(p: PointMove) -> str:

@@ -13,7 +13,7 @@ from anaplot.bundle.parametertests import ComponentTest, ParameterTests
 from anaplot.bundle.verdict import Verdict
 from anaplot.report.printable import printable
 
-__all__ = ["hypotheses_json", "hypotheses_printout", "verdict_json"]
+__all__ = ["hypotheses_json", "hypotheses_printout", "probability", "verdict_json"]
 
 Json = dict[str, Any]
 
@@ -49,7 +49,10 @@ def hypotheses_printout(found: BlockHypotheses) -> str:
     return "\n".join([head, *lines])
 
 
-def _probability(value: float) -> str:
+def probability(value: float) -> str:
+    """Return a probability in at most seven characters."""
+    if value <= 0.0:
+        return "<1e-300"
     return f"{value:.4f}" if value >= 1e-4 else f"{value:.0e}"
 
 
@@ -57,7 +60,7 @@ def _cells(test: FTest) -> str:
     degrees = "known" if test.redundancy is None else str(test.redundancy)
     return (
         f"{test.dimension:5d}{degrees:>7}{test.statistic:10.3f}{test.critical:10.3f}"
-        f"{_probability(test.significance):>9}"
+        f"{probability(test.significance):>9}"
     )
 
 
@@ -91,7 +94,7 @@ def _mark(verdict: Verdict | None) -> str:
 def _p(verdict: Verdict | None) -> str:
     if verdict is None or verdict.decisive is None:
         return f"{'-':>9}"
-    return f"{_probability(verdict.decisive.significance):>9}"
+    return f"{probability(verdict.decisive.significance):>9}"
 
 
 def _order(verdict: Verdict | None) -> float:

@@ -287,6 +287,99 @@ def test_null_rate_is_alpha(kind, options) -> None:
     assert single < alpha * runs + room
 
 
+def test_stable_points_that_have_moved_are_named_and_refute_the_datum() -> None:
+    first, second = epoch(11), epoch(12, moved={"p16": (0.0, 0.5, 0.0)})
+    for separate in (False, True):
+        found = compare_epochs(
+            first, second, stable=stable_names(), points=("p8",), separate=separate
+        )
+        tested = epoch_tests(found)
+        assert tested.agreement.rejected
+        assert tested.any_moved
+        assert tested.located_stable[0].point == "p16"
+        assert any("(p16" in remark and "refuted" in remark for remark in tested.remarks)
+    three = epoch_tests(compare_epochs(first, second, stable=("p1", "p5", "p16"), separate=True))
+    assert three.agreement.rejected
+    assert three.located_stable == ()
+    assert any("does not show" in remark for remark in three.remarks)
+    right = epoch_tests(compare_epochs(first, epoch(12), stable=stable_names()))
+    assert right.located_stable == ()
+    assert right.remarks == right.differences.remarks
+
+
+def test_epochs_with_gross_errors_are_named() -> None:
+    first, second = (epoch(k, test=BAARDA) for k in (11, 12))
+    clean = compare_epochs(first, second)
+    assert clean.flagged == (0, 0)
+    assert not any(r.startswith("epoch") for r in clean.remarks)
+    rows = list(second.image_points)
+    rows[7] = replace(rows[7], x=rows[7].x + 1.0)
+    found = compare_epochs(first, replace(second, image_points=tuple(rows)))
+    assert found.flagged[0] == 0
+    assert found.flagged[1] > 0
+    wrong = f"x of point {rows[7].point} in photo {rows[7].photo}"
+    assert any(r.startswith("epoch 2: ") and wrong in r and "--errors" in r for r in found.remarks)
+    assert any("does not fit its a-priori sigma0: " in r for r in found.remarks)
+    extra = compare_epochs(
+        first,
+        replace(second, image_points=tuple(rows)),
+        additional=additional_parameters("ebner", 1.0),
+        points=("p8",),
+    )
+    assert any("by itself, without additional" in r for r in extra.remarks)
+
+
+def test_the_unit_of_a_free_network_is_told_where_it_is_not_controls() -> None:
+    def stripped(block, axes):
+        rows = [
+            replace(
+                row,
+                xyz=tuple(v if k in axes[n % 2] else None for k, v in enumerate(row.xyz)),
+                sigma=tuple(v if k in axes[n % 2] else None for k, v in enumerate(row.sigma)),
+            )
+            for n, row in enumerate(block.control)
+        ]
+        return replace(block, control=tuple(rows))
+
+    first, second = epoch(1), epoch(2)
+    options = {"stable": stable_names(), "points": ("p8",)}
+    # plan and height by turns lay it onto control all the same
+    by_turns = ((0, 1), (2,))
+    apart = compare_epochs(stripped(first, by_turns), stripped(second, by_turns), **options)
+    assert not any("units" in r for r in apart.remarks)
+    heights = ((2,), (2,))
+    flat = compare_epochs(stripped(first, heights), stripped(second, heights), **options)
+    assert any(r.startswith("control does not hold the first epoch") for r in flat.remarks)
+    bare = compare_epochs(replace(first, control=()), replace(second, control=()), **options)
+    assert any(r.startswith("no control in the first epoch") for r in bare.remarks)
+
+
+def test_variances_of_rounding_are_not_compared() -> None:
+    found = compare_epochs(epoch(1, noise_um=0.0), epoch(2))
+    assert epoch_tests(found).variance is None
+    assert epoch_tests(compare_epochs(epoch(1), epoch(2))).variance is not None
+
+
+def test_control_free_of_error_is_not_determined_anew() -> None:
+    first, second = epoch(1), epoch(2)
+    anew = "determined anew"
+    assert any(anew in r for r in compare_epochs(first, second, separate=True).remarks)
+    exact = [
+        replace(b, control=tuple(replace(c, sigma=(0.0,) * 3) for c in b.control))
+        for b in (first, second)
+    ]
+    assert not any(anew in r for r in compare_epochs(*exact, separate=True).remarks)
+
+
+def test_smallest_displacements_are_those_of_the_blocks_power() -> None:
+    first = epoch(1, test=TestSettings(kind="baarda", power=0.9))
+    found = compare_epochs(first, epoch(2, test=BAARDA), points=("p8",))
+    tested = epoch_tests(found)
+    assert tested.power == 0.9
+    least = epoch_tests(found, power=0.80).points[0].coordinates[0].detectable
+    assert tested.points[0].coordinates[0].detectable > least
+
+
 def test_common_parameters_and_those_of_each_epoch() -> None:
     def bend(x, y):
         return (0.01 * x * y / 90.0**2, 0.0)
@@ -405,6 +498,8 @@ def test_the_command(tmp_path, capsys) -> None:
     by = {p["point"]: p for p in found["points"]}
     assert by["p13"]["coordinates"][2]["d"] == pytest.approx(float(rows["p13"]["dZ"]))
     assert set(by) == set(rows)
+    assert found["flagged"] == [0, 0]
+    assert found["located_stable"] == []
     assert main(["compare", *folders, "--separate", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["adjustment"] == "separate"
 

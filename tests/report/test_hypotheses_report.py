@@ -26,7 +26,7 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
-from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout
+from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout, probability
 
 
 def strip(*, planted: float = 0.0, sigma: float | None = 0.02, kind: str = "tau") -> Block:
@@ -138,6 +138,10 @@ def test_the_significance_is_the_users(tmp_path: Path, capsys) -> None:
     assert cli.main(["adjust", str(folder), "--hypothesis-alpha", "1e-200"]) == 2
     assert "at least 1e-12" in capsys.readouterr().err
     assert cli.main(["adjust", str(folder), "--hypothesis-alpha", "1e-12"]) == 0
+
+
+def test_a_probability_of_nothing_is_a_bound() -> None:
+    assert [probability(p) for p in (0.5, 2e-7, 0.0)] == ["0.5000", "2e-07", "<1e-300"]
 
 
 @pytest.mark.parametrize("kind", ["tau", "baarda"])
