@@ -108,7 +108,8 @@ class ControlCoordinateTest(NamedTuple):
     verdict
         The family of coordinates keeps the significance.
     detectable
-        Smallest error of the given coordinate [m] that is found with the settings' power.
+        Smallest error of the given coordinate [m] that is found with the settings' power; None
+        where no test can be made.
     """
 
     point: str
@@ -270,14 +271,14 @@ def _tests(
     if unchecked:
         some = ", ".join(unchecked[:12]) + (" ..." if len(unchecked) > 12 else "")
         remarks.append(
-            f"{len(unchecked)} control coordinates are checked by nothing, an error in them stays "
-            f"unseen: {some}"
+            f"{_are(len(unchecked), 'control coordinate')} checked by nothing, an error there "
+            f"stays unseen: {some}"
         )
     weak = _given_up(control, list(range(len(control.at)))).weak if groups else 0
     if weak:
         remarks.append(
-            f"{weak} conditions are not tested together with the others: the photographs hardly "
-            "know them without control"
+            f"{_are(weak, 'condition')} not tested together with the others: without control "
+            "the photographs hardly tell"
         )
     return ControlTests(
         "network" if control.apart else "photographs",
@@ -399,6 +400,10 @@ def _given_up(control: _Control, members: list[int]) -> _GivenUp:
     return _GivenUp(float((part * part / values[good]).sum()), int(good.sum()), int(weak.sum()))
 
 
+def _are(count: int, what: str) -> str:
+    return f"1 {what} is" if count == 1 else f"{count} {what}s are"
+
+
 def _tested(
     control: _Control, members: list[int], variance: Variance, alpha: float
 ) -> tuple[int, Verdict | None]:
@@ -451,6 +456,7 @@ def _coordinates(
     alpha = bonferroni_alpha(settings.alpha, len(control.at))
     # the tested coordinate takes its own condition from the variance factor
     own = variance if control.apart else variance.without(0.0, 1)
+    possible = own.by_known or own.redundancy > 0
     noncentrality = own.detectable(alpha, settings.power)
     out = []
     for k, (point, axis) in enumerate(control.at):
@@ -464,7 +470,7 @@ def _coordinates(
                 None if verdict is None else -float(control.score[k]) / information,
                 None if verdict is None else sqrt(1.0 / information),
                 verdict,
-                None if verdict is None else sqrt(noncentrality / information),
+                sqrt(noncentrality / information) if possible and verdict is not None else None,
             )
         )
     return tuple(out)

@@ -33,6 +33,7 @@ from anaplot.report.correlations import (
     correlations_printout,
 )
 from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout
+from anaplot.report.power import check_power
 from anaplot.report.progress import ProgressLine
 from anaplot.report.snoopingreport import snoop_block, snooping_json, snooping_printout
 
@@ -118,6 +119,7 @@ def run_adjust(
     if (components == "operators") != (operators is not None):
         raise InputError("--components operators and --operators FILE go together")
     block = read_block(folder)
+    check_power("--hypothesis-alpha", hypothesis_alpha, block.test, folder)
     who = None
     if operators is not None:
         who = read_operators(operators, [photo.id for photo in block.photos])
@@ -143,7 +145,7 @@ def run_adjust(
         parted = None
         if components is not None:
             parted = block_components(adjusted, components, operators=who, progress=progress)
-        tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha))
+        tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha, block.test.power))
     if as_json:
         found = adjust_json(adjusted)
         found["hypotheses"] = hypotheses_json(tested)

@@ -17,6 +17,7 @@ from anaplot.exchange.blockfolder import block_files, read_block
 from anaplot.exchange.wording import quoted
 from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.hypothesestext import probability, verdict_json
+from anaplot.report.power import check_power
 from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
 
@@ -54,6 +55,7 @@ def run_compare(options: argparse.Namespace) -> int:
         additional = additional_parameters(options.additional, options.additional_sigma_um)
     check_csv(options.csv, (*block_files(options.first), *block_files(options.second)))
     first, second = read_block(options.first), read_block(options.second)
+    check_power("--alpha", options.alpha, first.test, options.first)
     with ProgressLine(sys.stderr) as progress:
         found = compare_epochs(
             first,
@@ -233,9 +235,10 @@ def compare_printout(found: EpochTests) -> str:
             + f"{'-' if test is None else probability(test.significance):>9}"
             + _marks(p)
         )
+    points = f"all {len(found.points)} points" if len(found.points) > 1 else "the point"
     lines += [
         "  P of each point by itself; marked (B Bonferroni, S Scheffe) what exceeds the limit for",
-        f"  all {len(found.points)} points, or all coordinates, together at alpha {found.alpha:g}",
+        f"  {points}, or all coordinates, together at alpha {found.alpha:g}",
     ]
     return "\n".join(lines)
 

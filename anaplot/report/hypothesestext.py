@@ -242,9 +242,11 @@ def _check(found: CheckTests) -> list[str]:
 
 
 def _tally(what: str, verdicts: list[Verdict | None]) -> str:
-    return (
-        f"{_count(verdicts)} of {len(verdicts)} {what}{'' if len(verdicts) == 1 else 's'} rejected"
-    )
+    """Say how many of those that can be tested are rejected."""
+    count = sum(v is not None and v.rejected is not None for v in verdicts)
+    text = f"{_count(verdicts)} of {count} {what}{'' if count == 1 else 's'} rejected"
+    left = len(verdicts) - count
+    return f"{text} ({left} not testable)" if left else text
 
 
 def _control(found: ControlTests) -> list[str]:
@@ -259,7 +261,9 @@ def _control(found: ControlTests) -> list[str]:
             _RIGHT[group.what],
             width,
             group.verdict,
-            f"{group.coordinates} coordinates only hold the datum: nothing checks them",
+            "1 coordinate only holds the datum: nothing checks it"
+            if group.coordinates == 1
+            else f"{group.coordinates} coordinates only hold the datum: nothing checks them",
         )
     lines += _remarks(found.remarks)
     rows = sorted(found.coordinates, key=lambda row: _order(row.verdict))

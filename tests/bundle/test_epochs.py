@@ -511,6 +511,8 @@ def test_given_coordinates_are_shown_as_such(tmp_path, capsys) -> None:
     assert "p13 in Z" in next(x for x in text.splitlines() if "common control" in x)
     line = next(x for x in text.splitlines() if x.startswith("  p13 "))
     assert line.split()[3] == "given"
+    assert main(["compare", *folders, "--points", "p13"]) == 0
+    assert "  the point, or all coordinates, together" in capsys.readouterr().out
     assert main(["compare", *folders, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["common_coordinates"] == [{"point": "p13", "axes": "Z"}]

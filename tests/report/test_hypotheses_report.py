@@ -140,6 +140,38 @@ def test_the_significance_is_the_users(tmp_path: Path, capsys) -> None:
     assert cli.main(["adjust", str(folder), "--hypothesis-alpha", "1e-12"]) == 0
 
 
+def test_what_cannot_be_tested_has_nothing_detectable_and_is_not_counted() -> None:
+    # one redundancy: giving a coordinate up leaves none for the variance factor
+    single = replace(adjust_block(strip()), redundancy=1)
+    found = block_hypotheses(single)
+    assert all(row.detectable is None for row in found.control.coordinates)
+    text = hypotheses_printout(found).split("CONTROL")[1]
+    assert "0 of 0 points rejected (6 not testable)" in text
+    assert "0 of 0 coordinates rejected (18 not testable)" in text
+    [row] = [line for line in text.splitlines() if line.startswith("  p0 X ")]
+    assert row.endswith("-  not testable")
+    known = replace(adjust_block(strip(kind="baarda")), redundancy=1)
+    assert all(row.detectable for row in block_hypotheses(known).control.coordinates)
+
+
+def test_the_power_is_that_of_the_block(tmp_path: Path, capsys) -> None:
+    folder = write(tmp_path / "b", strip())
+    plain = json.loads(report(folder, as_json=True))["hypotheses"]
+    assert plain["power"] == 0.80
+    toml = folder / "block.toml"
+    toml.write_text(toml.read_text().replace("[test]\n", "[test]\npower = 0.95\n"))
+    sharp = json.loads(report(folder, as_json=True))["hypotheses"]
+    assert sharp["power"] == 0.95
+    one, two = (h["control"]["coordinates"][0]["detectable"] for h in (plain, sharp))
+    assert two > one
+    toml.write_text(toml.read_text().replace("0.95", "0.02"))
+    for call in (["adjust", str(folder)], ["compare", str(folder), str(folder)]):
+        assert cli.main(call) == 2
+        error = capsys.readouterr().err
+        assert "alpha 0.05: must be less than power = 0.02 of [test]" in error
+        assert "block.toml" in error
+
+
 def test_a_probability_of_nothing_is_a_bound() -> None:
     assert [probability(p) for p in (0.5, 2e-7, 0.0)] == ["0.5000", "2e-07", "<1e-300"]
 
