@@ -301,8 +301,8 @@ def _doubts(block: AdjustedBlock, without: bool) -> list[str]:
     test = block.global_test()
     if test is not None and block.sigma0 is not None and block.sigma0**2 > test.critical:
         out.append(
-            f"it does not fit its a-priori sigma0{by_itself}: sigma0^2 {block.sigma0**2:.3f} "
-            f"against {test.critical:.3f} (global test, alpha {test.alpha:.3f})"
+            f"its global test is rejected{by_itself}: sigma0^2 {block.sigma0**2:.3f} "
+            f"against {test.critical:.3f} (alpha {test.alpha:.3f}, consistent with single tests)"
         )
     return out
 

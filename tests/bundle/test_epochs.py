@@ -319,7 +319,7 @@ def test_epochs_with_gross_errors_are_named() -> None:
     assert found.flagged[1] > 0
     wrong = f"x of point {rows[7].point} in photo {rows[7].photo}"
     assert any(r.startswith("epoch 2: ") and wrong in r and "--errors" in r for r in found.remarks)
-    assert any("does not fit its a-priori sigma0: " in r for r in found.remarks)
+    assert any("its global test is rejected: " in r for r in found.remarks)
     extra = compare_epochs(
         first,
         replace(second, image_points=tuple(rows)),
