@@ -14,7 +14,6 @@ from anaplot.bundle.epochtests import EpochTests, Located, PointMove, epoch_test
 from anaplot.bundle.verdict import Verdict
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block
-from anaplot.exchange.wording import quoted
 from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.hypothesestext import probability, verdict_json
 from anaplot.report.power import check_power
