@@ -553,7 +553,8 @@ def _add_compare_arguments(parser: Any) -> None:
     parser.add_argument(
         "--separate",
         action="store_true",
-        help="adjust each epoch by itself; otherwise both in one, with common control",
+        help="adjust each epoch by itself; otherwise both in one, with common control "
+        "(of a point given in part, what is given)",
     )
     parser.add_argument(
         "--additional",

@@ -340,7 +340,9 @@ def _alone(
         bare = not any(row.use == "control" for row in block.control)
         if isinstance(error, NotComputableError) and datum == "control" and bare:
             hint = " (points that have not moved can hold the datum: --stable)"
-        raise type(error)(f"epoch {number}: {error}{hint}") from error
+        # a search without end carries more than its message
+        kind = NotComputableError if isinstance(error, NotComputableError) else type(error)
+        raise kind(f"epoch {number}: {error}{hint}") from error
 
 
 def _sigmas(block: Block, row: ControlPoint) -> tuple[float | None, ...]:

@@ -16,6 +16,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.crosscofactors import coordinate_cofactors
 from anaplot.bundle.epochs import compare_epochs, joint_block
 from anaplot.bundle.epochtests import epoch_tests
+from anaplot.bundle.minimum import NoConvergenceError
 from anaplot.bundle.similarity import fit_similarity
 from anaplot.cli import main
 from anaplot.errors import InputError, NotComputableError
@@ -440,6 +441,15 @@ def test_refusals() -> None:
         compare_epochs(first, other)
     with pytest.raises(InputError, match="tested differently"):
         compare_epochs(first, replace(second, test=BAARDA))
+
+
+def test_an_epoch_without_a_minimum_is_named(monkeypatch) -> None:
+    def endless(block, **_):
+        raise NoConvergenceError(f"block {block.name}: no solution found", None)
+
+    monkeypatch.setattr("anaplot.bundle.epochs.adjust_block", endless)
+    with pytest.raises(NotComputableError, match=r"^epoch 1: block .*: no solution found"):
+        compare_epochs(epoch(1), epoch(2))
 
 
 def test_names_cannot_meet() -> None:
