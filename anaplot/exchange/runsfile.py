@@ -1,7 +1,8 @@
 """The file in which a simulation keeps the chunks that are done: JSON, one line each.
 
 The first line says what is simulated, every other one holds the sums of a chunk. A line that was
-torn off by a crash is cut; a line that is damaged in another way is refused by its number.
+torn off by a crash is cut; a line that is damaged in another way is refused by its number. A file
+that does not begin with the first line of this simulation, or a part of it, is left as it is.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import stat
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -48,7 +50,7 @@ class RunsFile:
     Parameters
     ----------
     path
-        The file; made when it does not exist.
+        The file; made when it does not exist, else a regular file.
     what
         What is simulated; an existing file must say the same.
 
@@ -67,6 +69,11 @@ class RunsFile:
             if path.exists():
                 data = self._read()
                 length = data.rfind(b"\n") + 1
+                if length == 0 and not _line(head).startswith(data):
+                    raise InputError(
+                        f"{place(path, 1)}: not a simulation's file, and not overwritten; "
+                        "name another file"
+                    )
                 self.chunks = self._chunks(data[:length], head)
             self._file = path.open("ab")
         except OSError as error:
@@ -103,15 +110,17 @@ class RunsFile:
         )
 
     def _write(self, value: dict[str, Any]) -> None:
-        line = json.dumps(value, allow_nan=False, separators=(",", ":")).encode() + b"\n"
         try:
-            self._file.write(line)
+            self._file.write(_line(value))
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
             raise InputError(f"{place(self._path)}: {reason(error)}") from None
 
     def _read(self) -> bytes:
+        # looked at before it is opened: a named pipe would wait for a writer
+        if not stat.S_ISREG(self._path.stat().st_mode):
+            raise InputError(f"{place(self._path)}: not a regular file")
         with self._path.open("rb") as file:
             data = file.read(_LARGEST + 1)
         if len(data) > _LARGEST:
@@ -174,3 +183,7 @@ class RunsFile:
             raise InputError(f"{where}: {quoted(json.dumps(values))} are no sums")
         case, method, quantity = names
         return KeptSums(case, method, quantity, count, float(values[0]), float(values[1]))
+
+
+def _line(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).encode() + b"\n"

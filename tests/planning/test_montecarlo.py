@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +127,22 @@ def test_a_damaged_file_is_refused_by_its_line(tmp_path: Path, line: bytes, said
     with pytest.raises(InputError, match=said):
         RunsFile(path, WHAT)
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("data", [b"precious", b'{"format":2', b"\0"])
+def test_a_foreign_file_is_not_overwritten(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "pr.csv"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="pr.csv line 1: not a simulation's file"):
+        RunsFile(path, WHAT)
+    assert path.read_bytes() == data
+
+
+def test_only_regular_files_keep_runs(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(InputError, match="not a regular file"):
+            RunsFile(path, WHAT)
 
 
 def test_a_file_of_another_simulation_is_refused(tmp_path: Path) -> None:
