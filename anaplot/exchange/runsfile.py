@@ -1,7 +1,8 @@
 """The file in which a simulation keeps the chunks that are done: JSON, one line each.
 
 The first line says what is simulated, every other one holds the sums of a chunk. A line that was
-torn off by a crash is cut; a line that is damaged in another way is refused by its number. A file
+torn off by a crash is cut; a line that is damaged in another way, or holds sums that the simulation
+cannot have, is refused by its number. A file
 that does not begin with the first line of this simulation, or a part of it, is left as it is.
 """
 
@@ -11,6 +12,7 @@ import json
 import math
 import os
 import stat
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -23,6 +25,9 @@ __all__ = ["RUNS_FORMAT", "KeptChunk", "KeptSums", "RunsFile"]
 RUNS_FORMAT = 1
 _LARGEST = 256 * 1024 * 1024
 _LONGEST = 4 * 1024 * 1024
+_ROUNDING = 1e-9
+
+Name = tuple[str, str, str]
 
 
 class KeptSums(NamedTuple):
@@ -53,6 +58,11 @@ class RunsFile:
         The file; made when it does not exist, else a regular file.
     what
         What is simulated; an existing file must say the same.
+    largest
+        What every chunk holds sums of, (case, method, quantity), and the largest value of a run;
+        None: no bound. No value is negative.
+    chunk
+        The largest number of runs of a chunk.
 
     Raises
     ------
@@ -60,8 +70,10 @@ class RunsFile:
         The file cannot be read or written, is damaged, or belongs to another simulation.
     """
 
-    def __init__(self, path: Path, what: dict[str, Any]) -> None:
-        self._path = path
+    def __init__(
+        self, path: Path, what: dict[str, Any], largest: Mapping[Name, float | None], chunk: int
+    ) -> None:
+        self._path, self._largest, self._most = path, largest, chunk
         head = {"format": RUNS_FORMAT, **what}
         self.chunks: tuple[KeptChunk, ...] = ()
         length = 0
@@ -164,25 +176,62 @@ class RunsFile:
         index, runs, rows = value.get("chunk"), value.get("runs"), value.get("sums")
         if type(index) is not int or type(runs) is not int or index < 0 or runs < 1:
             raise InputError(f"{where}: 'chunk' and 'runs' must be whole numbers")
+        if runs > self._most:
+            raise InputError(f"{where}: more runs than a chunk has: {self._most}")
         if not isinstance(rows, list):
             raise InputError(f"{where}: 'sums' is missing")
-        return KeptChunk(index, runs, tuple(self._sums(row, where) for row in rows))
+        found = tuple(self._sums(row, runs, where) for row in rows)
+        names = [of[:3] for of in found]
+        for name in names:
+            if name not in self._largest:
+                said = ", ".join(quoted(part) for part in name)
+                raise InputError(f"{where}: sums of {said}, which is not in this simulation")
+        if len(names) != len(set(names)) or len(names) != len(self._largest):
+            raise InputError(
+                f"{where}: {len(names)} sums, {len(set(names))} of them different; "
+                f"this simulation has {len(self._largest)}"
+            )
+        return KeptChunk(index, runs, found)
 
-    def _sums(self, row: Any, where: str) -> KeptSums:
+    def _sums(self, row: Any, runs: int, where: str) -> KeptSums:
         if not isinstance(row, list) or len(row) != 6:
             raise InputError(f"{where}: sums are [case, method, quantity, runs, total, squares]")
         names, count, values = row[:3], row[3], row[4:]
         if not all(isinstance(name, str) and len(name) <= 200 for name in names):
             raise InputError(f"{where}: a name is missing in {quoted(json.dumps(row))}")
-        if type(count) is not int or count < 0:
-            raise InputError(f"{where}: {quoted(json.dumps(count))} is no number of runs")
-        if not all(
-            isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v)
-            for v in values
-        ):
-            raise InputError(f"{where}: {quoted(json.dumps(values))} are no sums")
+        if type(count) is not int or count != runs:
+            raise InputError(f"{where}: {quoted(json.dumps(count))} is not the chunk's {runs} runs")
         case, method, quantity = names
-        return KeptSums(case, method, quantity, count, float(values[0]), float(values[1]))
+        of = KeptSums(case, method, quantity, count, *(_number(value) for value in values))
+        if not _possible(of, self._largest.get(of[:3])):
+            raise InputError(
+                f"{where}: {quoted(json.dumps(values))} are no sums of values of {runs} runs"
+            )
+        return of
+
+
+def _number(value: Any) -> float:
+    """Return a number of a line; what is none, or too large, is not a number."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
+
+
+def _possible(of: KeptSums, largest: float | None) -> bool:
+    """Tell whether there are values of 0 to `largest` with this sum and sum of squares."""
+    if not (math.isfinite(of.total) and math.isfinite(of.squares)):
+        return False
+    if of.total < 0.0 or of.squares < 0.0:
+        return False
+    more = 1.0 + _ROUNDING
+    if of.total * of.total > of.runs * of.squares * more:
+        return False
+    return largest is None or (
+        of.total <= of.runs * largest * more and of.squares <= largest * of.total * more
+    )
 
 
 def _line(value: dict[str, Any]) -> bytes:

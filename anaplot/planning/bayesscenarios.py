@@ -13,6 +13,7 @@ from anaplot.adjustment.setodds import set_odds
 from anaplot.adjustment.strategies import find_gross_errors
 from anaplot.planning.bayesblock import BayesBlock, bayes_block
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.quantities import COUNT, Quantity, out_of
 
 __all__ = ["BayesScenario", "noise_within_three", "scenarios"]
 
@@ -74,6 +75,15 @@ class _BayesTrial:
         self._scenario, self._block = scenario, block
         rho = residual_correlations(block.matrix, np.diag(block.matrix))
         self._partners = np.abs(np.nan_to_num(rho)) >= HARD_TO_TELL
+
+    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+        """Say what is counted."""
+        case, number = self._scenario.case, self._scenario.errors
+        return {
+            (case, method, what): out_of(number) if what in ("right", "missed") else COUNT
+            for method in methods
+            for what in _QUANTITIES
+        }
 
     def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
         """Place the errors, search, count."""

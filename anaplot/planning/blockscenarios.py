@@ -25,6 +25,7 @@ from anaplot.adjustment.significance import (
 from anaplot.adjustment.strategies import find_gross_errors
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of, share
 
 __all__ = ["BlockErrorsScenario", "BlockSizeScenario", "gruen_matrix", "scenarios"]
 
@@ -36,6 +37,7 @@ _HEIGHT = 150.0 / 92.0  # in bases
 _ALPHAS = (0.001, 0.05)
 _POWER = 0.80
 _REDUNDANCY = 170
+_FATES = ("right", "wrong", "missed")
 _STRATEGIES = ("rms", "tau", "baarda", "huber", "danish", "search", "odds", "sure")
 
 
@@ -93,6 +95,16 @@ class _SizeTrial:
         self._r = np.diag(matrix)
         self._testable = np.flatnonzero(self._r > 1e-6)
 
+    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+        """Say what is counted."""
+        out: dict[Key, Quantity] = {}
+        for alpha in _ALPHAS:
+            for method in methods:
+                out[_clean(alpha), method, "share of rows flagged"] = share(len(self._testable))
+                out[_least(alpha), method, "row flagged"] = YES_OR_NO
+                out[_least(alpha), method, "flagged and largest"] = YES_OR_NO
+        return out
+
     def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
         """Test every row under no error, and the row in error under one."""
         tally: Tally = {}
@@ -112,8 +124,8 @@ class _SizeTrial:
                 critical = _critical(method, alpha, redundancy)
                 flagged = (clean[:, self._testable] > critical).mean(axis=1)
                 largest = (np.argmax(hit, axis=1) == rows) & (hit[one, rows] > critical)
-                tally[f"no error, alpha {alpha:g}", method, "share of rows flagged"] = sums(flagged)
-                case = f"smallest detectable error, alpha {alpha:g}"
+                tally[_clean(alpha), method, "share of rows flagged"] = sums(flagged)
+                case = _least(alpha)
                 tally[case, method, "row flagged"] = sums(hit[one, rows] > critical)
                 tally[case, method, "flagged and largest"] = sums(largest)
         return tally
@@ -121,6 +133,14 @@ class _SizeTrial:
     def remarks(self) -> tuple[str, ...]:
         """Say what the block is."""
         return _facts(self._matrix)
+
+
+def _clean(alpha: float) -> str:
+    return f"no error, alpha {alpha:g}"
+
+
+def _least(alpha: float) -> str:
+    return f"smallest detectable error, alpha {alpha:g}"
 
 
 def _facts(matrix: Array) -> tuple[str, ...]:
@@ -177,6 +197,18 @@ class _ErrorsTrial:
     def __init__(self, scenario: BlockErrorsScenario, matrix: Array) -> None:
         self._scenario, self._matrix = scenario, matrix
 
+    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+        """Say what is counted."""
+        return {
+            (self._case(number), method, what): COUNT if what == "wrong" else out_of(number)
+            for number in self._scenario.numbers
+            for method in methods
+            for what in _FATES
+        }
+
+    def _case(self, number: int) -> str:
+        return f"{number} of {self._scenario.size:g} sigma"
+
     def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
         """Place the errors, search, count."""
         tally: Tally = {}
@@ -190,12 +222,9 @@ class _ErrorsTrial:
                 for method, found in self._found(errors, methods).items():
                     right = len(planted & found)
                     counts[method][:, one] = right, len(found) - right, number - right
-            case = f"{number} of {self._scenario.size:g} sigma"
             for method in methods:
-                for quantity, values in zip(
-                    ("right", "wrong", "missed"), counts[method], strict=True
-                ):
-                    tally[case, method, quantity] = sums(values)
+                for quantity, values in zip(_FATES, counts[method], strict=True):
+                    tally[self._case(number), method, quantity] = sums(values)
         return tally
 
     def _found(self, errors: Array, methods: tuple[str, ...]) -> dict[str, set[int]]:
@@ -229,9 +258,9 @@ def scenarios() -> tuple[Scenario, ...]:
     """Return the scenarios of aerial blocks."""
     references: dict[Key, float] = {}
     for alpha in _ALPHAS:
-        case = f"smallest detectable error, alpha {alpha:g}"
+        case = _least(alpha)
         for method in ("baarda", "tau"):
-            references[f"no error, alpha {alpha:g}", method, "share of rows flagged"] = alpha
+            references[_clean(alpha), method, "share of rows flagged"] = alpha
         references[case, "baarda", "row flagged"] = _POWER
         predicted = tau_power(noncentrality(alpha, _POWER), alpha, _REDUNDANCY)
         if predicted is not None:

@@ -24,6 +24,7 @@ from anaplot.adjustment.significance import (
 from anaplot.orientation.patterns import pattern
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.patternplan import from_pattern, solve
+from anaplot.planning.quantities import YES_OR_NO, Quantity, share
 
 __all__ = ["OneError", "SizeOfTests", "model_rows", "scenarios"]
 
@@ -34,6 +35,7 @@ ALPHA = 0.001
 POWER = 0.80
 _B, _D, _C = 0.60 * 152.0, 0.66 * 152.0, 152.0  # NOTES: the proportions of the printed values
 _SIZES = (6, 10, 20)
+_FATES = ("detected", "right", "right or its partner", "wrong", "missed")
 _SCATTER_MM, _MODELS, _LAID = 2.5, 40, 1983
 
 
@@ -86,18 +88,21 @@ def _as_measured(name: str) -> tuple[_Rows, ...]:
     )
 
 
+def _critical(rows: _Rows, methods: tuple[str, ...]) -> dict[str, float]:
+    """Return the critical value of every test asked that has one."""
+    values = {"baarda": critical_normal(ALPHA), "tau": critical_tau(ALPHA, rows.redundancy)}
+    return {name: v for name, v in values.items() if name in methods and v is not None}
+
+
 def _tests(rows: _Rows, e: Array, methods: tuple[str, ...]) -> dict[str, tuple[Array, float]]:
     """Return (m, n) statistics and their critical value for every test asked."""
     found: dict[str, tuple[Array, float]] = {}
-    if "baarda" in methods:
-        found["baarda"] = (
-            np.where(rows.testable, standardized(e, rows.r), 0.0),
-            critical_normal(ALPHA),
-        )
-    critical = critical_tau(ALPHA, rows.redundancy)
-    if "tau" in methods and critical is not None:
-        statistic = np.where(rows.testable, tau_statistics(e, rows.r, rows.redundancy), 0.0)
-        found["tau"] = (statistic, critical)
+    for name, critical in _critical(rows, methods).items():
+        if name == "baarda":
+            statistic = standardized(e, rows.r)
+        else:
+            statistic = tau_statistics(e, rows.r, rows.redundancy)
+        found[name] = np.where(rows.testable, statistic, 0.0), critical
     return found
 
 
@@ -127,6 +132,12 @@ class OneError:
 @dataclass(frozen=True, slots=True, eq=False)
 class _OneErrorTrial:
     models: tuple[_Rows, ...]
+
+    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+        found = [(name, what) for name in _critical(self.models[0], methods) for what in _FATES]
+        if "largest parallax" in methods:
+            found.append(("largest parallax", "right"))
+        return {(f"{size} sigma", *key): YES_OR_NO for size in _SIZES for key in found}
 
     def remarks(self) -> tuple[str, ...]:
         low = min(float(rows.r.min()) for rows in self.models)
@@ -178,11 +189,8 @@ def _with_one_error(
         largest = statistic.argmax(axis=1)
         found = statistic[at, largest] > critical
         right = found & (largest == wrong)
-        out[method, "detected"] = found
-        out[method, "right"] = right
-        out[method, "right or its partner"] = found & near[largest, wrong]
-        out[method, "wrong"] = found & ~right
-        out[method, "missed"] = ~found
+        fates = (found, right, found & near[largest, wrong], found & ~right, ~found)
+        out |= {(method, what): fate for what, fate in zip(_FATES, fates, strict=True)}
     if "largest parallax" in methods:
         out["largest parallax", "right"] = np.abs(e * rows.root).argmax(axis=1) == wrong
     return out
@@ -225,6 +233,14 @@ class SizeOfTests:
 @dataclass(frozen=True, slots=True, eq=False)
 class _SizeTrial:
     models: tuple[_Rows, ...]
+
+    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+        return {
+            (rows.name, method, what): share(int(rows.testable.sum())) if k == 0 else YES_OR_NO
+            for rows in self.models
+            for k, what in enumerate(("size", "power"))
+            for method in _critical(rows, methods)
+        }
 
     def remarks(self) -> tuple[str, ...]:
         return (

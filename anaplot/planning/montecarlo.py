@@ -14,16 +14,14 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import sqrt
 from multiprocessing import get_context
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anaplot.adjustment.significance import critical_normal
 from anaplot.errors import InputError, NotComputableError
-from anaplot.planning.rates import wilson
+from anaplot.planning.quantities import Quantity, mean_interval
 
 __all__ = [
     "ChunkDone",
@@ -63,6 +61,10 @@ class Trial(Protocol):
 
     def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
         """Do some runs."""
+        ...
+
+    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+        """Return what every run with these methods counts, in the order of the report."""
         ...
 
     def remarks(self) -> tuple[str, ...]:
@@ -123,9 +125,10 @@ class Figure:
         What it is.
     runs
         Number of runs.
-    mean, low, high
-        Mean per run. Of a value that is 0 or 1 in every run: a rate, with Wilson's interval;
-        otherwise the interval is the normal one from the scatter of the runs.
+    mean
+        Mean per run.
+    low, high
+        Its interval, see `mean_interval`; None for a count in a single run.
     reference
         The known value, or None.
     """
@@ -135,8 +138,8 @@ class Figure:
     quantity: str
     runs: int
     mean: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     reference: float | None
 
 
@@ -156,23 +159,30 @@ def add(a: Mapping[Key, Sums], b: Mapping[Key, Sums]) -> Tally:
 
 
 def figures(
-    tally: Mapping[Key, Sums], references: Mapping[Key, float], confidence: float = 0.95
+    tally: Mapping[Key, Sums],
+    quantities: Mapping[Key, Quantity],
+    references: Mapping[Key, float],
+    confidence: float = 0.95,
 ) -> tuple[Figure, ...]:
-    """Return the means with their intervals, in the order of the tally."""
-    return tuple(
-        _figure(key, of, references.get(key), confidence) for key, of in tally.items() if of.runs
-    )
+    """Return the means with their intervals, in the order of the quantities.
 
-
-def _figure(key: Key, of: Sums, reference: float | None, confidence: float) -> Figure:
-    mean = of.total / of.runs
-    if of.squares == of.total and float(of.total).is_integer() and of.total <= of.runs:
-        rate = wilson(round(of.total), of.runs, confidence)
-        return Figure(*key, of.runs, rate.value, rate.low, rate.high, reference)
-    spread = max(of.squares / of.runs - mean * mean, 0.0)
-    deviation = sqrt(spread / max(of.runs - 1, 1))
-    half = critical_normal(1.0 - confidence) * deviation if of.runs > 1 else float("inf")
-    return Figure(*key, of.runs, mean, mean - half, mean + half, reference)
+    Parameters
+    ----------
+    tally
+        Sums over all runs.
+    quantities
+        What was counted, see `Trial`.
+    references
+        Known values.
+    confidence
+        Of the intervals.
+    """
+    out = []
+    for key, quantity in quantities.items():
+        of = tally[key]
+        low, high = mean_interval(quantity, *of, confidence) or (None, None)
+        out.append(Figure(*key, of.runs, of.total / of.runs, low, high, references.get(key)))
+    return tuple(out)
 
 
 def chunk_sizes(runs: int, chunk: int) -> tuple[int, ...]:

@@ -19,6 +19,7 @@ from anaplot.adjustment.significance import TESTABLE
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube
+from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
 
 __all__ = ["GruenScenario", "scenarios"]
 
@@ -55,6 +56,28 @@ class _GruenTrial:
     def __init__(self) -> None:
         self._matrices = {name: _matrix(name) for name in CUBE_VERSIONS}
         self._equal = {name: _equal(matrix) for name, matrix in self._matrices.items()}
+
+    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+        """Say what is counted: what all runs together say comes first."""
+        counting = [method for method in methods if method != "global test"]
+        every: dict[Key, Quantity] = {}
+        planted = 0
+        for name in self._matrices:
+            if "global test" in methods:
+                every[f"{name}, no gross error", "global test", "rejected"] = YES_OR_NO
+            for case, rows in _CASES.items():
+                label = name + case
+                planted += len(rows) if label not in _SPURS else 0
+                if "global test" in methods:
+                    every[label, "global test", "rejected"] = YES_OR_NO
+                for method in counting:
+                    every[label, method, "right"] = out_of(len(rows))
+                    every[label, method, "wrong"] = COUNT
+        return {
+            (_ALL, method, what): out_of(planted) if what == "right" else COUNT
+            for method in counting
+            for what in ("right", "wrong")
+        } | every
 
     def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
         """Make one noise for each arrangement, plant the errors of each case, count."""

@@ -19,6 +19,7 @@ from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
 from anaplot.errors import InputError
 from anaplot.planning.montecarlo import Key, Tally, sums
+from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
 
 __all__ = ["METHODS", "OwnErrors"]
 
@@ -76,6 +77,16 @@ class OwnErrors:
             raise InputError(f"{max(self.numbers)} errors, but only {room} rows to put them in")
         return _OwnTrial(self)
 
+    def cases(self) -> tuple[tuple[int, float], ...]:
+        """Return number and size of the errors of every case; no error comes first, and once."""
+        numbers, sizes = dict.fromkeys(self.numbers), dict.fromkeys(self.sizes)
+        planted = tuple((k, size) for k in numbers if k for size in sizes)
+        return ((0, 0.0), *planted) if 0 in numbers else planted
+
+
+def _case(number: int, size: float) -> str:
+    return f"{number} of {size:g} sigma" if number else "no error"
+
 
 class _OwnTrial:
     def __init__(self, scenario: OwnErrors) -> None:
@@ -97,21 +108,27 @@ class _OwnTrial:
             "right, wrong and missed are numbers of rows in a run",
         )
 
+    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+        out: dict[Key, Quantity] = {}
+        for number, size in self._of.cases():
+            found = (out_of(number), COUNT, out_of(number), COUNT, YES_OR_NO)
+            for method in methods:
+                for what, quantity in zip(_QUANTITIES, found, strict=True):
+                    out[_case(number, size), method, what] = quantity
+        return out
+
     def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
         tally: Tally = {}
         n = len(self._r)
         rows = np.flatnonzero(self._of.places)
-        cases = [(k, size) for k in self._of.numbers for size in self._of.sizes if k or size]
-        if 0 in self._of.numbers:
-            cases = [(0, 0.0), *((k, size) for k, size in cases if k)]
-        for number, size in cases:
+        for number, size in self._of.cases():
             errors = rng.standard_normal((runs, n))
             planted = np.zeros((runs, n), dtype=bool)
             for one in range(runs):
                 at = rng.choice(rows, number, replace=False)
                 planted[one, at] = True
                 errors[one, at] += size * rng.choice((-1.0, 1.0), number)
-            case = f"{number} of {size:g} sigma" if number else "no error"
+            case = _case(number, size)
             for method in methods:
                 found = self._rejected(errors, method)
                 for quantity, values in zip(

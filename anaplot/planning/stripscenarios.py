@@ -20,6 +20,7 @@ from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.quantities import YES_OR_NO, Quantity, share
 from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
 
 __all__ = ["SizeInStrips", "scenarios"]
@@ -32,6 +33,8 @@ _IMAGE_UM = 5.0
 _PHOTOS, _SEED = 5, 1983
 _POINTS_OF_15 = ("7'", "9'")  # outer points of the middle column, which the 13 points leave out
 _METHODS = ("baarda", "tau")
+_TIE_VARIANCES: tuple[TieVariance, ...] = ("propagated", "paper")
+_AXES = ("y", "x")
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +96,17 @@ class _StripTrial:
                 )
             )
 
+    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+        solutions = self._bridged(None, "propagated")
+        out: dict[Key, Quantity] = {}
+        for tie_variance in _TIE_VARIANCES:
+            for method in methods:
+                for axis in _AXES:
+                    rows = sum(row.axis == axis for s in solutions for row in s.table)
+                    out[tie_variance, method, f"{axis} rows flagged"] = share(rows)
+            out |= {(tie_variance, method, "power (y)"): YES_OR_NO for method in methods}
+        return out
+
     def remarks(self) -> tuple[str, ...]:
         return (
             f"{len(self._models)} models of 13 points, 5 of them ties; the x rows of the first "
@@ -107,7 +121,7 @@ class _StripTrial:
 
     def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
         tally: Tally = {}
-        for tie_variance in ("propagated", "paper"):
+        for tie_variance in _TIE_VARIANCES:
             limits = self._detectable(tie_variance)
             found: dict[tuple[str, str], list[float]] = {}
             for _ in range(runs):
@@ -132,7 +146,7 @@ class _StripTrial:
     ) -> None:
         solutions = self._bridged(rng, tie_variance)
         for method in methods:
-            for axis in ("y", "x"):
+            for axis in _AXES:
                 flags = [f for s in solutions for f in _flags(s, method, axis)]
                 found.setdefault((method, f"{axis} rows flagged"), []).append(float(np.mean(flags)))
         # the last model once more, with the smallest detectable error of a row

@@ -10,7 +10,7 @@ import json
 import os
 import sys
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,9 @@ from anaplot import __version__
 from anaplot.errors import InputError
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
 from anaplot.exchange.wording import hint, quoted
-from anaplot.planning.montecarlo import ChunkDone, Figure, Scenario, Sums, figures, simulate
+from anaplot.planning.montecarlo import ChunkDone, Figure, Key, Scenario, Sums, figures, simulate
 from anaplot.planning.ownerrors import OwnErrors
+from anaplot.planning.quantities import Quantity
 from anaplot.planning.scenarios import scenarios
 from anaplot.report.owngeometry import own_scenario
 from anaplot.report.printable import printable
@@ -59,34 +60,39 @@ def run_simulate(options: argparse.Namespace) -> int:
             raise InputError(
                 f"{scenario.name} has no method {quoted(name)}{hint(name, scenario.methods)}"
             )
-    remarks = scenario.prepare().remarks()
+    trial = scenario.prepare()
+    remarks = trial.remarks()
+    # in the scenario's order, whatever the option's
+    used = tuple(m for m in scenario.methods if methods is None or m in methods)
+    quantities = trial.quantities(used)
     processes = options.processes or max(os.cpu_count() or 1, 1)
     with contextlib.ExitStack() as stack:
         kept: RunsFile | None = None
         if options.to is not None:
-            used = methods or scenario.methods
             what = {
                 "scenario": scenario.name,
                 "seed": options.seed,
-                "methods": [m for m in scenario.methods if m in used],
+                "methods": list(used),
                 "chunk": scenario.chunk,
                 "anaplot": __version__,
                 **_identity(scenario),
             }
-            kept = stack.enter_context(RunsFile(options.to, what))
+            kept = stack.enter_context(
+                RunsFile(options.to, what, _largest(quantities), scenario.chunk)
+            )
         progress = stack.enter_context(ProgressLine(sys.stderr))
         progress(scenario.name, 0.0)
         tally = simulate(
             scenario,
             runs=runs,
             seed=options.seed,
-            methods=methods,
+            methods=used,
             processes=processes,
             done=() if kept is None else [_done(chunk) for chunk in kept.chunks],
             progress=progress,
             store=None if kept is None else partial(_keep, kept),
         )
-    found = figures(tally, scenario.references)
+    found = figures(tally, quantities, scenario.references)
     if options.csv is not None:
         _write_csv(options.csv, found)
     if options.json:
@@ -143,6 +149,10 @@ def _identity(scenario: Scenario) -> dict[str, Any]:
     }
 
 
+def _largest(quantities: Mapping[Key, Quantity]) -> dict[Key, float | None]:
+    return {key: quantity.top for key, quantity in quantities.items()}
+
+
 def _keep(file: RunsFile, chunk: ChunkDone) -> None:
     file.keep(_kept(chunk))
 
@@ -172,10 +182,7 @@ def _json(
 
 
 def _row(figure: Figure) -> dict[str, Any]:
-    row = {name: getattr(figure, name) for name in _COLUMNS}
-    if figure.runs < 2 and figure.low == -float("inf"):
-        row["low"] = row["high"] = None
-    return row
+    return {name: getattr(figure, name) for name in _COLUMNS}
 
 
 def _write_csv(path: Path, found: Iterable[Figure]) -> None:
@@ -192,8 +199,8 @@ def _printout(
 ) -> str:
     title = textwrap.wrap(f"{printable(scenario.name)}: {printable(scenario.about)}", _WIDTH)
     lines = [*title, f"{runs} runs, seed {seed}", ""]
-    method = max([len("method"), *(len(f.method) for f in found)])
-    quantity = max([len("quantity"), *(len(f.quantity) for f in found)])
+    method = max([len("method"), *(len(printable(f.method)) for f in found)])
+    quantity = max([len("quantity"), *(len(printable(f.quantity)) for f in found)])
     head = f"  {'method':<{method}}  {'quantity':<{quantity}}  {'mean':>8}  95 % interval"
     known = any(f.reference is not None for f in found)
     lines.append(head + ("        known" if known else ""))
@@ -201,10 +208,12 @@ def _printout(
     for figure in found:
         if figure.case != case:
             case = figure.case
-            lines.append(case)
-        interval = f"{_number(figure.low)} to {_number(figure.high)}"
+            lines.append(printable(case))
+        interval = "-"
+        if figure.low is not None and figure.high is not None:
+            interval = f"{_number(figure.low)} to {_number(figure.high)}"
         line = (
-            f"  {figure.method:<{method}}  {figure.quantity:<{quantity}}  "
+            f"  {printable(figure.method):<{method}}  {printable(figure.quantity):<{quantity}}  "
             f"{_number(figure.mean):>8}  {interval:<19}"
         )
         if figure.reference is not None:

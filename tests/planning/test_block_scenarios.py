@@ -29,7 +29,9 @@ def test_columns_that_depend_on_each_other() -> None:
 def test_size_and_power_are_as_predicted() -> None:
     scenario = NAMED["size-blocks"]
     compared = 0
-    for figure in figures(simulate(scenario, runs=3000, seed=7), scenario.references, 0.999):
+    quantities = scenario.prepare().quantities(scenario.methods)
+    tally = simulate(scenario, runs=3000, seed=7)
+    for figure in figures(tally, quantities, scenario.references, 0.999):
         if figure.reference is not None:
             assert figure.low <= figure.reference <= figure.high, figure
             compared += 1

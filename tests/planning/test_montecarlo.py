@@ -15,7 +15,18 @@ from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
 from anaplot.planning.modelscenarios import OneError, SizeOfTests
-from anaplot.planning.montecarlo import Sums, add, chunk_sizes, figures, simulate, sums
+from anaplot.planning.montecarlo import (
+    Figure,
+    Scenario,
+    Sums,
+    Tally,
+    add,
+    chunk_sizes,
+    figures,
+    simulate,
+    sums,
+)
+from anaplot.planning.quantities import COUNT, YES_OR_NO
 from anaplot.planning.scenarios import scenarios
 
 SMALL = OneError("small", "6/3", chunk=50, runs=220)
@@ -72,6 +83,7 @@ def test_intervals() -> None:
     counts = rng.poisson(3.0, 400)
     mean, rate = figures(
         {("a", "m", "count"): sums(counts), ("a", "m", "rate"): sums(counts > 3)},
+        {("a", "m", "count"): COUNT, ("a", "m", "rate"): YES_OR_NO},
         {("a", "m", "count"): 3.0},
     )
     assert mean.mean == pytest.approx(counts.mean())
@@ -79,26 +91,31 @@ def test_intervals() -> None:
     assert mean.reference == 3.0
     assert 0.0 < rate.low < rate.mean < rate.high < 1.0
     assert rate.reference is None
-    (alone,) = figures({("a", "m", "x"): Sums(1, 2.0, 4.0)}, {})
-    assert alone.high == float("inf")
+    (alone,) = figures({("a", "m", "x"): Sums(1, 2.0, 4.0)}, {("a", "m", "x"): COUNT}, {})
+    assert (alone.mean, alone.low, alone.high) == (2.0, None, None)
 
 
 CHUNK = KeptChunk(0, 5, (KeptSums("a", "m", "q", 5, 2.0, 4.0),))
 WHAT = {"scenario": "s", "seed": 1}
+LARGEST = {("a", "m", "q"): None}
+
+
+def kept_in(path: Path) -> RunsFile:
+    return RunsFile(path, WHAT, LARGEST, 5)
 
 
 def test_the_file_keeps_and_cuts_what_was_torn(tmp_path: Path) -> None:
     path = tmp_path / "runs.jsonl"
-    with RunsFile(path, WHAT) as file:
+    with kept_in(path) as file:
         file.keep(CHUNK)
     whole = path.read_bytes()
     for cut in range(len(whole)):
         path.write_bytes(whole[:cut])
-        with RunsFile(path, WHAT) as file:
+        with kept_in(path) as file:
             assert file.chunks == ((CHUNK,) if cut == len(whole) else ())
             file.keep(CHUNK)
         assert path.read_bytes() == whole
-    with RunsFile(path, WHAT) as file:
+    with kept_in(path) as file:
         assert file.chunks == (CHUNK,)
 
 
@@ -112,20 +129,33 @@ def test_the_file_keeps_and_cuts_what_was_torn(tmp_path: Path) -> None:
         (b'{"chunk":0,"runs":5}\n', "line 2: 'sums' is missing"),
         (b'{"chunk":0,"runs":5,"sums":[[1,2]]}\n', "line 2: sums are"),
         (b'{"chunk":0,"runs":5,"sums":[["a","b",3,1,1,1]]}\n', "line 2: a name is missing"),
-        (b'{"chunk":0,"runs":5,"sums":[["a","b","c",-1,1,1]]}\n', "no number of runs"),
-        (b'{"chunk":0,"runs":5,"sums":[["a","b","c",1,NaN,1]]}\n', "are no sums"),
+        (b'{"chunk":0,"runs":6,"sums":[["a","m","q",6,1,1]]}\n', "more runs than a chunk has: 5"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","m","q",-1,1,1]]}\n', "is not the chunk's 5 runs"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","m","q",4,1,1]]}\n', "is not the chunk's 5 runs"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","m","q",5,NaN,1]]}\n', "are no sums"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","m","q",5,1,-1]]}\n', "are no sums"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","m","q",5,-1,1]]}\n', "are no sums"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","m","q",5,1e308,1]]}\n', "are no sums"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","m","q",5,1' + b"0" * 400 + b",1]]}\n", "are no sums"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","m","q",5,10,19]]}\n', "are no sums"),
+        (b'{"chunk":0,"runs":5,"sums":[]}\n', "line 2: 0 sums, 0 of them different; this"),
+        (b'{"chunk":0,"runs":5,"sums":[["a","m","q",5,1,1],["a","m","q",5,1,1]]}\n', "2 sums, 1"),
+        (
+            b'{"chunk":0,"runs":5,"sums":[["a","\\u001b[31mm","q",5,1,1]]}\n',
+            r"line 2: sums of 'a', '\\x1b\[31mm', 'q', which is not in this simulation",
+        ),
         (b"[" * 100_000 + b"\n", "line 2: not a line"),
         (b"\xff\xfe\n", "line 2: not a line"),
     ],
 )
 def test_a_damaged_file_is_refused_by_its_line(tmp_path: Path, line: bytes, said: str) -> None:
     path = tmp_path / "runs.jsonl"
-    with RunsFile(path, WHAT):
+    with kept_in(path):
         pass
     path.write_bytes(path.read_bytes() + line)
     before = path.read_bytes()
     with pytest.raises(InputError, match=said):
-        RunsFile(path, WHAT)
+        kept_in(path)
     assert path.read_bytes() == before
 
 
@@ -133,33 +163,70 @@ def test_a_damaged_file_is_refused_by_its_line(tmp_path: Path, line: bytes, said
 def test_a_foreign_file_is_not_overwritten(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "pr.csv"
     path.write_bytes(data)
-    with pytest.raises(InputError, match="pr.csv line 1: not a simulation's file"):
-        RunsFile(path, WHAT)
+    with pytest.raises(InputError, match=r"pr\.csv line 1: not a simulation's file"):
+        kept_in(path)
     assert path.read_bytes() == data
+
+
+def test_sums_beyond_the_largest_value_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "runs.jsonl"
+    largest = {("a", "m", "q"): 1.0}
+    with RunsFile(path, WHAT, largest, 5) as file:
+        file.keep(KeptChunk(0, 5, (KeptSums("a", "m", "q", 5, 2.0, 2.0),)))
+    head = path.read_bytes().splitlines(keepends=True)[0]
+    with RunsFile(path, WHAT, largest, 5) as file:
+        assert len(file.chunks) == 1
+    for sums_of in (b"6,6", b"2,4"):
+        path.write_bytes(head + b'{"chunk":0,"runs":5,"sums":[["a","m","q",5,%s]]}\n' % sums_of)
+        with pytest.raises(InputError, match=r"line 2: .* are no sums"):
+            RunsFile(path, WHAT, largest, 5)
 
 
 def test_only_regular_files_keep_runs(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path):
         with pytest.raises(InputError, match="not a regular file"):
-            RunsFile(path, WHAT)
+            kept_in(path)
 
 
 def test_a_file_of_another_simulation_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "runs.jsonl"
-    with RunsFile(path, WHAT):
+    with kept_in(path):
         pass
     with pytest.raises(InputError, match="line 1: belongs to another simulation: seed is 1"):
-        RunsFile(path, {**WHAT, "seed": 2})
+        RunsFile(path, {**WHAT, "seed": 2}, LARGEST, 5)
     path.write_bytes(b"x" * 100 + b"\n")
     with pytest.raises(InputError, match="line 1"):
-        RunsFile(path, WHAT)
+        kept_in(path)
+
+
+def shown(scenario: Scenario, tally: Tally, confidence: float = 0.95) -> tuple[Figure, ...]:
+    """Return the figures of all methods of a scenario."""
+    quantities = scenario.prepare().quantities(scenario.methods)
+    return figures(tally, quantities, scenario.references, confidence)
+
+
+@pytest.mark.parametrize("name", scenarios())
+def test_every_scenario_says_what_it_counts(name: str) -> None:
+    scenario = scenarios()[name]
+    methods = tuple(m for m in scenario.methods if m not in ("search", "odds", "sure"))
+    trial = scenario.prepare()
+    tally = trial.run(np.random.default_rng(3), 2, methods)
+    quantities = trial.quantities(methods)
+    assert set(tally) == set(quantities)
+    for key, (top, parts) in quantities.items():
+        count = tally[key]
+        assert count.runs == 2
+        assert top is None or 0.0 <= count.total <= 2 * top
+        if top:  # values of so many answers
+            assert count.total / top * parts == pytest.approx(round(count.total / top * parts))
+        assert count.total**2 <= 2 * count.squares * (1 + 1e-12)
 
 
 def test_errors_are_located_as_often_as_found_independently() -> None:
     for name in ("kratky-1983-6-3", "kratky-1983-9-3", "kratky-1983-13-5"):
         scenario = scenarios()[name]
-        for figure in figures(simulate(scenario, runs=4000, seed=1), scenario.references):
+        for figure in shown(scenario, simulate(scenario, runs=4000, seed=1)):
             if figure.reference is not None:
                 assert figure.mean == pytest.approx(figure.reference, abs=0.05)
 
@@ -178,7 +245,7 @@ def test_larger_errors_and_better_patterns_are_found_more_often() -> None:
 
 def test_size_and_power_are_the_predicted_ones() -> None:
     scenario = SizeOfTests(patterns=("9/3", "13/5"))
-    found = figures(simulate(scenario, runs=40_000, seed=7), scenario.references, 0.9999)
+    found = shown(scenario, simulate(scenario, runs=40_000, seed=7), 0.9999)
     assert {figure.quantity for figure in found} == {"size", "power"}
     for figure in found:
         assert figure.reference is not None
@@ -219,7 +286,8 @@ def test_the_command_refuses_by_name(capsys: pytest.CaptureFixture[str]) -> None
 def test_sizes_in_bridged_strips() -> None:
     scenario = scenarios()["size-strips"]
     tally = simulate(scenario, runs=300, seed=2, methods=("baarda",))
-    of = {(f.case, f.quantity): f for f in figures(tally, scenario.references, 0.9999)}
+    known = scenario.prepare().quantities(("baarda",))
+    of = {(f.case, f.quantity): f for f in figures(tally, known, scenario.references, 0.9999)}
     # what the ties have in common is not in their variance: slightly more than alpha is flagged
     for axis in "xy":
         found = of["propagated", f"{axis} rows flagged"]

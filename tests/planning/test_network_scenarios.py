@@ -17,7 +17,9 @@ def means():
     tally = simulate(SCENARIO, runs=200, seed=5)
     return {
         (figure.case, figure.method, figure.quantity): figure
-        for figure in figures(tally, SCENARIO.references, confidence=0.999)
+        for figure in figures(
+            tally, SCENARIO.prepare().quantities(SCENARIO.methods), SCENARIO.references, 0.999
+        )
     }
 
 
