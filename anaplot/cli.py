@@ -404,7 +404,9 @@ def _add_simulate(parts: Any) -> None:
         "--place",
         action="append",
         metavar="NAME",
-        help="only in rows of this photo, point or axis; several times: of all of them",
+        help="only in rows of this photo, point or axis; photo:NAME, point:NAME or axis:NAME where "
+        "NAME is more than one of them; several times: in one of the photos, and of the points, "
+        "and of the axes",
     )
     simulate.add_argument(
         "--alpha", type=_significance, metavar="ALPHA", help="of a single row, default 0.001"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.residuals import block_residuals
+from anaplot.bundle.residuals import ObservationName, block_residuals
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.networkfile import read_network
@@ -20,12 +20,13 @@ from anaplot.orientation.patterns import pattern
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube, plan_network
 from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.patternplan import PlannedPattern, from_pattern, solve
+from anaplot.report.ownplaces import RowName, rows_in
 from anaplot.report.plannetwork import network_from_file
 
 __all__ = ["MOST_ROWS", "own_scenario"]
 
 Array = NDArray[np.float64]
-Rows = tuple[str, tuple[tuple[str, ...], ...], Array]
+Rows = tuple[str, tuple[RowName, ...], Array]
 
 MOST_ROWS = 4_000
 """Rows of the largest block: R is held dense in every process."""
@@ -38,7 +39,7 @@ def own_scenario(
     *,
     numbers: tuple[int, ...],
     sizes: tuple[float, ...],
-    places: list[str] | None,
+    places: Sequence[str],
     alpha: float,
     known: Collection[str],
 ) -> OwnErrors:
@@ -51,8 +52,7 @@ def own_scenario(
     numbers, sizes, alpha
         As `OwnErrors` has them.
     places
-        Photos, points and axes to which the errors are kept; a row must lie in a named photo if
-        any is named, in a named point likewise, and so on.
+        Photos, points and axes to which the errors are kept, see `rows_in`.
     known
         Names of scenarios, for a hint.
 
@@ -65,7 +65,7 @@ def own_scenario(
     """
     about, names, matrix = _rows(source, known)
     scenario = OwnErrors(
-        source, f"errors planted in {about}", matrix, numbers, sizes, _places(names, places), alpha
+        source, f"errors planted in {about}", matrix, numbers, sizes, rows_in(names, places), alpha
     )
     scenario.prepare()
     return scenario
@@ -111,7 +111,7 @@ def _is_pattern(path: Path) -> bool:
 def _model_rows(plan: PlannedPattern, about: str) -> Rows:
     solution = solve(plan, "propagated")
     root = np.sqrt(solution.q_l)
-    names = tuple((row.point, row.axis) for row in solution.table)
+    names = tuple(RowName(None, row.point, row.axis) for row in solution.table)
     return about, names, solution.q_vv / root[:, None] / root
 
 
@@ -122,22 +122,15 @@ def _block_rows(block: AdjustedBlock, about: str) -> Rows:
         raise InputError(f"{about}: {count} image coordinates, at most {MOST_ROWS} are simulated")
     system = block_residuals(block.problem, block.state, normal.structure)
     n = len(system.e)
-    names = tuple(tuple(str(part) for part in name[1:]) for name in system.names)
+    names = tuple(_row_name(name) for name in system.names)
     return about, names, system.columns(np.arange(n))
 
 
-def _places(names: tuple[tuple[str, ...], ...], places: list[str] | None) -> NDArray[np.bool_]:
-    if not places:
-        return np.ones(len(names), dtype=bool)
-    at: dict[int, set[str]] = {}
-    for place in places:
-        columns = {k for name in names for k, part in enumerate(name) if part == place}
-        if not columns:
-            raise InputError(f"no row lies in {quoted(place)}: a photo, a point or an axis")
-        for k in columns:
-            at.setdefault(k, set()).add(place)
-    return np.array([_lies(name, at.items()) for name in names])
-
-
-def _lies(name: tuple[str, ...], wanted: Iterable[tuple[int, set[str]]]) -> bool:
-    return all(k < len(name) and name[k] in among for k, among in wanted)
+def _row_name(name: ObservationName) -> RowName:
+    """Return what an observation belongs to: its kind comes first, its axis or unknown last."""
+    kind, first, *_ = name
+    if kind == "image":
+        return RowName(str(first), str(name[2]), str(name[-1]))
+    if kind == "control":
+        return RowName(None, str(first), str(name[-1]))
+    return RowName(str(first), None, str(name[-1]))

@@ -115,7 +115,7 @@ def _scenario(options: argparse.Namespace) -> Scenario:
         options.scenario,
         numbers=options.errors or (1,),
         sizes=options.size or (6.0, 10.0, 20.0),
-        places=options.place,
+        places=options.place or (),
         alpha=options.alpha or 0.001,
         known=known,
     )

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from anaplot.cli import main
+from anaplot.errors import InputError
 from anaplot.planning.modelscenarios import model_rows
 from anaplot.planning.montecarlo import simulate
 from anaplot.planning.ownerrors import METHODS, OwnErrors
+from anaplot.report.ownplaces import RowName, rows_in
 
 QUICK = ["--runs", "40", "--processes", "1", "--json"]
 
@@ -36,11 +39,48 @@ def test_every_strategy_finds_one_large_error_in_a_good_pattern(capsys) -> None:
 def test_places_keep_the_errors_where_they_are_wanted(capsys) -> None:
     # in the cube A nothing checks the x coordinates of new points
     blind = simulated(
-        capsys, "cube:A", "--size", "30", "--place", "2", "--place", "x", "--strategy", "search"
+        capsys,
+        "cube:A",
+        "--size",
+        "30",
+        "--place",
+        "point:2",
+        "--place",
+        "x",
+        "--strategy",
+        "search",
     )
     assert blind["1 of 30 sigma", "search", "right"] == 0.0
-    seen = simulated(capsys, "cube:E", "--size", "30", "--place", "2", "--strategy", "search")
+    seen = simulated(capsys, "cube:E", "--size", "30", "--place", "point:2", "--strategy", "search")
     assert seen["1 of 30 sigma", "search", "right"] > 0.9
+
+
+def test_places_of_one_kind_add_up_and_kinds_narrow_down(capsys) -> None:
+    names = [RowName(f, p, a) for f in ("1", "2") for p in ("2", "3") for a in "xy"]
+    names.append(RowName(None, "3", "X"))
+
+    def chosen(*places: str) -> list[tuple[str | None, ...]]:
+        return [tuple(names[k]) for k in np.flatnonzero(rows_in(names, places))]
+
+    assert len(chosen()) == len(names)
+    assert chosen("1", "3", "x") == [("1", "3", "x")]
+    assert chosen("3", "X") == [(None, "3", "X")]
+    assert len(chosen("1", "photo:2")) == 8
+    assert chosen("photo:2", "axis:y") == [("2", "2", "y"), ("2", "3", "y")]
+    with pytest.raises(InputError, match="'2' is a photo and a point"):
+        rows_in(names, ["2"])
+
+
+def test_the_commands_of_the_document(tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (Path(__file__).parents[2] / "docs" / "planning.md").read_text(encoding="utf-8")
+    calls = [
+        line.split()[1:] for line in text.splitlines() if line.startswith("    anaplot plan simul")
+    ]
+    assert len(calls) >= 3
+    for call in calls:
+        quick = [] if "--list" in call else ["--runs", "2", "--processes", "1"]
+        assert main([*call, *quick]) == 0, capsys.readouterr().err
 
 
 def test_a_block_a_pattern_file_and_a_network_file(tmp_path: Path, capsys) -> None:
@@ -83,7 +123,10 @@ def test_refusals(tmp_path: Path, capsys) -> None:
     for call, said in (
         (["13/6"], "'13/6' is no scenario"),
         (["cube:Z"], "no cube 'Z'"),
-        (["13/5", "--place", "nowhere"], "no row lies in 'nowhere'"),
+        (["13/5", "--place", "nowhere"], "no row lies in 'nowhere': name a point or axis"),
+        (["13/5", "--place", "photo:1"], "no row lies in photo '1'"),
+        (["cube:C", "--place", "3"], "'3' is a photo and a point: write 'photo:3' or 'point:3'"),
+        (["13/5", "--place", "x", "--place", "9"], "no row lies in 'x' and '9' together"),
         (["13/5", "--errors", "19"], "19 errors, but only 18 rows"),
         (["size-models", "--size", "3"], "--size goes with a pattern"),
         ([str(tmp_path / "none.toml")], "none.toml"),
