@@ -9,12 +9,20 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from itertools import islice
+from multiprocessing import (
+    active_children,
+    connection,
+    get_context,
+    parent_process,
+    resource_tracker,
+)
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -228,7 +236,8 @@ def simulate(
     progress
         Told what is done and how much of it (0 to 1).
     store
-        Given every chunk as soon as it is done; chunks come in any order.
+        Given every chunk as soon as it is done; chunks come in any order. An interrupt ends the
+        processes at once, after what they have finished was given.
 
     Returns
     -------
@@ -254,13 +263,17 @@ def simulate(
     ]
     total = sum(sizes)
     finished = total - sum(task.runs for task in tasks)
-    for chunk in _carried_out(scenario, tasks, min(processes, max(len(tasks), 1))):
+
+    def take(chunk: ChunkDone) -> None:
+        nonlocal finished
         tallies[chunk.number] = chunk.tally
         finished += chunk.runs
         if store is not None:
             store(chunk)
         if progress is not None:
             progress(scenario.name, finished / total)
+
+    _carry_out(scenario, tasks, min(processes, max(len(tasks), 1)), take)
     tally: Tally = {}
     for index in range(len(sizes)):
         tally = add(tally, tallies[index])
@@ -292,7 +305,8 @@ class _Worker:
 
 
 def _start(scenario: Scenario) -> None:
-    _leave_interrupts_to_the_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the parent's business
+    _end_with_the_parent()
     _Worker.trial = scenario.prepare()
 
 
@@ -306,32 +320,48 @@ def _do(trial: Trial, task: _Task) -> ChunkDone:
     return ChunkDone(task.number, task.runs, trial.run(rng, task.runs, task.methods))
 
 
-def _carried_out(scenario: Scenario, tasks: list[_Task], processes: int) -> Iterator[ChunkDone]:
+def _carry_out(
+    scenario: Scenario, tasks: list[_Task], processes: int, take: Callable[[ChunkDone], None]
+) -> None:
     if not tasks:
         return
     if processes == 1:
         trial = scenario.prepare()
         for task in tasks:
-            yield _do(trial, task)
+            take(_do(trial, task))
         return
     rest = iter(tasks)
     running: set[Future[ChunkDone]] = set()
+    others = set(active_children())
     with _one_thread_each(), _pool(scenario, processes) as pool:
         try:
             while True:
-                for task in rest:
-                    running.add(pool.submit(_do_there, task))
-                    if len(running) >= 2 * processes:
-                        break
+                with _interrupts_held():
+                    for task in islice(rest, 2 * processes - len(running)):
+                        running.add(pool.submit(_do_there, task))
                 if not running:
                     return
-                ended, running = wait(running, return_when=FIRST_COMPLETED)
-                for future in ended:
-                    yield future.result()
+                _take_done(wait(running, return_when=FIRST_COMPLETED).done, running, take)
         except BrokenProcessPool:
             raise NotComputableError("a process of the simulation died before its time") from None
+        except (KeyboardInterrupt, SystemExit):
+            _take_done({f for f in running if f.done() and not f.exception()}, running, take)
+            raise
         finally:
+            # what is still running belongs to a simulation that has ended
+            for child in set(active_children()) - others if running else ():
+                child.terminate()
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _take_done(
+    done: Iterable[Future[ChunkDone]],
+    running: set[Future[ChunkDone]],
+    take: Callable[[ChunkDone], None],
+) -> None:
+    for future in done:
+        take(future.result())
+        running.discard(future)
 
 
 def _pool(scenario: Scenario, processes: int) -> ProcessPoolExecutor:
@@ -340,8 +370,33 @@ def _pool(scenario: Scenario, processes: int) -> ProcessPoolExecutor:
     )
 
 
-def _leave_interrupts_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _end_with_the_parent() -> None:
+    """Let this process end when its parent does, also when that was killed."""
+    parent = parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Keep interrupts until the end, and from processes that start meanwhile for good.
+
+    A process would otherwise complain of an interrupt that comes before it can ignore it.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # starting it later would let interrupts through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -31,6 +31,9 @@ Rows = tuple[str, tuple[RowName, ...], Array]
 MOST_ROWS = 4_000
 """Rows of the largest block: R is held dense in every process."""
 
+# Runs of a chunk, and rows of them all: a large block's chunks are done, and kept, as often.
+_CHUNK, _CHUNK_ROWS = 50, 5_000
+
 _BASE, _D, _C = 90.0, 100.0, 152.0
 
 
@@ -65,7 +68,14 @@ def own_scenario(
     """
     about, names, matrix = _rows(source, known)
     scenario = OwnErrors(
-        source, f"errors planted in {about}", matrix, numbers, sizes, rows_in(names, places), alpha
+        source,
+        f"errors planted in {about}",
+        matrix,
+        numbers,
+        sizes,
+        rows_in(names, places),
+        alpha,
+        chunk=max(1, min(_CHUNK, _CHUNK_ROWS // len(names))),
     )
     scenario.prepare()
     return scenario

@@ -13,6 +13,7 @@ from anaplot.errors import InputError
 from anaplot.planning.modelscenarios import model_rows
 from anaplot.planning.montecarlo import simulate
 from anaplot.planning.ownerrors import METHODS, OwnErrors
+from anaplot.report.owngeometry import own_scenario
 from anaplot.report.ownplaces import RowName, rows_in
 
 QUICK = ["--runs", "40", "--processes", "1", "--json"]
@@ -117,6 +118,16 @@ def test_what_belongs_to_another_geometry_is_not_taken(tmp_path: Path, capsys) -
     assert main(call) == 0
     assert main([*call, "--size", "7"]) == 2
     assert "belongs to another simulation: sizes is" in capsys.readouterr().err
+
+
+def test_chunks_of_large_geometries_are_small() -> None:
+    def chunk(source: str) -> int:
+        return own_scenario(
+            source, numbers=(1,), sizes=(6.0,), places=(), alpha=0.001, known=()
+        ).chunk
+
+    assert chunk("13/5") == 50
+    assert chunk("cube:E") == 5_000 // 216
 
 
 def test_refusals(tmp_path: Path, capsys) -> None:
