@@ -309,6 +309,8 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
             block.state.points[problem.point[mine]],
         )
         b[mine] = seen.point / problem.sigma_xy[mine][:, :, None]
+        if problem.rejected is not None:
+            b[problem.rejected] = 0.0
     score, size = np.empty(len(places)), np.empty(len(places))
     own = np.zeros((len(places), len(places)))
     by_point: dict[int, list[int]] = {}

@@ -274,7 +274,8 @@ def _families(block: AdjustedBlock) -> tuple[list[_Family], list[str]]:
     names = problem.additional.set.names
     labels = tuple((group, name) for group in problem.additional_groups for name in names)
     own = problem.photo_invariant
-    white = problem.basis / problem.sigma_xy[:, :, None]
+    linear = block.cofactors.normal.linear
+    white = linear.a[:, :, 6:] if own else linear.h
     owner = problem.photo if own else problem.additional_group
     information = np.zeros((len(problem.additional_groups), len(names)))
     np.add.at(information, owner, np.einsum("mij,mij->mj", white, white))

@@ -12,7 +12,7 @@ from bundleblocks import aerial, cube
 from anaplot.adjustment.hypothesis import critical_f, f_power, noncentrality_of, sidak_alpha
 from anaplot.bundle import checktests, controltests, parametertests
 from anaplot.bundle.additional import additional_parameters
-from anaplot.bundle.adjust import adjust_block, adjust_bundle
+from anaplot.bundle.adjust import adjust_block, adjust_bundle, adjust_problem
 from anaplot.bundle.checktests import check_tests
 from anaplot.bundle.controltests import control_tests
 from anaplot.bundle.crosscofactors import coordinate_cofactors, own_parameter_cofactors
@@ -170,6 +170,28 @@ def test_single_parameters_by_dense_formulas() -> None:
     assert sum(c.value**2 for c in found.orthogonal) == pytest.approx(
         found.everything.known.square, rel=1e-6
     )
+
+
+def with_and_without(scene, source, additional=None):
+    """The block without a row of its image points, and with that row rejected."""
+    rows = scene.block.image_points
+    left = replace(scene.block, image_points=rows[:source] + rows[source + 1 :])
+    problem = make_problem(scene.block, additional=additional)
+    rejected = np.repeat((problem.source == source)[:, None], 2, axis=1)
+    return (
+        adjust_block(left, additional=additional),
+        adjust_problem(replace(problem, rejected=rejected)),
+    )
+
+
+def test_a_rejected_ray_tells_nothing_of_the_parameters() -> None:
+    scene = aerial(2, 4, per_base=2, noise_um=5.0)
+    names = [row.point for row in scene.block.image_points]
+    source = next(k for k, name in enumerate(names) if names.count(name) >= 4)
+    blocks = with_and_without(scene, source, additional_parameters("ebner"))
+    for one, other in zip(*(parameter_tests(b).parameters for b in blocks), strict=True):
+        assert other.s == pytest.approx(one.s, rel=1e-6)
+        assert other.kept == pytest.approx(one.kept, rel=1e-6)
 
 
 def test_a_correlated_set_in_pairs_and_taken_apart() -> None:
@@ -393,6 +415,17 @@ def test_a_control_coordinate_given_up_by_dense_formulas() -> None:
         left = block.vtpv - e[i] ** 2 / r
         wanted = e[i] ** 2 / r / (left / (block.redundancy - 1))
         assert row.verdict.estimated.statistic == pytest.approx(wanted, rel=1e-5)
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.0])
+def test_a_rejected_ray_tells_nothing_of_the_control(sigma) -> None:
+    scene = aerial(2, 4, per_base=2, noise_um=5.0, control_sigma=sigma)
+    point = scene.block.control[0].point
+    source = next(k for k, row in enumerate(scene.block.image_points) if row.point == point)
+    blocks = with_and_without(scene, source)
+    for one, other in zip(*(control_tests(b).coordinates for b in blocks), strict=True):
+        assert other.difference == pytest.approx(one.difference, rel=1e-5)
+        assert other.s == pytest.approx(one.s, rel=1e-6)
 
 
 @pytest.mark.parametrize("sigma", [0.02, 0.0])
