@@ -44,6 +44,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _RANK = 1e-10  # smallest eigenvalue of a correlation matrix of full rank
+_EQUAL = 1e-9  # relative difference below which two variances cannot be told apart
 _LARGE = 1e6  # noncentrality beyond which an approximation has no error above 1e-7
 
 
@@ -432,16 +433,17 @@ def sequential_components(difference: Array, cofactors: Array) -> list[Component
     _full_rank(rho)
     p = len(scale)
     left = rho.copy()
-    at = np.linalg.inv(rho)
+    # holding parameters leaves the inverse of the others' cofactors as it is
+    information = np.diag(np.linalg.inv(rho))
     # loadings of what is left of each parameter, in standardized parameters
     combination = np.eye(p)
     free = list(range(p))
     z = np.asarray(difference, dtype=np.float64) / scale
     out = []
     while free:
-        information = np.linalg.inv(left[np.ix_(free, free)]) if len(free) < p else at
-        inflation = np.diag(left)[free] * np.diag(information)
-        k = free[int(np.argmax(inflation))]
+        inflation = np.diag(left)[free] * information[free]
+        # of equals the first: the last two always are
+        k = free[int(np.argmax(inflation >= inflation.max() * (1.0 - _EQUAL)))]
         variance = float(left[k, k])
         loadings = combination[k] / sqrt(variance)
         out.append(Component(k, loadings, float(loadings @ z), variance))

@@ -190,6 +190,19 @@ def test_sequential_components_are_constrained_adjustments() -> None:
     ]
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_the_order_of_a_set_is_that_of_the_largest_inflation_and_of_equals_the_first(seed) -> None:
+    a = np.random.default_rng(seed).normal(size=(15, 7))
+    q = np.linalg.inv(a.T @ a)
+    left, wanted = list(range(7)), []
+    while left:
+        # the earlier ones held: their rows and columns leave the inverse
+        held = np.linalg.inv(np.linalg.inv(q)[np.ix_(left, left)])
+        inflation = variance_inflation(held)
+        wanted.append(left.pop(int(np.argmax(inflation > inflation.max() * (1.0 - 1e-6)))))
+    assert [p.member for p in sequential_components(np.ones(7), q)] == wanted
+
+
 @pytest.mark.parametrize("take_apart", [sequential_components, principal_components])
 def test_components_are_independent_and_add_up(take_apart) -> None:
     _, q = line(7)
