@@ -121,4 +121,7 @@ def _without_control(
         except NotComputableError:
             pass  # too few priors for a datum: the free network says what is wrong with the rest
     problem = make_problem(bare, datum="free", additional=additional)
-    return block_gross_errors(problem, strategy, settings, progress=progress), "free"
+    try:
+        return block_gross_errors(problem, strategy, settings, progress=progress), "free"
+    except NotComputableError as error:
+        raise NotComputableError(f"without control, as a free network: {error}") from error

@@ -122,8 +122,8 @@ def minimum_of_what_fits(
         None where no minimum is found either, or control free of error is far off.
     """
     for _ in range(_ROUNDS):
-        off = far_off(problem, structure, start)
-        if bool((problem.fixed & off.control[:, None]).any()):
+        off = _control_believed(problem, far_off(problem, structure, start))
+        if off is None:
             return None
         smaller, start = _without(problem, off), off.state
         if smaller is None:
@@ -137,6 +137,20 @@ def minimum_of_what_fits(
         except NotComputableError:
             return None
     return None
+
+
+def _control_believed(problem: Problem, off: FarOff) -> FarOff | None:
+    """Blame rays, not control free of error; None where most rays of a point contradict it."""
+    firm = off.control & problem.fixed.any(axis=1)
+    if not firm.any():
+        return off
+    size = np.linalg.norm(linearise(problem, off.state).e * problem.sigma_xy, axis=1)
+    wrong = firm[problem.point] & ~(size <= off.reach)
+    count = np.bincount(problem.point, minlength=len(problem.points))
+    if (np.bincount(problem.point[wrong], minlength=len(problem.points)) > count // 2).any():
+        return None
+    rays = np.where(firm[problem.point], wrong, off.rays)
+    return off._replace(rays=rays, control=off.control & ~firm)
 
 
 def _without(problem: Problem, off: FarOff) -> Problem | None:

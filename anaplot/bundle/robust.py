@@ -147,12 +147,15 @@ class FarOff(NamedTuple):
     rays, control, priors
         (m,) which rays, (points,) which points' control, (photos, 2) which prior positions and
         rotations.
+    reach
+        What a ray may be off [mm].
     """
 
     state: State
     rays: NDArray[np.bool_]
     control: NDArray[np.bool_]
     priors: NDArray[np.bool_]
+    reach: float
 
 
 def far_off(problem: Problem, structure: Structure, start: State, steps: int = 12) -> FarOff:
@@ -162,9 +165,10 @@ def far_off(problem: Problem, structure: Structure, start: State, steps: int = 1
     control = np.zeros(len(problem.points), dtype=bool)
     if held.any():
         control = held & (clearest.misfits.control > _FAR * clearest.control_scale())
-    rays = clearest.misfits.image > _FAR * clearest.ray_scale(problem)
+    reach = _FAR * clearest.ray_scale(problem)
+    rays = clearest.misfits.image > reach
     priors = clearest.misfits.priors > _FAR * clearest.prior_scale()
-    return FarOff(_with_fixed(problem, clearest.state), rays, control, priors)
+    return FarOff(_with_fixed(problem, clearest.state), rays, control, priors, reach)
 
 
 class _Misfits(NamedTuple):

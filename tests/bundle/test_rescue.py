@@ -19,6 +19,7 @@ from anaplot.bundle.minimum import NoConvergenceError
 from anaplot.bundle.problem import make_problem
 from anaplot.bundle.rescue import adjust_what_fits
 from anaplot.cli import main
+from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
@@ -198,3 +199,18 @@ def test_step_by_step_begins_without_what_fits_nowhere() -> None:
     assert both("104", "03-03", "01-05") <= rejected(steps.images)
     assert ("02-05", "Z") in rejected(steps.control)
     assert steps.block.sigma0 < 1.2
+
+
+def test_a_ray_to_control_free_of_error_is_blamed_not_the_control() -> None:
+    block = interchanged(planned(3, strips=1, photos=4, sigma=0.0), "101", "01-01", "01-02")
+    assert any(c.point == "01-01" and None not in c.xyz for c in block.control)
+    with pytest.raises(NoConvergenceError):
+        adjust_block(block)
+    fitting = adjust_what_fits(make_problem(block))
+    assert {name[1:3] for name in fitting.left_out} == {("101", "01-01"), ("101", "01-02")}
+    assert fitting.block.sigma0 < 1.3
+
+
+def test_strips_that_turn_about_a_line_are_no_free_network() -> None:
+    with pytest.raises(NotComputableError, match="without control, as a free network: block"):
+        clean_control_last(planned(1), "search", ALPHA)
