@@ -392,7 +392,19 @@ def _add_simulate(parts: Any) -> None:
         nargs="?",
         metavar="SCENARIO|PATTERN|BLOCK|NETWORK",
         help="one of those named by --list; or a pattern (13/5 or a file), a block's folder, "
-        "cube:A to cube:E or a network's file, in which errors are planted",
+        "cube:A (or cube) to cube:E or a network's file, in which errors are planted",
+    )
+    simulate.add_argument("--base", type=_positive, metavar="MM", help="of a pattern, default 90")
+    simulate.add_argument(
+        "--d", type=_positive, metavar="MM", help="half a named pattern in y, default 100"
+    )
+    simulate.add_argument(
+        "--c", type=_positive, metavar="MM", help="camera constant of a pattern, default 152"
+    )
+    simulate.add_argument(
+        "--tie-variance",
+        choices=("paper", "propagated"),
+        help="variance of the ties' x rows of a pattern, default propagated",
     )
     simulate.add_argument(
         "--errors", type=_wholes, metavar="N,...", help="how many errors in a run, default 1"

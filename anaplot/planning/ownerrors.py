@@ -17,6 +17,7 @@ from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
+from anaplot.bundle.snooping import PAPER_TOLERANCE
 from anaplot.errors import InputError
 from anaplot.planning.montecarlo import Key, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
@@ -50,6 +51,10 @@ class OwnErrors:
         (n,) rows in which errors are planted.
     alpha
         Significance of a single row.
+    models
+        (n,) model values of sqrt(q_vv) for the method "modified".
+    settings
+        What was assumed of the geometry, for people and programs.
     """
 
     name: str
@@ -63,6 +68,8 @@ class OwnErrors:
     chunk: int = 50
     methods: tuple[str, ...] = METHODS
     references: Mapping[Key, float] = field(default_factory=dict)
+    models: Array | None = field(default=None, repr=False)
+    settings: Mapping[str, float | str] = field(default_factory=dict)
 
     def prepare(self) -> _OwnTrial:
         """Check that the errors have room.
@@ -155,5 +162,8 @@ class _OwnTrial:
         names = tuple(range(len(r)))
         for one, e in enumerate(left):
             system = DenseResiduals(names, e, r, float(e @ e), redundancy, matrix)
-            out[one, list(find_gross_errors(system, method, settings).rows)] = True
+            found = find_gross_errors(
+                system, method, settings, models=self._of.models, tolerance=PAPER_TOLERANCE
+            )
+            out[one, list(found.rows)] = True
         return out

@@ -4,29 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.grosserrors import model_values
 from anaplot.bundle.residuals import ObservationName, block_residuals
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.inputfile import read_text
 from anaplot.exchange.networkfile import read_network
 from anaplot.exchange.patternfile import read_pattern
+from anaplot.exchange.tomlfile import TomlFile
 from anaplot.exchange.wording import hint, quoted
 from anaplot.orientation.patterns import pattern
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube, plan_network
-from anaplot.planning.ownerrors import OwnErrors
+from anaplot.planning.ownerrors import METHODS, OwnErrors
 from anaplot.planning.patternplan import PlannedPattern, from_pattern, solve
 from anaplot.report.ownplaces import RowName, rows_in
 from anaplot.report.plannetwork import network_from_file
 
-__all__ = ["MOST_ROWS", "own_scenario"]
+__all__ = ["MOST_ROWS", "ModelOptions", "own_scenario"]
 
 Array = NDArray[np.float64]
-Rows = tuple[str, tuple[RowName, ...], Array]
 
 MOST_ROWS = 4_000
 """Rows of the largest block: R is held dense in every process."""
@@ -35,6 +39,53 @@ MOST_ROWS = 4_000
 _CHUNK, _CHUNK_ROWS = 50, 5_000
 
 _BASE, _D, _C = 90.0, 100.0, 152.0
+_MOST_BYTES = 20_000_000
+
+
+class ModelOptions(NamedTuple):
+    """What a pattern does not say of its model; None: not asked for.
+
+    Attributes
+    ----------
+    base, d, c
+        Base at photo scale, half the model in y, and camera constant [mm].
+    tie_variance
+        Of the ties' x rows; "propagated" by default, with which the noise planted agrees.
+    """
+
+    base: float | None = None
+    d: float | None = None
+    c: float | None = None
+    tie_variance: Literal["paper", "propagated"] | None = None
+
+    def given(self) -> str | None:
+        """Return the first option that was asked for."""
+        return next(
+            (f"--{k.replace('_', '-')}" for k, v in self._asdict().items() if v is not None), None
+        )
+
+
+class _Geometry(NamedTuple):
+    """A geometry, linearised.
+
+    Attributes
+    ----------
+    name, about
+        What it is called, whatever way its file was named; and what it is.
+    names, matrix
+        Of the rows, and R between them.
+    models
+        (n,) model values of sqrt(q_vv); None: it has none.
+    settings
+        What was assumed of it.
+    """
+
+    name: str
+    about: str
+    names: tuple[RowName, ...]
+    matrix: Array
+    models: Array | None
+    settings: dict[str, float | str]
 
 
 def own_scenario(
@@ -45,6 +96,7 @@ def own_scenario(
     places: Sequence[str],
     alpha: float,
     known: Collection[str],
+    model: ModelOptions,
 ) -> OwnErrors:
     """Return the scenario of errors planted in a geometry.
 
@@ -58,47 +110,50 @@ def own_scenario(
         Photos, points and axes to which the errors are kept, see `rows_in`.
     known
         Names of scenarios, for a hint.
+    model
+        Of a pattern only.
 
     Raises
     ------
     InputError
-        No such geometry or place, or the block is too large.
+        No such geometry or place, options that it does not have, or the block is too large.
     NotComputableError
         It does not determine its unknowns.
     """
-    about, names, matrix = _rows(source, known)
+    found = _geometry(source, known, model)
     scenario = OwnErrors(
-        source,
-        f"errors planted in {about}",
-        matrix,
+        found.name,
+        f"errors planted in {found.about}",
+        found.matrix,
         numbers,
         sizes,
-        rows_in(names, places),
+        rows_in(found.names, places),
         alpha,
-        chunk=max(1, min(_CHUNK, _CHUNK_ROWS // len(names))),
+        chunk=max(1, min(_CHUNK, _CHUNK_ROWS // len(found.names))),
+        methods=METHODS if found.models is None else STRATEGIES,
+        models=found.models,
+        settings=found.settings,
     )
     scenario.prepare()
     return scenario
 
 
-def _rows(source: str, known: Collection[str]) -> Rows:
+def _geometry(source: str, known: Collection[str], model: ModelOptions) -> _Geometry:
     path = Path(source)
-    if source.startswith("cube:"):
-        version = source.removeprefix("cube:")
-        if version not in CUBE_VERSIONS:
-            raise InputError(f"no cube {quoted(version)}: A to E")
-        return _block_rows(plan_network(cube(version)).evaluated(), f"the cube of 1978, {version}")
-    if path.is_dir():
-        block = adjust_block(read_block(path))
-        return _block_rows(block, f"block {block.problem.block.name}")
     suffix = path.suffix.lower()
-    if suffix == ".csv" or (suffix == ".toml" and _is_pattern(path)):
+    cubic, _, version = source.partition(":")
+    if path.is_dir() or cubic == "cube" or (suffix == ".toml" and _is_network(path)):
+        if model.given() is not None:
+            raise InputError(f"{model.given()} goes with a pattern")
+        if path.is_dir():
+            return _of_block(path)
+        return _of_network(path) if suffix == ".toml" else _of_cube(version)
+    if suffix in (".csv", ".toml"):
+        if model.d is not None:
+            raise InputError("--d goes with a named pattern; a file says where its points lie")
         points, ties = read_pattern(path)
-        return _model_rows(PlannedPattern(points, ties, _BASE, _C), f"the pattern {path.name}")
-    if suffix == ".toml":
-        network = network_from_file(read_network(path))
-        made = plan_network(network).evaluated("control" if network.control else "free")
-        return _block_rows(made, f"network {network.name}")
+        plan = PlannedPattern(points, ties, model.base or _BASE, model.c or _C)
+        return _of_model(path.name, f"the pattern {path.name}", plan, model)
     try:
         named = pattern(source)
     except InputError:
@@ -106,34 +161,73 @@ def _rows(source: str, known: Collection[str]) -> Rows:
             f"{quoted(source)} is no scenario{hint(source, known)}, pattern, block or network; "
             "--list names the scenarios"
         ) from None
-    return _model_rows(from_pattern(named, _BASE, _D, _C), f"a model of pattern {source}")
+    plan = from_pattern(named, model.base or _BASE, model.d or _D, model.c or _C)
+    about = f"a model of pattern {named.name}"
+    return _of_model(named.name, about, plan, model, d=model.d or _D)
 
 
-def _is_pattern(path: Path) -> bool:
-    """Tell a pattern from a network: only its points have labels."""
-    try:
-        with path.open(encoding="utf-8", errors="replace") as file:
-            return not any(line.strip().startswith("[[station]]") for line in file)
-    except OSError:
-        return False
+def _is_network(path: Path) -> bool:
+    """Tell a network from a pattern: only a network has stations."""
+    return "station" in TomlFile(path, read_text(path, _MOST_BYTES)).root
 
 
-def _model_rows(plan: PlannedPattern, about: str) -> Rows:
-    solution = solve(plan, "propagated")
+def _of_cube(version: str) -> _Geometry:
+    case = version or "A"
+    if case not in CUBE_VERSIONS:
+        raise InputError(f"no cube {quoted(version)}: A to E")
+    block = plan_network(cube(case)).evaluated()
+    return _of_adjusted(f"cube:{case}", f"the cube of 1978, {case}", block)
+
+
+def _of_network(path: Path) -> _Geometry:
+    network = network_from_file(read_network(path))
+    block = plan_network(network).evaluated("control" if network.control else "free")
+    return _of_adjusted(path.name, f"network {network.name}", block)
+
+
+def _of_block(path: Path) -> _Geometry:
+    block = read_block(path)
+    held = any(
+        control.use == "control" and any(value is not None for value in control.xyz)
+        for control in block.control
+    ) or any(photo.position_sigma or photo.rotation_sigma for photo in block.photos)
+    adjusted = adjust_block(block, datum="control" if held else "free")
+    return _of_adjusted(path.resolve().name, f"block {block.name}", adjusted)
+
+
+def _of_model(
+    name: str, about: str, plan: PlannedPattern, model: ModelOptions, **more: float
+) -> _Geometry:
+    tie_variance = model.tie_variance or "propagated"
+    solution = solve(plan, tie_variance)
     root = np.sqrt(solution.q_l)
     names = tuple(RowName(None, row.point, row.axis) for row in solution.table)
-    return about, names, solution.q_vv / root[:, None] / root
+    lengths = {"base": plan.base, **more, "c": plan.c}
+    said = ", ".join(f"{what} {value:g} mm" for what, value in lengths.items())
+    return _Geometry(
+        name,
+        f"{about}, {said}, tie variance {tie_variance}",
+        names,
+        solution.q_vv / root[:, None] / root,
+        None,
+        {f"{what}_mm": value for what, value in lengths.items()} | {"tie_variance": tie_variance},
+    )
 
 
-def _block_rows(block: AdjustedBlock, about: str) -> Rows:
-    normal = block.cofactors.normal
+def _of_adjusted(name: str, about: str, block: AdjustedBlock) -> _Geometry:
     count = 2 * len(block.problem.photo)
     if count > MOST_ROWS:
         raise InputError(f"{about}: {count} image coordinates, at most {MOST_ROWS} are simulated")
-    system = block_residuals(block.problem, block.state, normal.structure)
-    n = len(system.e)
-    names = tuple(_row_name(name) for name in system.names)
-    return about, names, system.columns(np.arange(n))
+    system = block_residuals(block.problem, block.state, block.cofactors.normal.structure)
+    datum = block.problem.datum
+    return _Geometry(
+        name,
+        about if datum == "control" else f"{about}: no control and no priors, {datum} datum",
+        tuple(_row_name(row) for row in system.names),
+        system.columns(np.arange(len(system.e))),
+        model_values(system),
+        {"datum": datum},
+    )
 
 
 def _row_name(name: ObservationName) -> RowName:

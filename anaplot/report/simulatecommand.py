@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anaplot import __version__
 from anaplot.errors import InputError
@@ -25,7 +26,7 @@ from anaplot.planning.montecarlo import ChunkDone, Figure, Key, Scenario, Sums, 
 from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.quantities import Quantity
 from anaplot.planning.scenarios import scenarios
-from anaplot.report.owngeometry import own_scenario
+from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
 
@@ -57,6 +58,11 @@ def run_simulate(options: argparse.Namespace) -> int:
         unknown = [name for name in methods if name not in scenario.methods]
         if unknown or not methods:
             name = unknown[0] if unknown else ""
+            if name == "modified" and isinstance(scenario, OwnErrors):
+                raise InputError(
+                    f"{scenario.name} has no method 'modified': that needs model values of "
+                    "sqrt(q_vv) for classes of image points, which blocks and networks have"
+                )
             raise InputError(
                 f"{scenario.name} has no method {quoted(name)}{hint(name, scenario.methods)}"
             )
@@ -106,10 +112,13 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     known = scenarios()
     own = {"--errors": options.errors, "--size": options.size, "--place": options.place,
            "--alpha": options.alpha}  # fmt: skip
+    model = ModelOptions(options.base, options.d, options.c, options.tie_variance)
     if options.scenario in known:
         given = [name for name, value in own.items() if value is not None]
         if given:
             raise InputError(f"{given[0]} goes with a pattern, a block or a network of your own")
+        if model.given() is not None:
+            raise InputError(f"{model.given()} goes with a pattern of your own")
         return known[options.scenario]
     return own_scenario(
         options.scenario,
@@ -118,6 +127,7 @@ def _scenario(options: argparse.Namespace) -> Scenario:
         places=options.place or (),
         alpha=options.alpha or 0.001,
         known=known,
+        model=model,
     )
 
 
@@ -140,13 +150,20 @@ def _identity(scenario: Scenario) -> dict[str, Any]:
     """Return what tells a simulation in one's own geometry from another one."""
     if not isinstance(scenario, OwnErrors):
         return {}
-    digest = hashlib.sha256(np.round(scenario.matrix, 9).tobytes() + scenario.places.tobytes())
+    digest = hashlib.sha256(_rounded(scenario.matrix) + scenario.places.tobytes())
+    if scenario.models is not None:
+        digest.update(_rounded(scenario.models))
     return {
+        **scenario.settings,
         "errors": list(scenario.numbers),
         "sizes": list(scenario.sizes),
         "alpha": scenario.alpha,
         "geometry": digest.hexdigest()[:16],
     }
+
+
+def _rounded(values: NDArray[np.float64]) -> bytes:
+    return (np.round(values, 9) + 0.0).tobytes()  # + 0.0: zero has no sign
 
 
 def _largest(quantities: Mapping[Key, Quantity]) -> dict[Key, float | None]:
@@ -176,6 +193,7 @@ def _json(
         "runs": runs,
         "seed": seed,
         "confidence": 0.95,
+        **({"settings": dict(scenario.settings)} if isinstance(scenario, OwnErrors) else {}),
         "figures": [_row(figure) for figure in found],
         "remarks": list(remarks),
     }

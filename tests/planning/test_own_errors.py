@@ -13,8 +13,35 @@ from anaplot.errors import InputError
 from anaplot.planning.modelscenarios import model_rows
 from anaplot.planning.montecarlo import simulate
 from anaplot.planning.ownerrors import METHODS, OwnErrors
-from anaplot.report.owngeometry import own_scenario
+from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.ownplaces import RowName, rows_in
+
+# a table's header may have blanks
+NETWORK = """
+format = 1
+name = "pier"
+[[camera]]
+id = "cam"
+c = 50.0
+[[ station ]]
+id = "s1"
+camera = "cam"
+position = [10.0, 0.0, 0.0]
+look_at = [0.0, 0.0, 0.0]
+[[ station ]]
+id = "s2"
+camera = "cam"
+position = [8.0, 6.0, 0.0]
+look_at = [0.0, 0.0, 0.0]
+[[ station ]]
+id = "s3"
+camera = "cam"
+position = [8.0, -6.0, 2.0]
+look_at = [0.0, 0.0, 0.0]
+""" + "".join(
+    f'[[point]]\nid = "p{k}"\nposition = [{k % 3 - 1.0}, {k // 3 - 1.0}, {k % 2 + 0.3 * k}]\n'
+    for k in range(9)
+)
 
 QUICK = ["--runs", "40", "--processes", "1", "--json"]
 
@@ -123,14 +150,82 @@ def test_what_belongs_to_another_geometry_is_not_taken(tmp_path: Path, capsys) -
 def test_chunks_of_large_geometries_are_small() -> None:
     def chunk(source: str) -> int:
         return own_scenario(
-            source, numbers=(1,), sizes=(6.0,), places=(), alpha=0.001, known=()
+            source,
+            numbers=(1,),
+            sizes=(6.0,),
+            places=(),
+            alpha=0.001,
+            known=(),
+            model=ModelOptions(),
         ).chunk
 
     assert chunk("13/5") == 50
     assert chunk("cube:E") == 5_000 // 216
 
 
+def test_what_a_pattern_leaves_open_is_given_and_said(tmp_path: Path, capsys) -> None:
+    kept = tmp_path / "kept.jsonl"
+    call = ["plan", "simulate", "9/3", "--strategy", "baarda", "--to", str(kept), *QUICK]
+    assert main(call) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["settings"] == {
+        "base_mm": 90.0, "d_mm": 100.0, "c_mm": 152.0, "tie_variance": "propagated"
+    }  # fmt: skip
+    assert main([*call, "--base", "90", "--d", "100", "--tie-variance", "propagated"]) == 0
+    capsys.readouterr()
+    assert main([*call, "--base", "70"]) == 2
+    assert "base_mm is 90.0, asked is 70.0" in capsys.readouterr().err
+    quick = ["--runs", "2", "--processes", "1", "--strategy", "baarda"]
+    assert main(["plan", "simulate", "9/3", "--c", "88", "--tie-variance", "paper", *quick]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "base 90 mm, d 100 mm, c 88 mm, tie variance paper" in said
+
+
+def test_the_redundancy_numbers_are_those_of_plan_pattern(capsys) -> None:
+    options = ["--base", "80", "--d", "95", "--c", "120"]
+    assert main(["plan", "pattern", "9/3", *options, "--tie-variance", "propagated", "--json"]) == 0
+    planned = [row["redn"] for row in json.loads(capsys.readouterr().out)["rows"]]
+    own = own_scenario(
+        "9/3",
+        numbers=(1,),
+        sizes=(6.0,),
+        places=(),
+        alpha=0.001,
+        known=(),
+        model=ModelOptions(80.0, 95.0, 120.0),
+    )
+    assert np.diag(own.matrix) == pytest.approx(planned)
+
+
+def test_the_spelling_of_a_path_does_not_matter(tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["plan", "block", "--strips", "2", "--photos", "3", "--to", "b1"]) == 0
+    for source in ("b1", "b1/", "./b1", str(tmp_path / "b1")):
+        capsys.readouterr()
+        call = ["plan", "simulate", source, "--strategy", "baarda", "--to", "kept.jsonl", *QUICK]
+        assert main(call) == 0, capsys.readouterr().err
+        assert json.loads(capsys.readouterr().out)["scenario"] == "b1"
+
+
+def test_what_plan_makes_and_reads_is_taken(tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    free = ["--strips", "2", "--photos", "3", "--sidelap", "60", "--control", "none"]
+    assert main(["plan", "block", *free, "--to", "b3"]) == 0
+    Path("net.toml").write_text(NETWORK, encoding="utf-8")
+    capsys.readouterr()
+    for source, datum in (("b3", "free"), ("net.toml", "free"), ("cube", "control")):
+        call = ["plan", "simulate", source, "--strategy", "baarda,modified", *QUICK]
+        assert main(call) == 0, capsys.readouterr().err
+        answer = json.loads(capsys.readouterr().out)
+        assert answer["settings"] == {"datum": datum}
+        assert {f["method"] for f in answer["figures"]} == {"baarda", "modified"}
+        assert ("no control and no priors, free datum" in answer["about"]) == (datum == "free")
+    assert answer["scenario"] == "cube:A"
+
+
 def test_refusals(tmp_path: Path, capsys) -> None:
+    points = tmp_path / "points.csv"
+    points.write_text("label,x,y\n1,0,0\n", encoding="utf-8")
     for call, said in (
         (["13/6"], "'13/6' is no scenario"),
         (["cube:Z"], "no cube 'Z'"),
@@ -140,6 +235,10 @@ def test_refusals(tmp_path: Path, capsys) -> None:
         (["13/5", "--place", "x", "--place", "9"], "no row lies in 'x' and '9' together"),
         (["13/5", "--errors", "19"], "19 errors, but only 18 rows"),
         (["size-models", "--size", "3"], "--size goes with a pattern"),
+        (["size-models", "--base", "80"], "--base goes with a pattern of your own"),
+        (["cube:A", "--tie-variance", "paper"], "--tie-variance goes with a pattern"),
+        ([str(points), "--d", "90"], "--d goes with a named pattern"),
+        (["13/5", "--strategy", "modified"], "13/5 has no method 'modified': that needs model"),
         ([str(tmp_path / "none.toml")], "none.toml"),
         ([str(tmp_path)], "block.toml"),
     ):
