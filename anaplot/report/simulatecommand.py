@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import csv
 import hashlib
+import io
 import json
 import os
 import sys
@@ -21,7 +22,8 @@ from numpy.typing import NDArray
 from anaplot import __version__
 from anaplot.errors import InputError
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
-from anaplot.exchange.wording import hint, quoted
+from anaplot.exchange.wholefile import replace_whole
+from anaplot.exchange.wording import hint, place, quoted
 from anaplot.planning.montecarlo import ChunkDone, Figure, Key, Scenario, Sums, figures, simulate
 from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.quantities import Quantity
@@ -32,7 +34,8 @@ from anaplot.report.progress import ProgressLine
 
 __all__ = ["run_simulate"]
 
-_WIDTH = 96
+_WIDTH = 80
+_BLOCK_FILES = ("block.toml", "image_points.csv", "control.csv")
 _COLUMNS = ("case", "method", "quantity", "runs", "mean", "low", "high", "reference")
 
 
@@ -66,6 +69,8 @@ def run_simulate(options: argparse.Namespace) -> int:
             raise InputError(
                 f"{scenario.name} has no method {quoted(name)}{hint(name, scenario.methods)}"
             )
+    if options.csv is not None:
+        _check_csv(options.csv, options.scenario, options.to)
     trial = scenario.prepare()
     remarks = trial.remarks()
     # in the scenario's order, whatever the option's
@@ -99,12 +104,13 @@ def run_simulate(options: argparse.Namespace) -> int:
             store=None if kept is None else partial(_keep, kept),
         )
     found = figures(tally, quantities, scenario.references)
-    if options.csv is not None:
-        _write_csv(options.csv, found)
     if options.json:
         print(json.dumps(_json(scenario, found, remarks, runs, options.seed), indent=1))
     else:
         print(_printout(scenario, found, remarks, runs, options.seed))
+    if options.csv is not None:
+        # after the report, which is not lost with it
+        replace_whole(options.csv, _csv(found))
     return 0
 
 
@@ -142,7 +148,10 @@ def _list(*, as_json: bool) -> int:
         return 0
     width = max(len(s.name) for s in known)
     for s in known:
-        print(f"{s.name:<{width}}  {s.about}")
+        hanging = " " * (width + 2)
+        start = f"{s.name:<{width}}  "
+        lines = textwrap.wrap(s.about, _WIDTH, initial_indent=start, subsequent_indent=hanging)
+        print("\n".join(lines))
     return 0
 
 
@@ -203,13 +212,31 @@ def _row(figure: Figure) -> dict[str, Any]:
     return {name: getattr(figure, name) for name in _COLUMNS}
 
 
-def _write_csv(path: Path, found: Iterable[Figure]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(_COLUMNS)
-        for figure in found:
-            row = _row(figure)
-            writer.writerow("" if row[name] is None else row[name] for name in _COLUMNS)
+def _check_csv(path: Path, source: str, kept: Path | None) -> None:
+    """Refuse a table that could not be written, or would overwrite what is read, beforehand."""
+    where = place(path)
+    target = path.resolve()
+    if not target.parent.is_dir():
+        raise InputError(f"{where}: cannot be written: there is no folder {place(target.parent)}")
+    if target.exists() and not target.is_file():
+        raise InputError(f"{where}: cannot be written: not a regular file")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError(f"{where}: cannot be written: the folder is read-only")
+    read = Path(source).resolve()
+    if target == read or (target.parent == read and target.name in _BLOCK_FILES):
+        raise InputError(f"{where}: is read; name another file for the table")
+    if kept is not None and target == kept.resolve():
+        raise InputError(f"{where}: keeps the runs; name another file for the table")
+
+
+def _csv(found: Iterable[Figure]) -> bytes:
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(_COLUMNS)
+    for figure in found:
+        row = _row(figure)
+        writer.writerow("" if row[name] is None else row[name] for name in _COLUMNS)
+    return text.getvalue().encode()
 
 
 def _printout(

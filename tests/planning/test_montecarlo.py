@@ -283,6 +283,15 @@ def test_the_command_refuses_by_name(capsys: pytest.CaptureFixture[str]) -> None
     assert "size-models" in capsys.readouterr().out
 
 
+def test_lines_fit_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", "simulate", "--list"]) == 0
+    for name in (*scenarios(), "cube:E", "9/3"):
+        methods = "tau,baarda" if name.startswith(("b", "c")) else None
+        chosen = ["--strategy", methods] if methods else []
+        assert main(["plan", "simulate", name, "--runs", "2", "--processes", "1", *chosen]) == 0
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
 def test_sizes_in_bridged_strips() -> None:
     scenario = scenarios()["size-strips"]
     tally = simulate(scenario, runs=300, seed=2, methods=("baarda",))

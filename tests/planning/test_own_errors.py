@@ -13,6 +13,7 @@ from anaplot.errors import InputError
 from anaplot.planning.modelscenarios import model_rows
 from anaplot.planning.montecarlo import simulate
 from anaplot.planning.ownerrors import METHODS, OwnErrors
+from anaplot.report import simulatecommand
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.ownplaces import RowName, rows_in
 
@@ -221,6 +222,42 @@ def test_what_plan_makes_and_reads_is_taken(tmp_path: Path, capsys, monkeypatch)
         assert {f["method"] for f in answer["figures"]} == {"baarda", "modified"}
         assert ("no control and no priors, free datum" in answer["about"]) == (datum == "free")
     assert answer["scenario"] == "cube:A"
+
+
+def test_a_table_that_cannot_be_written_is_refused_beforehand(tmp_path: Path, capsys) -> None:
+    points = tmp_path / "points.csv"
+    points.write_text("label,x,y\n" + "".join(
+        f"p{k},{45 * (k % 3)},{60 * (k // 3) - 90}\n" for k in range(12)))  # fmt: skip
+    before = points.read_bytes()
+    kept = tmp_path / "kept.jsonl"
+    call = ["plan", "simulate", str(points), "--strategy", "baarda", *QUICK, "--to", str(kept)]
+    for target, said in (
+        (tmp_path / "none" / "t.csv", "there is no folder"),
+        (points / "t.csv", "there is no folder"),
+        (tmp_path, "not a regular file"),
+        (tmp_path / "x" / ".." / "points.csv", "is read"),
+        (kept, "keeps the runs"),
+    ):
+        assert main([*call, "--csv", str(target)]) == 2
+        out, error = capsys.readouterr()
+        assert not out
+        assert said in error
+        assert len(error.splitlines()) == 1
+        assert not kept.exists()
+    assert points.read_bytes() == before
+
+
+def test_the_report_is_not_lost_with_the_table(tmp_path: Path, capsys, monkeypatch) -> None:
+    def full(path: Path, data: bytes) -> None:
+        raise InputError(f"{path}: cannot be written: no space left")
+
+    monkeypatch.setattr(simulatecommand, "replace_whole", full)
+    table = tmp_path / "t.csv"
+    call = ["plan", "simulate", "13/5", "--strategy", "baarda", *QUICK, "--csv", str(table)]
+    assert main(call) == 2
+    out, error = capsys.readouterr()
+    assert json.loads(out)["figures"]
+    assert error == f"anaplot: {table}: cannot be written: no space left\n"
 
 
 def test_refusals(tmp_path: Path, capsys) -> None:
