@@ -21,7 +21,6 @@ from anaplot.adjustment.significance import TESTABLE
 __all__ = ["Elimination", "NotSeparableError"]
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 # R is known to about 1e-13; what is left of r after an elimination carries its rounding amplified
 _LOST = 1e-8
@@ -44,14 +43,13 @@ class Elimination:
     `e`, `r` and the columns given S are kept as a stack of orthogonalised columns, one rank-one
     update for each row: c_k = column k given the rows before it, divided by the root of its own
     r. Adding costs O(n |S|). Dropping the last row of the stack is free; dropping another one
-    rebuilds those after it, from columns that are already there.
+    rebuilds those after it.
     """
 
     def __init__(self, system: ResidualSystem) -> None:
         self.system = system
         self._e0 = np.asarray(system.e, dtype=float)
         self._r0 = np.asarray(system.r, dtype=float)
-        self._columns: dict[int, Array] = {}
         self._rows: list[int] = []
         self._stack: list[Array] = []  # orthogonalised, scaled columns
         self._along: list[float] = []  # the misclosure along each of them: w when it was added
@@ -91,9 +89,8 @@ class Elimination:
         )
 
     def copy(self) -> Elimination:
-        """Return an independent state with the same rows out; the columns fetched are shared."""
+        """Return an independent state with the same rows out."""
         other = Elimination(self.system)
-        other._columns = self._columns
         other._rows, other._stack = list(self._rows), list(self._stack)
         other._along = list(self._along)
         other._e, other._r = self._e.copy(), self._r.copy()
@@ -120,18 +117,9 @@ class Elimination:
         out[good] = self._e[good] / np.sqrt(self._r[good])
         return out
 
-    def original_columns(self, rows: Index) -> Array:
-        """Return (n, k) columns of R with all rows in; fetched once from the system."""
-        missing = [k for k in dict.fromkeys(rows.tolist()) if k not in self._columns]
-        if missing:
-            fetched = self.system.columns(np.array(missing, dtype=np.intp))
-            for k, column in zip(missing, np.asarray(fetched).T, strict=True):
-                self._columns[k] = np.array(column, dtype=float)
-        return np.array([self._columns[k] for k in rows.tolist()]).reshape(len(rows), -1).T
-
     def column(self, row: int) -> Array:
         """Return (n,) the column of R of a row, given S."""
-        column = self.original_columns(np.array([row], dtype=np.intp))[:, 0].copy()
+        column = self.system.columns(np.array([row], dtype=np.intp))[:, 0].copy()
         for c in self._stack:
             column -= c * c[row]
         column[self._rows] = 0.0

@@ -36,6 +36,7 @@ class Left:
         self._state = Elimination(system)
         for row in sorted(rows):
             self._state.add(row)
+        self._known: dict[int, Array] = {}
 
     @property
     def names(self) -> Sequence[Hashable]:
@@ -64,5 +65,11 @@ class Left:
 
     def columns(self, rows: NDArray[np.intp]) -> Array:
         """Return (n, k): the columns of R that belong to k rows, without those left out."""
-        self._state.original_columns(rows)  # all of them at once
-        return np.array([self._state.column(row) for row in rows.tolist()]).T
+        missing = [row for row in dict.fromkeys(rows.tolist()) if row not in self._known]
+        self._state.system.columns(np.array(missing, dtype=np.intp))  # all of them at once
+        for row in missing:
+            self._known[row] = self._state.column(row)
+        out = np.empty((len(rows), len(self._names)))
+        for at, row in enumerate(rows.tolist()):
+            out[at] = self._known[row]
+        return out.T

@@ -52,7 +52,10 @@ class ResidualSystem(Protocol):
         ...
 
     def columns(self, rows: Index) -> Array:
-        """Return (n, k): the columns of R that belong to k rows."""
+        """Return (n, k): the columns of R that belong to k rows.
+
+        They are asked for again and again: a system that has to compute them keeps them.
+        """
         ...
 
 

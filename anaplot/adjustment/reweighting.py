@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.adjustment.elimination import Elimination
+from anaplot.adjustment.residualsystem import ResidualSystem
 
 __all__ = ["DANISH_LIMIT", "HUBER_LIMIT", "Reweighting", "reweight", "weighted_misclosures"]
 
@@ -58,22 +58,22 @@ class Reweighting:
     converged: bool
 
 
-def weighted_misclosures(state: Elimination, weights: Array) -> Array:
+def weighted_misclosures(system: ResidualSystem, weights: Array) -> Array:
     """Return (n,) misclosures of the adjustment with weights multiplied by factors in (0, 1].
 
     Parameters
     ----------
-    state
-        Of which only the system and its columns are used.
+    system
+        All rows.
     weights
         (n,) factors.
     """
-    e = np.asarray(state.system.e, dtype=float)
+    e = np.asarray(system.e, dtype=float)
     low = np.flatnonzero(weights < 1.0)
     if not len(low):
         return e.copy()
     p = np.maximum(weights[low], _SMALLEST_WEIGHT)
-    columns = state.original_columns(low)
+    columns = system.columns(low)
     # symmetric form (D R D + I) with D = sqrt(g): definite whatever the weights
     root = np.sqrt(1.0 / p - 1.0)
     inner = columns[low] * root[:, None] * root + np.eye(len(low))
@@ -84,21 +84,21 @@ def weighted_misclosures(state: Elimination, weights: Array) -> Array:
 
 
 def reweight(
-    state: Elimination, method: Literal["huber", "danish"], suspects: NDArray[np.bool_]
+    system: ResidualSystem, method: Literal["huber", "danish"], suspects: NDArray[np.bool_]
 ) -> Reweighting:
     """Iterate weights and adjustment until the weights stand still.
 
     Parameters
     ----------
-    state
-        Of which only the system and its columns are used.
+    system
+        All rows.
     method
         "huber": p = min(1, k / abs(v)); "danish": p = exp(-0.05 abs(v)^4.4) beyond the limit in
         the first three iterations, exp(-0.05 abs(v)^3) after them.
     suspects
         (n,) rows whose weights may fall.
     """
-    v = weighted_misclosures(state, np.ones(len(suspects)))
+    v = weighted_misclosures(system, np.ones(len(suspects)))
     weights = np.ones(len(v))
     changes: list[float] = []
     sums = [float(v @ v)]
@@ -114,7 +114,7 @@ def reweight(
         new = np.where(suspects, np.maximum(new, _SMALLEST_WEIGHT), 1.0)
         changes.append(float(np.abs(new - weights).max(initial=0.0)))
         weights = new
-        v = weighted_misclosures(state, weights)
+        v = weighted_misclosures(system, weights)
         sums.append(float((weights * v) @ v))
         if changes[-1] < _CONVERGED and iteration >= 3:
             return Reweighting(weights, v, tuple(changes), tuple(sums), True)

@@ -91,7 +91,7 @@ def _pairs(root: Elimination, rows: list[int]) -> list[tuple[int, ...]]:
     if len(rows) < 2:
         return []
     index = np.array(rows, dtype=np.intp)
-    matrix = root.original_columns(index)[index]
+    matrix = root.system.columns(index)[index]
     e = np.asarray(root.system.e, dtype=float)[index]
     r = np.diag(matrix)
     a, b = np.triu_indices(len(rows), 1)

@@ -147,16 +147,6 @@ class _Chain:
                 for k in range(self.most + 1)
             ]
         )
-        self._columns: dict[int, Array] = {}
-
-    def _of(self, rows: list[int]) -> Array:
-        """Return (k, n) rows of R."""
-        missing = [k for k in rows if k not in self._columns]
-        if missing:
-            fetched = np.asarray(self._system.columns(np.array(missing, dtype=np.intp)))
-            for k, column in zip(missing, fetched.T, strict=True):
-                self._columns[k] = np.array(column, dtype=float)
-        return np.array([self._columns[k] for k in rows])
 
     def neighbours(self, held: list[int]) -> tuple[float, Array]:
         """Return J and (n + k + k n,) its changes: a row more, one less, one for another."""
@@ -165,7 +155,7 @@ class _Chain:
         value = 0.0
         less, instead = np.zeros(0), np.zeros((0, n))
         if k:
-            part = self._of(held)
+            part = np.ascontiguousarray(self._system.columns(np.array(held)).T)
             block = part[:, held] + np.eye(k) / g
             inverse = np.linalg.inv(block)
             z = inverse @ e[held]

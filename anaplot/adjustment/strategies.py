@@ -375,7 +375,7 @@ def _robust(
     most: int,
 ) -> tuple[Elimination, list[Step], Reweighting]:
     state = Elimination(system)
-    robust = reweight(state, method, suspects)
+    robust = reweight(system, method, suspects)
     rows = tuple(np.flatnonzero(robust.weights < 1.0).tolist())
     steps = [
         Step("reweight", rows, change, 1e-6, robust.sums[k], robust.sums[k + 1])
