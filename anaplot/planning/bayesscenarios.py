@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
-from anaplot.adjustment.setodds import set_odds
-from anaplot.adjustment.strategies import find_gross_errors
 from anaplot.planning.bayesblock import BayesBlock, bayes_block
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, Quantity, out_of
+from anaplot.planning.rejections import rejected_rows
 
 __all__ = ["BayesScenario", "noise_within_three", "scenarios"]
 
@@ -110,19 +109,12 @@ class _BayesTrial:
         return tally
 
     def _found(self, errors: Array, methods: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
-        out: dict[str, tuple[int, ...]] = {}
-        system = self._block.residuals(errors)
-        n, u = self._block.design.shape
-        for method in methods:
-            if method == "rms":
-                out[method] = find_gross_errors(self._block.residuals(errors, n - u), method).rows
-            elif method in ("tau", "baarda", "search"):
-                out[method] = find_gross_errors(system, method).rows
-        if "odds" in methods or "sure" in methods:
-            start = out.get("search") or find_gross_errors(system, "search").rows
-            odds = set_odds(system, start=start)
-            out |= {k: v for k, v in (("odds", odds.best), ("sure", odds.sure)) if k in methods}
-        return out
+        rest = [method for method in methods if method != "rms"]
+        found = rejected_rows(self._block.residuals(errors), rest)
+        if "rms" in methods:
+            n, u = self._block.design.shape
+            found |= rejected_rows(self._block.residuals(errors, n - u), ["rms"])
+        return found
 
     def remarks(self) -> tuple[str, ...]:
         """Say what limits every method."""

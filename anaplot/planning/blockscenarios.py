@@ -15,17 +15,16 @@ from numpy.typing import NDArray
 from anaplot.adjustment.batch import standardized, tau_statistics
 from anaplot.adjustment.reliability import smallest_detectable_errors
 from anaplot.adjustment.residualsystem import DenseResiduals
-from anaplot.adjustment.setodds import set_odds
 from anaplot.adjustment.significance import (
     critical_normal,
     critical_tau,
     noncentrality,
     tau_power,
 )
-from anaplot.adjustment.strategies import find_gross_errors
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of, share
+from anaplot.planning.rejections import rejected_rows
 
 __all__ = ["BlockErrorsScenario", "BlockSizeScenario", "gruen_matrix", "scenarios"]
 
@@ -219,7 +218,8 @@ class _ErrorsTrial:
                 errors = rng.normal(size=n)
                 planted = set(rng.choice(n, number, replace=False).tolist())
                 errors[list(planted)] += self._scenario.size * rng.choice((-1.0, 1.0), number)
-                for method, found in self._found(errors, methods).items():
+                for method, rows in rejected_rows(self._system(errors), methods).items():
+                    found = set(rows)
                     right = len(planted & found)
                     counts[method][:, one] = right, len(found) - right, number - right
             for method in methods:
@@ -227,27 +227,11 @@ class _ErrorsTrial:
                     tally[self._case(number), method, quantity] = sums(values)
         return tally
 
-    def _found(self, errors: Array, methods: tuple[str, ...]) -> dict[str, set[int]]:
+    def _system(self, errors: Array) -> DenseResiduals:
         matrix = self._matrix
         e, r = matrix @ errors, np.maximum(np.diag(matrix), 0.0)
         names = tuple(range(len(e)))
-        system = DenseResiduals(names, e, r, float(e @ e), round(float(r.sum())), matrix)
-        out: dict[str, set[int]] = {}
-        for method in methods:
-            if method not in ("odds", "sure"):
-                out[method] = set(find_gross_errors(system, method).rows)
-        if "odds" in methods or "sure" in methods:
-            start = (
-                tuple(sorted(out["search"]))
-                if "search" in out
-                else tuple(sorted(find_gross_errors(system, "search").rows))
-            )
-            odds = set_odds(system, start=start)
-            if "odds" in methods:
-                out["odds"] = set(odds.best)
-            if "sure" in methods:
-                out["sure"] = set(odds.sure)
-        return out
+        return DenseResiduals(names, e, r, float(e @ e), round(float(r.sum())), matrix)
 
     def remarks(self) -> tuple[str, ...]:
         """Say what the block is."""
