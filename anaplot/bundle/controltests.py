@@ -31,6 +31,7 @@ from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, side_products
+from anaplot.bundle.datum import similarity_effects
 from anaplot.bundle.similarity import Similarity, fit_to_partial
 from anaplot.bundle.verdict import HypothesisSettings, Variance, Verdict
 from anaplot.photogrammetry.collinearity import project_with_derivatives
@@ -233,12 +234,7 @@ def _network_tests(block: AdjustedBlock, settings: HypothesisSettings) -> Contro
     turn = np.kron(np.eye(len(used)), laid.scale * laid.rotation)
     own = coordinate_cofactors(block, [(int(k), axis) for k in used for axis in range(3)])
     covariance = (turn @ own @ turn.T)[np.ix_(pick, pick)] + np.diag(spread**2)
-    null = np.zeros((len(used), 3, 7))
-    null[:, range(3), range(3)] = 1.0
-    for axis in range(3):
-        null[:, :, 3 + axis] = np.cross(np.eye(3)[axis], at)
-    null[:, :, 6] = at
-    null = null.reshape(-1, 7)[pick]
+    null = similarity_effects(at).reshape(-1, 7)[pick]
     root = np.linalg.cholesky(covariance)
     whitened = np.linalg.solve(root, null / np.linalg.norm(null, axis=0).clip(min=1e-300))
     left, singular, _ = np.linalg.svd(whitened, full_matrices=False)

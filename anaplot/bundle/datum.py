@@ -24,6 +24,7 @@ __all__ = [
     "null_space",
     "on_control",
     "relocate",
+    "similarity_effects",
 ]
 
 Array = NDArray[np.float64]
@@ -74,18 +75,21 @@ def components(problem: Problem) -> Index:
 
 def null_space(problem: Problem, state: State) -> tuple[Array, Array]:
     """Return (n, d, 7) and (p, 3, 7): effect of shift [m], rotation [rad] and scale."""
-    n, d, p = len(problem.photos), problem.per_photo, len(problem.points)
-    photos, points = np.zeros((n, d, 7)), np.zeros((p, 3, 7))
-    for target, at in ((photos, state.centres), (points, state.points)):
-        for axis in range(3):
-            target[:, axis, axis] = 1.0
-            unit = np.zeros(3)
-            unit[axis] = 1.0
-            target[:, :3, 3 + axis] = np.cross(unit, at)
-            target[:, axis, 6] = at[:, axis]
+    photos = np.zeros((len(problem.photos), problem.per_photo, 7))
+    photos[:, :3] = similarity_effects(state.centres)
     for axis in range(3):
         photos[:, 3 + axis, 3 + axis] = 1.0
-    return photos, points
+    return photos, similarity_effects(state.points)
+
+
+def similarity_effects(at: Array) -> Array:
+    """Return (n, 3, 7): effect of shift [m], rotation [rad] and scale on points (n, 3)."""
+    out = np.zeros((len(at), 3, 7))
+    for axis, unit in enumerate(np.eye(3)):
+        out[:, axis, axis] = 1.0
+        out[:, :, 3 + axis] = np.cross(unit, at)
+    out[:, :, 6] = at
+    return out
 
 
 def check_datum(problem: Problem, state: State, linear: Linearised) -> None:

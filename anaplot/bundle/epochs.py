@@ -17,7 +17,7 @@ from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, side_products
-from anaplot.bundle.datum import on_control
+from anaplot.bundle.datum import on_control, similarity_effects
 from anaplot.bundle.normal import State
 from anaplot.bundle.problem import Datum, Problem, listed, make_problem
 from anaplot.bundle.similarity import Similarity, fit_similarity
@@ -501,7 +501,10 @@ def _laid(
     q = _cofactors(two, every).reshape(m + s, 3, m + s, 3)
     q = np.einsum("ij,ajbk,lk->aibl", turn, q, turn).reshape(3 * (m + s), -1)
     q = q + _cofactors(one, every)
-    null = _similarity_effects(at - at[m:].mean(axis=0))
+    arm = at - at[m:].mean(axis=0)
+    null = similarity_effects(arm).reshape(-1, 7)
+    # turns and scale in metres at the farthest point, like the shifts
+    null[:, 3:] /= float(np.abs(arm).max()) or 1.0
     held = null.copy()
     held[: 3 * m] = 0.0
     change = np.eye(len(d)) - null @ np.linalg.solve(held.T @ null, held.T)
@@ -516,18 +519,6 @@ def _laid(
     information = (vectors / values) @ vectors.T
     agreement = Agreement(square, rank, d[first:], information)
     return at[:m], d[:first], q[:first, :first], agreement
-
-
-def _similarity_effects(at: Array) -> Array:
-    """Return (3 n, 7): effect of shift, rotation and scale on points, columns of like size."""
-    size = float(np.abs(at).max()) or 1.0
-    out = np.zeros((len(at), 3, 7))
-    for axis in range(3):
-        unit = np.eye(3)[axis]
-        out[:, axis, axis] = 1.0
-        out[:, :, 3 + axis] = np.cross(unit, at) / size
-    out[:, :, 6] = at / size
-    return out.reshape(-1, 7)
 
 
 def joint_block(
