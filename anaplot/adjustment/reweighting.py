@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.residualsystem import ResidualSystem
 
-__all__ = ["DANISH_LIMIT", "HUBER_LIMIT", "Reweighting", "reweight", "weighted_misclosures"]
+__all__ = [
+    "DANISH_LIMIT",
+    "HUBER_LIMIT",
+    "SETTLED",
+    "Reweighting",
+    "reweight",
+    "weighted_misclosures",
+]
 
 Array = NDArray[np.float64]
 
@@ -26,11 +33,13 @@ HUBER_LIMIT = 1.345
 DANISH_LIMIT = 2.0
 """Size [sigma] up to which the Danish method leaves a weight as it is (Krarup et al. 1980)."""
 
+SETTLED = 1e-6
+"""Change of a weight below which the iteration has ended."""
+
 _DANISH_FACTOR = 0.05
 _DANISH_POWERS = (4.4, 3.0)  # in the first three iterations, and after them
 _MOST_ITERATIONS = 200
 _SMALLEST_WEIGHT = 1e-12
-_CONVERGED = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +57,7 @@ class Reweighting:
     sums
         Sum of weight times squared misclosure after every iteration, the first before any.
     converged
-        Whether the last change was below 1e-6.
+        Whether the last change was below `SETTLED`.
     """
 
     weights: Array
@@ -116,6 +125,6 @@ def reweight(
         weights = new
         v = weighted_misclosures(system, weights)
         sums.append(float((weights * v) @ v))
-        if changes[-1] < _CONVERGED and iteration >= 3:
+        if changes[-1] < SETTLED and iteration >= 3:
             return Reweighting(weights, v, tuple(changes), tuple(sums), True)
     return Reweighting(weights, v, tuple(changes), tuple(sums), False)

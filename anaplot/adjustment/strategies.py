@@ -42,7 +42,7 @@ from anaplot.adjustment.findings import (
 )
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR, error_odds
 from anaplot.adjustment.residualsystem import ResidualSystem
-from anaplot.adjustment.reweighting import Reweighting, reweight
+from anaplot.adjustment.reweighting import SETTLED, Reweighting, reweight
 from anaplot.adjustment.search import largest, search
 from anaplot.adjustment.setodds import set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
@@ -378,7 +378,7 @@ def _robust(
     robust = reweight(system, method, suspects)
     rows = tuple(np.flatnonzero(robust.weights < 1.0).tolist())
     steps = [
-        Step("reweight", rows, change, 1e-6, robust.sums[k], robust.sums[k + 1])
+        Step("reweight", rows, change, SETTLED, robust.sums[k], robust.sums[k + 1])
         for k, change in enumerate(robust.changes)
     ]
     size = np.where(suspects, np.abs(robust.misclosures), 0.0)

@@ -199,7 +199,9 @@ def compare_epochs(
         )
     common = _shares(additional, separate, common_parameters)
     datum: Datum = "free" if stable else "control"
-    remarks = [] if stable else _check_control(first, second, separate)
+    remarks: list[str] = []
+    if not stable:
+        _check_control(first, second, separate)
     before = additional if separate else None
     alone = tuple(
         _alone(block, number, datum, before, progress)
@@ -361,7 +363,7 @@ def _control_pairs(first: Block, second: Block) -> list[tuple[ControlPoint, Cont
     ]
 
 
-def _check_control(first: Block, second: Block, separate: bool) -> list[str]:
+def _check_control(first: Block, second: Block, separate: bool) -> None:
     """Refuse control that is not of one datum; joint control must be the same."""
     for one, two in _control_pairs(first, second):
         sigmas = zip(_sigmas(first, one), _sigmas(second, two), strict=True)
@@ -381,7 +383,6 @@ def _check_control(first: Block, second: Block, separate: bool) -> list[str]:
                     f"its sigmas {s:g} and {t:g} m allow: the epochs are not in one datum "
                     "(points that have not moved can hold it: --stable)"
                 )
-    return []
 
 
 def _weighted(first: Block, second: Block) -> bool:

@@ -109,7 +109,8 @@ class Located(NamedTuple):
     point
         The point whose displacement explains most of what is left.
     square
-        R of that, the displacements named before taken as given.
+        What R falls by when this point may move besides those named before: R of its displacement
+        against what those not yet named, held at zero, let expect.
     rest
         R of all other points once this one may move.
     """
