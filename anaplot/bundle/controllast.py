@@ -16,7 +16,7 @@ from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.grosserrors import BlockFindings, block_gross_errors
-from anaplot.bundle.problem import make_problem
+from anaplot.bundle.problem import Problem, make_problem
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -102,8 +102,21 @@ def clean_control_last(
     )
     if rejected.any():
         problem = replace(problem, rejected=rejected)
+    if datum == "priors":
+        # a prior rejected without control stays so
+        problem = _with_priors_of(problem, images.block.problem)
     control = block_gross_errors(problem, strategy, settings, control_only=True, progress=progress)
     return ControlLast(images, control, datum)
+
+
+def _with_priors_of(problem: Problem, other: Problem) -> Problem:
+    """Return the bundle with the prior orientations that another one of its photos has left."""
+    place = {name: k for k, name in enumerate(problem.photos)}
+    both = [(place[name], k) for k, name in enumerate(other.photos) if name in place]
+    mine, its = np.array(both, dtype=np.intp).reshape(-1, 2).T
+    position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
+    position[mine], rotation[mine] = other.position_sigma[its], other.rotation_sigma[its]
+    return replace(problem, position_sigma=position, rotation_sigma=rotation)
 
 
 def _without_control(

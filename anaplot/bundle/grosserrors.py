@@ -40,6 +40,7 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
 
 __all__ = [
+    "MOST_ROWS_OF_COLUMNS",
     "BlockFindings",
     "Refused",
     "RejectedObservation",
@@ -51,8 +52,12 @@ __all__ = [
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-_MOST_PASSES = 30
+_MOST_PASSES = 30  # that ended in a minimum
+_MOST_REFUSED = 100
 _MOST_WILD = 5  # proposed sets without which there is no minimum either
+MOST_ROWS_OF_COLUMNS = 20_000
+"""Observations of a block in which columns of R are held for a good part of them."""
+
 _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise at
 
 
@@ -322,7 +327,7 @@ def block_gross_errors(
     Raises
     ------
     InputError
-        Odds over pairs of too many observations.
+        Odds over pairs, re-weighting or odds of too many observations.
     NotComputableError
         The block cannot be adjusted, with all observations or at all.
     ValueError
@@ -344,11 +349,15 @@ def block_gross_errors(
     every = replace(problem, rejected=None)
     test = problem.test
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
-    if used.pairs and every.observations > MOST_ROWS_OF_PAIRS:
-        raise InputError(
-            f"block {problem.block.name}: odds over pairs of {every.observations} observations: "
-            f"at most {MOST_ROWS_OF_PAIRS}"
-        )
+    n = every.observations
+    for asked, what, most in (
+        (used.pairs, "odds over pairs", MOST_ROWS_OF_PAIRS),
+        (strategy in ("huber", "danish", "odds"), strategy, MOST_ROWS_OF_COLUMNS),
+    ):
+        if asked and n > most:
+            raise InputError(
+                f"block {problem.block.name}: {what} of {n} observations: at most {most}"
+            )
     begun = (
         Fitting(block, (), "")
         if isinstance(block, AdjustedBlock)
@@ -477,10 +486,12 @@ class _Search:
             passes.append(findings)
             proposed = frozenset(findings.rows) | self.held
             if proposed == rows:
-                found, score = (None, vtpv) if at is None else (at.found, at.score)
+                found, score = None, vtpv + cost * len(proposed)
+                if at is not None:
+                    found, score = at.found, at.score
                 at = _Tried(found, system, findings, score)
                 break
-            if proposed in tried or len(passes) >= _MOST_PASSES:
+            if proposed in tried or len(tried) >= _MOST_PASSES or len(barred) > _MOST_REFUSED:
                 remarks = (
                     f"the rejected observations did not settle in {len(passes)} passes: "
                     "the best of the sets is kept",

@@ -157,7 +157,7 @@ def run_adjust(
             found["components"] = components_json(parted)
         if cleaned is not None:
             found["errors"] = block_errors_json(cleaned)
-            mark_rejected(found, cleaned)
+            mark_rejected(found, cleaned, None if earlier is None else earlier.images)
         if earlier is not None:
             found["errors_without_control"] = {
                 "datum": earlier.datum,

@@ -351,8 +351,10 @@ def _step_json(step: Step, names: tuple[ObservationName, ...]) -> Json:
     }
 
 
-def mark_rejected(answer: Json, cleaned: BlockFindings) -> None:
-    """Say in the rows of an adjusted block's JSON which of them are rejected.
+def mark_rejected(
+    answer: Json, cleaned: BlockFindings, earlier: BlockFindings | None = None
+) -> None:
+    """Say in the rows of an adjusted block's JSON which are rejected, also by an earlier step.
 
     Every row of image_points, control and priors gets "rejected", those of image_points also
     "rejected_axes". Rejected control and priors, no observations any more, stand after the others.
@@ -364,10 +366,11 @@ def mark_rejected(answer: Json, cleaned: BlockFindings) -> None:
     for k, row in enumerate(answer["image_points"]):
         row["rejected"] = k in axes
         row["rejected_axes"] = axes.get(k, [])
+    gone = (() if earlier is None else earlier.rejected) + cleaned.rejected
     for key, kind in (("control", "control"), ("priors", "prior")):
         for row in answer[key]:
             row["rejected"] = False
-        for one in cleaned.rejected:
+        for one in gone:
             if one.name[0] != kind:
                 continue
             row = _name_json(one.name)

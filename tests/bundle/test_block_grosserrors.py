@@ -289,6 +289,15 @@ def test_model_values_stand_for_image_coordinates_only() -> None:
     assert ((models[: system.image_rows] >= 0.0) & (models[: system.image_rows] <= 1.0)).all()
 
 
+def test_blocks_too_large_for_columns_are_refused(monkeypatch) -> None:
+    from anaplot.bundle import grosserrors
+
+    monkeypatch.setattr(grosserrors, "MOST_ROWS_OF_COLUMNS", 100)
+    for strategy in ("huber", "danish", "odds"):
+        with pytest.raises(InputError, match=f"{strategy} of [0-9]+ observations: at most 100"):
+            block_gross_errors(small().block, strategy, ALPHA)
+
+
 def test_wrong_requests() -> None:
     block = adjusted(small())
     with pytest.raises(ValueError, match="no strategy 'guess'"):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bundleblocks import aerial
 
 from anaplot.bundle.controllast import clean_control_last
 from anaplot.bundle.grosserrors import block_gross_errors
@@ -120,3 +121,25 @@ def test_the_command(tmp_path: Path, capsys) -> None:
     for wrong in ([*call[:2], "--control-last"], [*call, "--datum", "free"]):
         assert main(wrong) == 2
         assert "--control-last" in capsys.readouterr().err
+
+
+def test_a_prior_rejected_without_control_stays_so(tmp_path: Path, capsys) -> None:
+    scene = aerial(2, 4, per_base=2, control_sigma=0.05, noise_um=5.0, priors=True)
+    photos = list(scene.block.photos)
+    x, y, z = photos[5].position
+    photos[5] = replace(photos[5], position=(x + 4.0, y, z))
+    block = replace(scene.block, photos=tuple(photos))
+    name = ("prior", photos[5].id, "X")
+    steps = clean_control_last(block, "search")
+    assert steps.datum == "priors"
+    assert name in {row.name for row in steps.images.rejected}
+    assert name not in {row.name for row in steps.control.rejected}
+    assert name[1:] not in {(row.owner, row.unknown) for row in steps.block.prior_rows()}
+    folder = tmp_path / "b"
+    write_new_block(folder, block)
+    write_image_points(folder, block.image_points)
+    write_control(folder, block.control)
+    assert main(["adjust", str(folder), "--errors", "search", "--control-last", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["priors"]
+    [row] = [row for row in rows if (row["owner"], row["unknown"]) == name[1:]]
+    assert row["rejected"] is True
