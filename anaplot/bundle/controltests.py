@@ -31,8 +31,7 @@ from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, side_products
-from anaplot.bundle.datum import similarity_effects
-from anaplot.bundle.similarity import Similarity, fit_to_partial
+from anaplot.bundle.similarity import Similarity, fit_to_partial, similarity_effects
 from anaplot.bundle.verdict import HypothesisSettings, Variance, Verdict
 from anaplot.photogrammetry.collinearity import project_with_derivatives
 

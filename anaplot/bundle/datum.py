@@ -12,7 +12,12 @@ from scipy.sparse.csgraph import connected_components
 from anaplot.bundle.normal import Linearised, State
 from anaplot.bundle.problem import Problem, listed
 from anaplot.bundle.reliability import DatumChange
-from anaplot.bundle.similarity import Similarity, fit_similarity, fit_to_partial
+from anaplot.bundle.similarity import (
+    Similarity,
+    fit_similarity,
+    fit_to_partial,
+    similarity_effects,
+)
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -24,7 +29,6 @@ __all__ = [
     "null_space",
     "on_control",
     "relocate",
-    "similarity_effects",
 ]
 
 Array = NDArray[np.float64]
@@ -80,16 +84,6 @@ def null_space(problem: Problem, state: State) -> tuple[Array, Array]:
     for axis in range(3):
         photos[:, 3 + axis, 3 + axis] = 1.0
     return photos, similarity_effects(state.points)
-
-
-def similarity_effects(at: Array) -> Array:
-    """Return (n, 3, 7): effect of shift [m], rotation [rad] and scale on points (n, 3)."""
-    out = np.zeros((len(at), 3, 7))
-    for axis, unit in enumerate(np.eye(3)):
-        out[:, axis, axis] = 1.0
-        out[:, :, 3 + axis] = np.cross(unit, at)
-    out[:, :, 6] = at
-    return out
 
 
 def check_datum(problem: Problem, state: State, linear: Linearised) -> None:

@@ -17,10 +17,10 @@ from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, side_products
-from anaplot.bundle.datum import on_control, similarity_effects
+from anaplot.bundle.datum import on_control
 from anaplot.bundle.normal import State
 from anaplot.bundle.problem import Datum, Problem, listed, make_problem
-from anaplot.bundle.similarity import Similarity, fit_similarity
+from anaplot.bundle.similarity import Similarity, fit_similarity, similarity_effects
 from anaplot.errors import AnaplotError, InputError, NotComputableError
 from anaplot.photogrammetry.block import (
     Block,

@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from anaplot.photogrammetry.collinearity import turns
 
-__all__ = ["Similarity", "fit_similarity", "fit_to_partial", "line_of", "robust_similarity"]
+__all__ = [
+    "Similarity",
+    "fit_similarity",
+    "fit_to_partial",
+    "line_of",
+    "robust_similarity",
+    "similarity_effects",
+]
 
 Array = NDArray[np.float64]
 
@@ -97,6 +104,16 @@ def robust_similarity(
     return fit_similarity(source[inliers], target[inliers]), inliers
 
 
+def similarity_effects(at: Array) -> Array:
+    """Return (n, 3, 7): effect of shift [m], rotation [rad] and scale on points (n, 3)."""
+    out = np.zeros((len(at), 3, 7))
+    for axis, unit in enumerate(np.eye(3)):
+        out[:, axis, axis] = 1.0
+        out[:, :, 3 + axis] = np.cross(unit, at)
+    out[:, :, 6] = at
+    return out
+
+
 def fit_to_partial(source: Array, target: Array, start: Similarity) -> Similarity | None:
     """Refine a similarity with targets that lack coordinates (NaN).
 
@@ -112,13 +129,7 @@ def fit_to_partial(source: Array, target: Array, start: Similarity) -> Similarit
         at = now.apply(source)
         centre = now.apply(middle[None])[0]
         arm = at - centre
-        rows = np.zeros((*at.shape, 7))
-        for axis in range(3):
-            rows[:, axis, axis] = 1.0
-            unit = np.zeros(3)
-            unit[axis] = 1.0
-            rows[:, :, 3 + axis] = np.cross(unit, arm)
-        rows[:, :, 6] = arm
+        rows = similarity_effects(arm)
         e = (at - target)[known]
         design = rows[known]
         size = np.abs(e)

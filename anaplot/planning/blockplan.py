@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.rows import RayRow
 from anaplot.bundle.snooping import ObservationClass, classify
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Camera, ControlPoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.idealblock import IdealBlock, Station, photograph
+from anaplot.planning.worth import photo_worth
 
 __all__ = [
     "Accuracy",
@@ -351,23 +351,10 @@ def class_table(block: AdjustedBlock) -> tuple[ClassRow, ...]:
 
 def weak_photos(block: AdjustedBlock) -> tuple[WeakPhoto, ...]:
     """Return all photos, the one with the smallest mean redundancy number first."""
-    of: dict[str, list[RayRow]] = {}
-    for row in block.ray_rows():
-        of.setdefault(row.photo, []).append(row)
-    photos = []
-    for photo, rows in of.items():
-        r = np.array([row.r for row in rows])
-        k, axis = np.unravel_index(int(r.argmin()), r.shape)
-        photos.append(
-            WeakPhoto(
-                photo,
-                len(rows),
-                float(r.mean()),
-                float(r[k, axis]),
-                rows[int(k)].point,
-                "y" if axis else "x",
-            )
-        )
+    photos = [
+        WeakPhoto(of.name, of.rays, of.mean_r, of.low_r, of.weakest, of.axis)
+        for of in photo_worth(block)
+    ]
     return tuple(sorted(photos, key=lambda photo: (round(photo.mean_r, 9), photo.photo)))
 
 

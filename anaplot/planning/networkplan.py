@@ -5,31 +5,28 @@ The cube of Gruen 1978, Figure 2, is the example: 27 points, five ways of photog
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import cos, pi, radians
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.rows import RayRow
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Camera, ControlPoint, Strip
 from anaplot.planning.idealblock import IdealBlock, Station, photograph
+from anaplot.planning.worth import PointWorth, photo_worth, point_worth
 
 __all__ = [
     "CUBE_VERSIONS",
     "Network",
     "NetworkWorth",
-    "PointWorth",
     "cube",
     "looking_at",
     "network_worth",
-    "photo_worth",
     "plan_network",
-    "point_worth",
 ]
 
 Array = NDArray[np.float64]
@@ -91,37 +88,6 @@ class Network:
     normals: Mapping[str, Array] = field(default_factory=dict)
     incidence_deg: float = 75.0
     image_um: float = 5.0
-
-
-class PointWorth(NamedTuple):
-    """A point or a photo, and the weakest of its observations.
-
-    Attributes
-    ----------
-    name
-        Of the point, or of the photo.
-    rays
-        How many rays it has.
-    mean_r, low_r
-        Mean and smallest redundancy number.
-    weakest
-        Photo of the weakest observation of a point; point of that of a photo.
-    axis
-        Its axis.
-    mdb_um
-        Its smallest detectable error [um]; None when nothing checks it.
-    s_xyz
-        Expected standard deviations of a point [m]; None for a photo.
-    """
-
-    name: str
-    rays: int
-    mean_r: float
-    low_r: float
-    weakest: str
-    axis: Literal["x", "y"]
-    mdb_um: float | None
-    s_xyz: tuple[float | None, float | None, float | None] | None
 
 
 class NetworkWorth(NamedTuple):
@@ -281,49 +247,3 @@ def network_worth(network: Network, made: IdealBlock, block: AdjustedBlock) -> N
         tuple(photo for photo in network.stations if photo not in used),
         tuple(row.point for row in network.control if row.point not in adjusted),
     )
-
-
-def point_worth(block: AdjustedBlock) -> tuple[PointWorth, ...]:
-    """Return every adjusted point, the one with the weakest observation first."""
-    deviations = {row.point: row.s_xyz for row in block.point_rows()}
-    of: dict[str, list[RayRow]] = {}
-    for row in block.ray_rows():
-        of.setdefault(row.point, []).append(row)
-    return _sorted(
-        _worth(point, rows, [row.photo for row in rows], deviations[point])
-        for point, rows in of.items()
-    )
-
-
-def photo_worth(block: AdjustedBlock) -> tuple[PointWorth, ...]:
-    """Return every photo, the one with the weakest observation first."""
-    of: dict[str, list[RayRow]] = {}
-    for row in block.ray_rows():
-        of.setdefault(row.photo, []).append(row)
-    return _sorted(
-        _worth(photo, rows, [row.point for row in rows], None) for photo, rows in of.items()
-    )
-
-
-def _worth(
-    name: str,
-    rows: list[RayRow],
-    others: list[str],
-    s_xyz: tuple[float | None, float | None, float | None] | None,
-) -> PointWorth:
-    r = np.array([row.r for row in rows])
-    k, axis = np.unravel_index(int(r.argmin()), r.shape)
-    return PointWorth(
-        name,
-        len(rows),
-        float(r.mean()),
-        max(float(r[k, axis]), 0.0),
-        others[int(k)],
-        "y" if axis else "x",
-        rows[int(k)].mdb_um[int(axis)],
-        s_xyz,
-    )
-
-
-def _sorted(found: Iterable[PointWorth]) -> tuple[PointWorth, ...]:
-    return tuple(sorted(found, key=lambda worth: round(worth.low_r, 9)))

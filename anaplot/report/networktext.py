@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.planning.networkplan import Network, NetworkWorth, PointWorth
+from anaplot.planning.networkplan import Network, NetworkWorth
+from anaplot.planning.worth import PointWorth
 from anaplot.report.columns import PAGE, fitted, shortened, wrapped
 from anaplot.report.printable import printable
 

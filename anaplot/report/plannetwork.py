@@ -22,12 +22,12 @@ from anaplot.planning.idealblock import IdealBlock, Station
 from anaplot.planning.networkplan import (
     Network,
     NetworkWorth,
-    PointWorth,
     cube,
     looking_at,
     network_worth,
     plan_network,
 )
+from anaplot.planning.worth import PointWorth
 from anaplot.report.correlations import (
     RayPair,
     correlated_rays,

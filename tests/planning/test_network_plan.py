@@ -21,10 +21,9 @@ from anaplot.planning.networkplan import (
     Network,
     cube,
     looking_at,
-    photo_worth,
     plan_network,
-    point_worth,
 )
+from anaplot.planning.worth import photo_worth, point_worth
 
 # n, u, r, AI X Y Z all [mm] for 1 um, RI x' y' (1978, Table 2, as worked out)
 TABLE_2 = {
