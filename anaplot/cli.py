@@ -394,12 +394,12 @@ def _add_simulate(parts: Any) -> None:
         help="one of those named by --list; or a pattern (13/5 or a file), a block's folder, "
         "cube:A (or cube) to cube:E or a network's file, in which errors are planted",
     )
-    simulate.add_argument("--base", type=_positive, metavar="MM", help="of a pattern, default 90")
+    simulate.add_argument("--base", type=_length, metavar="MM", help="of a pattern, default 90")
     simulate.add_argument(
-        "--d", type=_positive, metavar="MM", help="half a named pattern in y, default 100"
+        "--d", type=_length, metavar="MM", help="half a named pattern in y, default 100"
     )
     simulate.add_argument(
-        "--c", type=_positive, metavar="MM", help="camera constant of a pattern, default 152"
+        "--c", type=_length, metavar="MM", help="camera constant of a pattern, default 152"
     )
     simulate.add_argument(
         "--tie-variance",

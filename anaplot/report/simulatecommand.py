@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import csv
 import hashlib
-import io
 import json
 import os
 import sys
@@ -21,13 +19,14 @@ from numpy.typing import NDArray
 
 from anaplot import __version__
 from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
-from anaplot.exchange.wholefile import replace_whole
 from anaplot.exchange.wording import hint, place, quoted
 from anaplot.planning.montecarlo import ChunkDone, Figure, Key, Scenario, Sums, figures, simulate
 from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.quantities import Quantity
 from anaplot.planning.scenarios import scenarios
+from anaplot.report.csvoutput import write_csv
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
@@ -35,7 +34,6 @@ from anaplot.report.progress import ProgressLine
 __all__ = ["run_simulate"]
 
 _WIDTH = 80
-_BLOCK_FILES = ("block.toml", "image_points.csv", "control.csv")
 _COLUMNS = ("case", "method", "quantity", "runs", "mean", "low", "high", "reference")
 
 
@@ -110,7 +108,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         print(_printout(scenario, found, remarks, runs, options.seed))
     if options.csv is not None:
         # after the report, which is not lost with it
-        replace_whole(options.csv, _csv(found))
+        write_csv(options.csv, _COLUMNS, (_row(figure).values() for figure in found))
     return 0
 
 
@@ -223,20 +221,10 @@ def _check_csv(path: Path, source: str, kept: Path | None) -> None:
     if not os.access(target.parent, os.W_OK):
         raise InputError(f"{where}: cannot be written: the folder is read-only")
     read = Path(source).resolve()
-    if target == read or (target.parent == read and target.name in _BLOCK_FILES):
+    if target in (read, *block_files(read)):
         raise InputError(f"{where}: is read; name another file for the table")
     if kept is not None and target == kept.resolve():
         raise InputError(f"{where}: keeps the runs; name another file for the table")
-
-
-def _csv(found: Iterable[Figure]) -> bytes:
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(_COLUMNS)
-    for figure in found:
-        row = _row(figure)
-        writer.writerow("" if row[name] is None else row[name] for name in _COLUMNS)
-    return text.getvalue().encode()
 
 
 def _printout(
