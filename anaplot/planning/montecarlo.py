@@ -50,6 +50,7 @@ Key = tuple[str, str, str]
 """(case, method, quantity)."""
 
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+_LOOK = 0.5  # seconds after which a waiting parent looks round
 MOST_RUNS = 100_000_000
 
 
@@ -341,7 +342,9 @@ def _carry_out(
                         running.add(pool.submit(_do_there, task))
                 if not running:
                     return
-                _take_done(wait(running, return_when=FIRST_COMPLETED).done, running, take)
+                # never one endless wait: an interrupt just before it would be seen after it
+                done = wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED).done
+                _take_done(done, running, take)
         except BrokenProcessPool:
             raise NotComputableError("a process of the simulation died before its time") from None
         except (KeyboardInterrupt, SystemExit):

@@ -278,7 +278,7 @@ def test_the_command_line_prints_both(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 INTERRUPTED = """
-import signal, sys
+import sys, time
 from anaplot.cli import main
 from anaplot.report import progress
 
@@ -287,8 +287,10 @@ show = progress.ProgressLine.__call__
 
 def shown(self, what, fraction):
     show(self, what, fraction)
-    if what == "factor":
-        signal.pause()  # in the middle of the work, until the interrupt comes
+    # in the middle of the work, until the interrupt comes; one long wait would not do, as
+    # an interrupt that comes just before it is only looked at after it
+    while what == "factor":
+        time.sleep(0.01)
 
 progress.ProgressLine.__call__ = shown
 sys.exit(main(["adjust", sys.argv[1], "--snooping"]))
