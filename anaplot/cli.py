@@ -682,10 +682,10 @@ def _parser() -> _Parser:
     )
     bridge.add_argument(
         "--errors",
-        choices=("baarda", "tau", "rms", "huber", "danish", "search", "odds"),
+        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "search", "odds"),
         metavar="NAME",
-        help="take out what this strategy rejects before the next model: baarda, tau, rms, huber, "
-        "danish, search or odds",
+        help="take out what this strategy rejects before the next model: baarda, tau, rms, "
+        "modified, huber, danish, search or odds",
     )
     bridge.add_argument(
         "--partner",

@@ -334,3 +334,9 @@ def test_errors_are_taken_out_before_the_next_model(block: Path) -> None:
             (why, *_) = [e for e in errors["evidence"] if e["point"] == row["point"]]
             assert why["statistic"] > why["critical"]
     one_line(anaplot("bridge", block, "--pairs"), 2, "--partner and --pairs go with --errors")
+    modified = anaplot("bridge", block, "--errors", "modified", "--json")
+    first = strict(modified.stdout)["strips"][0]["models"][0]["errors"]
+    assert first["model_values"]["decided"] > 0
+    assert isinstance(first["model_values"]["beyond_tolerance"], int)
+    assert first["remarks"] == []
+    assert "model values decided" in anaplot("bridge", block, "--errors", "modified").stdout

@@ -82,7 +82,7 @@ class Step(NamedTuple):
         the search (against 0), the largest change of a weight for a re-weighting (against the
         change at which it ends). None without such a value.
     before, after
-        v'Pv in a-priori sigmas before and after; for the search the objective.
+        v'Pv in a-priori sigmas before and after; for steps of the search the objective.
     """
 
     action: Action

@@ -36,6 +36,7 @@ STEPS = 2000
 """Sets visited unless told otherwise."""
 
 _SETTLING = 0.1  # share of the visits that is not weighed
+_KEPT = 1_000_000  # rates of sets visited before that are kept for the next visit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,12 +109,9 @@ def set_odds(
     visited: set[frozenset[int]] = set()
     for step in range(steps):
         visited.add(frozenset(held))
-        objective, change = chain.neighbours(held)
+        objective, rates = chain.ways(held)
         if objective < least:
             best, least = tuple(held), objective
-        # Barker's balance of half the change, since J is minus twice a log
-        rates = 1.0 / (1.0 + np.exp(np.minimum(0.5 * change, 700.0)))
-        rates = np.cumsum(np.where(np.isfinite(change), rates, 0.0))
         if not rates[-1] > 0.0:
             time[held] += 1.0
             total += 1.0
@@ -140,6 +138,8 @@ class _Chain:
         free = n - int(self._barred.sum())
         room = system.redundancy // 2 if most is None else most
         self.most = max(min(room, free), 0)
+        self._known: dict[tuple[int, ...], tuple[float, Array]] = {}
+        self._room = _KEPT
         further = -2.0 * log(1.0 - NONE_PRIOR)
         self._price = np.array(
             [
@@ -147,6 +147,21 @@ class _Chain:
                 for k in range(self.most + 1)
             ]
         )
+
+    def ways(self, held: list[int]) -> tuple[float, Array]:
+        """Return J and the running sums of the rates of jumping to the set's neighbours."""
+        key = tuple(held)
+        known = self._known.get(key)
+        if known is not None:
+            return known
+        objective, change = self.neighbours(held)
+        # Barker's balance of half the change, since J is minus twice a log
+        rates = 1.0 / (1.0 + np.exp(np.minimum(0.5 * change, 700.0)))
+        found = objective, np.cumsum(np.where(np.isfinite(change), rates, 0.0))
+        self._room -= len(change)
+        if self._room > 0:
+            self._known[key] = found
+        return found
 
     def neighbours(self, held: list[int]) -> tuple[float, Array]:
         """Return J and (n + k + k n,) its changes: a row more, one less, one for another."""

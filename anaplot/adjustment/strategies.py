@@ -122,7 +122,7 @@ def find_gross_errors(
     elif strategy == "odds":
         state, steps, sure = _by_odds(system, critical, allowed, most)
         if state.rows:
-            remarks.append(f"{sure} of {len(state.rows)} are in error more probably than not")
+            remarks.append(f"more probably in error than not: {sure} of {len(state.rows)}")
     elif strategy in ("huber", "danish"):
         kind: Literal["huber", "danish"] = "huber" if strategy == "huber" else "danish"
         # weights that turn against most of the rows have broken down

@@ -9,16 +9,16 @@ from textual.binding import Binding, BindingType
 from textual.content import Content
 
 from anaplot.adjustment.findings import Findings, SearchSettings, Step
-from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
+from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.console.dialogs import Page
 from anaplot.console.text import fit, fit_end, number, plain, wrap
-from anaplot.orientation.grosserrors import residual_system
+from anaplot.orientation.grosserrors import strategy_findings
 from anaplot.orientation.results import ModelSolution
 
 __all__ = ["CHOICES", "FIRST", "ErrorsPage", "errors_line", "errors_lines", "model_findings"]
 
-CHOICES = tuple(name for name in STRATEGIES if name not in ("modified", "odds"))
-"""Strategies for a model: there are no model values of 1980 for one, and odds takes too long."""
+CHOICES = STRATEGIES
+"""Strategies in the order of the page."""
 
 FIRST = "search"
 """The strategy that the page begins with."""
@@ -27,9 +27,11 @@ _ABOUT = {
     "baarda": "the largest w beyond its critical value goes, one row a step",
     "tau": "the same with the estimated sigma0 and Pope's critical value",
     "rms": "PARX over its root mean square, all beyond the critical value at once",
+    "modified": "as baarda by the redundancy numbers of the ideal model, its own only in doubt",
     "huber": "re-weighting, what lies far off counts less",
     "danish": "re-weighting, what lies far off soon counts nothing",
     "search": "the best set of rows, found by adding, dropping and exchanging rows",
+    "odds": "the most probable set of rows, errors of any size weighed against each other",
 }
 _ROW, _SHOWN_STEPS = 18, 40
 _BENDS = 30.0  # w beyond which the second order shows in what the linearised model says
@@ -40,7 +42,7 @@ def model_findings(solution: ModelSolution, strategy: str) -> Findings | None:
     if solution.redundancy < 1:
         return None
     settings = SearchSettings(alpha=solution.test.alpha)
-    return find_gross_errors(residual_system(solution), strategy, settings)
+    return strategy_findings(solution, strategy, settings)
 
 
 def errors_line(solution: ModelSolution | None, strategy: str | None) -> str:
@@ -144,7 +146,9 @@ def _evidence(solution: ModelSolution, found: Findings, width: int) -> list[Cont
 
 
 def _said(solution: ModelSolution, step: Step, found: Findings) -> str:
-    what = "v'Pv + price" if found.strategy == "search" else "v'Pv"
+    searched = found.strategy in ("search", "odds")
+    # the odds begin with the steps of the search and have no price of their own
+    what = "v'Pv + price" if searched and step.statistic is not None else "v'Pv"
     change = f"{what} {step.before:.1f} to {step.after:.1f}"
     if step.action == "reweight":
         return f"all rows weighted again; {change}"
@@ -153,7 +157,7 @@ def _said(solution: ModelSolution, step: Step, found: Findings) -> str:
         return f"{names[0]} out, {names[1]} back in; {change}"
     where = "back in" if step.action == "drop" else "out"
     value = ""
-    if found.strategy != "search" and step.statistic is not None and step.critical is not None:
+    if not searched and step.statistic is not None and step.critical is not None:
         value = f" ({step.statistic:.2f} against {step.critical:.2f})"
     return f"{', '.join(names)} {where}{value}; {change}"
 

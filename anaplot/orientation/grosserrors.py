@@ -13,6 +13,7 @@ from anaplot.adjustment.significance import TESTABLE, critical_normal
 from anaplot.adjustment.strategies import find_gross_errors
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError, orient
+from anaplot.orientation.modelvalues import ideal_roots
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import BridgedStrip, bridge_strip
@@ -24,6 +25,7 @@ __all__ = [
     "RejectedRow",
     "model_gross_errors",
     "residual_system",
+    "strategy_findings",
     "strip_gross_errors",
 ]
 
@@ -71,6 +73,8 @@ class CleanedModel:
         Rejected row, kept row, and the correlation of their residuals when the first one went.
     first_rows
         The rows of the first pass in their order: those that could be oriented at all.
+    remarks
+        What else there is to say: weights that did not settle, rows that cannot be left out.
     """
 
     solution: ModelSolution
@@ -79,6 +83,7 @@ class CleanedModel:
     came_back: tuple[tuple[str, str], ...]
     hard_to_tell: tuple[tuple[tuple[str, str], tuple[str, str], float], ...] = ()
     first_rows: tuple[tuple[str, str], ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +117,26 @@ def residual_system(solution: ModelSolution) -> DenseResiduals:
     )
 
 
+def strategy_findings(
+    solution: ModelSolution, strategy: str, settings: SearchSettings | None = None
+) -> Findings:
+    """Run a strategy on a model as it is oriented.
+
+    "modified" takes its model values from the ideal model with the same points.
+
+    Raises
+    ------
+    ValueError
+        No such strategy.
+    """
+    return find_gross_errors(
+        residual_system(solution),
+        strategy,
+        settings,
+        models=ideal_roots(solution) if strategy == "modified" else None,
+    )
+
+
 def model_gross_errors(
     pair: Stereopair,
     precision: Precision,
@@ -133,18 +158,24 @@ def model_gross_errors(
     NotComputableError
         The model cannot be oriented even so.
     ValueError
-        No such strategy, or one that needs model values.
+        No such strategy.
     """
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
     out: list[tuple[str, str]] = []
     findings: list[Findings] = []
+    remarks: list[str] = []
     partners: list[tuple[tuple[str, str], tuple[str, str], float]] = []
     solution = _oriented(pair, precision, test, out)
     first_rows = tuple(row.key for row in solution.table)
     for _ in range(_MOST_PASSES):
-        room = used if used.most is None else replace(used, most=max(used.most - len(out), 0))
-        found = find_gross_errors(residual_system(solution), strategy, room)
+        room = used
+        if used.most is not None:
+            if findings and len(out) >= used.most:
+                break
+            room = replace(used, most=max(used.most - len(out), 0))
+        found = strategy_findings(solution, strategy, room)
         findings.append(found)
+        remarks += found.remarks
         keys = [solution.table[row].key for row in found.rows]
         if not keys:
             break
@@ -152,10 +183,15 @@ def model_gross_errors(
         without = [*out, *keys]
         try:
             solution = _oriented(pair, precision, test, without)
-        except NotComputableError:
-            break  # a linear model could spare these rows, the orientation cannot
+        except NotComputableError as error:
+            # a linear model could spare these rows, the orientation cannot
+            rows = ", ".join(f"{point} {axis}" for point, axis in keys)
+            remarks.append(f"{rows} should go, but cannot be left out: {error}")
+            break
         out = without
         partners += [(table[a].key, table[b].key, rho) for a, b, rho in found.hard_to_tell]
+    else:
+        remarks.append(f"still rejecting after {_MOST_PASSES} passes")
     back: list[tuple[str, str]] = []
     rejected: list[RejectedRow] = []
     critical = critical_normal(used.alpha)
@@ -171,7 +207,15 @@ def model_gross_errors(
         rest = [other for other in out if other != key]
         rejected.append(_tried(pair, precision, test, rest, key))
     hard = tuple(p for p in partners if p[0] in out and p[1] not in out)
-    return CleanedModel(solution, tuple(rejected), tuple(findings), tuple(back), hard, first_rows)
+    return CleanedModel(
+        solution,
+        tuple(rejected),
+        tuple(findings),
+        tuple(back),
+        hard,
+        first_rows,
+        tuple(dict.fromkeys(remarks)),
+    )
 
 
 def strip_gross_errors(
@@ -182,7 +226,7 @@ def strip_gross_errors(
     Raises
     ------
     ValueError
-        No such strategy, or one that needs model values.
+        No such strategy.
     """
     cleaned: list[CleanedModel] = []
 

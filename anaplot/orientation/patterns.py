@@ -127,6 +127,7 @@ def ideal_model(
     base: float,
     c: float,
     tie_variance: Literal["paper", "propagated"] = "paper",
+    off: frozenset[tuple[str, str]] = frozenset(),
 ) -> ModelSolution:
     """Orient a model of vertical photos and flat ground.
 
@@ -140,6 +141,8 @@ def ideal_model(
         Base at photo scale and camera constant [mm].
     tie_variance
         Cofactor of the x rows: "paper" or "propagated".
+    off
+        Rows (label, axis) that are left out.
 
     Raises
     ------
@@ -158,6 +161,7 @@ def ideal_model(
         ties={label: (*positions[label], -c) for label in ties} or None,
         preceding_bx=base if ties else None,
         base=base,
+        off=off,
     )
     return orient(pair, Precision(tie_variance=tie_variance), TestSettings(kind="baarda"))
 

@@ -22,13 +22,10 @@ from anaplot.errors import InputError
 from anaplot.planning.montecarlo import Key, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
 
-__all__ = ["METHODS", "OwnErrors"]
+__all__ = ["OwnErrors"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-METHODS = tuple(name for name in STRATEGIES if name != "modified")
-"""Strategies that need no model values."""
 
 _QUANTITIES = ("right", "wrong", "missed", "wrong beside a partner", "exactly the errors")
 
@@ -43,6 +40,8 @@ class OwnErrors:
         See `Scenario`.
     matrix
         (n, n) R of the whitened rows.
+    models
+        (n,) model values of sqrt(q_vv) for the method "modified".
     numbers
         How many errors there are in a run, one case each; 0: none.
     sizes
@@ -51,8 +50,6 @@ class OwnErrors:
         (n,) rows in which errors are planted.
     alpha
         Significance of a single row.
-    models
-        (n,) model values of sqrt(q_vv) for the method "modified".
     settings
         What was assumed of the geometry, for people and programs.
     """
@@ -60,15 +57,15 @@ class OwnErrors:
     name: str
     about: str
     matrix: Array = field(repr=False)
+    models: Array = field(repr=False)
     numbers: tuple[int, ...]
     sizes: tuple[float, ...]
     places: Bools = field(repr=False)
     alpha: float = 0.001
     runs: int = 1_000
     chunk: int = 50
-    methods: tuple[str, ...] = METHODS
+    methods: tuple[str, ...] = STRATEGIES
     references: Mapping[Key, float] = field(default_factory=dict)
-    models: Array | None = field(default=None, repr=False)
     settings: Mapping[str, float | str] = field(default_factory=dict)
 
     def prepare(self) -> _OwnTrial:

@@ -16,6 +16,7 @@ from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.residuals import ObservationName
 from anaplot.photogrammetry.block import Block, TestSettings
+from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
 
 __all__ = [
@@ -154,12 +155,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
     )
     lines += _odds(found, names)
     if found.model_values is not None:
-        m = found.model_values
-        lines.append(
-            f"  model values decided {m.decided} times, exact ones {m.computed} times; in the "
-            f"first step the exact test decides "
-            f"{len(m.wrongly_accepted) + len(m.wrongly_rejected)} otherwise"
-        )
+        lines.append(f"  {model_values_line(found.model_values)}")
     lines += [f"  note: {printable(remark)}" for remark in cleaned.remarks]
     return "\n".join(lines)
 
@@ -308,14 +304,9 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
         "remarks": list(cleaned.remarks),
     }
     if found.model_values is not None:
-        m = found.model_values
-        out["model_values"] = {
-            "computed": m.computed,
-            "decided": m.decided,
-            "wrongly_accepted": [_name_json(names[k]) for k in m.wrongly_accepted],
-            "wrongly_rejected": [_name_json(names[k]) for k in m.wrongly_rejected],
-            "beyond_tolerance": m.beyond_tolerance,
-        }
+        out["model_values"] = model_values_json(
+            found.model_values, lambda row: _name_json(names[row])
+        )
     if found.pair_odds is not None:
         odds = found.pair_odds
         out["pair_odds"] = {

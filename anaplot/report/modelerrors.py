@@ -13,6 +13,7 @@ from anaplot.orientation.grosserrors import CleanedModel, strip_gross_errors
 from anaplot.orientation.strip import pooled_sigma_um
 from anaplot.photogrammetry.block import Block
 from anaplot.report.contract import bridge_json
+from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
 from anaplot.report.text import model_printout
 
@@ -112,7 +113,11 @@ def errors_printout(cleaned: CleanedModel) -> str:
     blind = [f"{printable(p)} {a}" for p, a in _untestable(cleaned)]
     if blind:
         lines.append(f"    cannot be tested: {', '.join(blind)}")
+    values = cleaned.findings[0].model_values
+    if values is not None:
+        lines.append(f"    {model_values_line(values)}")
     lines += _odds_lines(cleaned)
+    lines += [f"    note: {printable(remark)}" for remark in cleaned.remarks]
     return "\n".join(lines)
 
 
@@ -174,7 +179,7 @@ def _pair_odds_json(cleaned: CleanedModel) -> Json | None:
 
 def errors_json(cleaned: CleanedModel) -> Json:
     """Return the rejected rows of a model for programs."""
-    return {
+    out = {
         "strategy": cleaned.findings[0].strategy,
         "rejected": [row._asdict() for row in cleaned.rejected],
         "came_back": [{"point": p, "axis": a} for p, a in cleaned.came_back],
@@ -199,7 +204,14 @@ def errors_json(cleaned: CleanedModel) -> Json:
             if isinstance(gone.name, tuple)
         ],
         "pair_odds": _pair_odds_json(cleaned),
+        "remarks": list(cleaned.remarks),
     }
+    first = cleaned.findings[0].model_values
+    if first is not None:
+        out["model_values"] = model_values_json(
+            first, lambda row: dict(zip(("point", "axis"), cleaned.first_rows[row], strict=True))
+        )
+    return out
 
 
 def _untestable(cleaned: CleanedModel) -> list[tuple[str, str]]:

@@ -9,7 +9,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.grosserrors import model_values
@@ -21,9 +20,10 @@ from anaplot.exchange.networkfile import read_network
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.exchange.tomlfile import TomlFile
 from anaplot.exchange.wording import hint, quoted
+from anaplot.orientation.modelvalues import ideal_roots
 from anaplot.orientation.patterns import pattern
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube, plan_network
-from anaplot.planning.ownerrors import METHODS, OwnErrors
+from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.patternplan import PlannedPattern, from_pattern, solve
 from anaplot.report.ownplaces import RowName, rows_in
 from anaplot.report.plannetwork import network_from_file
@@ -75,7 +75,7 @@ class _Geometry(NamedTuple):
     names, matrix
         Of the rows, and R between them.
     models
-        (n,) model values of sqrt(q_vv); None: it has none.
+        (n,) model values of sqrt(q_vv).
     settings
         What was assumed of it.
     """
@@ -84,7 +84,7 @@ class _Geometry(NamedTuple):
     about: str
     names: tuple[RowName, ...]
     matrix: Array
-    models: Array | None
+    models: Array
     settings: dict[str, float | str]
 
 
@@ -125,13 +125,12 @@ def own_scenario(
         found.name,
         f"errors planted in {found.about}",
         found.matrix,
+        found.models,
         numbers,
         sizes,
         rows_in(found.names, places),
         alpha,
         chunk=max(1, min(_CHUNK, _CHUNK_ROWS // len(found.names))),
-        methods=METHODS if found.models is None else STRATEGIES,
-        models=found.models,
         settings=found.settings,
     )
     scenario.prepare()
@@ -209,7 +208,7 @@ def _of_model(
         f"{about}, {said}, tie variance {tie_variance}",
         names,
         solution.q_vv / root[:, None] / root,
-        None,
+        ideal_roots(solution),
         {f"{what}_mm": value for what, value in lengths.items()} | {"tie_variance": tie_variance},
     )
 

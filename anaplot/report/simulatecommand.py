@@ -59,11 +59,6 @@ def run_simulate(options: argparse.Namespace) -> int:
         unknown = [name for name in methods if name not in scenario.methods]
         if unknown or not methods:
             name = unknown[0] if unknown else ""
-            if name == "modified" and isinstance(scenario, OwnErrors):
-                raise InputError(
-                    f"{scenario.name} has no method 'modified': that needs model values of "
-                    "sqrt(q_vv) for classes of image points, which blocks and networks have"
-                )
             raise InputError(
                 f"{scenario.name} has no method {quoted(name)}{hint(name, scenario.methods)}"
             )

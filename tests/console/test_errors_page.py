@@ -36,7 +36,7 @@ def page(solution: ModelSolution | None, strategy: str, width: int = 72) -> str:
     return "\n".join(line.plain for line in errors_lines(solution, strategy, width))
 
 
-@pytest.mark.parametrize("strategy", ["baarda", "huber", "danish", "search"])
+@pytest.mark.parametrize("strategy", ["baarda", "modified", "huber", "danish", "search", "odds"])
 def test_the_planted_row_is_named_with_its_size(strategy: str) -> None:
     solution = model()
     text = page(solution, strategy)
@@ -83,13 +83,16 @@ async def test_strategies_by_key_and_the_line_of_advice(size: tuple[int, int]) -
         await until(pilot, lambda: "[search]" in text(app))
         assert "8 y" in text(app)
         await pilot.press("e")
+        await until(pilot, lambda: "[odds]" in text(app))
+        assert "8 y" in text(app)
+        await pilot.press("e")
         await until(pilot, lambda: "[baarda]" in text(app))
         assert "against 3.29" in text(app)
         station.tell(picture(serial=2, solution=model(wrong=None)))
         await until(pilot, lambda: "No row is rejected." in text(app))
         station.tell(picture(serial=3, solution=model(wrong="2")))
         await until(pilot, lambda: "2 y" in text(app))
-        await pilot.press("left", "escape")
+        await pilot.press("left", "left", "escape")
         await until(pilot, lambda: len(app.screen_stack) == 1)
         await until(pilot, lambda: "search rejects: 2 y" in text(app))
 

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.planning.modelscenarios import model_rows
 from anaplot.planning.montecarlo import simulate
-from anaplot.planning.ownerrors import METHODS, OwnErrors
+from anaplot.planning.ownerrors import OwnErrors
 from anaplot.report import csvoutput
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.ownplaces import RowName, rows_in
@@ -54,7 +55,7 @@ def simulated(capsys, *call: str) -> dict[tuple[str, str, str], float]:
 
 
 def test_every_strategy_finds_one_large_error_in_a_good_pattern(capsys) -> None:
-    quick = [method for method in METHODS if method != "odds"]
+    quick = [method for method in STRATEGIES if method != "odds"]
     found = simulated(
         capsys, "13/5", "--errors", "0,1", "--size", "20", "--strategy", ",".join(quick)
     )
@@ -129,7 +130,14 @@ def test_a_block_a_pattern_file_and_a_network_file(tmp_path: Path, capsys) -> No
 def test_the_search_is_better_than_stepwise_rejection_with_many_errors() -> None:
     rows = model_rows("15/5")
     own = OwnErrors(
-        "own", "", rows.matrix, (4,), (12.0,), rows.testable, methods=("baarda", "search")
+        "own",
+        "",
+        rows.matrix,
+        np.sqrt(rows.matrix.diagonal()),
+        (4,),
+        (12.0,),
+        rows.testable,
+        methods=("baarda", "search"),
     )
     tally = simulate(own, runs=150, seed=5)
     case = "4 of 12 sigma"
@@ -224,6 +232,15 @@ def test_what_plan_makes_and_reads_is_taken(tmp_path: Path, capsys, monkeypatch)
     assert answer["scenario"] == "cube:A"
 
 
+def test_on_a_pattern_modified_decides_as_baarda_does(capsys) -> None:
+    found = simulated(capsys, "13/5", "--size", "12", "--strategy", "baarda,modified")
+    kinds = {(case, quantity) for case, _, quantity in found}
+    assert kinds
+    for case, quantity in kinds:
+        assert found[case, "modified", quantity] == found[case, "baarda", quantity]
+    assert found["1 of 12 sigma", "modified", "right"] > 0.3
+
+
 def test_a_table_that_cannot_be_written_is_refused_beforehand(tmp_path: Path, capsys) -> None:
     points = tmp_path / "points.csv"
     points.write_text("label,x,y\n" + "".join(
@@ -275,7 +292,7 @@ def test_refusals(tmp_path: Path, capsys) -> None:
         (["size-models", "--base", "80"], "--base goes with a pattern of your own"),
         (["cube:A", "--tie-variance", "paper"], "--tie-variance goes with a pattern"),
         ([str(points), "--d", "90"], "--d goes with a named pattern"),
-        (["13/5", "--strategy", "modified"], "13/5 has no method 'modified': that needs model"),
+        (["13/5", "--strategy", "modest"], "13/5 has no method 'modest'"),
         ([str(tmp_path / "none.toml")], "none.toml"),
         ([str(tmp_path)], "block.toml"),
     ):

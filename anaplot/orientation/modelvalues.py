@@ -1,0 +1,55 @@
+"""Model values of sqrt(q_vv) for a stereo model, as modified data snooping takes them.
+
+Gruen 1980 takes them from regular blocks; for one stereo model the regular counterpart is the ideal
+model of the same points: vertical photos, equal bases, flat ground.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.errors import NotComputableError
+from anaplot.orientation.patterns import ideal_model
+from anaplot.orientation.results import ModelSolution
+
+__all__ = ["ideal_roots"]
+
+Array = NDArray[np.float64]
+
+
+def ideal_roots(solution: ModelSolution) -> Array:
+    """Return what sqrt(q_vv) of every row would be in the ideal model with the same points.
+
+    Parameters
+    ----------
+    solution
+        The model; its tilts, heights and the change of its base are left out.
+
+    Returns
+    -------
+    ndarray
+        (n,) in a-priori sigmas of the row, in the order of the table; all NaN when the points do
+        not determine the ideal model.
+    """
+    rays = np.array([point[1:] for point in solution.points]) - solution.centre
+    c = float(np.median(np.abs(rays[:, 2])))
+    base = solution.base[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # a strip flown towards -x is the same seen from the other side
+        places = np.copysign(c, -base) * rays[:, :2] / rays[:, 2:]
+    names = [point.point for point in solution.points]
+    keys = [row.key for row in solution.table]
+    try:
+        ideal = ideal_model(
+            dict(zip(names, map(tuple, places.tolist()), strict=True)),
+            solution.ties,
+            abs(base),
+            c,
+            solution.tie_variance,
+            off=frozenset((name, "y") for name in names).difference(keys),
+        )
+    except NotComputableError:
+        return np.full(len(keys), np.nan)
+    redundancy = {row.key: max(row.redn, 0.0) for row in ideal.table}
+    return np.sqrt([redundancy[key] for key in keys])
