@@ -1,11 +1,15 @@
-"""What every test process needs: one thread of linear algebra, and to hear interrupts.
+"""What every test process needs: one thread of linear algebra, steady examples, interrupts.
 
-Several test processes share the processors. A command started in the background is told to ignore
-interrupts, and hands that on to every process it starts, also to those that a test interrupts.
+Several test processes share the processors, so that no example may be judged by its time. The same
+examples are tried every time; others with `pytest --hypothesis-profile explore`. A command started
+in the background is told to ignore interrupts, and hands that on to every process it starts, also
+to those that a test interrupts.
 """
 
 import os
 import signal
+
+from hypothesis import HealthCheck, settings
 
 # before anything imports numpy, which reads them once
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -13,3 +17,8 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+_patient = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("steady", _patient, derandomize=True)
+settings.register_profile("explore", _patient, print_blob=True)
+settings.load_profile("steady")

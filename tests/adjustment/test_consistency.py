@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.adjustment.consistency import global_from_single, single_from_global, single_test
@@ -31,7 +31,6 @@ def test_global_significance_of_the_cases_of_1978(
 
 
 @given(st.floats(1e-4, 0.05), st.floats(0.5, 0.95), st.integers(1, 3000))
-@settings(deadline=None)
 def test_there_and_back(alpha: float, power: float, redundancy: int) -> None:
     wide = global_from_single(alpha, power, redundancy)
     back = single_from_global(wide.alpha, power, redundancy)

@@ -102,7 +102,7 @@ def test_the_noncentrality_of_the_paper() -> None:
     dimension=st.integers(1, 60),
     redundancy=st.none() | st.integers(1, 2000),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_power_and_noncentrality_go_round(alpha, power, dimension, redundancy) -> None:
     size = f_noncentrality(alpha, power, dimension, redundancy)
     assert f_power(size, alpha, dimension, redundancy) == pytest.approx(power, abs=1e-6)

@@ -106,7 +106,7 @@ def test_an_iteration_cut_short_says_so():
 
 
 @given(st.integers(0, 10_000), st.integers(1, 6), st.integers(0, 12))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_redundancies_add_up_to_n_when_all_unknowns_have_a_prior(seed, u, more):
     n = u + more
     a, vector, p, l_x, p_x = system(seed, n, u)

@@ -141,7 +141,7 @@ def test_good_orientations_are_used_and_wild_ones_are_not_believed() -> None:
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_three_points_and_resection(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rotation = Rotation.random(rng=rng).as_matrix()
@@ -167,7 +167,7 @@ def test_three_points_and_resection(seed: int) -> None:
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_relative_orientation_in_any_attitude(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.uniform(-1.0, 1.0, (15, 3))
@@ -199,7 +199,7 @@ def test_relative_orientation_in_any_attitude(seed: int) -> None:
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_similarity(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rotation = Rotation.random(rng=rng).as_matrix()

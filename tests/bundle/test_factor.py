@@ -45,7 +45,7 @@ def system(seed: int, n: int, d: int, g: int, reach: float, leaf: int):
     st.sampled_from([1.0, 2.5, 20.0]),
     st.sampled_from([1, 5, 100]),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_factor_and_selected_inverse_equal_the_dense_ones(seed, n, sizes, reach, leaf) -> None:
     d, g = sizes
     dense, pattern, blocks, border, corner = system(seed, n, d, g, reach, leaf)

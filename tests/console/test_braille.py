@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.console.braille import Canvas
@@ -113,7 +113,6 @@ def test_a_raster_without_cells_takes_anything(columns, rows):
 finite = st.floats(-1e12, 1e12, allow_nan=False)
 
 
-@settings(deadline=None)
 @given(st.tuples(finite, finite, finite, finite))
 def test_a_far_line_shows_exactly_where_it_crosses(ends):
     x0, y0, x1, y1 = ends
@@ -127,7 +126,6 @@ def test_a_far_line_shows_exactly_where_it_crosses(ends):
         assert far.max() <= 1.0 + 1e-3
 
 
-@settings(deadline=None)
 @given(
     st.integers(1, 40),
     st.integers(1, 20),

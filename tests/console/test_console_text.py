@@ -1,6 +1,6 @@
 import unicodedata
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
@@ -17,7 +17,6 @@ def test_control_and_direction_characters_are_replaced():
     assert plain("Müller 点") == "Müller 点"
 
 
-@settings(deadline=None)
 @given(st.text())
 def test_nothing_that_controls_gets_through(text):
     categories = {unicodedata.category(c) for c in plain(text)}
@@ -25,7 +24,6 @@ def test_nothing_that_controls_gets_through(text):
     assert len(plain(text)) == len(text)
 
 
-@settings(deadline=None)
 @given(st.text(), st.integers(0, 40), st.booleans())
 def test_fitted_text_has_its_width(text, width, right):
     assert cell_len(fit(text, width, right=right)) == width
@@ -37,7 +35,6 @@ def test_long_text_says_that_it_goes_on():
     assert fit("ab", 4, right=True) == "  ab"
 
 
-@settings(deadline=None)
 @given(st.text(), st.integers(2, 40))
 def test_wrapped_lines_fit_and_lose_no_word(text, width):
     lines = wrap(text, width)
@@ -59,13 +56,11 @@ def test_numbers_keep_their_column():
     assert number(1.5e12, 6, 1) == " 2e+12"
 
 
-@settings(deadline=None)
 @given(st.floats(-1e300, 1e300), st.integers(7, 12), st.integers(0, 4))
 def test_a_number_is_never_wider_than_its_column(value, width, decimals):
     assert len(number(value, width, decimals)) == width
 
 
-@settings(deadline=None)
 @given(st.text(), st.integers(1, 40))
 def test_names_have_their_width_and_keep_their_end(text, width):
     shown = fit_end(text, width)

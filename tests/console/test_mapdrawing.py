@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from consolefake import picture, solution
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.console.mapdrawing import Layer, Projection, draw_map, nice_above
@@ -122,14 +122,12 @@ def test_a_name_is_drawn_as_it_is_but_never_as_control():
     assert "\x1b" not in text
 
 
-@settings(deadline=None)
 @given(st.integers(0, 70), st.integers(0, 40), st.integers(0, 13))
 def test_any_size_will_do(columns, rows, measured):
     canvas = draw_map(picture(measured=measured), ("103", "y"), columns, rows, all_transfers=True)
     assert [sum(len(text) for text, _ in row) for row in canvas.runs()] == [columns] * rows
 
 
-@settings(deadline=None)
 @given(st.floats(1e-6, 1e9))
 def test_nice_numbers(value):
     nice = nice_above(value)

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
@@ -21,8 +21,6 @@ from anaplot.photogrammetry.block import (
     Strip,
     TestSettings,
 )
-
-CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 MINIMAL = """\
 format = 1
@@ -319,7 +317,6 @@ def blocks(draw: st.DrawFn) -> Block:
     )
 
 
-@CALM
 @given(blocks())
 def test_a_written_block_is_read_back_equal(block):
     assert parse_block_toml(format_block_toml(block), Path("block.toml")) == block

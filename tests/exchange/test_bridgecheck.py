@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import check_for_bridge, read_block
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo
-
-CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 HEADER = "photo,point,x,y,model\n"
 GOOD = HEADER + "101,1,1,2,\n102,1,3,4,101/102\n102,1,3,4,102/103\n103,1,5,6,\n"
@@ -94,7 +92,6 @@ row = st.builds(
 )
 
 
-@CALM
 @given(st.lists(row, max_size=27, unique_by=lambda r: (r.photo, r.point, r.model)))
 def test_selection_follows_the_rule_for_any_rows(rows):
     grouped = rows_by_photo(rows)

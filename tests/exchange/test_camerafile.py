@@ -7,7 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
@@ -29,8 +29,6 @@ from anaplot.photogrammetry.camera import (
     RadialPolynomial,
     RadialTable,
 )
-
-CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 RMK = """\
 format = 1
@@ -235,7 +233,6 @@ def calibrations(draw: st.DrawFn) -> CameraCalibration:
     )
 
 
-@CALM
 @given(calibrations())
 def test_a_written_camera_is_read_back_equal(calibration):
     assert parse_camera(format_camera(calibration), Path("k.toml")) == calibration

@@ -7,7 +7,7 @@ import json
 import typing
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
@@ -31,8 +31,6 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
-
-CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def assert_one_safe_line(error: InputError) -> None:
@@ -102,7 +100,6 @@ ALL = [
 ]
 
 
-@CALM
 @given(events)
 def test_every_event_comes_back_equal(event):
     data = event_to_dict(event)
@@ -221,7 +218,6 @@ def test_what_could_not_be_read_again_is_not_written(event):
         event_to_dict(event)
 
 
-@CALM
 @given(
     st.recursive(
         st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),

@@ -8,15 +8,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import check_for_bridge, read_block
 from anaplot.exchange.journal import Journal, events_of, read_journal
 from anaplot.photogrammetry.block import Block
-
-CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 TOML = b"""format = 1
 name = "f"
@@ -95,7 +93,6 @@ def test_the_originals_are_good(folder):
     assert (len(block.image_points), len(block.control)) == (3, 2)
 
 
-@CALM
 @given(st.binary(max_size=300))
 def test_any_bytes_anywhere(folder, data):
     assert read(folder, data, POINTS, CONTROL) is None
@@ -104,7 +101,7 @@ def test_any_bytes_anywhere(folder, data):
         assert block is None or b"point" in data
 
 
-@settings(CALM, max_examples=200)
+@settings(max_examples=200)
 @given(damaged(TOML))
 def test_a_damaged_toml(folder, data):
     block = read(folder, data, POINTS, CONTROL)
@@ -114,7 +111,7 @@ def test_a_damaged_toml(folder, data):
         assert len(block.photos) == 3 or b"102" not in data
 
 
-@settings(CALM, max_examples=200)
+@settings(max_examples=200)
 @given(damaged(POINTS), damaged(CONTROL))
 def test_damaged_tables(folder, points, control):
     for block in (read(folder, TOML, points, CONTROL), read(folder, TOML, POINTS, control)):
@@ -125,7 +122,7 @@ def test_damaged_tables(folder, points, control):
             assert {row.photo for row in block.image_points} <= {"101", "102", "103"}
 
 
-@settings(CALM, max_examples=200)
+@settings(max_examples=200)
 @given(
     st.binary(max_size=200)
     | st.text(max_size=100).map(str.encode)

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
@@ -16,8 +16,6 @@ from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.exchange.imagepointscsv import format_image_points
 from anaplot.exchange.names import name_fault
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint
-
-CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 HEADER = "photo,point,x,y\n"
 WITH_MODEL = "photo,point,x,y,sigma_um,model\n"
@@ -245,7 +243,6 @@ rows = st.builds(
 )
 
 
-@CALM
 @given(st.lists(rows, max_size=8, unique_by=lambda row: (row.photo, row.point, row.model)))
 def test_written_points_are_read_back_equal(tmp_path_factory, points):
     folder = _block_folder(tmp_path_factory)

@@ -11,7 +11,7 @@ import zlib
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import anaplot
@@ -19,8 +19,6 @@ from anaplot.errors import InputError
 from anaplot.exchange import recordline
 from anaplot.exchange.journal import Journal, JournalError, events_of, read_journal
 from anaplot.session.events import PointMeasured, RowSwitched, Undone
-
-CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 HEADER = {"block": "demo", "profile": "simulated", "sha256": "ab", "operator": "me", "link": {}}
 
@@ -208,7 +206,6 @@ payloads = st.dictionaries(
 )
 
 
-@CALM
 @given(st.integers(1, 10**15 - 1), payloads)
 def test_a_line_is_read_back_exactly(seq, payload):
     line = recordline.encode_line(seq, "2026-01-01T00:00:00.000Z", "a-1", payload)
@@ -219,7 +216,6 @@ def test_a_line_is_read_back_exactly(seq, payload):
     assert record == recordline.Record(seq, "2026-01-01T00:00:00.000Z", "a-1", payload, "f", 3)
 
 
-@CALM
 @given(payloads, st.data())
 def test_a_line_changed_anywhere_is_not_taken(payload, data):
     line = recordline.encode_line(12, "2026-01-01T00:00:00.000Z", "a", payload)[:-1]

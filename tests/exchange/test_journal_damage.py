@@ -115,7 +115,7 @@ def test_every_flipped_bit_is_noticed(folder):
                 assert plain(seen.records) == expected(4)[: len(seen.records)]
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(st.data())
 def test_random_damage_never_yields_a_wrong_record(folder, data):
     first, second = b"".join(journal_lines(4)), b"".join(journal_lines(3, first=5))

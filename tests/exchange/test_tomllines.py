@@ -5,12 +5,10 @@ from __future__ import annotations
 import tomllib
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.exchange.tomllines import TomlLines
-
-CALM = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 TEXT = '''\
 # [a] is no table here
@@ -74,13 +72,11 @@ def test_every_key_is_found(path, line, end):
     assert TomlLines(text).line(path) == line
 
 
-@CALM
 @given(st.text(alphabet="ab=[]{}\"'.,#\n\\ 1", max_size=60))
 def test_any_text_ends(text):
     TomlLines(text).line(("a",))
 
 
-@CALM
 @given(
     st.recursive(
         st.integers() | st.text(alphabet="ab\"'\\#]}\n", max_size=5) | st.booleans(),

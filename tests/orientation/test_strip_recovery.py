@@ -41,7 +41,7 @@ def misses(flight, models):
     return worst
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seeds, st.sampled_from([0.0, 0.02, 0.1, 0.25]), st.booleans(), st.booleans())
 def test_any_strip_is_recovered_from_nothing(seed, relief, nominal, same_camera):
     flight = fly(seed, 4, relief=relief, same_camera=same_camera)
@@ -70,7 +70,7 @@ def test_short_bases(length):
         assert misses(flight, bridge_flight(flight)) < 1e-6
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seeds, st.sampled_from([PAPER, PROPAGATED]), st.sampled_from([TAU, BAARDA]))
 def test_redundancy_numbers_sum_to_the_redundancy(seed, precision, test):
     flight = fly(seed, 3, noise=0.004)
@@ -90,7 +90,7 @@ def test_redundancy_numbers_sum_to_the_redundancy(seed, precision, test):
             assert row.flagged == (row.sigf > model.test.critical)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seeds, st.randoms(use_true_random=False))
 def test_the_order_of_points_does_not_matter(seed, random):
     flight = fly(seed, 3, noise=0.004)
@@ -107,7 +107,7 @@ def test_the_order_of_points_does_not_matter(seed, random):
     assert [row.point for row in again.table[: len(points)]] == points
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seeds, st.sampled_from([PAPER, PROPAGATED]))
 def test_the_fixed_point_has_the_weights_of_the_converged_unknowns(seed, precision):
     """B'PF = 0 with B, P and F all taken at the result."""
@@ -137,7 +137,7 @@ def test_the_fixed_point_has_the_weights_of_the_converged_unknowns(seed, precisi
             assert rows[6, len(f_p) :] == pytest.approx(expected, abs=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seeds, st.sampled_from(["1a", "1c", "2d"]), st.floats(0.1, 8.0))
 def test_converged_means_that_the_next_undamped_correction_is_nothing(seed, point, size):
     flight = fly(seed, 3, noise=0.005)
@@ -155,7 +155,7 @@ def test_converged_means_that_the_next_undamped_correction_is_nothing(seed, poin
         assert np.abs(correction).max() < 1e-10
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seeds)
 def test_cofactors_of_the_unknowns_against_numerical_derivatives(seed):
     """Q_gg = (B'PB)^-1 with B from differences of the misclosures in omega, phi, kappa."""

@@ -208,7 +208,7 @@ def test_one_point_so_wrong_that_no_solution_exists_is_named_or_shows_as_the_wor
     assert named > 4
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     st.integers(0, 10**6),
     st.integers(0, 9),

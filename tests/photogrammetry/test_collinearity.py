@@ -24,7 +24,7 @@ def scene(seed: int, n: int = 7):
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_point_on_a_ray_projects_onto_its_image(seed: int) -> None:
     centres, rotations, c, points, xy, scale = scene(seed)
     found = project(centres, rotations, c, points)
@@ -33,7 +33,7 @@ def test_a_point_on_a_ray_projects_onto_its_image(seed: int) -> None:
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_derivatives_equal_numerical_ones(seed: int) -> None:
     centres, rotations, c, points, _, _ = scene(seed)
     got = project_with_derivatives(centres, rotations, c, points)

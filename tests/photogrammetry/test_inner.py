@@ -345,7 +345,6 @@ def test_without_redundancy_there_is_no_check_and_said_so():
     st.permutations(range(8)).map(lambda order: sorted(order[:2])),
     st.sampled_from(list(LIES.values())),
 )
-@settings(deadline=None)
 def test_two_exchanged_fiducials_are_named(pair, lie):
     plate = laid(EIGHT, lie)
     plate[pair] = plate[pair[::-1]]
@@ -406,7 +405,7 @@ def test_detectable_errors_limits_and_power():
 
 
 @given(st.integers(0, 2**31), st.sampled_from(["helmert", "affine", "bilinear", "projective"]))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_the_sum_of_redundancy_numbers_is_the_redundancy(seed, kind):
     rng = np.random.default_rng(seed)
     image = np.array(EIGHT)[: rng.integers(5, 9)] + rng.normal(size=(1, 2))
@@ -552,7 +551,6 @@ def test_every_name_can_be_asked_for():
     st.floats(-200.0, 200.0),
     st.sampled_from([None, "helmert", "affine", "projective"]),
 )
-@settings(deadline=None)
 def test_however_wrong_one_is_there_is_an_answer_or_a_reason(wrong, dx, dy, kind):
     plate = laid(EIGHT, LIES["straight"])
     plate[wrong] += dx, dy

@@ -25,7 +25,7 @@ from anaplot.planning.blockplan import (
 )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.integers(1, 4),
     st.integers(2, 6),

@@ -503,7 +503,7 @@ def test_a_stream_whose_beginning_or_end_is_missing_never_means_anything_else(an
                 assert set(decoder.axes.items()) <= allowed
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.data())
 @pytest.mark.parametrize("name", list(find_profiles()))
 def test_garbage_between_records_never_yields_a_reading_that_was_not_sent(name, data):
@@ -526,7 +526,7 @@ def test_garbage_between_records_never_yields_a_reading_that_was_not_sent(name, 
 SPOKEN: dict = {}
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     chunks=st.lists(st.tuples(st.binary(max_size=80), st.floats(0.0, 3.0)), max_size=15),
     name=st.sampled_from(list(find_profiles())),

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.plotter.framing import Framer
@@ -75,7 +75,6 @@ def test_sync_bit():
 
 
 @pytest.mark.parametrize("framing", KINDS)
-@settings(deadline=None)
 @given(chunks=st.lists(st.binary(max_size=40), max_size=20))
 def test_no_byte_disappears_and_memory_is_bounded(framing, chunks):
     framer = Framer(framing)
@@ -94,7 +93,6 @@ def test_no_byte_disappears_and_memory_is_bounded(framing, chunks):
 
 
 @pytest.mark.parametrize("framing", KINDS)
-@settings(deadline=None)
 @given(data=st.binary(max_size=60), cut=st.integers(0, 60))
 def test_where_the_stream_is_cut_makes_no_difference(framing, data, cut):
     whole, parts = Framer(framing), Framer(framing)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.plotter.pattern import MAX_PATTERN, PatternError, compile_pattern
@@ -87,7 +87,6 @@ def test_matching_never_goes_back():
     assert not awkward.fullmatch(b"a" * 1000)
 
 
-@settings(deadline=None)
 @given(st.text(alphabet=r"^$ab\d.[]()?P<x>:|{},12*+-", max_size=40), st.binary(max_size=30))
 def test_any_text_is_a_pattern_or_an_error_and_what_matches_python_matches_too(text, data):
     try:

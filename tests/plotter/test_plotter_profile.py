@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
@@ -234,14 +234,13 @@ def taken_or_refused_in_one_line(raw: bytes) -> None:
     assert re.fullmatch(r"[ -~]+", message)
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=400))
 def test_any_bytes_are_a_profile_or_an_input_error(raw):
     with pytest.raises(InputError):
         parse_profile(raw, "fuzz.toml")
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow], deadline=None)
+@settings(max_examples=300)
 @given(st.data())
 def test_a_damaged_profile_is_a_profile_or_an_input_error(data):
     raw = bytearray(data.draw(st.sampled_from(SOURCES)))
@@ -277,7 +276,7 @@ TOKENS = st.sampled_from(
 )
 
 
-@settings(max_examples=400, suppress_health_check=[HealthCheck.too_slow], deadline=None)
+@settings(max_examples=400)
 @given(st.sampled_from(SOURCES), st.integers(0, 10_000), TOKENS)
 def test_a_value_of_another_type_is_refused_or_taken_never_a_crash(raw, number, token):
     lines = raw.decode().splitlines()

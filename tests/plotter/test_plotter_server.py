@@ -5,7 +5,7 @@ import socket
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError, LinkError
@@ -172,7 +172,6 @@ def marked(data: bytes, bad: set[int]) -> bytes:
     return bytes(out)
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=30), st.sets(st.integers(0, 30)), st.lists(st.integers(0, 90)))
 def test_parity_marks_are_undone_wherever_the_stream_is_cut(data, bad, cuts):
     raw = marked(data, bad)

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.plotter.template import TemplateError, parse_template
@@ -64,7 +64,6 @@ def test_a_missing_value_is_an_error():
         parse_template("{x}").render({})
 
 
-@settings(deadline=None)
 @given(st.floats(-999.9, 999.9), st.floats(-999.9, 999.9))
 def test_the_matcher_reads_back_what_was_written(x, y):
     template = parse_template("G {x:+09.4f} {y:+09.4f}")
@@ -74,7 +73,6 @@ def test_the_matcher_reads_back_what_was_written(x, y):
     assert abs(float(match["y"]) - y) <= 5.1e-5
 
 
-@settings(deadline=None)
 @given(st.one_of(st.text(max_size=200), st.binary(max_size=200)), st.integers(10, 150))
 def test_safe_text_is_short_printable_ascii(raw, limit):
     shown = safe_text(raw, limit)

@@ -259,7 +259,7 @@ drafts = st.lists(
 
 
 @given(drafts)
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_the_fold_is_pure_and_undo_its_exact_inverse(steps: list[Draft]) -> None:
     state, events, states = SCENE.start, [], [SCENE.start]
     for step in steps:

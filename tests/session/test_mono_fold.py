@@ -205,7 +205,7 @@ class Draft:
         max_size=150,
     )
 )
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 def test_what_holds_in_every_state(steps: list[Draft]) -> None:
     state = SCENE.start
     events: list[Event] = []

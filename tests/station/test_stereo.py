@@ -144,7 +144,7 @@ coordinate = st.floats(-150.0, 150.0)
 place = st.tuples(coordinate, coordinate)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(place, place), max_size=80), place, place, st.floats(0.01, 100.0))
 def test_whatever_the_points_the_map_is_exact_at_them_and_the_picture_is_one(pairs, here, there, f):
     # points that coincide in one photograph cannot all be right: those are left out
