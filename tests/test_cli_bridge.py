@@ -321,7 +321,7 @@ def test_errors_are_taken_out_before_the_next_model(block: Path) -> None:
     text = anaplot("bridge", block, "--errors", "search", "--fail-on-flag")
     assert text.returncode == 1
     assert "GROSS ERRORS (search)" in text.stdout
-    assert "; pass 1, step 1, the sum falls by" in text.stdout
+    assert "; step 1, the sum falls by" in text.stdout
     one_line(anaplot("bridge", block, "--errors", "guess"), 2, "--errors")
     pairs = anaplot("bridge", block, "--errors", "baarda", "--pairs", "--json", "--partner", "0.5")
     for model in strict(pairs.stdout)["strips"][0]["models"]:

@@ -1,9 +1,10 @@
 """Odds over sets of gross errors of any size: which sets explain the misclosures, and how surely.
 
 The odds over single errors and pairs, continued: errors are normal, 20 standard deviations wide
-and independent; k errors are a tenth as probable as k - 1, and all sets of k rows equally so. With
-S the suspected rows, R_SS = R[S, S] and g = 400, minus twice the log of a set's posterior is, up
-to a constant,
+(wider where some are far beyond that, else many small ones would explain a huge one better) and
+independent; k errors are a tenth as probable as k - 1, and all sets of k rows equally so. With S
+the suspected rows, R_SS = R[S, S] and g the width squared, minus twice the log of a set's
+posterior is, up to a constant,
 
     J(S) = log det(I + g R_SS) - e_S' (R_SS + I / g)^-1 e_S + 2 log C(n, k) + 2 k log 10.
 
@@ -73,6 +74,7 @@ def set_odds(
     most: int | None = None,
     steps: int = STEPS,
     seed: int = 0,
+    width: float = ERROR_PRIOR_SIGMAS,
 ) -> SetOdds:
     """Weigh sets of gross errors against each other; sigma known.
 
@@ -91,6 +93,8 @@ def set_odds(
         Number of jumps.
     seed
         Of the chain's generator.
+    width
+        Standard deviation of an error beforehand, in a-priori sigmas.
 
     Raises
     ------
@@ -99,7 +103,7 @@ def set_odds(
     """
     if steps < 1:
         raise ValueError(f"{steps} jumps are none")
-    chain = _Chain(system, suspects, most)
+    chain = _Chain(system, suspects, most, width)
     rng = np.random.default_rng(seed)
     held = list(dict.fromkeys(start))[: chain.most]
     time = np.zeros(len(chain.e))
@@ -128,10 +132,12 @@ def set_odds(
 class _Chain:
     """J of a set and of all its neighbours."""
 
-    def __init__(self, system: ResidualSystem, suspects: Bools | None, most: int | None) -> None:
+    def __init__(
+        self, system: ResidualSystem, suspects: Bools | None, most: int | None, width: float
+    ) -> None:
         self._system = system
         self.e = np.asarray(system.e, dtype=float)
-        self._g = ERROR_PRIOR_SIGMAS**2
+        self._g = width**2
         self._own = np.asarray(system.r, dtype=float) + 1.0 / self._g
         n = len(self.e)
         self._barred = np.zeros(n, dtype=bool) if suspects is None else ~np.asarray(suspects)

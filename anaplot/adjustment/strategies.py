@@ -58,6 +58,7 @@ STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "search", "
 MOST_ROWS_OF_PAIRS = 3000
 """Largest number of rows whose pairs are weighed."""
 
+_FAR = 5.0  # widths of the prior of an error beyond which an error is not of it
 _NO_SIGMA = 1e-12  # sigma0 in a-priori sigmas below which residuals are rounding
 
 
@@ -152,11 +153,14 @@ def _by_odds(
     state, steps = search(system, critical, suspects, most)
     # more errors than half of the redundancy have other explanations as good
     room = min(most, system.redundancy // 2)
+    largest_error = float(np.abs(state.estimates()[0]).max(initial=0.0))
+    far = largest_error > _FAR * ERROR_PRIOR_SIGMAS
     odds = set_odds(
         system,
         start=state.rows,
         suspects=suspects & Elimination(system).testable_rows,
         most=room,
+        width=largest_error if far else ERROR_PRIOR_SIGMAS,
     )
     for row in [row for row in state.rows if row not in odds.best]:
         before = state.vtpv

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Container
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
-from anaplot.adjustment.residualsystem import DenseResiduals
-from anaplot.adjustment.significance import TESTABLE, critical_normal
+from anaplot.adjustment.left import Left
+from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import find_gross_errors
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.modelvalues import ideal_roots
 from anaplot.orientation.pair import Stereopair
+from anaplot.orientation.residuals import ModelResiduals, residual_system, residuals_at
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import BridgedStrip, bridge_strip
 from anaplot.photogrammetry.block import Block, Precision, Strip, TestSettings
@@ -24,12 +28,14 @@ __all__ = [
     "CleanedStrip",
     "RejectedRow",
     "model_gross_errors",
-    "residual_system",
     "strategy_findings",
     "strip_gross_errors",
 ]
 
+Key = tuple[str, str]
+
 _MOST_PASSES = 30
+_TORN = 4.0  # sigma0 from which a cleaned orientation is a second place to begin
 
 
 class RejectedRow(NamedTuple):
@@ -40,12 +46,19 @@ class RejectedRow(NamedTuple):
     point, axis
         The row.
     w
-        Standardized residual it has when it alone comes back, a-priori sigma; None when the model
-        has no orientation with it, or cannot test it.
+        Standardized residual it has when it alone comes back, a-priori sigma; None when the other
+        rows cannot test it.
     parx_um
         Parallax at the row when it alone is back [um]; None likewise.
     redn
         Its redundancy number then; None likewise.
+    order
+        Place among the actions that took it out, from 1; 0 for a row that the strategy did not
+        reject but that pulls the orientation away, or allows none.
+    statistic, critical
+        What decided, see `Step`; None without such a value.
+    error_um
+        Estimated gross error of the row [um]; None when the other rows cannot tell.
     """
 
     point: str
@@ -53,6 +66,10 @@ class RejectedRow(NamedTuple):
     w: float | None
     parx_um: float | None
     redn: float | None
+    order: int
+    statistic: float | None
+    critical: float | None
+    error_um: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,27 +80,55 @@ class CleanedModel:
     ----------
     solution
         Oriented without them.
+    residuals
+        All rows, linearised at that orientation.
+    passes
+        What the strategy found in every pass among all rows; the last holds.
     rejected
         Rows left out, in the order of their rejection.
-    findings
-        Of every pass, each on the model as it then was; the last rejects nothing new.
-    came_back
-        Rows that a pass rejected and the final trial put back.
-    hard_to_tell
-        Rejected row, kept row, and the correlation of their residuals when the first one went.
-    first_rows
-        The rows of the first pass in their order: those that could be oriented at all.
+    begun_without
+        Rows that had to be left out to find an orientation at all, or one that shows which rows
+        are wrong.
+    refused
+        Rows that it would have rejected, but without which there is no orientation, and why.
     remarks
-        What else there is to say: weights that did not settle, rows that cannot be left out.
+        What limited the search.
     """
 
     solution: ModelSolution
+    residuals: ModelResiduals = field(repr=False)
+    passes: tuple[Findings, ...] = field(repr=False)
     rejected: tuple[RejectedRow, ...]
-    findings: tuple[Findings, ...]
-    came_back: tuple[tuple[str, str], ...]
-    hard_to_tell: tuple[tuple[tuple[str, str], tuple[str, str], float], ...] = ()
-    first_rows: tuple[tuple[str, str], ...] = ()
+    begun_without: tuple[Key, ...] = ()
+    refused: tuple[tuple[Key, str], ...] = ()
     remarks: tuple[str, ...] = ()
+
+    @property
+    def findings(self) -> Findings:
+        """The findings that hold."""
+        return self.passes[-1]
+
+    @property
+    def came_back(self) -> tuple[Key, ...]:
+        """Rows that were left out at the beginning, in some pass or step, and are in at the end."""
+        keys = self.residuals.keys
+        rows = dict.fromkeys(self.begun_without)
+        for found in self.passes:
+            for step in found.steps:
+                if step.action in ("add", "reject"):
+                    rows.update(dict.fromkeys(keys[row] for row in step.rows))
+                elif step.action == "swap":
+                    rows[keys[step.rows[0]]] = None
+        out = {(row.point, row.axis) for row in self.rejected}
+        return tuple(key for key in rows if key not in out)
+
+    @property
+    def hard_to_tell(self) -> tuple[tuple[Key, Key, float], ...]:
+        """Rejected row, kept row, and the correlation of their residuals when the first went."""
+        keys = self.residuals.keys
+        out = {(row.point, row.axis) for row in self.rejected}
+        pairs = ((keys[a], keys[b], rho) for a, b, rho in self.findings.hard_to_tell)
+        return tuple(pair for pair in pairs if pair[1] not in out)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,21 +145,6 @@ class CleanedStrip:
 
     bridged: BridgedStrip
     models: tuple[CleanedModel, ...]
-
-
-def residual_system(solution: ModelSolution) -> DenseResiduals:
-    """See an oriented model from the side of its residuals."""
-    root = np.sqrt(solution.q_l)
-    parallax = np.array([row.parx_um for row in solution.table])
-    e = parallax / (solution.apriori_um * root)
-    return DenseResiduals(
-        tuple(row.key for row in solution.table),
-        e,
-        np.array([row.redn for row in solution.table]),
-        float(e @ e),
-        solution.redundancy,
-        solution.q_vv / root[:, None] / root,
-    )
 
 
 def strategy_findings(
@@ -137,6 +167,21 @@ def strategy_findings(
     )
 
 
+class _End(NamedTuple):
+    """A model without the rows that were proposed, and without those it has no orientation with.
+
+    `passes[-1]` proposed them, among `residuals`.
+    """
+
+    solution: ModelSolution
+    out: tuple[Key, ...]
+    residuals: ModelResiduals
+    passes: tuple[Findings, ...]
+    refused: tuple[tuple[Key, str], ...]
+    settled: bool
+    score: float
+
+
 def model_gross_errors(
     pair: Stereopair,
     precision: Precision,
@@ -144,7 +189,7 @@ def model_gross_errors(
     strategy: str,
     settings: SearchSettings | None = None,
 ) -> CleanedModel:
-    """Orient a model, reject, orient again until nothing more is rejected; then try all again.
+    """Orient a model, reject, orient again, and look at all rows again until the set repeats.
 
     Parameters
     ----------
@@ -159,63 +204,128 @@ def model_gross_errors(
         The model cannot be oriented even so.
     ValueError
         No such strategy.
+
+    Notes
+    -----
+    Where the orientation with all rows is torn (sigma0 above 4 a-priori sigmas), the one that the
+    search ends with is a second place to begin. Where rows had to be left out to begin with, it is
+    also tried what the strategy finds among the others alone: not every strategy can cope with
+    errors so large. The best end counts: least v'Pv plus c^2 for every row that is out. Sets that
+    come again without end are decided likewise.
     """
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
-    out: list[tuple[str, str]] = []
-    findings: list[Findings] = []
-    remarks: list[str] = []
-    partners: list[tuple[tuple[str, str], tuple[str, str], float]] = []
-    solution = _oriented(pair, precision, test, out)
-    first_rows = tuple(row.key for row in solution.table)
-    for _ in range(_MOST_PASSES):
-        room = used
-        if used.most is not None:
-            if findings and len(out) >= used.most:
-                break
-            room = replace(used, most=max(used.most - len(out), 0))
-        found = strategy_findings(solution, strategy, room)
-        findings.append(found)
-        remarks += found.remarks
-        keys = [solution.table[row].key for row in found.rows]
-        if not keys:
-            break
-        table = solution.table
-        without = [*out, *keys]
-        try:
-            solution = _oriented(pair, precision, test, without)
-        except NotComputableError as error:
-            # a linear model could spare these rows, the orientation cannot
-            rows = ", ".join(f"{point} {axis}" for point, axis in keys)
-            remarks.append(f"{rows} should go, but cannot be left out: {error}")
-            break
-        out = without
-        partners += [(table[a].key, table[b].key, rho) for a, b, rho in found.hard_to_tell]
-    else:
-        remarks.append(f"still rejecting after {_MOST_PASSES} passes")
-    back: list[tuple[str, str]] = []
-    rejected: list[RejectedRow] = []
-    critical = critical_normal(used.alpha)
-    for key in tuple(out):
-        rest = [other for other in out if other != key]
-        row = _tried(pair, precision, test, rest, key)
-        if row.w is not None and abs(row.w) < critical:
-            out = rest
-            back.append(key)
-    if back:
-        solution = _oriented(pair, precision, test, out)
-    for key in out:
-        rest = [other for other in out if other != key]
-        rejected.append(_tried(pair, precision, test, rest, key))
-    hard = tuple(p for p in partners if p[0] in out and p[1] not in out)
+    search = _Search(pair, precision, test, strategy, used)
+    begun, wild = _oriented(pair, precision, test, frozenset())
+    ends = [search.run(begun, wild)]
+    sigma0 = begun.sigma0_um
+    if strategy != "search" and sigma0 is not None and sigma0 > _TORN * begun.apriori_um:
+        clean = replace(search, strategy="search").run(begun, wild)
+        with suppress(NotComputableError):
+            ends.append(search.run(clean.solution, None))
+    if wild:
+        with suppress(NotComputableError, NotSeparableError):
+            ends.append(replace(search, held=frozenset(wild)).run(begun, ()))
+    end = min(ends, key=lambda one: (not one.settled, round(one.score, 6)))
+    remarks = list(end.passes[-1].remarks)
+    if not end.settled:
+        remarks.append(
+            f"the rejected rows did not settle in {len(end.passes) - 1} passes: the best of the "
+            "sets is kept"
+        )
     return CleanedModel(
-        solution,
-        tuple(rejected),
-        tuple(findings),
-        tuple(back),
-        hard,
-        first_rows,
-        tuple(dict.fromkeys(remarks)),
+        end.solution,
+        end.residuals,
+        end.passes,
+        _rejected(end.residuals, end.passes[-1], end.out),
+        wild,
+        end.refused,
+        tuple(remarks),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """Passes over a model, all with the same strategy."""
+
+    pair: Stereopair
+    precision: Precision
+    test: TestSettings
+    strategy: str
+    settings: SearchSettings
+    held: frozenset[Key] = frozenset()  # rows that are out and not looked at
+
+    def run(self, start: ModelSolution, wild: tuple[Key, ...] | None) -> _End:
+        """Go on from an orientation: the one without `wild` and what is held, or (None) any.
+
+        Raises
+        ------
+        NotComputableError
+            The model cannot be oriented without any of the sets that were proposed.
+        """
+        at = None if wild is None else self.held
+        oriented = {} if wild is None else {self.held: (start, (*sorted(self.held), *wild))}
+        proposals: dict[frozenset[Key], tuple[ModelResiduals, Findings]] = {}
+        passes: list[Findings] = []
+        barred: dict[Key, str] = {}
+        solution = start
+        while True:
+            residuals = residuals_at(self.pair, self.precision, solution)
+            found = self._pass(solution, residuals, barred)
+            passes.append(found)
+            keys = residuals.keys
+            proposed = frozenset(keys[row] for row in found.rows) | self.held
+            known = proposed in oriented and proposed in proposals
+            proposals[proposed] = (residuals, found)
+            if proposed == at:
+                return self._end(*oriented[proposed], residuals, passes, barred, settled=True)
+            if known or len(passes) >= _MOST_PASSES:
+                ends = [
+                    self._end(*oriented[one], where, [*passes, last], barred, settled=False)
+                    for one, (where, last) in proposals.items()
+                    if one in oriented
+                ]
+                if not ends:
+                    raise NotComputableError(next(iter(barred.values())))
+                return min(ends, key=lambda end: end.score)
+            try:
+                if proposed not in oriented:
+                    oriented[proposed] = _oriented(self.pair, self.precision, self.test, proposed)
+            except NotComputableError as error:
+                # what was checked least of all is what the orientation cannot do without
+                least = min(found.rejected, key=lambda row: row.redundancy_number, default=None)
+                if least is None:
+                    raise
+                barred[keys[least.row]] = str(error)
+                continue
+            at, solution = proposed, oriented[proposed][0]
+
+    def _pass(
+        self, solution: ModelSolution, residuals: ModelResiduals, barred: Container[Key]
+    ) -> Findings:
+        keys, system = residuals.keys, residuals.system
+        held = [row for row, key in enumerate(keys) if key in self.held]
+        return find_gross_errors(
+            Left(system, held) if held else system,
+            self.strategy,
+            self.settings,
+            models=ideal_roots(solution, keys) if self.strategy == "modified" else None,
+            suspects=np.array([key not in barred for key in keys]),
+        )
+
+    def _end(
+        self,
+        solution: ModelSolution,
+        out: tuple[Key, ...],
+        residuals: ModelResiduals,
+        passes: list[Findings],
+        barred: dict[Key, str],
+        *,
+        settled: bool,
+    ) -> _End:
+        e = residual_system(solution).e
+        score = float(e @ e) + critical_normal(self.settings.alpha) ** 2 * len(out)
+        refused = tuple(barred.items())
+        return _End(solution, out, residuals, tuple(passes), refused, settled, score)
 
 
 def strip_gross_errors(
@@ -238,10 +348,47 @@ def strip_gross_errors(
     return CleanedStrip(bridge_strip(block, strip, form=form), tuple(cleaned))
 
 
+def _rejected(
+    residuals: ModelResiduals, found: Findings, out: tuple[Key, ...]
+) -> tuple[RejectedRow, ...]:
+    """Say of every row that is out why it went and what it shows when it alone comes back."""
+    keys = residuals.keys
+    known = {keys[row.row]: row for row in found.rejected}
+    ordered = sorted(out, key=lambda key: known[key].order if key in known else 0)
+    state = Elimination(residuals.system)
+    for key in reversed(ordered):  # those that nobody asked to reject give way
+        if key in keys:
+            with suppress(NotSeparableError):
+                state.add(keys.index(key))
+    error, sigma = state.estimates()
+    estimated = dict(zip(state.rows, zip(error.tolist(), sigma.tolist(), strict=True), strict=True))
+    rows = []
+    for key in ordered:
+        because = known.get(key)
+        order, statistic, critical = (
+            (0, None, None)
+            if because is None
+            else (because.order, because.statistic, because.critical)
+        )
+        w = parx = redn = size = None
+        at = keys.index(key) if key in keys else -1
+        if at in estimated:
+            value, deviation = estimated[at]
+            unit = float(residuals.unit_um[at])
+            w, redn, size = value / deviation, deviation**-2, value * unit
+            parx = redn * size
+        rows.append(RejectedRow(*key, w, parx, redn, order, statistic, critical, size))
+    return tuple(rows)
+
+
 def _oriented(
-    pair: Stereopair, precision: Precision, test: TestSettings, out: list[tuple[str, str]]
-) -> ModelSolution:
-    """Orient without the rows in `out`; points that allow no orientation are appended to it."""
+    pair: Stereopair, precision: Precision, test: TestSettings, rejected: frozenset[Key]
+) -> tuple[ModelSolution, tuple[Key, ...]]:
+    """Orient without some rows, and without those of points that allow no orientation.
+
+    Those that are out are returned: the rejected ones first.
+    """
+    out = sorted(rejected)
     while True:
         try:
             solution = orient(replace(pair, off=pair.off | set(out)), precision, test)
@@ -252,34 +399,11 @@ def _oriented(
         else:
             new = _rows_of(pair, solution.outliers[:1], out)
             if not new:
-                return solution
+                return solution, tuple(out)
         out += new
 
 
-def _rows_of(
-    pair: Stereopair, points: tuple[str, ...], out: list[tuple[str, str]]
-) -> list[tuple[str, str]]:
+def _rows_of(pair: Stereopair, points: tuple[str, ...], out: list[Key]) -> list[Key]:
     rows = [(point, "y") for point in points]
     rows += [(point, "x") for point in points if pair.ties is not None and point in pair.ties]
     return [row for row in rows if row not in out and row not in pair.off]
-
-
-def _tried(
-    pair: Stereopair,
-    precision: Precision,
-    test: TestSettings,
-    rest: list[tuple[str, str]],
-    key: tuple[str, str],
-) -> RejectedRow:
-    """Orient with only `rest` left out and see what the row says."""
-    nothing = RejectedRow(*key, None, None, None)
-    try:
-        solution = orient(replace(pair, off=pair.off | set(rest)), precision, test)
-    except NotComputableError:
-        return nothing
-    at = [row.key for row in solution.table].index(key)
-    row = solution.table[at]
-    if row.redn < TESTABLE or solution.outliers:
-        return nothing
-    sigma = solution.apriori_um * float(np.sqrt(solution.q_l[at] * row.redn))
-    return RejectedRow(*key, row.parx_um / sigma, row.parx_um, row.redn)

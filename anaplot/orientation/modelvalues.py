@@ -6,6 +6,8 @@ model of the same points: vertical photos, equal bases, flat ground.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,20 +20,23 @@ __all__ = ["ideal_roots"]
 Array = NDArray[np.float64]
 
 
-def ideal_roots(solution: ModelSolution) -> Array:
+def ideal_roots(solution: ModelSolution, keys: Sequence[tuple[str, str]] | None = None) -> Array:
     """Return what sqrt(q_vv) of every row would be in the ideal model with the same points.
 
     Parameters
     ----------
     solution
         The model; its tilts, heights and the change of its base are left out.
+    keys
+        n rows (point, axis) that the model has; None: those of its table.
 
     Returns
     -------
     ndarray
-        (n,) in a-priori sigmas of the row, in the order of the table; all NaN when the points do
-        not determine the ideal model.
+        (n,) in a-priori sigmas of the row; all NaN when the points do not determine the ideal
+        model.
     """
+    rows = [row.key for row in solution.table] if keys is None else list(keys)
     rays = np.array([point[1:] for point in solution.points]) - solution.centre
     c = float(np.median(np.abs(rays[:, 2])))
     base = solution.base[0]
@@ -39,17 +44,16 @@ def ideal_roots(solution: ModelSolution) -> Array:
         # a strip flown towards -x is the same seen from the other side
         places = np.copysign(c, -base) * rays[:, :2] / rays[:, 2:]
     names = [point.point for point in solution.points]
-    keys = [row.key for row in solution.table]
     try:
         ideal = ideal_model(
             dict(zip(names, map(tuple, places.tolist()), strict=True)),
-            solution.ties,
+            tuple(point for point, axis in rows if axis == "x"),
             abs(base),
             c,
             solution.tie_variance,
-            off=frozenset((name, "y") for name in names).difference(keys),
+            off=frozenset((name, "y") for name in names).difference(rows),
         )
     except NotComputableError:
-        return np.full(len(keys), np.nan)
+        return np.full(len(rows), np.nan)
     redundancy = {row.key: max(row.redn, 0.0) for row in ideal.table}
-    return np.sqrt([redundancy[key] for key in keys])
+    return np.sqrt([redundancy[key] for key in rows])

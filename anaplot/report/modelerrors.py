@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.grosserrors import CleanedModel, strip_gross_errors
+from anaplot.orientation.grosserrors import CleanedModel, RejectedRow, strip_gross_errors
 from anaplot.orientation.strip import pooled_sigma_um
 from anaplot.photogrammetry.block import Block
 from anaplot.report.contract import bridge_json
@@ -93,16 +96,19 @@ def run_bridge_errors(
 
 def errors_printout(cleaned: CleanedModel) -> str:
     """Return the rejected rows of a model as text."""
-    lines = [f"  GROSS ERRORS ({cleaned.findings[0].strategy})"]
+    found = cleaned.findings
+    lines = [f"  GROSS ERRORS ({found.strategy})"]
+    if cleaned.begun_without:
+        lines.append(f"    far off, the search began without: {_listed(cleaned.begun_without)}")
     for row in cleaned.rejected:
         line = f"    {printable(row.point)} {row.axis}  rejected"
         if row.w is None:
-            line += ": no orientation with it that could be tested"
+            line += ": with it the orientation goes astray, and the others cannot test it"
         else:
             line += f"  RED-N {row.redn:.3f}  PARX {row.parx_um:.1f} um  w {row.w:.2f} with it in"
-        lines.append(line + _because(cleaned, (row.point, row.axis)))
-    for point, axis in cleaned.came_back:
-        lines.append(f"    {printable(point)} {axis}  rejected at first, came back")
+        lines.append(line + _because(row, found.strategy))
+    if cleaned.came_back:
+        lines.append(f"    left out on the way, came back: {_listed(cleaned.came_back)}")
     if not cleaned.rejected:
         lines.append("    nothing is rejected")
     for (point, axis), (other, other_axis), rho in cleaned.hard_to_tell:
@@ -110,63 +116,68 @@ def errors_printout(cleaned: CleanedModel) -> str:
             f"    {printable(point)} {axis} and {printable(other)} {other_axis} are hard to tell "
             f"apart (correlation {rho:.2f})"
         )
-    blind = [f"{printable(p)} {a}" for p, a in _untestable(cleaned)]
+    for key, reason in cleaned.refused:
+        lines.append(f"    {_listed((key,))} cannot be left out: {printable(reason)}")
+    blind = _untestable(cleaned)
     if blind:
-        lines.append(f"    cannot be tested: {', '.join(blind)}")
-    values = cleaned.findings[0].model_values
-    if values is not None:
-        lines.append(f"    {model_values_line(values)}")
+        lines.append(f"    cannot be tested: {_listed(blind)}")
+    if found.model_values is not None:
+        lines.append(f"    {model_values_line(found.model_values)}")
     lines += _odds_lines(cleaned)
     lines += [f"    note: {printable(remark)}" for remark in cleaned.remarks]
     return "\n".join(lines)
 
 
-def _because(cleaned: CleanedModel, key: tuple[str, str]) -> str:
-    """Return when a row went and what decided; a row may go again in a later pass."""
-    for number, found in reversed(list(enumerate(cleaned.findings, 1))):
-        for gone in found.rejected:
-            if gone.name != key:
-                continue
-            when = f"; pass {number}, step {gone.order}"
-            if gone.statistic is None or gone.critical is None:
-                return when
-            if found.strategy in ("search", "odds"):
-                return f"{when}, the sum falls by {-gone.statistic:.1f}"
-            return f"{when}, {gone.statistic:.2f} above {gone.critical:.2f}"
-    return "; so far off that there is no orientation with it"
+def _listed(keys: Sequence[tuple[str, str]]) -> str:
+    return ", ".join(f"{printable(point)} {axis}" for point, axis in keys)
+
+
+def _because(row: RejectedRow, strategy: str) -> str:
+    """Return when a row went and what decided."""
+    if row.order == 0:
+        return "" if row.w is None else "; with it the orientation goes astray"
+    if row.statistic is None or row.critical is None:
+        return f"; step {row.order}"
+    if strategy in ("search", "odds"):
+        return f"; step {row.order}, the sum falls by {-row.statistic:.1f}"
+    return f"; step {row.order}, {row.statistic:.2f} above {row.critical:.2f}"
 
 
 def _odds_lines(cleaned: CleanedModel) -> list[str]:
-    """Return the odds over pairs, all rows in, where they were asked for."""
-    odds = cleaned.findings[0].pair_odds
-    if odds is None:
-        return []
-    keys = cleaned.first_rows
+    """Return the odds over single errors, all rows in, and over pairs where asked for."""
+    found, keys = cleaned.findings, cleaned.residuals.keys
+    single = found.odds
     lines = [
+        f"    if there is one gross error at most, all rows in: none {100.0 * single.none:.1f} %"
+    ]
+    for row in np.argsort(-single.rows, kind="stable").tolist():
+        if single.rows[row] >= _SHOWN_ODDS:
+            lines.append(f"      {100.0 * single.rows[row]:5.1f} %  {_listed((keys[row],))}")
+    odds = found.pair_odds
+    if odds is None:
+        return lines
+    lines.append(
         f"    odds over none, one and two, all rows in: none {100.0 * odds.none:.1f} %, one "
         f"{100.0 * float(odds.single.sum()):.1f} %, two {100.0 * odds.pairs:.1f} %"
-    ]
+    )
     for a, b, chance in zip(
         odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
     ):
         if chance >= _SHOWN_ODDS:
-            (one, axis), (other, other_axis) = keys[a], keys[b]
-            lines.append(
-                f"      {100.0 * chance:5.1f} %  {printable(one)} {axis} and "
-                f"{printable(other)} {other_axis}"
-            )
+            pair = f"{_listed((keys[a],))} and {_listed((keys[b],))}"
+            lines.append(f"      {100.0 * chance:5.1f} %  {pair}")
     return lines
 
 
 def _pair_odds_json(cleaned: CleanedModel) -> Json | None:
-    odds, keys = cleaned.findings[0].pair_odds, cleaned.first_rows
+    odds, keys = cleaned.findings.pair_odds, cleaned.residuals.keys
     if odds is None:
         return None
     return {
         "none": odds.none,
         "single": [
-            {"point": p, "axis": a, "probability": float(v)}
-            for (p, a), v in zip(keys, odds.single.tolist(), strict=True)
+            {**_key_json(key), "probability": float(v)}
+            for key, v in zip(keys, odds.single.tolist(), strict=True)
         ],
         "pairs": [
             {"first": list(keys[a]), "second": list(keys[b]), "probability": float(v)}
@@ -177,39 +188,50 @@ def _pair_odds_json(cleaned: CleanedModel) -> Json | None:
     }
 
 
+def _key_json(key: tuple[str, str]) -> Json:
+    return {"point": key[0], "axis": key[1]}
+
+
 def errors_json(cleaned: CleanedModel) -> Json:
     """Return the rejected rows of a model for programs."""
+    found, keys = cleaned.findings, cleaned.residuals.keys
     out = {
-        "strategy": cleaned.findings[0].strategy,
+        "strategy": found.strategy,
+        "begun_without": [_key_json(key) for key in cleaned.begun_without],
         "rejected": [row._asdict() for row in cleaned.rejected],
-        "came_back": [{"point": p, "axis": a} for p, a in cleaned.came_back],
+        "came_back": [_key_json(key) for key in cleaned.came_back],
         "hard_to_tell": [
             {"rejected": list(a), "kept": list(b), "correlation": rho}
             for a, b, rho in cleaned.hard_to_tell
         ],
-        "untestable": [{"point": p, "axis": a} for p, a in _untestable(cleaned)],
-        "passes": len(cleaned.findings),
+        "refused": [{**_key_json(key), "reason": reason} for key, reason in cleaned.refused],
+        "untestable": [_key_json(key) for key in _untestable(cleaned)],
+        "passes": len(cleaned.passes),
         "evidence": [
             {
                 "pass": number,
-                "point": gone.name[0],
-                "axis": gone.name[1],
+                **_key_json(keys[gone.row]),
                 "order": gone.order,
                 "statistic": gone.statistic,
                 "critical": gone.critical,
                 "redundancy_number": gone.redundancy_number,
             }
-            for number, found in enumerate(cleaned.findings, 1)
-            for gone in found.rejected
-            if isinstance(gone.name, tuple)
+            for number, one in enumerate(cleaned.passes, 1)
+            for gone in one.rejected
         ],
+        "odds": {
+            "none": found.odds.none,
+            "single": [
+                {**_key_json(key), "probability": float(v)}
+                for key, v in zip(keys, found.odds.rows.tolist(), strict=True)
+            ],
+        },
         "pair_odds": _pair_odds_json(cleaned),
         "remarks": list(cleaned.remarks),
     }
-    first = cleaned.findings[0].model_values
-    if first is not None:
+    if found.model_values is not None:
         out["model_values"] = model_values_json(
-            first, lambda row: dict(zip(("point", "axis"), cleaned.first_rows[row], strict=True))
+            found.model_values, lambda row: _key_json(keys[row])
         )
     return out
 

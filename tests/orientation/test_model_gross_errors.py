@@ -1,14 +1,34 @@
-"""Strategies on models: planted errors go, clean models keep all rows."""
+"""Strategies on models: planted errors go, clean models keep all rows, what is said is true."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
-from flightscene import BAARDA, PAPER, ideal_pair, spoiled
+from flightscene import BAARDA, PAPER, PROPAGATED, TAU, fly, ideal_pair, pair_of, spoiled
 
+from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.strategies import STRATEGIES
-from anaplot.orientation.grosserrors import model_gross_errors, residual_system
+from anaplot.errors import NotComputableError
+from anaplot.orientation import grosserrors
+from anaplot.orientation.grosserrors import model_gross_errors
 from anaplot.orientation.model import orient
+from anaplot.orientation.residuals import residual_system, residuals_at
+from anaplot.photogrammetry.block import Precision
 
 KNOWN_SIGMA = ("baarda", "modified", "huber", "danish", "search", "odds")
+
+
+def keys(cleaned):
+    return [(row.point, row.axis) for row in cleaned.rejected]
+
+
+def swapped(pair, one, other):
+    """The pair with two points interchanged in the right photo."""
+    xr = pair.xr.copy()
+    a, b = pair.points.index(one), pair.points.index(other)
+    xr[[a, b]] = xr[[b, a]]
+    return replace(pair, xr=xr)
 
 
 @pytest.mark.parametrize("strategy", KNOWN_SIGMA)
@@ -18,9 +38,13 @@ def test_planted_row_is_left_out_and_nothing_else(strategy: str) -> None:
         if row.axis == "y" and row.redn > 0.4:
             wrong = spoiled(pair, row.point, "y", 0.2)
             cleaned = model_gross_errors(wrong, PAPER, BAARDA, strategy)
-            assert [(r.point, r.axis) for r in cleaned.rejected] == [row.key]
+            assert keys(cleaned) == [row.key]
             (rejected,) = cleaned.rejected
-            assert rejected.w is None or abs(rejected.w) > 3.3
+            assert abs(rejected.w) > 3.3
+            # without any other error the estimate is the error; it shows r of it alone
+            assert abs(rejected.error_um) == pytest.approx(200.0, rel=0.01)
+            assert rejected.parx_um == pytest.approx(rejected.redn * rejected.error_um)
+            assert rejected.redn == pytest.approx(row.redn, abs=0.01)
             assert row.key not in [r.key for r in cleaned.solution.table]
             assert not cleaned.solution.flagged
 
@@ -28,8 +52,8 @@ def test_planted_row_is_left_out_and_nothing_else(strategy: str) -> None:
 @pytest.mark.parametrize("strategy", STRATEGIES)
 def test_without_errors_nothing_is_rejected(strategy: str) -> None:
     cleaned = model_gross_errors(ideal_pair("13/5"), PAPER, BAARDA, strategy)
-    assert cleaned.rejected == ()
-    assert len(cleaned.findings) == 1
+    assert cleaned.rejected == cleaned.came_back == cleaned.refused == ()
+    assert len(cleaned.passes) == 1
 
 
 def test_residual_system_is_that_of_the_table() -> None:
@@ -40,6 +64,94 @@ def test_residual_system_is_that_of_the_table() -> None:
     w = abs(system.e) / system.r**0.5
     assert w == pytest.approx([row.sigf for row in solution.table], rel=1e-9)
     assert system.r == pytest.approx(system.matrix.diagonal(), abs=1e-12)
+
+
+@pytest.mark.parametrize("precision", [PAPER, PROPAGATED])
+@pytest.mark.parametrize("number", [0, 1])
+def test_rows_at_their_own_orientation_are_those_of_the_table(number: int, precision) -> None:
+    flight = fly(4, photos=3, noise=0.005)
+    first = orient(pair_of(flight, 0), precision, BAARDA)
+    pair = pair_of(flight, number, first if number else None)
+    pair = replace(pair, off=frozenset({(pair.points[3], "y")}))
+    solution = orient(pair, precision, BAARDA)
+    own, all_rows = residual_system(solution), residuals_at(pair, precision, solution)
+    assert all_rows.keys == own.names
+    assert all_rows.system.redundancy == own.redundancy
+    assert all_rows.system.e == pytest.approx(own.e, abs=1e-6)
+    assert all_rows.system.matrix == pytest.approx(own.matrix, abs=1e-8)
+    unit = solution.apriori_um * np.sqrt(solution.q_l)
+    assert all_rows.unit_um == pytest.approx(unit)
+
+
+def test_without_a_row_both_ways_of_looking_agree() -> None:
+    """A row that the orientation lacks, seen from outside, leaves what the orientation has."""
+    pair = spoiled(pair_of(fly(5, noise=0.005), 0), "0a", "y", 0.4)
+    solution = orient(replace(pair, off=frozenset({("0a", "y")})), PROPAGATED, BAARDA)
+    rows = residuals_at(pair, PROPAGATED, solution)
+    state = Elimination(rows.system)
+    state.add(rows.keys.index(("0a", "y")))
+    inside = [k for k, key in enumerate(rows.keys) if key != ("0a", "y")]
+    own = residual_system(solution)
+    assert state.e[inside] == pytest.approx(own.e, abs=1e-6)
+    assert state.r[inside] == pytest.approx(own.r, abs=1e-8)
+
+
+def test_what_was_rejected_by_the_estimated_sigma_does_not_come_back_by_the_stated_one() -> None:
+    stated = Precision(50.0, "propagated")
+    for seed in range(10):
+        pair = spoiled(pair_of(fly(seed, noise=0.005), 0), "0c", "y", 0.15)
+        cleaned = model_gross_errors(pair, stated, TAU, "tau")
+        assert ("0c", "y") in keys(cleaned)
+        assert abs(cleaned.rejected[0].w) < 3.3
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "search", "odds", "danish"])
+def test_two_interchanged_points_are_found_with_their_evidence(strategy: str) -> None:
+    pair = swapped(pair_of(fly(2, noise=0.005, kappa=5.0), 0), "0a", "1d")
+    cleaned = model_gross_errors(pair, PROPAGATED, BAARDA, strategy)
+    assert {point for point, _ in keys(cleaned)} == {"0a", "1d"}
+    assert [row.order for row in cleaned.rejected] == [1, 2]
+    assert all(abs(row.error_um) > 1e4 for row in cleaned.rejected)
+    assert cleaned.findings.odds.none < 1e-6
+    assert len(cleaned.residuals.keys) == len(pair.points)
+
+
+def test_partners_are_those_of_the_rows_that_are_out_at_the_end() -> None:
+    pairs = 0
+    for seed in range(6):
+        pair = spoiled(pair_of(fly(seed, noise=0.005), 0), "0a", "y", 0.4)
+        pair = spoiled(pair, "1c", "y", -0.3)
+        cleaned = model_gross_errors(
+            pair, PROPAGATED, BAARDA, "search", SearchSettings(partner=0.3)
+        )
+        out = keys(cleaned)
+        for gone, kept, rho in cleaned.hard_to_tell:
+            state = Elimination(cleaned.residuals.system)
+            names = cleaned.residuals.keys
+            for key in out[: out.index(gone)]:  # those that had gone before
+                state.add(names.index(key))
+            expected = state.correlations(names.index(gone))[names.index(kept)]
+            assert kept not in out
+            assert abs(expected) >= 0.3
+            assert rho == pytest.approx(expected, abs=1e-6)
+            pairs += 1
+    assert pairs > 6
+
+
+def test_what_the_orientation_cannot_do_without_is_refused(monkeypatch) -> None:
+    """Here nothing can be oriented without point 8."""
+    real = grosserrors.orient
+
+    def needs_8(pair, precision, test):
+        if ("8", "y") in pair.off:
+            raise NotComputableError("model 1/2: nothing holds it without point 8")
+        return real(pair, precision, test)
+
+    monkeypatch.setattr(grosserrors, "orient", needs_8)
+    pair = spoiled(ideal_pair("13/5"), "8", "y", 0.05)
+    cleaned = model_gross_errors(pair, PAPER, BAARDA, "baarda")
+    assert cleaned.refused[0] == (("8", "y"), "model 1/2: nothing holds it without point 8")
+    assert ("8", "y") not in keys(cleaned)
 
 
 def test_what_the_strategy_remarks_is_kept() -> None:
