@@ -200,6 +200,8 @@ class _Parser:
                 parts.append(self._escape())
                 continue
             self._at += 1
+            if character == "-" and self._peek() == "-" and parts[-1] not in ("[", "^"):
+                raise self._error("-- inside a class, write one of them \\-")
             # "[" and doubled "&", "~", "|" may get a meaning of their own in later Pythons
             parts.append("\\" + character if character in "[]&~|" else character)
         self._at += 1

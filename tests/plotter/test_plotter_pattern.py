@@ -87,6 +87,18 @@ def test_matching_never_goes_back():
     assert not awkward.fullmatch(b"a" * 1000)
 
 
+@pytest.mark.parametrize("text", ["[1--]", "[a-c--z]", "[^a--]", "[.--9]"])
+def test_a_doubled_hyphen_in_a_class_may_come_to_mean_a_difference(text):
+    with pytest.raises(PatternError, match="-- inside a class"):
+        compile_pattern(f"^{text}$")
+
+
+def test_a_hyphen_beside_a_hyphen_can_be_written():
+    assert compile_pattern(r"^[+-\-]$").fullmatch(b",")
+    assert compile_pattern(r"^[--9]$").fullmatch(b".")
+    assert not compile_pattern(r"^[^--9]$").fullmatch(b".")
+
+
 @given(st.text(alphabet=r"^$ab\d.[]()?P<x>:|{},12*+-", max_size=40), st.binary(max_size=30))
 def test_any_text_is_a_pattern_or_an_error_and_what_matches_python_matches_too(text, data):
     try:
