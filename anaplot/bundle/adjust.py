@@ -322,18 +322,16 @@ def evaluate(
         sigma=sigma,
         critical=critical,
         v=linear.e,
-        remarks=tuple(_remarks(problem, found, sigma0, robust)),
+        warnings=tuple(_warnings(problem, found, sigma0, robust)),
         robust=robust,
     )
 
 
-def _remarks(
+def _warnings(
     problem: Problem, found: Found, sigma0: float | None, robust: State | None
 ) -> list[str]:
     linear = found.normal.linear
-    out = [f"{o.kind} {o.name} is left out: it {o.reason}" for o in problem.left_out[:20]]
-    if len(problem.left_out) > 20:
-        out.append(f"{len(problem.left_out) - 20} more are left out")
+    out = []
     behind = np.nonzero(linear.depth <= 0.0)[0]
     for k in behind[:10].tolist():
         out.append(

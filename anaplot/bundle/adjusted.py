@@ -34,6 +34,8 @@ Index = NDArray[np.intp]
 SPUR = 1e-4
 """Redundancy number below which no error of a size that occurs can be seen."""
 
+_MOST_LEFT_OUT = 20  # that are named in the remarks
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdjustedBlock:
@@ -58,8 +60,8 @@ class AdjustedBlock:
     v
         (m, 2) residuals of the image coordinates in units of their a-priori sigmas; zero where
         they are rejected.
-    remarks
-        Sentences for a person.
+    warnings
+        Sentences for a person about the solution.
     robust
         A robust solution, where one was looked for because of gross errors, or None.
     """
@@ -74,8 +76,17 @@ class AdjustedBlock:
     sigma: float | None
     critical: float | None
     v: Array = field(repr=False)
-    remarks: tuple[str, ...]
+    warnings: tuple[str, ...]
     robust: State | None = field(default=None, repr=False)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences for a person: what of the block takes no part, then the warnings."""
+        left_out = self.problem.left_out
+        out = [f"{o.kind} {o.name} is left out: it {o.reason}" for o in left_out[:_MOST_LEFT_OUT]]
+        if len(left_out) > _MOST_LEFT_OUT:
+            out.append(f"{len(left_out) - _MOST_LEFT_OUT} more are left out")
+        return (*out, *self.warnings)
 
     @property
     def delta0(self) -> float:

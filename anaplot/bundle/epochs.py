@@ -251,7 +251,8 @@ def compare_epochs(
                 square=max(vtpv - one.vtpv - two.vtpv, 0.0),
                 dimension=redundancy - one.redundancy - two.redundancy,
             )
-        remarks += [f"jointly: {r}" for r in block.remarks if not _is_left_out(r)]
+        # what the block lacks, the epochs by themselves say
+        remarks += [f"jointly: {warning}" for warning in block.warnings]
     without = additional is not None and before is None
     for number, adjusted in enumerate(alone, start=1):
         remarks += [f"epoch {number}: {remark}" for remark in adjusted.remarks]
@@ -283,10 +284,6 @@ def compare_epochs(
         only_second=only[1],
         remarks=tuple(dict.fromkeys(remarks)),
     )
-
-
-def _is_left_out(remark: str) -> bool:
-    return "left out" in remark
 
 
 def _doubts(block: AdjustedBlock, without: bool) -> list[str]:

@@ -178,6 +178,7 @@ def test_points_with_one_ray_are_left_out_and_named(scene) -> None:
     rows = (*scene.block.image_points, ImagePoint("101", "lonely", 10.0, 10.0))
     block = adjust_block(replace(scene.block, image_points=rows))
     assert any("lonely" in remark and "one ray" in remark for remark in block.remarks)
+    assert block.warnings == ()
     assert block.redundancy == adjust_block(scene.block).redundancy
 
 

@@ -21,7 +21,7 @@ from anaplot.bundle.similarity import fit_similarity
 from anaplot.cli import main
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import write_new_block
-from anaplot.photogrammetry.block import ControlPoint, TestSettings
+from anaplot.photogrammetry.block import ControlPoint, ImagePoint, TestSettings
 
 BAARDA = TestSettings(kind="baarda")
 
@@ -328,6 +328,26 @@ def test_epochs_with_gross_errors_are_named() -> None:
         points=("p8",),
     )
     assert any("by itself, without additional" in r for r in extra.remarks)
+
+
+def test_joint_warnings_are_told_whatever_names_they_hold() -> None:
+    first, second = epoch(11), epoch(12)
+    rows = [*second.image_points, ImagePoint(second.photos[0].id, "lonely", 10.0, 10.0)]
+    rows[7] = replace(rows[7], x=rows[7].x + 20.0)
+    wrong = rows[7].point
+    first, second = (
+        replace(
+            block,
+            image_points=tuple(
+                replace(row, point="left out") if row.point == wrong else row for row in mine
+            ),
+        )
+        for block, mine in ((first, first.image_points), (second, rows))
+    )
+    told = [r for r in compare_epochs(first, second).remarks if r.startswith("jointly: ")]
+    assert any("gross errors" in r and "point left out [2]" in r for r in told)
+    # the epochs by themselves say what they lack
+    assert not any("lonely" in r for r in told)
 
 
 def test_the_unit_of_a_free_network_is_told_where_it_is_not_controls() -> None:
