@@ -15,6 +15,7 @@ import numpy as np
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.datum import priors_hold
 from anaplot.bundle.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.problem import Problem, make_problem
 from anaplot.errors import InputError, NotComputableError
@@ -35,7 +36,7 @@ class ControlLast:
     control
         The block with control and without those image coordinates: what is wrong in the control.
     datum
-        "priors" or "free": what held the first step.
+        What held the first step: "priors", or "free" where they do not determine all of a datum.
     """
 
     images: BlockFindings
@@ -127,14 +128,12 @@ def _without_control(
     progress: Callable[[str, float], None] | None,
 ) -> tuple[BlockFindings, str]:
     """Clean in the datum of the priors, or free where they do not hold one."""
-    if any(photo.position_sigma is not None for photo in bare.photos):
-        try:
-            problem = make_problem(bare, additional=additional)
-            return block_gross_errors(problem, strategy, settings, progress=progress), "priors"
-        except NotComputableError:
-            pass  # too few priors for a datum: the free network says what is wrong with the rest
-    problem = make_problem(bare, datum="free", additional=additional)
+    problem = make_problem(bare, additional=additional)
+    datum, how = "priors", "in the datum of the priors"
+    if not priors_hold(problem):
+        problem = make_problem(bare, datum="free", additional=additional)
+        datum, how = "free", "as a free network"
     try:
-        return block_gross_errors(problem, strategy, settings, progress=progress), "free"
+        return block_gross_errors(problem, strategy, settings, progress=progress), datum
     except NotComputableError as error:
-        raise NotComputableError(f"without control, as a free network: {error}") from error
+        raise NotComputableError(f"without control, {how}: {error}") from error

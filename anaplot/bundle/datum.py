@@ -28,6 +28,7 @@ __all__ = [
     "datum_change",
     "null_space",
     "on_control",
+    "priors_hold",
     "relocate",
 ]
 
@@ -44,6 +45,7 @@ _NAMES = (
     "the scale",
 )
 _SCALE = 0.01  # by which approximate values differ from control that they were laid onto
+_LOOSE = 0.1  # of the extent, or rad: standard deviation with which priors hold no datum
 _RANK = 1e-7  # singular value over the largest, in the block's own measure
 
 
@@ -140,6 +142,30 @@ def check_datum(problem: Problem, state: State, linear: Linearised) -> None:
                 f"block {problem.block.name}: not determined: {', '.join(what)}; {hint}"
                 + (f"; {where}" if where else "")
             )
+
+
+def priors_hold(problem: Problem) -> bool:
+    """Whether prior orientations alone determine shift, rotation and scale of the whole block.
+
+    As they are stated, each with its a-priori standard deviation: positions of photos along a
+    line leave the rotation about it open, also where the line is not quite straight.
+    """
+    stated = np.isfinite(problem.position_sigma).all(axis=1)
+    if not stated.any():
+        return False
+    at = problem.position[stated]
+    at = at - at.mean(axis=0)
+    extent = max(float(np.abs(at).max()), 1e-9)
+    shifts_and_turns = np.array([extent] * 3 + [1.0] * 4)
+    positions = similarity_effects(at) * shifts_and_turns
+    positions /= problem.position_sigma[stated][:, :, None]
+    sigma = problem.rotation_sigma[np.isfinite(problem.rotation_sigma)]
+    axis = np.nonzero(np.isfinite(problem.rotation_sigma))[1]
+    turns = np.zeros((len(sigma), 7))
+    turns[np.arange(len(sigma)), 3 + axis] = 1.0 / sigma
+    rows = np.vstack((positions.reshape(-1, 7), turns))
+    # the weakest combination of the seven has the standard deviation 1 / singular value
+    return len(rows) >= 7 and float(np.linalg.svd(rows, compute_uv=False)[-1]) * _LOOSE > 1.0
 
 
 def _named_part(problem: Problem, mine: Index, count: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from bundleblocks import aerial
 from anaplot.bundle.controllast import clean_control_last
 from anaplot.bundle.grosserrors import block_gross_errors
 from anaplot.cli import main
-from anaplot.errors import InputError
+from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
 from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.planning.blockplan import BlockPlan, plan_block
@@ -143,3 +144,48 @@ def test_a_prior_rejected_without_control_stays_so(tmp_path: Path, capsys) -> No
     rows = json.loads(capsys.readouterr().out)["priors"]
     [row] = [row for row in rows if (row["owner"], row["unknown"]) == name[1:]]
     assert row["rejected"] is True
+
+
+def held(block: Block, names: Collection[str], *, rotation: bool) -> Block:
+    """The block with priors for some photos only."""
+    return replace(
+        block,
+        photos=tuple(
+            replace(
+                photo,
+                position_sigma=photo.position_sigma if photo.id in names else None,
+                rotation_sigma=photo.rotation_sigma if rotation and photo.id in names else None,
+            )
+            for photo in block.photos
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("photos", "rotation", "datum"),
+    [
+        (("101",), True, "free"),
+        (("101", "102"), False, "free"),
+        (("101", "102"), True, "priors"),
+        (("101", "102", "103", "104"), False, "free"),  # a strip may turn about its axis
+        (("101", "104", "202"), False, "priors"),
+    ],
+)
+def test_priors_hold_the_first_step_where_they_determine_a_datum(
+    photos: tuple[str, ...], rotation: bool, datum: str
+) -> None:
+    scene = aerial(2, 4, per_base=2, control_sigma=0.05, noise_um=5.0, priors=True)
+    assert clean_control_last(held(scene.block, photos, rotation=rotation), "tau").datum == datum
+
+
+def test_what_fails_with_priors_is_not_hidden_by_a_free_network() -> None:
+    scene = aerial(2, 4, per_base=2, control_sigma=0.05, noise_um=5.0, priors=True)
+    # two parts without common points, priors in one of them
+    rows = tuple(
+        replace(row, point="other " + row.point) if row.photo[0] == "2" else row
+        for row in scene.block.image_points
+    )
+    block = replace(scene.block, image_points=rows)
+    block = held(block, ("101", "102", "103", "104"), rotation=True)
+    with pytest.raises(NotComputableError, match=r"in the datum of the priors: .*2 disconnected"):
+        clean_control_last(block, "tau")
