@@ -269,15 +269,18 @@ def _tests(
             f"{_are(len(unchecked), 'control coordinate')} checked by nothing, an error there "
             f"stays unseen: {some}"
         )
-    weak = _given_up(control, list(range(len(control.at)))).weak if groups else 0
-    if weak:
-        remarks.append(
-            f"{_are(weak, 'condition')} not tested together with the others: without control "
-            "the photographs hardly tell"
-        )
+    tested: tuple[ControlGroupTest, ...] = ()
+    if groups:
+        together = _given_up(control, list(range(len(control.at))))
+        if together.weak:
+            remarks.append(
+                f"{_are(together.weak, 'condition')} not tested together with the others: without "
+                "control the photographs hardly tell"
+            )
+        tested = _groups(control, together, variance, settings)
     return ControlTests(
         "network" if control.apart else "photographs",
-        _groups(control, variance, settings) if groups else (),
+        tested,
         _points(block, control, variance, settings),
         coordinates,
         tuple(remarks),
@@ -306,7 +309,7 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
         b[mine] = seen.point / problem.sigma_xy[mine][:, :, None]
         if problem.rejected is not None:
             b[problem.rejected] = 0.0
-    score, size = np.empty(len(places)), np.empty(len(places))
+    score = np.empty(len(places))
     own = np.zeros((len(places), len(places)))
     by_point: dict[int, list[int]] = {}
     for k, (point, axis) in enumerate(places):
@@ -401,35 +404,42 @@ def _are(count: int, what: str) -> str:
     return f"1 {what} is" if count == 1 else f"{count} {what}s are"
 
 
-def _tested(
-    control: _Control, members: list[int], variance: Variance, alpha: float
-) -> tuple[int, Verdict | None]:
-    """Return the conditions of coordinates that are given up together, and the verdict on them."""
-    square, conditions, _ = _given_up(control, members)
+def _verdict(
+    control: _Control, given_up: _GivenUp, variance: Variance, alpha: float
+) -> Verdict | None:
+    """Judge coordinates that are given up together; None where they are under no condition."""
+    square, conditions, _ = given_up
     if conditions == 0:
-        return 0, None
+        return None
     own = variance if control.apart else variance.without(square, conditions)
-    return conditions, own.test(square, conditions, alpha)
+    return own.test(square, conditions, alpha)
 
 
 def _groups(
-    control: _Control, variance: Variance, settings: HypothesisSettings
+    control: _Control, together: _GivenUp, variance: Variance, settings: HypothesisSettings
 ) -> tuple[ControlGroupTest, ...]:
+    """Test all coordinates, given up as `together` says, and those of a kind."""
     every = list(range(len(control.at)))
     plan = [k for k in every if control.at[k][1] < 2]
     heights = [k for k in every if control.at[k][1] == 2]
     fixed = [k for k in every if control.fixed[k]]
     weighted = [k for k in every if not control.fixed[k]]
-    sets = [("all", every)]
+    sets = []
     if plan and heights:
         sets += [("plan", plan), ("heights", heights)]
     if fixed and weighted:
         sets += [("weighted", weighted), ("free of error", fixed)]
-    out = []
-    for what, members in sets:
-        conditions, verdict = _tested(control, members, variance, settings.alpha)
-        out.append(ControlGroupTest(what, len(members), conditions, verdict))
-    return tuple(out)
+    found = [("all", len(every), together)]
+    found += [(what, len(members), _given_up(control, members)) for what, members in sets]
+    return tuple(
+        ControlGroupTest(
+            what,
+            count,
+            given_up.conditions,
+            _verdict(control, given_up, variance, settings.alpha),
+        )
+        for what, count, given_up in found
+    )
 
 
 def _points(
@@ -441,9 +451,10 @@ def _points(
     alpha = bonferroni_alpha(settings.alpha, len(by_point))
     out = []
     for point, members in by_point.items():
-        conditions, verdict = _tested(control, members, variance, alpha)
+        given_up = _given_up(control, members)
+        verdict = _verdict(control, given_up, variance, alpha)
         name = block.problem.points[point]
-        out.append(ControlPointTest(name, len(members), conditions, verdict))
+        out.append(ControlPointTest(name, len(members), given_up.conditions, verdict))
     return tuple(out)
 
 
@@ -457,7 +468,7 @@ def _coordinates(
     noncentrality = own.detectable(alpha, settings.power)
     out = []
     for k, (point, axis) in enumerate(control.at):
-        _, verdict = _tested(control, [k], variance, alpha)
+        verdict = _verdict(control, _given_up(control, [k]), variance, alpha)
         information = float(control.information[k, k])
         out.append(
             ControlCoordinateTest(
