@@ -81,6 +81,30 @@ def test_a_wrong_file_is_one_line(capsys, tmp_path, text, what):
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize("suffix", ["csv", "toml"])
+@pytest.mark.parametrize(
+    ("points", "number", "what"),
+    [
+        ([("1", 0, 0), ("2", 1, 1), ("1", 2, 2)], 2, "label '1' stands in line {first} already"),
+        ([("1", 0, 0), ("2", 1001, 0)], 1, "x = 1001 mm lies outside any photo"),
+        ([(str(k), k, 0) for k in range(201)], 200, "more than 200 points"),
+    ],
+)
+def test_both_kinds_of_file_refuse_the_same(capsys, tmp_path, suffix, points, number, what):
+    tables = suffix == "toml"
+    path = tmp_path / f"p.{suffix}"
+    rows = [
+        f'[[point]]\nlabel = "{label}"\nx = {x}\ny = {y}' if tables else f"{label},{x},{y}"
+        for label, x, y in points
+    ]
+    path.write_text("\n".join(["format = 1" if tables else "label,x,y", *rows]) + "\n")
+    assert main(["plan", "pattern", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert what.format(first=3 if tables else 2) in error
+    lines = range(4 * number + 2, 4 * number + 6) if tables else [number + 2]
+    assert any(f"line {line}:" in error for line in lines)
+
+
 def toml(points):
     tables = [
         f'[[point]]\nlabel = "{p["label"]}"\nx = {p["x_mm"]}\ny = {p["y_mm"]}\n'
