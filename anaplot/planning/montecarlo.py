@@ -32,6 +32,7 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.planning.quantities import Quantity, mean_interval
 
 __all__ = [
+    "MOST_RUNS",
     "ChunkDone",
     "Figure",
     "Key",
@@ -52,6 +53,7 @@ Key = tuple[str, str, str]
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 _LOOK = 0.5  # seconds after which a waiting parent looks round
 MOST_RUNS = 100_000_000
+"""Runs of a simulation, at most."""
 
 
 class Sums(NamedTuple):
@@ -256,28 +258,40 @@ def simulate(
     if seed < 0 or processes < 1:
         raise InputError("the seed must not be negative, and there must be at least one process")
     sizes = chunk_sizes(scenario.runs if runs is None else runs, scenario.chunk)
-    tallies = {
+    # chunks whose turn to be added has not come
+    waiting = {
         c.number: c.tally for c in done if c.number < len(sizes) and c.runs == sizes[c.number]
     }
-    tasks = [
-        _Task(seed, chosen, index, size) for index, size in enumerate(sizes) if index not in tallies
-    ]
-    total = sum(sizes)
-    finished = total - sum(task.runs for task in tasks)
+    known = frozenset(waiting)
+    total, finished = sum(sizes), sum(sizes[number] for number in known)
+    tally: Tally = {}
+    added = 0
+
+    def add_in_order() -> None:
+        nonlocal tally, added
+        while added in waiting:
+            tally = add(tally, waiting.pop(added))
+            added += 1
 
     def take(chunk: ChunkDone) -> None:
         nonlocal finished
-        tallies[chunk.number] = chunk.tally
+        waiting[chunk.number] = chunk.tally
+        add_in_order()
         finished += chunk.runs
         if store is not None:
             store(chunk)
         if progress is not None:
             progress(scenario.name, finished / total)
 
-    _carry_out(scenario, tasks, min(processes, max(len(tasks), 1)), take)
-    tally: Tally = {}
-    for index in range(len(sizes)):
-        tally = add(tally, tallies[index])
+    add_in_order()
+    if len(known) < len(sizes):
+        # made one after the other: there may be millions
+        tasks = (
+            _Task(seed, chosen, number, size)
+            for number, size in enumerate(sizes)
+            if number not in known
+        )
+        _carry_out(scenario, tasks, min(processes, len(sizes) - len(known)), take)
     return tally
 
 
@@ -322,23 +336,20 @@ def _do(trial: Trial, task: _Task) -> ChunkDone:
 
 
 def _carry_out(
-    scenario: Scenario, tasks: list[_Task], processes: int, take: Callable[[ChunkDone], None]
+    scenario: Scenario, tasks: Iterator[_Task], processes: int, take: Callable[[ChunkDone], None]
 ) -> None:
-    if not tasks:
-        return
     if processes == 1:
         trial = scenario.prepare()
         for task in tasks:
             take(_do(trial, task))
         return
-    rest = iter(tasks)
     running: set[Future[ChunkDone]] = set()
     others = set(active_children())
     with _one_thread_each(), _pool(scenario, processes) as pool:
         try:
             while True:
                 with _interrupts_held():
-                    for task in islice(rest, 2 * processes - len(running)):
+                    for task in islice(tasks, 2 * processes - len(running)):
                         running.add(pool.submit(_do_there, task))
                 if not running:
                     return

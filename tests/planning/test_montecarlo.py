@@ -14,8 +14,11 @@ from hypothesis import strategies as st
 from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
+from anaplot.planning import montecarlo
 from anaplot.planning.modelscenarios import OneError, SizeOfTests
 from anaplot.planning.montecarlo import (
+    MOST_RUNS,
+    ChunkDone,
     Figure,
     Scenario,
     Sums,
@@ -51,6 +54,22 @@ def test_resumed_is_undisturbed_and_does_nothing_twice() -> None:
     longer = []
     simulate(SMALL, seed=3, runs=300, done=chunks, store=longer.append)
     assert [chunk.number for chunk in longer] == [4, 5]
+
+
+def test_many_chunks_are_thought_of_one_after_the_other(monkeypatch) -> None:
+    task, made = montecarlo._Task, []
+
+    def counted(*of: object) -> object:
+        made.append(of)
+        return task(*of)
+
+    def full(chunk: ChunkDone) -> None:
+        raise OSError(f"no room for chunk {chunk.number}")
+
+    monkeypatch.setattr(montecarlo, "_Task", counted)
+    with pytest.raises(OSError, match="no room for chunk 0"):
+        simulate(SMALL, runs=MOST_RUNS // 10, store=full)
+    assert len(made) == 1
 
 
 def test_methods_of_the_scenario_only() -> None:
