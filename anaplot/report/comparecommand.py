@@ -52,7 +52,8 @@ def run_compare(options: argparse.Namespace) -> int:
     additional = None
     if options.additional is not None:
         additional = additional_parameters(options.additional, options.additional_sigma_um)
-    check_csv(options.csv, (*block_files(options.first), *block_files(options.second)))
+    inputs = (*block_files(options.first), *block_files(options.second))
+    check_csv(options.csv, {"is read": inputs})
     first, second = read_block(options.first), read_block(options.second)
     check_power("--alpha", options.alpha, first.test, options.first)
     with ProgressLine(sys.stderr) as progress:

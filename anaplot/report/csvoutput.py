@@ -6,7 +6,7 @@ import csv
 import io
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from anaplot.errors import InputError
@@ -16,38 +16,51 @@ from anaplot.exchange.wording import place, reason
 __all__ = ["check_csv", "write_csv"]
 
 
-def check_csv(path: Path | None, inputs: Iterable[Path] = (), made: Path | None = None) -> None:
+def check_csv(
+    path: Path | None,
+    taken: Mapping[str, Iterable[Path]] | None = None,
+    made: Path | None = None,
+) -> None:
     """Refuse a file that could not be written, before anything is computed or written.
 
     Parameters
     ----------
     path
         The file that is asked for, or None.
-    inputs
-        Files that the command reads or writes otherwise.
+    taken
+        Files that the command uses otherwise, by what becomes of them: "is read".
     made
         A folder that the command makes before it writes the file.
 
     Raises
     ------
     InputError
-        Its folder does not exist, or it is a folder, an input or the standard output itself.
+        Its folder does not exist or is read-only, or it is a folder, taken, or the standard output
+        itself.
     """
     if path is None:
         return
+    where = f"{place(path)}: cannot be written"
     try:
-        if path.is_dir():
-            raise InputError(f"{place(path)}: cannot be written: it is a folder")
-        parent = path.parent
-        if not parent.is_dir() and (made is None or parent.resolve() != made.resolve()):
-            raise InputError(f"{place(path)}: cannot be written: there is no such folder")
-        taken = (*inputs, *(() if made is None else (made,)))
-        if any(path.resolve() == other.resolve() for other in taken):
-            raise InputError(f"{place(path)}: cannot be written: it is in use by the command")
+        # as it will be written: in place of what a link leads to
+        target = path.resolve()
+        parent = target.parent
+        if target.is_dir():
+            raise InputError(f"{where}: it is a folder")
+        if path.is_file() or not path.exists():
+            if parent.is_dir():
+                if not os.access(parent, os.W_OK):
+                    raise InputError(f"{where}: the folder is read-only")
+            elif made is None or parent != made.resolve():
+                raise InputError(f"{where}: there is no folder {place(parent)}")
+        uses = {**(taken or {}), "becomes a folder": () if made is None else (made,)}
+        for use, files in uses.items():
+            if any(target == file.resolve() for file in files):
+                raise InputError(f"{where}: it {use}; name another file for the table")
         if path.is_file() and _is_output(path):
-            raise InputError(f"{place(path)}: cannot be written: the report goes there")
+            raise InputError(f"{where}: the report goes there")
     except (OSError, ValueError) as error:
-        raise InputError(f"{place(path)}: cannot be written: {reason(error)}") from error
+        raise InputError(f"{where}: {reason(error)}") from error
 
 
 def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> None:

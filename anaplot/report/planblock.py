@@ -51,7 +51,8 @@ def run_plan_block(options: argparse.Namespace) -> int:
         raise InputError("--twin goes with control: --control none plans none")
     if options.bridging is not None and options.control != "perimeter":
         raise InputError("--bridging goes with --control perimeter")
-    check_csv(options.csv, () if options.to is None else block_files(options.to), options.to)
+    outputs = () if options.to is None else block_files(options.to)
+    check_csv(options.csv, {"is written": outputs}, options.to)
     plan = BlockPlan(
         strips=options.strips,
         photos=options.photos,

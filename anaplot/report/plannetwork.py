@@ -56,7 +56,7 @@ def run_plan_network(options: argparse.Namespace) -> int:
     """
     inputs = () if options.network == _CUBE else (Path(options.network),)
     outputs = () if options.to is None else block_files(options.to)
-    check_csv(options.csv, (*inputs, *outputs), options.to)
+    check_csv(options.csv, {"is read": inputs, "is written": outputs}, options.to)
     network = _network(options)
     if options.point is not None and options.point not in network.points:
         raise InputError(f"no point {quoted(options.point)} is seen in this network")

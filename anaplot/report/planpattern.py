@@ -128,7 +128,7 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     """
     path = Path(options.pattern)
     from_file = path.suffix.lower() in _FILES
-    check_csv(options.csv, (path,) if from_file else ())
+    check_csv(options.csv, {"is read": (path,) if from_file else ()})
     planned = _planned(options)
     plan = planned.plan
     solution = solve(plan, options.tie_variance)

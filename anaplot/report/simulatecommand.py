@@ -21,12 +21,12 @@ from anaplot import __version__
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
-from anaplot.exchange.wording import hint, place, quoted
+from anaplot.exchange.wording import hint, quoted
 from anaplot.planning.montecarlo import ChunkDone, Figure, Key, Scenario, Sums, figures, simulate
 from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.quantities import Quantity
 from anaplot.planning.scenarios import scenarios
-from anaplot.report.csvoutput import write_csv
+from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
@@ -62,8 +62,9 @@ def run_simulate(options: argparse.Namespace) -> int:
             raise InputError(
                 f"{scenario.name} has no method {quoted(name)}{hint(name, scenario.methods)}"
             )
-    if options.csv is not None:
-        _check_csv(options.csv, options.scenario, options.to)
+    source = Path(options.scenario)
+    kept_in = () if options.to is None else (options.to,)
+    check_csv(options.csv, {"is read": (source, *block_files(source)), "keeps the runs": kept_in})
     trial = scenario.prepare()
     remarks = trial.remarks()
     # in the scenario's order, whatever the option's
@@ -203,23 +204,6 @@ def _json(
 
 def _row(figure: Figure) -> dict[str, Any]:
     return {name: getattr(figure, name) for name in _COLUMNS}
-
-
-def _check_csv(path: Path, source: str, kept: Path | None) -> None:
-    """Refuse a table that could not be written, or would overwrite what is read, beforehand."""
-    where = place(path)
-    target = path.resolve()
-    if not target.parent.is_dir():
-        raise InputError(f"{where}: cannot be written: there is no folder {place(target.parent)}")
-    if target.exists() and not target.is_file():
-        raise InputError(f"{where}: cannot be written: not a regular file")
-    if not os.access(target.parent, os.W_OK):
-        raise InputError(f"{where}: cannot be written: the folder is read-only")
-    read = Path(source).resolve()
-    if target in (read, *block_files(read)):
-        raise InputError(f"{where}: is read; name another file for the table")
-    if kept is not None and target == kept.resolve():
-        raise InputError(f"{where}: keeps the runs; name another file for the table")
 
 
 def _printout(

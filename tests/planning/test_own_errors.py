@@ -251,7 +251,7 @@ def test_a_table_that_cannot_be_written_is_refused_beforehand(tmp_path: Path, ca
     for target, said in (
         (tmp_path / "none" / "t.csv", "there is no folder"),
         (points / "t.csv", "there is no folder"),
-        (tmp_path, "not a regular file"),
+        (tmp_path, "it is a folder"),
         (tmp_path / "x" / ".." / "points.csv", "is read"),
         (kept, "keeps the runs"),
     ):

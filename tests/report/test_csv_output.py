@@ -16,6 +16,7 @@ from anaplot.planning.networkplan import CUBE_VERSIONS
 PATTERN = ["plan", "pattern", "6"]
 BLOCK = ["plan", "block", "--strips", "2", "--photos", "3"]
 NETWORK = ["plan", "network", "cube"]
+SIMULATE = ["plan", "simulate", "9/3", "--runs", "2", "--processes", "1"]
 
 
 @pytest.mark.parametrize("call", [PATTERN, BLOCK, NETWORK])
@@ -23,7 +24,7 @@ def test_a_file_that_cannot_be_is_refused_before_anything(call, tmp_path: Path, 
     folder = tmp_path / "made"
     to = [] if call is PATTERN else ["--to", str(folder)]
     for target, said in (
-        (tmp_path / "none" / "x.csv", "x.csv: cannot be written: there is no such folder"),
+        (tmp_path / "none" / "x.csv", "x.csv: cannot be written: there is no folder"),
         (tmp_path, "cannot be written: it is a folder"),
         ("a\0b", "cannot be written"),
     ):
@@ -41,16 +42,27 @@ def test_inputs_are_not_overwritten(tmp_path: Path, capsys) -> None:
     first, second = make_block(tmp_path / "a"), make_block(tmp_path / "b")
     before = contents(tmp_path)
     planned = tmp_path / "made"
-    for call, target in (
-        (["plan", "pattern", str(pattern)], pattern),
-        (["plan", "network", str(pattern)], pattern),
-        (["compare", str(first), str(second)], second / "image_points.csv"),
-        ([*BLOCK, "--to", str(planned)], planned / "control.csv"),
-        ([*NETWORK, "--to", str(planned)], planned),
+    for call, target, use in (
+        (["plan", "pattern", str(pattern)], pattern, "is read"),
+        (["plan", "network", str(pattern)], pattern, "is read"),
+        (["compare", str(first), str(second)], second / "image_points.csv", "is read"),
+        ([*BLOCK, "--to", str(planned)], planned / "control.csv", "is written"),
+        ([*NETWORK, "--to", str(planned)], planned, "becomes a folder"),
     ):
         assert main([*call, "--csv", str(target)]) == 2
-        assert "it is in use by the command" in capsys.readouterr().err
+        assert f"cannot be written: it {use}; name another file" in capsys.readouterr().err
     assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("call", [PATTERN, BLOCK, NETWORK, SIMULATE])
+def test_a_read_only_folder_is_refused_before_anything(
+    call, tmp_path: Path, capsys, monkeypatch
+) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path.resolve())
+    assert main([*call, "--csv", str(tmp_path / "x.csv")]) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert error.endswith("x.csv: cannot be written: the folder is read-only\n")
 
 
 def test_a_named_pattern_is_no_input(tmp_path: Path, monkeypatch) -> None:
@@ -95,6 +107,15 @@ def test_a_link_stays_a_link_and_a_pipe_is_written(tmp_path: Path) -> None:
     assert main([*PATTERN, "--csv", str(pipe)]) == 0
     reader.join(10.0)
     assert got == [real.read_text()]
+
+
+def test_a_link_into_no_folder_is_refused(tmp_path: Path, capsys) -> None:
+    link = tmp_path / "link.csv"
+    link.symlink_to(tmp_path / "none" / "x.csv")
+    assert main([*PATTERN, "--csv", str(link)]) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert "cannot be written: there is no folder" in error
 
 
 def test_the_report_is_not_written_over(tmp_path: Path) -> None:
