@@ -26,7 +26,6 @@ from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = [
-    "approximate_state",
     "approximate_ways",
     "extended_state",
     "laid_onto_control",
@@ -42,45 +41,12 @@ Way = Callable[[Progress | None], State | None]
 _BELIEVED = 0.05  # share of c by which given orientations may miss, in the median
 
 
-def approximate_state(problem: Problem, progress: Progress | None = None) -> State:
-    """Find approximate values of all unknowns, on the first way that leads there.
-
-    Parameters
-    ----------
-    problem
-        The bundle.
-    progress
-        Called with what is being done and the fraction of it.
-
-    Raises
-    ------
-    NotComputableError
-        Photos that cannot be oriented; names them.
-    """
-    failure: NotComputableError | None = None
-    for way in approximate_ways(problem):
-        try:
-            state = way(progress)
-        except NotComputableError as error:
-            failure = failure or error
-            continue
-        if state is not None:
-            return state
-    if failure is None:
-        failure = NotComputableError(
-            f"block {problem.block.name}: no approximate values found: the measurements "
-            "contradict each other"
-        )
-    raise failure
-
-
 def approximate_ways(problem: Problem) -> list[Way]:
     """Return the ways to approximate values, in the order in which to try them.
 
     What the block states; bridged strips; the photos as vertical ones; bridged strips together with
-    pairs in any attitude; such pairs alone. A way
-    returns None where it does not apply, and raises NotComputableError where it does not get
-    through.
+    pairs in any attitude; such pairs alone. A way returns None where it does not apply, and raises
+    NotComputableError where it does not get through.
     """
     rays, by_photo = _rays(problem)
 
