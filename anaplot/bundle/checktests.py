@@ -241,10 +241,7 @@ def _differences(
         q_block = np.zeros((len(places), len(places)))
         i, j = np.nonzero(same)
         q_block[i, j] = block.cofactors.points[index[i, 0], index[i, 1], index[j, 1]]
-    spread = []
-    for name, axis, _ in wanted:
-        stated = problem.control_rows[name].sigma[axis]
-        spread.append(problem.block.precision.control_m if stated is None else stated)
+    spread = [problem.block.sigma_of(problem.control_rows[name])[axis] for name, axis, _ in wanted]
     return _Differences(
         [(name, "XYZ"[axis]) for name, axis, _ in wanted],
         found[index[:, 0], :2],

@@ -84,8 +84,7 @@ def clean_control_last(
         for c in block.control
         if c.use == "control"
         and any(
-            value is not None and (block.precision.control_m if s is None else s) > 0.0
-            for value, s in zip(c.xyz, c.sigma, strict=True)
+            value is not None and s > 0.0 for value, s in zip(c.xyz, block.sigma_of(c), strict=True)
         )
     ]
     if not weighted:

@@ -203,7 +203,7 @@ def _network_tests(block: AdjustedBlock, settings: HypothesisSettings) -> Contro
     problem = block.problem
     names = {name: k for k, name in enumerate(problem.points)}
     wanted = [
-        (names[name], axis, value, row.sigma[axis])
+        (names[name], axis, value, problem.block.sigma_of(row)[axis])
         for name, row in problem.control_rows.items()
         if name in names
         for axis, value in enumerate(row.xyz)
@@ -216,8 +216,7 @@ def _network_tests(block: AdjustedBlock, settings: HypothesisSettings) -> Contro
         return ControlTests("network", (), (), (), (remark,))
     places = [(point, axis) for point, axis, _, _ in wanted]
     given = np.array([value for _, _, value, _ in wanted])
-    default = problem.block.precision.control_m
-    spread = np.array([default if sigma is None else sigma for *_, sigma in wanted])
+    spread = np.array([sigma for *_, sigma in wanted])
     index = np.array(places)
     used, row = np.unique(index[:, 0], return_inverse=True)
     pick = 3 * row + index[:, 1]

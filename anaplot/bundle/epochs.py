@@ -345,9 +345,10 @@ def _alone(
 
 
 def _sigmas(block: Block, row: ControlPoint) -> tuple[float | None, ...]:
+    """Return the standard deviations [m] of a point's coordinates, None for what is not given."""
     return tuple(
-        None if value is None else block.precision.control_m if sigma is None else sigma
-        for value, sigma in zip(row.xyz, row.sigma, strict=True)
+        None if value is None else sigma
+        for value, sigma in zip(row.xyz, block.sigma_of(row), strict=True)
     )
 
 

@@ -382,17 +382,14 @@ def _known(
         row = control.get(name)
         if row is None or row.use != "control":
             continue
-        for axis in range(3):
-            value = row.xyz[axis]
+        for axis, (value, stated) in enumerate(zip(row.xyz, block.sigma_of(row), strict=True)):
             if value is None:
                 continue
-            given = row.sigma[axis]
-            used = block.precision.control_m if given is None else given
             known[k, axis] = value
-            if held and used == 0.0:
+            if held and stated == 0.0:
                 fixed[k, axis] = True
             elif held:
-                sigma[k, axis] = used
+                sigma[k, axis] = stated
     return known, sigma, fixed
 
 

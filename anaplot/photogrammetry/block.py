@@ -221,6 +221,11 @@ class Block:
                 return camera
         raise KeyError(photo)
 
+    def sigma_of(self, control: ControlPoint) -> tuple[float, float, float]:
+        """Return a control point's standard deviations [m], the default where it states none."""
+        x, y, z = (self.precision.control_m if s is None else s for s in control.sigma)
+        return x, y, z
+
     def strip_of(self, model: tuple[str, str]) -> Strip:
         """Return the strip in which the two photos follow each other; raises KeyError."""
         for strip in self.strips:
