@@ -208,88 +208,18 @@ def epoch_tests(
     """
     power = found.power if power is None else power
     variance = Variance(found.vtpv, found.redundancy, found.by_known)
-    q = np.diag(found.cofactors)
-    free = ~found.given.reshape(-1)
-    live = free & (q > 1e-12 * float(q[free].max(initial=0.0)))
+    live = _with_variance(found)
     if not live.any():
         raise NotComputableError("no displacement has a variance: nothing can be tested")
     b = int(live.sum())
-    d, cofactors = found.d[live], found.cofactors[np.ix_(live, live)]
     try:
-        everything = variance.test(quadratic_form(d, cofactors), b, alpha)
+        square = quadratic_form(found.d[live], found.cofactors[np.ix_(live, live)])
+        everything = variance.test(square, b, alpha)
     except ValueError:
         everything = None
-    own = variance.used
-    degrees = variance.degrees
-    testable = own is not None
-    sharp = bonferroni_alpha(alpha, b)
-    t = sqrt(critical_f(sharp, 1, degrees)) if testable else None
-    scheffe = scheffe_factor(alpha, b, degrees) if testable else None
-    reach = variance.detectable(sharp, power)
-    moves = []
-    single = bonferroni_alpha(alpha, len(found.points))
-    for k, name in enumerate(found.points):
-        coordinates = []
-        for axis in range(3):
-            at = 3 * k + axis
-            value, root = float(found.d[at]), sqrt(max(float(q[at]), 0.0))
-            if not live[at]:
-                given = not bool(free[at])
-                coordinates.append(
-                    CoordinateMove("XYZ"[axis], value, None, given, None, None, None, None, None)
-                )
-                continue
-            s = None if own is None else own * root
-            coordinates.append(
-                CoordinateMove(
-                    "XYZ"[axis],
-                    value,
-                    s,
-                    False,
-                    variance.test((value / root) ** 2, 1, sharp),
-                    None if s is None or scheffe is None else abs(value) > scheffe * s,
-                    None if s is None or t is None else t * s,
-                    None if s is None or scheffe is None else scheffe * s,
-                    sqrt(reach) * root,
-                )
-            )
-        mine = [at for at in range(3 * k, 3 * k + 3) if live[at]]
-        verdict, beyond = None, None
-        if mine:
-            block = found.cofactors[np.ix_(mine, mine)]
-            try:
-                square = quadratic_form(found.d[mine], block)
-            except ValueError:
-                pass
-            else:
-                verdict = variance.test(square, len(mine), single)
-                if own is not None and scheffe is not None:
-                    beyond = square > (scheffe * own) ** 2
-        whole = np.where(free[3 * k : 3 * k + 3], found.d[3 * k : 3 * k + 3], 0.0)
-        length = float(np.linalg.norm(whole))
-        s_length = None
-        if own is not None and length > 0.0:
-            block = found.cofactors[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-            s_length = own * sqrt(max(float(whole @ block @ whole), 0.0)) / length
-        place = found.places[k].tolist()
-        moves.append(
-            PointMove(
-                name,
-                (place[0], place[1], place[2]),
-                length,
-                s_length,
-                verdict,
-                beyond,
-                (coordinates[0], coordinates[1], coordinates[2]),
-            )
-        )
-    agreement = None
-    if found.agreement is not None and found.agreement.dimension > 0:
-        # jointly adjusted, the quadratic form is a part of v'Pv
-        left = variance
-        if found.joint:
-            left = variance.without(found.agreement.square, found.agreement.dimension)
-        agreement = left.test(found.agreement.square, found.agreement.dimension, alpha)
+    limits = _limits(variance, alpha, power, b, len(found.points))
+    moves = tuple(_point_move(found, k, live, variance, limits) for k in range(len(found.points)))
+    agreement = _agreement_test(found, variance, alpha)
     located: tuple[Located, ...] = ()
     located_stable: tuple[Located, ...] = ()
     remarks = list(found.remarks)
@@ -301,8 +231,8 @@ def epoch_tests(
             "displacement hangs on a refuted datum"
             + (": leave out of --stable what is named" if most else "")
         )
-    if everything is not None and everything.rejected and own is not None and scheffe is not None:
-        located = _located(found, np.nonzero(live)[0].tolist(), (scheffe * own) ** 2)
+    if everything is not None and everything.rejected and limits.square is not None:
+        located = _located(found, np.nonzero(live)[0].tolist(), limits.square)
     return EpochTests(
         found,
         alpha,
@@ -310,11 +240,143 @@ def epoch_tests(
         everything,
         agreement,
         _ratio(found),
-        tuple(moves),
+        moves,
         located,
         located_stable,
         tuple(remarks),
     )
+
+
+def _with_variance(found: EpochDifferences) -> NDArray[np.bool_]:
+    """Return (3 m,) which differences are tested: no given ones, none without variance."""
+    q = np.diag(found.cofactors)
+    free = ~found.given.reshape(-1)
+    return np.asarray(free & (q > 1e-12 * float(q[free].max(initial=0.0))))
+
+
+class _Limits(NamedTuple):
+    """What single displacements are tested with.
+
+    Attributes
+    ----------
+    sigma
+        Of unit weight; None where there is none: then all that follows from it is None.
+    point_alpha, coordinate_alpha
+        Bonferroni's significance of one point and of one coordinate.
+    bonferroni, scheffe
+        Limits of a displacement over its standard deviation.
+    square
+        Scheffe's limit of a quadratic form for the a-priori sigma0.
+    reach
+        Smallest detectable displacement over the root of its cofactor.
+    """
+
+    sigma: float | None
+    point_alpha: float
+    coordinate_alpha: float
+    bonferroni: float | None
+    scheffe: float | None
+    square: float | None
+    reach: float
+
+
+def _limits(
+    variance: Variance, alpha: float, power: float, coordinates: int, points: int
+) -> _Limits:
+    sigma, degrees = variance.used, variance.degrees
+    sharp = bonferroni_alpha(alpha, coordinates)
+    scheffe = None if sigma is None else scheffe_factor(alpha, coordinates, degrees)
+    return _Limits(
+        sigma,
+        bonferroni_alpha(alpha, points),
+        sharp,
+        None if sigma is None else sqrt(critical_f(sharp, 1, degrees)),
+        scheffe,
+        None if sigma is None or scheffe is None else (scheffe * sigma) ** 2,
+        sqrt(variance.detectable(sharp, power)),
+    )
+
+
+def _point_move(
+    found: EpochDifferences,
+    k: int,
+    live: NDArray[np.bool_],
+    variance: Variance,
+    limits: _Limits,
+) -> PointMove:
+    """Test the displacement of point `k` by itself, and its coordinates."""
+    rows = slice(3 * k, 3 * k + 3)
+    mine = [at for at in range(3 * k, 3 * k + 3) if live[at]]
+    verdict, beyond = None, None
+    if mine:
+        try:
+            square = quadratic_form(found.d[mine], found.cofactors[np.ix_(mine, mine)])
+        except ValueError:
+            pass
+        else:
+            verdict = variance.test(square, len(mine), limits.point_alpha)
+            if limits.square is not None:
+                beyond = square > limits.square
+    free = np.where(found.given[k], 0.0, found.d[rows])
+    length = float(np.linalg.norm(free))
+    s_length = None
+    if limits.sigma is not None and length > 0.0:
+        square = float(free @ found.cofactors[rows, rows] @ free)
+        s_length = limits.sigma * sqrt(max(square, 0.0)) / length
+    x, y, z = found.places[k].tolist()
+    first, second, third = (_coordinate_move(found, k, axis, live, variance, limits)
+                            for axis in range(3))  # fmt: skip
+    return PointMove(
+        found.points[k],
+        (x, y, z),
+        length,
+        s_length,
+        verdict,
+        beyond,
+        (first, second, third),
+    )
+
+
+def _coordinate_move(
+    found: EpochDifferences,
+    k: int,
+    axis: int,
+    live: NDArray[np.bool_],
+    variance: Variance,
+    limits: _Limits,
+) -> CoordinateMove:
+    at = 3 * k + axis
+    name, d = "XYZ"[axis], float(found.d[at])
+    if not live[at]:
+        given = bool(found.given[k, axis])
+        return CoordinateMove(name, d, None, given, None, None, None, None, None)
+    root = sqrt(float(found.cofactors[at, at]))
+    s = None if limits.sigma is None else limits.sigma * root
+    half_bonferroni, half_scheffe = (
+        None if s is None or limit is None else limit * s
+        for limit in (limits.bonferroni, limits.scheffe)
+    )
+    return CoordinateMove(
+        name,
+        d,
+        s,
+        False,
+        variance.test((d / root) ** 2, 1, limits.coordinate_alpha),
+        None if half_scheffe is None else abs(d) > half_scheffe,
+        half_bonferroni,
+        half_scheffe,
+        limits.reach * root,
+    )
+
+
+def _agreement_test(found: EpochDifferences, variance: Variance, alpha: float) -> Verdict | None:
+    """Test "the stable points have not moved"; None where nothing is left to agree in."""
+    if found.agreement is None or not found.agreement.dimension > 0:
+        return None
+    square, dimension = found.agreement.square, found.agreement.dimension
+    # jointly adjusted, the quadratic form is a part of v'Pv
+    left = variance.without(square, dimension) if found.joint else variance
+    return left.test(square, dimension, alpha)
 
 
 def _located(found: EpochDifferences, live: list[int], limit: float) -> tuple[Located, ...]:
