@@ -7,8 +7,9 @@ in each. Of control that is given in some coordinates only those are common.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -220,39 +221,19 @@ def compare_epochs(
                 "is not checked"
             )
     chosen, only = _chosen(one, two, held, points)
-    agreement: Agreement | None
     if separate:
-        vtpv = one.vtpv + two.vtpv
-        redundancy = one.redundancy + two.redundancy
-        if stable:
-            places, d, q, agreement = _laid(one, two, chosen, held)
-        else:
-            agreement = None
-            places, d, q = _apart(one, two, chosen)
-            if _weighted(first, second):
-                remarks.append(
-                    "control counts as determined anew in each epoch; if it is the same "
-                    "survey, the joint adjustment is the rigorous one"
-                )
-    else:
-        seen = set(one.problem.points) & set(two.problem.points)
-        twice = [name for name in partly if name in seen]
-        block = _jointly(
-            one, two, held, twice, datum, additional, common=bool(common), progress=progress
-        )
-        equal = [(name, axis) for name in twice for axis in partly[name]]
-        places, d, q, cost = joint_differences(block, chosen, equal)
-        vtpv, redundancy = block.vtpv + cost, block.redundancy
-        agreement = None
-        if stable and additional is None:
-            # what both epochs by themselves need not agree in (Gruen 1978, eq. 32)
-            agreement = replace(
-                _laid(one, two, (), held)[3],
-                square=max(vtpv - one.vtpv - two.vtpv, 0.0),
-                dimension=redundancy - one.redundancy - two.redundancy,
+        found = _separately(one, two, chosen, held, datum)
+        if not stable and _weighted(first, second):
+            remarks.append(
+                "control counts as determined anew in each epoch; if it is the same survey, the "
+                "joint adjustment is the rigorous one"
             )
+    else:
+        found, warnings = _together(
+            one, two, chosen, held, partly, datum, additional, common=common, progress=progress
+        )
         # what the block lacks, the epochs by themselves say
-        remarks += [f"jointly: {warning}" for warning in block.warnings]
+        remarks += [f"jointly: {warning}" for warning in warnings]
     without = additional is not None and before is None
     for number, adjusted in enumerate(alone, start=1):
         remarks += [f"epoch {number}: {remark}" for remark in adjusted.remarks]
@@ -269,21 +250,78 @@ def compare_epochs(
         partly=tuple((n, "".join(_AXES[k] for k in axes)) for n, axes in partly.items()),
         own_parameters=None if additional is None else not common,
         points=chosen,
-        places=places,
+        places=found.places,
         given=np.array([[axis in partly.get(n, ()) for axis in range(3)] for n in chosen]),
-        d=d,
-        cofactors=q,
+        d=found.d,
+        cofactors=found.cofactors,
         flagged=(len(one.flagged_observations()), len(two.flagged_observations())),
-        vtpv=vtpv,
-        redundancy=redundancy,
+        vtpv=found.vtpv,
+        redundancy=found.redundancy,
         alone=((one.vtpv, one.redundancy), (two.vtpv, two.redundancy)),
         by_known=first.test.kind == "baarda",
         power=first.test.power,
-        agreement=agreement,
+        agreement=found.agreement,
         only_first=only[0],
         only_second=only[1],
         remarks=tuple(dict.fromkeys(remarks)),
     )
+
+
+class _Compared(NamedTuple):
+    """Displacements of one way of adjusting; as in `EpochDifferences`."""
+
+    places: Array
+    d: Array
+    cofactors: Array
+    vtpv: float
+    redundancy: int
+    agreement: Agreement | None
+
+
+def _separately(
+    one: AdjustedBlock,
+    two: AdjustedBlock,
+    chosen: Sequence[str],
+    held: Sequence[str],
+    datum: Datum,
+) -> _Compared:
+    """Compare points of two adjustments, free networks laid onto each other by those held."""
+    agreement: Agreement | None = None
+    if datum == "free":
+        places, d, q, agreement = _laid(one, two, chosen, held)
+    else:
+        places, d, q = _apart(one, two, chosen)
+    return _Compared(places, d, q, one.vtpv + two.vtpv, one.redundancy + two.redundancy, agreement)
+
+
+def _together(
+    one: AdjustedBlock,
+    two: AdjustedBlock,
+    chosen: Sequence[str],
+    held: Sequence[str],
+    partly: Mapping[str, Sequence[int]],
+    datum: Datum,
+    additional: AdditionalParameters | None,
+    *,
+    common: bool,
+    progress: Progress | None,
+) -> tuple[_Compared, tuple[str, ...]]:
+    """Compare points in a joint adjustment; also what it warns of."""
+    seen = set(one.problem.points) & set(two.problem.points)
+    twice = [name for name in partly if name in seen]
+    block = _jointly(one, two, held, twice, datum, additional, common=common, progress=progress)
+    equal = [(name, axis) for name in twice for axis in partly[name]]
+    places, d, q, cost = joint_differences(block, chosen, equal)
+    vtpv, redundancy = block.vtpv + cost, block.redundancy
+    agreement = None
+    if datum == "free" and additional is None:
+        # what both epochs by themselves need not agree in (Gruen 1978, eq. 32)
+        agreement = replace(
+            _laid(one, two, (), held)[3],
+            square=max(vtpv - one.vtpv - two.vtpv, 0.0),
+            dimension=redundancy - one.redundancy - two.redundancy,
+        )
+    return _Compared(places, d, q, vtpv, redundancy, agreement), block.warnings
 
 
 def _doubts(block: AdjustedBlock, without: bool) -> list[str]:
