@@ -10,7 +10,7 @@ would leave.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -223,24 +223,8 @@ def block_residuals(
             np.clip(held.ravel()[additional], 0.0, 1.0),
         )
     )
-    sigmas = problem.prior_sigma
-    q = max(len(problem.additional_sigma), 1)
-    sigma = np.concatenate(
-        (
-            problem.sigma_xy.reshape(-1) * 1e3,
-            problem.known_sigma[point, axis],
-            sigmas[photo, unknown],
-            problem.additional_sigma[additional % q] if weighted else np.zeros(0),
-        )
-    )
-    micrometre: Unit = "um"
-    metre: Unit = "m"
-    radian: Unit = "rad"
-    millimetre: Unit = "mm"
-    units = [micrometre] * (2 * len(problem.photo)) + [metre] * len(control)
-    units += [metre if k < 3 else radian for k in unknown.tolist()]
-    units += [millimetre] * len(additional)
-    system = BlockResiduals(
+    sigma, units = _sigmas(problem, control, priors, additional)
+    there = BlockResiduals(
         cofactors,
         _names(problem, control, priors, additional),
         e,
@@ -248,7 +232,7 @@ def block_residuals(
         0.0,
         problem.redundancy,
         sigma,
-        tuple(units),
+        units,
         control,
         priors,
         additional,
@@ -256,20 +240,30 @@ def block_residuals(
     # what one linear adjustment from here leaves; at a minimum nothing changes
     photos, points, shared = normal.gradient()
     moved = normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
-    left = -(e + _designed(system, *moved)[:, 0])
-    return BlockResiduals(
-        cofactors,
-        system.names,
-        left,
-        r,
-        float(left @ left),
-        problem.redundancy,
-        sigma,
-        system.units,
-        control,
-        priors,
-        additional,
+    left = -(e + _designed(there, *moved)[:, 0])
+    return replace(there, e=left, vtpv=float(left @ left))
+
+
+def _sigmas(
+    problem: Problem, control: Index, priors: Index, additional: Index
+) -> tuple[Array, tuple[Unit, ...]]:
+    """Return (n,) a-priori standard deviations of the rows, and their units."""
+    point, axis = control.T
+    photo, unknown = priors.T
+    q = max(len(problem.additional_sigma), 1)
+    sigma = np.concatenate(
+        (
+            problem.sigma_xy.reshape(-1) * 1e3,
+            problem.known_sigma[point, axis],
+            problem.prior_sigma[photo, unknown],
+            problem.additional_sigma[additional % q] if len(additional) else np.zeros(0),
+        )
     )
+    units: list[Unit] = ["um"] * (2 * len(problem.photo))
+    units += ["m"] * len(control)
+    units += ["m" if k < 3 else "rad" for k in unknown.tolist()]
+    units += ["mm"] * len(additional)
+    return sigma, tuple(units)
 
 
 def _names(
