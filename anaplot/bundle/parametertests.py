@@ -199,36 +199,14 @@ def parameter_tests(
             "the parameters are weighted: their a-priori zeros count as observations, which makes "
             "the tests cautious if they are only an assumption"
         )
-    total = sum(len(family.z) for family in families)
-    alone = sidak_alpha(settings.alpha, total)
-    noncentrality = variance.detectable(alone, settings.power)
-    image = problem.block.precision.image_um * 1e-3
-    singles: list[ParameterTest] = []
-    deficient: list[str] = []
-    regular: list[_Family] = []
-    for family in families:
-        inflation: Array | None
-        try:
-            inflation = variance_inflation(family.q)
-            regular.append(family)
-        except ValueError:
-            inflation = None
-            deficient += [group for group, _ in family.labels]
-        for k, (group, name) in enumerate(family.labels):
-            cofactor = float(family.q[k, k])
-            singles.append(
-                ParameterTest(
-                    group,
-                    name,
-                    float(family.z[k]),
-                    sqrt(cofactor),
-                    variance.test(float(family.z[k]) ** 2 / cofactor, 1, alone),
-                    sqrt(noncentrality * cofactor),
-                    f_power(image * image / cofactor, alone, 1, variance.degrees),
-                    None if inflation is None else float(inflation[k]),
-                    min(1.0, 1.0 / (cofactor * float(family.information[k]))),
-                )
-            )
+    inflations = [_inflation(family) for family in families]
+    regular = [f for f, found in zip(families, inflations, strict=True) if found is not None]
+    deficient = [
+        group
+        for family, found in zip(families, inflations, strict=True)
+        if found is None
+        for group, _ in family.labels
+    ]
     if deficient:
         remarks.append(
             "additional parameters repeat each other in "
@@ -246,26 +224,69 @@ def parameter_tests(
         orthogonal = _components(
             sequential_components(family.z, family.q), family.labels, variance, settings
         )
-        sigma = variance.used
-        if sigma is not None:
-            steps = removable(
-                family.z,
-                family.q,
-                alpha=settings.alpha,
-                sigma=sigma,
-                redundancy=variance.degrees,
-            )
-            away = tuple(family.labels[step.member] for step in steps)
+        away = _removable(family, variance, settings)
+    image_mm = problem.block.precision.image_um * 1e-3
     return ParameterTests(
         everything,
         _groups(regular, variance, settings),
-        tuple(singles),
+        _singles(families, inflations, image_mm, variance, settings),
         _pairs(families, variance, settings),
         _sets(regular, variance, settings),
         orthogonal,
         away,
         tuple(remarks),
     )
+
+
+def _inflation(family: _Family) -> Array | None:
+    """Return (p,) how much each variance grows by correlation; None without full rank."""
+    try:
+        return variance_inflation(family.q)
+    except ValueError:
+        return None
+
+
+def _singles(
+    families: Sequence[_Family],
+    inflations: Sequence[Array | None],
+    image_mm: float,
+    variance: Variance,
+    settings: HypothesisSettings,
+) -> tuple[ParameterTest, ...]:
+    """Test every parameter by itself; power against a value of `image_mm`."""
+    alone = sidak_alpha(settings.alpha, sum(len(family.z) for family in families))
+    noncentrality = variance.detectable(alone, settings.power)
+    out = []
+    for family, inflation in zip(families, inflations, strict=True):
+        for k, (group, name) in enumerate(family.labels):
+            cofactor = float(family.q[k, k])
+            out.append(
+                ParameterTest(
+                    group,
+                    name,
+                    float(family.z[k]),
+                    sqrt(cofactor),
+                    variance.test(float(family.z[k]) ** 2 / cofactor, 1, alone),
+                    sqrt(noncentrality * cofactor),
+                    f_power(image_mm * image_mm / cofactor, alone, 1, variance.degrees),
+                    None if inflation is None else float(inflation[k]),
+                    min(1.0, 1.0 / (cofactor * float(family.information[k]))),
+                )
+            )
+    return tuple(out)
+
+
+def _removable(
+    family: _Family, variance: Variance, settings: HypothesisSettings
+) -> tuple[Label, ...] | None:
+    """Return the parameters that may be left out together; None where tests have no sigma."""
+    sigma = variance.used
+    if sigma is None:
+        return None
+    steps = removable(
+        family.z, family.q, alpha=settings.alpha, sigma=sigma, redundancy=variance.degrees
+    )
+    return tuple(family.labels[step.member] for step in steps)
 
 
 def _families(block: AdjustedBlock) -> tuple[list[_Family], list[str]]:
