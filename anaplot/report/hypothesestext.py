@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from anaplot.adjustment.hypothesis import FTest
 from anaplot.bundle.checktests import CheckTests
 from anaplot.bundle.controltests import ControlTests
 from anaplot.bundle.hypotheses import BlockHypotheses
-from anaplot.bundle.parametertests import ComponentTest, ParameterTests
+from anaplot.bundle.parametertests import ComponentTest, ParameterTests, SetTest
 from anaplot.bundle.verdict import Verdict
 from anaplot.report.printable import printable
 
 __all__ = ["hypotheses_json", "hypotheses_printout", "probability", "verdict_json"]
 
 Json = dict[str, Any]
+Label = tuple[str, str]
 
 _RIGHT = {
     "all": "all is right",
@@ -113,10 +114,9 @@ def _remarks(remarks: tuple[str, ...]) -> list[str]:
 
 
 def _additional(found: ParameterTests, limit: float) -> list[str]:
-    owners = {row.group for row in found.parameters}
-    several = len(owners) > 1
+    several = len({row.group for row in found.parameters}) > 1
 
-    def label(name: tuple[str, str]) -> str:
+    def label(name: Label) -> str:
         return f"{name[1]} of {printable(name[0])}" if several else name[1]
 
     labels = [label((row.group, row.name)) for row in found.parameters]
@@ -129,74 +129,97 @@ def _additional(found: ParameterTests, limit: float) -> list[str]:
             lines.append(f"  {'those of ' + printable(group.group):<{width}}{_cells(test)}"
                          f"{_mark(group.verdict)}")  # fmt: skip
     lines += _remarks(found.remarks)
-    lines.append("")
-    rows = sorted(zip(labels, found.parameters, strict=True), key=lambda r: _order(r[1].verdict))
-    shown = rows[:_MOST] if several else list(zip(labels, found.parameters, strict=True))
-    lines.append(
+    lines += ["", *_parameters(found, labels, width, shorten=several)]
+    lines += _pairs(found, label, width, limit)
+    for entry in found.sets[:_MOST]:
+        lines += ["", *_set(entry, label, width)]
+    if found.removable is not None:
+        kept = [
+            text
+            for text, row in zip(labels, found.parameters, strict=True)
+            if (row.group, row.name) not in set(found.removable)
+        ]
+        lines += ["", _needed(kept, len(labels))]
+    return [*lines, ""]
+
+
+def _parameters(
+    found: ParameterTests, labels: list[str], width: int, *, shorten: bool
+) -> list[str]:
+    """Lines of the single parameters; shortened, the least likely first."""
+    rows = list(zip(labels, found.parameters, strict=True))
+    if shorten:
+        rows = sorted(rows, key=lambda r: _order(r[1].verdict))[:_MOST]
+    lines = [
         f"  {'PARAMETER':<{width}}  value [um]    s [um]        P  detectable  power   inflation"
         "    kept"
-    )
-    for text, row in shown:
+    ]
+    for text, row in rows:
         inflation = f"{'-':>11}" if row.inflation is None else f"{row.inflation:11.1f}"
         lines.append(
             f"  {text:<{width}}{row.value * 1e3:12.3f}{row.s * 1e3:10.3f}{_p(row.verdict)}"
             f"{row.detectable * 1e3:12.2f}{row.power:7.2f}{inflation}{row.kept:9.5f}"
             f"{_mark(row.verdict)}"
         )
-    if len(rows) > len(shown):
-        lines.append(f"    and {len(rows) - len(shown)} more, with larger P")
+    if len(labels) > len(rows):
+        lines.append(f"    and {len(labels) - len(rows)} more, with larger P")
     lines.append(
         "  power: against a value of the a-priori sigma0; inflation: of the variance, by the other "
         "parameters; kept: noncentrality left by all unknowns"
     )
-    if found.pairs:
-        lines.append("")
-        lines.append(f"  {f'PAIRS correlated from {limit:g}':<{width}}{_COLUMNS}       rho")
-        for pair in found.pairs[:_MOST]:
-            test = pair.verdict.decisive
-            cells = " " * len(_COLUMNS) if test is None else _cells(test)
-            text = f"{label(pair.first)}, {label(pair.second)}"
-            lines.append(f"  {text:<{width}}{cells}{pair.correlation:10.3f}{_mark(pair.verdict)}")
-        if len(found.pairs) > _MOST:
-            lines.append(f"    and {len(found.pairs) - _MOST} more")
-    for entry in found.sets[:_MOST]:
-        names = ", ".join(label(member) for member in entry.members[:12])
-        if len(entry.members) > 12:
-            names += f" and {len(entry.members) - 12} more"
-        lines += ["", f"  CORRELATED SET {names}"]
-        lines += _global("all of it is zero", width, entry.verdict, "not tested")
-        lines.append(f"  {'one after the other':<{width}}{'t':>10}{'P':>9}{'of its variance':>17}")
-        lines += [
-            f"  {label(part.parameter):<{width}}{part.value:10.2f}{_p(part.verdict)}"
-            f"{part.variance:17.4f}{_mark(part.verdict)}"
-            for part in entry.sequential[:_MOST]
-        ]
-        lines.append(
-            f"  {'orthogonal combinations':<{width}}{'t':>10}{'P':>9}{'eigenvalue':>17}   mostly"
-        )
-        lines += [
-            f"  {k + 1:<{width}d}{part.value:10.2f}{_p(part.verdict)}{part.variance:17.4f}   "
-            + _combination(part, [label(member) for member in entry.members])
-            + _mark(part.verdict)
-            for k, part in enumerate(entry.principal[:_MOST])
-        ]
-    if found.removable is not None:
-        every = len(found.parameters)
-        kept = [
-            text
-            for text, row in zip(labels, found.parameters, strict=True)
-            if (row.group, row.name) not in set(found.removable)
-        ]
-        lines.append("")
-        if not kept:
-            lines.append("  all may be left out: nothing systematic is proved")
-        else:
-            lines.append(
-                f"  {every - len(kept)} of {every} may be left out together; needed: "
-                + ", ".join(kept[:_MOST])
-                + (" ..." if len(kept) > _MOST else "")
-            )
-    return [*lines, ""]
+    return lines
+
+
+def _pairs(
+    found: ParameterTests, label: Callable[[Label], str], width: int, limit: float
+) -> list[str]:
+    if not found.pairs:
+        return []
+    lines = ["", f"  {f'PAIRS correlated from {limit:g}':<{width}}{_COLUMNS}       rho"]
+    for pair in found.pairs[:_MOST]:
+        test = pair.verdict.decisive
+        cells = " " * len(_COLUMNS) if test is None else _cells(test)
+        text = f"{label(pair.first)}, {label(pair.second)}"
+        lines.append(f"  {text:<{width}}{cells}{pair.correlation:10.3f}{_mark(pair.verdict)}")
+    if len(found.pairs) > _MOST:
+        lines.append(f"    and {len(found.pairs) - _MOST} more")
+    return lines
+
+
+def _set(entry: SetTest, label: Callable[[Label], str], width: int) -> list[str]:
+    """Lines of a correlated set: all of it, and taken apart in both ways."""
+    members = [label(member) for member in entry.members]
+    names = ", ".join(members[:12])
+    if len(members) > 12:
+        names += f" and {len(members) - 12} more"
+    lines = [f"  CORRELATED SET {names}"]
+    lines += _global("all of it is zero", width, entry.verdict, "not tested")
+    lines.append(f"  {'one after the other':<{width}}{'t':>10}{'P':>9}{'of its variance':>17}")
+    lines += [
+        f"  {label(part.parameter):<{width}}{part.value:10.2f}{_p(part.verdict)}"
+        f"{part.variance:17.4f}{_mark(part.verdict)}"
+        for part in entry.sequential[:_MOST]
+    ]
+    lines.append(
+        f"  {'orthogonal combinations':<{width}}{'t':>10}{'P':>9}{'eigenvalue':>17}   mostly"
+    )
+    lines += [
+        f"  {k + 1:<{width}d}{part.value:10.2f}{_p(part.verdict)}{part.variance:17.4f}   "
+        + _combination(part, members)
+        + _mark(part.verdict)
+        for k, part in enumerate(entry.principal[:_MOST])
+    ]
+    return lines
+
+
+def _needed(kept: list[str], every: int) -> str:
+    if not kept:
+        return "  all may be left out: nothing systematic is proved"
+    return (
+        f"  {every - len(kept)} of {every} may be left out together; needed: "
+        + ", ".join(kept[:_MOST])
+        + (" ..." if len(kept) > _MOST else "")
+    )
 
 
 def _combination(part: ComponentTest, names: list[str]) -> str:
@@ -327,7 +350,7 @@ def _row_json(row: Any) -> Json:
     return out
 
 
-def _label_json(label: tuple[str, str]) -> Json:
+def _label_json(label: Label) -> Json:
     return {"group": label[0], "name": label[1]}
 
 
