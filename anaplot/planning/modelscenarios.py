@@ -256,8 +256,8 @@ class _SizeTrial:
             noise = rng.standard_normal((runs, n))
             e = noise @ rows.matrix
             for method, (statistic, critical) in _tests(rows, e, methods).items():
-                share = (statistic > critical)[:, rows.testable].mean(axis=1)
-                tally[rows.name, method, "size"] = sums(share)
+                flagged = (statistic > critical)[:, rows.testable].mean(axis=1)
+                tally[rows.name, method, "size"] = sums(flagged)
             places = np.flatnonzero(rows.testable)
             wrong = rng.choice(places, runs)
             size = delta / np.sqrt(rows.r[wrong]) * rng.choice((-1.0, 1.0), runs)

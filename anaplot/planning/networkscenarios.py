@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from anaplot.adjustment.batch import reject_stepwise
 from anaplot.adjustment.consistency import global_from_single
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
-from anaplot.adjustment.significance import TESTABLE
+from anaplot.adjustment.significance import TESTABLE, noncentrality
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube
@@ -30,7 +30,8 @@ _CASES = {"a": ((0, 0),), "b": ((0, 0), (0, 1)), "c": ((1, 0),), "d": ((1, 1),)}
 """(point, axis) of the first image; point 0 is control, point 1 is not."""
 
 _SPURS = ("Ac", "Bc")
-_ERROR = -6.0  # -30 um of 5 um
+_SIGMA_UM = 5.0
+_ERROR = -30.0 / _SIGMA_UM
 _ALPHA, _POWER = 0.001, 0.80
 _ALL = "23 errors in 18 runs"
 _METHODS = ("snooping", "3 sigma0", "3 sigma0_hat", "global test")
@@ -134,7 +135,7 @@ class _GruenTrial:
                         out.append(f"{what} is a spur observation: no test can find its error")
                         continue
                     if r[row] < 0.05:
-                        least = 5.0 * 4.132 / r[row] ** 0.5
+                        least = _SIGMA_UM * noncentrality(_ALPHA, _POWER) / r[row] ** 0.5
                         out.append(
                             f"{what} is nearly a spur observation: below {least:.0f} um its error "
                             "is not found"
