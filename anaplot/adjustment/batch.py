@@ -27,16 +27,24 @@ _LOST = 1e-8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BatchRejections:
-    """What stepwise rejection did in each of m runs of n rows."""
+    """What stepwise rejection did in each of m runs of n rows.
+
+    Attributes
+    ----------
+    rejected
+        (m, n) rows rejected.
+    order
+        (m, k) rows in the order of rejection, -1 after the last.
+    vtpv
+        (m,) v'Pv of the rows that remain.
+    redundancy
+        (m,) redundancy that remains.
+    """
 
     rejected: NDArray[np.bool_] = field(repr=False)
-    """(m, n) rows rejected."""
     order: Index = field(repr=False)
-    """(m, k) rows in the order of rejection, -1 after the last."""
     vtpv: Array = field(repr=False)
-    """(m,) v'Pv of the rows that remain."""
     redundancy: Index = field(repr=False)
-    """(m,) redundancy that remains."""
 
 
 def standardized(e: Array, r: Array) -> Array:

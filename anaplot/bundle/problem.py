@@ -115,7 +115,7 @@ class Problem:
     unused_rays
         Rows of block.image_points that take no part.
     control_rows
-        The control points that hold the datum, by name.
+        Control and check points, by name.
     rejected
         (m, 2) image coordinates of weight zero, or None.
     axis_factor

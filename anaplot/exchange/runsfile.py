@@ -2,8 +2,8 @@
 
 The first line says what is simulated, every other one holds the sums of a chunk. A line that was
 torn off by a crash is cut; a line that is damaged in another way, or holds sums that the simulation
-cannot have, is refused by its number. A file
-that does not begin with the first line of this simulation, or a part of it, is left as it is.
+cannot have, is refused by its number. A file that does not begin with the first line of this
+simulation, or a part of it, is left as it is.
 """
 
 from __future__ import annotations

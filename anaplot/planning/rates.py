@@ -12,7 +12,17 @@ __all__ = ["Rate", "score_interval", "wilson"]
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """A relative frequency and its two-sided confidence interval."""
+    """A relative frequency and its two-sided confidence interval.
+
+    Attributes
+    ----------
+    hits, trials
+        What was counted, and of how many.
+    value
+        Their ratio.
+    low, high
+        The interval.
+    """
 
     hits: int
     trials: int
