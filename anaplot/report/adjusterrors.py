@@ -7,17 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from anaplot.adjustment.findings import Findings, SearchSettings, Step
-from anaplot.adjustment.reliability import HARD_TO_TELL, Odds
+from anaplot.adjustment.findings import Findings, Step
+from anaplot.adjustment.reliability import Odds
 from anaplot.adjustment.significance import critical_normal
 from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.controllast import ControlLast, clean_control_last
 from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.residuals import ObservationName
-from anaplot.photogrammetry.block import Block, TestSettings
+from anaplot.photogrammetry.block import Block
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
+from anaplot.report.searchoptions import search_settings
 
 __all__ = [
     "block_errors_json",
@@ -65,7 +66,7 @@ def clean_block(
         The block has no solution, also without what fits nowhere, or none without what the
         strategy rejects.
     """
-    settings = _settings(problem.test, partner, pairs=pairs)
+    settings = search_settings(problem.test, partner, pairs=pairs)
     return block_gross_errors(problem, strategy, settings, progress=progress)
 
 
@@ -82,20 +83,11 @@ def clean_step_by_step(
 
     Parameters, units and errors as `clean_block` and `clean_control_last` have them.
     """
-    settings = _settings(block.test, partner, pairs=pairs)
+    settings = search_settings(block.test, partner, pairs=pairs)
     return clean_control_last(block, strategy, settings, additional=additional, progress=progress)
 
 
-def _settings(test: TestSettings, partner: float | None, *, pairs: bool) -> SearchSettings:
-    return SearchSettings(
-        alpha=test.alpha,
-        power=test.power,
-        partner=HARD_TO_TELL if partner is None else partner,
-        pairs=pairs,
-    )
-
-
-def named(name: ObservationName) -> str:
+def _named(name: ObservationName) -> str:
     """Return an observation in words, without control characters."""
     kind, *rest = name
     words = [printable(part) if part is not None else "" for part in rest]
@@ -132,26 +124,26 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
         *_before_and_after(cleaned),
     ]
     if rejected:
-        width = max(len(named(row.name)) for row in rejected)
+        width = max(len(_named(row.name)) for row in rejected)
         lines.append(
             f"  ORDER  {'OBSERVATION':<{width}}       ERROR     SIGMA           w   RED-N  BECAUSE"
         )
         lines += [_rejected_line(row, width, found.strategy) for row in rejected]
     else:
         lines.append("  nothing is rejected")
-    lines += _listed("rejected on the way, came back", [named(name) for name in cleaned.came_back])
+    lines += _listed("rejected on the way, came back", [_named(name) for name in cleaned.came_back])
     lines += _listed(
         f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
         [
-            f"{named(names[a])} is rejected, {named(names[b])} is kept (correlation {rho:.2f})"
+            f"{_named(names[a])} is rejected, {_named(names[b])} is kept (correlation {rho:.2f})"
             for a, b, rho in found.hard_to_tell
         ],
     )
     lines += _listed(
-        "cannot be left out", [f"{named(r.name)}: {printable(r.reason)}" for r in cleaned.refused]
+        "cannot be left out", [f"{_named(r.name)}: {printable(r.reason)}" for r in cleaned.refused]
     )
     lines += _listed(
-        "cannot be tested: nothing checks them", [named(name) for name in cleaned.untestable]
+        "cannot be tested: nothing checks them", [_named(name) for name in cleaned.untestable]
     )
     lines += _odds(found, names)
     if found.model_values is not None:
@@ -172,7 +164,7 @@ def _before_and_after(cleaned: BlockFindings) -> list[str]:
         f"  sigma0 {after}; redundancy {block.redundancy}",
         *_listed(
             f"{printable(cleaned.begun.reason)}; the search began without",
-            [named(name) for name in cleaned.begun.left_out],
+            [_named(name) for name in cleaned.begun.left_out],
         ),
     ]
 
@@ -189,7 +181,7 @@ def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
             because = f"{_measure(strategy)} {row.statistic:.2f} above {row.critical:.2f}"
     weight = "" if row.weight is None else f", weight {row.weight:.2g}"
     return (
-        f"  {row.order:5d}  {named(row.name):<{width}}  {error:>10}{sigma:>10} {unit:<4}"
+        f"  {row.order:5d}  {_named(row.name):<{width}}  {error:>10}{sigma:>10} {unit:<4}"
         f"{_number(row.w, 2):>7}{row.redundancy_number:8.3f}  {because}{weight}"
     ).rstrip()
 
@@ -211,12 +203,12 @@ def _odds(found: Findings, names: tuple[ObservationName, ...]) -> list[str]:
     singles = np.argsort(-odds.single, kind="stable")
     shown = [k for k in singles.tolist() if odds.single[k] >= _ODDS]
     lines += _listed(
-        "one gross error", [f"{100.0 * odds.single[k]:5.1f} %  {named(names[k])}" for k in shown]
+        "one gross error", [f"{100.0 * odds.single[k]:5.1f} %  {_named(names[k])}" for k in shown]
     )
     lines += _listed(
         "two gross errors",
         [
-            f"{100.0 * p:5.1f} %  {named(names[a])}  and  {named(names[b])}"
+            f"{100.0 * p:5.1f} %  {_named(names[a])}  and  {_named(names[b])}"
             for a, b, p in zip(
                 odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
             )
@@ -231,7 +223,7 @@ def _single_odds(odds: Odds, names: tuple[ObservationName, ...]) -> list[str]:
     shown = [k for k in order.tolist() if odds.rows[k] >= _ODDS]
     return _listed(
         f"if there is one gross error at most, all observations in: none {100.0 * odds.none:.1f} %",
-        [f"{100.0 * odds.rows[k]:5.1f} %  {named(names[k])}" for k in shown],
+        [f"{100.0 * odds.rows[k]:5.1f} %  {_named(names[k])}" for k in shown],
     )
 
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from anaplot.adjustment.findings import SearchSettings
-from anaplot.adjustment.reliability import HARD_TO_TELL
+from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.grosserrors import CleanedModel, RejectedRow, strip_gross_errors
 from anaplot.orientation.strip import pooled_sigma_um
@@ -18,6 +17,7 @@ from anaplot.photogrammetry.block import Block
 from anaplot.report.contract import bridge_json
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
+from anaplot.report.searchoptions import search_settings
 from anaplot.report.text import model_printout
 
 __all__ = ["errors_json", "errors_printout", "run_bridge_errors"]
@@ -57,12 +57,7 @@ def run_bridge_errors(
         Exit code: 4 when a model cannot be computed, 1 for `fail_on_flag` with rejected or flagged
         rows, else 0.
     """
-    settings = SearchSettings(
-        alpha=block.test.alpha,
-        power=block.test.power,
-        partner=HARD_TO_TELL if partner is None else partner,
-        pairs=pairs,
-    )
+    settings = search_settings(block.test, partner, pairs=pairs)
     strips = [strip_gross_errors(block, strip, strategy, settings) for strip in block.strips]
     if as_json:
         answer = bridge_json(strip.bridged for strip in strips)
@@ -89,7 +84,7 @@ def run_bridge_errors(
     for error in errors:
         print(f"anaplot: {printable(error)}", file=sys.stderr)
     if errors:
-        return 4
+        return NotComputableError.exit_code
     found = any(m.rejected or m.solution.flagged for strip in strips for m in strip.models)
     return 1 if fail_on_flag and found else 0
 
