@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Component",
+    "DependentConditionsError",
     "Discrepancy",
     "FTest",
     "Removal",
@@ -46,6 +47,13 @@ Array = NDArray[np.float64]
 _RANK = 1e-10  # smallest eigenvalue of a correlation matrix of full rank
 _EQUAL = 1e-9  # relative difference below which two variances cannot be told apart
 _LARGE = 1e6  # noncentrality beyond which an approximation has no error above 1e-7
+
+
+class DependentConditionsError(ValueError):
+    """Conditions that repeat each other: their cofactors are not of full rank."""
+
+    def __init__(self) -> None:
+        super().__init__("the conditions are not of full rank")
 
 
 class FTest(NamedTuple):
@@ -291,7 +299,7 @@ def quadratic_form(difference: Array, cofactors: Array) -> float:
 
     Raises
     ------
-    ValueError
+    DependentConditionsError
         The cofactors are not of full rank: conditions repeat each other.
     """
     scale, rho = _correlation(cofactors)
@@ -317,8 +325,10 @@ def linear_hypothesis(
 
     Raises
     ------
+    DependentConditionsError
+        The conditions are not of full rank.
     ValueError
-        The conditions are not of full rank, or shapes do not fit.
+        Shapes do not fit.
     """
     conditions = np.atleast_2d(np.asarray(conditions, dtype=np.float64))
     if conditions.shape[1] != len(x):
@@ -335,7 +345,7 @@ def noncentrality_of(deviation: Array, cofactors: Array) -> float:
 
     Raises
     ------
-    ValueError
+    DependentConditionsError
         The cofactors are not of full rank.
     """
     return quadratic_form(deviation, cofactors)
@@ -355,8 +365,10 @@ def smallest_detectable(direction: Array, cofactors: Array, noncentrality: float
 
     Raises
     ------
+    DependentConditionsError
+        The cofactors are not of full rank.
     ValueError
-        The direction is zero, or the cofactors are not of full rank.
+        The direction is zero.
     """
     unit = quadratic_form(direction, cofactors)
     if unit <= 0.0:
@@ -407,7 +419,7 @@ def variance_inflation(cofactors: Array) -> Array:
 
     Raises
     ------
-    ValueError
+    DependentConditionsError
         The cofactors are not of full rank.
     """
     _, rho = _correlation(cofactors)
@@ -426,7 +438,7 @@ def sequential_components(difference: Array, cofactors: Array) -> list[Component
 
     Raises
     ------
-    ValueError
+    DependentConditionsError
         The cofactors are not of full rank.
     """
     scale, rho = _correlation(cofactors)
@@ -462,7 +474,7 @@ def principal_components(difference: Array, cofactors: Array) -> list[Component]
 
     Raises
     ------
-    ValueError
+    DependentConditionsError
         The cofactors are not of full rank.
     """
     scale, rho = _correlation(cofactors)
@@ -499,8 +511,10 @@ def removable(
 
     Raises
     ------
+    DependentConditionsError
+        The cofactors are not of full rank.
     ValueError
-        The cofactors are not of full rank, or no such test.
+        No such test.
     """
     scale, rho = _correlation(cofactors)
     _full_rank(rho)
@@ -546,7 +560,7 @@ def _correlation(cofactors: Array) -> tuple[Array, Array]:
         raise ValueError(f"cofactors of shape {q.shape} are not square")
     diagonal = np.diag(q)
     if not bool((diagonal > 0.0).all()):
-        raise ValueError("the conditions are not of full rank")
+        raise DependentConditionsError
     scale = np.sqrt(diagonal)
     rho = q / scale[:, None] / scale
     return scale, 0.5 * (rho + rho.T)
@@ -554,4 +568,4 @@ def _correlation(cofactors: Array) -> tuple[Array, Array]:
 
 def _full_rank(rho: Array) -> None:
     if not float(np.linalg.eigvalsh(rho)[0]) > _RANK:
-        raise ValueError("the conditions are not of full rank")
+        raise DependentConditionsError

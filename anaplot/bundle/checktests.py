@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.adjustment.hypothesis import quadratic_form, sidak_alpha
+from anaplot.adjustment.hypothesis import DependentConditionsError, quadratic_form, sidak_alpha
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.crosscofactors import coordinate_cofactors
 from anaplot.bundle.problem import listed
@@ -209,7 +209,7 @@ def check_tests(
         try:
             groups = _groups(differences, variance, settings)
             deformations = _deformations(differences, variance, settings)
-        except ValueError:
+        except DependentConditionsError:
             groups, deformations = (), ()
             remarks.append(
                 "the check coordinates are not independent of each other: only single points are "

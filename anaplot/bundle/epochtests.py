@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtr, fdtrc
 
 from anaplot.adjustment.hypothesis import (
+    DependentConditionsError,
     bonferroni_alpha,
     critical_f,
     quadratic_form,
@@ -212,11 +213,8 @@ def epoch_tests(
     if not live.any():
         raise NotComputableError("no displacement has a variance: nothing can be tested")
     b = int(live.sum())
-    try:
-        square = quadratic_form(found.d[live], found.cofactors[np.ix_(live, live)])
-        everything = variance.test(square, b, alpha)
-    except ValueError:
-        everything = None
+    total = _square(found, np.flatnonzero(live))
+    everything = None if total is None else variance.test(total, b, alpha)
     limits = _limits(variance, alpha, power, b, len(found.points))
     moves = tuple(_point_move(found, k, live, variance, limits) for k in range(len(found.points)))
     agreement = _agreement_test(found, variance, alpha)
@@ -245,6 +243,14 @@ def epoch_tests(
         located_stable,
         tuple(remarks),
     )
+
+
+def _square(found: EpochDifferences, rows: NDArray[np.intp]) -> float | None:
+    """Return R of some differences; None where their cofactors are singular."""
+    try:
+        return quadratic_form(found.d[rows], found.cofactors[np.ix_(rows, rows)])
+    except DependentConditionsError:
+        return None
 
 
 def _with_variance(found: EpochDifferences) -> NDArray[np.bool_]:
@@ -306,17 +312,13 @@ def _point_move(
 ) -> PointMove:
     """Test the displacement of point `k` by itself, and its coordinates."""
     rows = slice(3 * k, 3 * k + 3)
-    mine = [at for at in range(3 * k, 3 * k + 3) if live[at]]
+    mine = 3 * k + np.flatnonzero(live[rows])
     verdict, beyond = None, None
-    if mine:
-        try:
-            square = quadratic_form(found.d[mine], found.cofactors[np.ix_(mine, mine)])
-        except ValueError:
-            pass
-        else:
-            verdict = variance.test(square, len(mine), limits.point_alpha)
-            if limits.square is not None:
-                beyond = square > limits.square
+    whole = _square(found, mine) if len(mine) else None
+    if whole is not None:
+        verdict = variance.test(whole, len(mine), limits.point_alpha)
+        if limits.square is not None:
+            beyond = whole > limits.square
     free = np.where(found.given[k], 0.0, found.d[rows])
     length = float(np.linalg.norm(free))
     s_length = None

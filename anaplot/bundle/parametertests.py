@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from anaplot.adjustment.hypothesis import (
     Component,
+    DependentConditionsError,
     f_power,
     principal_components,
     quadratic_form,
@@ -242,7 +243,7 @@ def _inflation(family: _Family) -> Array | None:
     """Return (p,) how much each variance grows by correlation; None without full rank."""
     try:
         return variance_inflation(family.q)
-    except ValueError:
+    except DependentConditionsError:
         return None
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.special import fdtrc, fdtri, stdtrit
 
 from anaplot.adjustment.hypothesis import (
+    DependentConditionsError,
     bonferroni_alpha,
     critical_f,
     f_noncentrality,
@@ -265,14 +266,16 @@ def test_significances_of_several_tests() -> None:
 def test_what_is_no_hypothesis() -> None:
     _, q = line()
     x = np.ones(5)
-    with pytest.raises(ValueError, match="full rank"):
+    with pytest.raises(DependentConditionsError, match="full rank"):
         linear_hypothesis(x, q, np.array([[1.0, 0, 0, 0, 0], [2.0, 0, 0, 0, 0]]))
-    with pytest.raises(ValueError, match="full rank"):
+    with pytest.raises(DependentConditionsError, match="full rank"):
         quadratic_form(np.ones(2), np.ones((2, 2)))
-    with pytest.raises(ValueError, match="full rank"):
+    with pytest.raises(DependentConditionsError, match="full rank"):
         quadratic_form(np.ones(2), np.diag([1.0, 0.0]))
-    with pytest.raises(ValueError, match="square"):
+    with pytest.raises(ValueError, match="square") as caught:
         quadratic_form(np.ones(2), np.ones((2, 3)))
+    # what calls it goes on without dependent conditions, never with wrong shapes
+    assert not isinstance(caught.value, DependentConditionsError)
     with pytest.raises(ValueError, match="unknowns"):
         linear_hypothesis(x, q, np.eye(4))
     with pytest.raises(ValueError, match="between 0 and 1"):
