@@ -28,6 +28,7 @@ __all__ = [
     "Found",
     "NoConvergenceError",
     "damped_step",
+    "equations_at",
     "find_minimum",
     "undetermined",
 ]

@@ -22,6 +22,7 @@ from anaplot.bundle.problem import Problem
 from anaplot.bundle.reliability import cofactor_column
 
 __all__ = [
+    "PAPER_TOLERANCE",
     "ClassModel",
     "ObservationClass",
     "Snooping",

@@ -20,6 +20,7 @@ from anaplot.exchange.wording import place, reason
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 
 __all__ = [
+    "block_files",
     "check_for_bridge",
     "read_block",
     "write_block_toml",

@@ -15,7 +15,9 @@ __all__ = [
     "Photo",
     "Precision",
     "Strip",
+    "TestKind",
     "TestSettings",
+    "TieVariance",
 ]
 
 TieVariance = Literal["paper", "propagated"]

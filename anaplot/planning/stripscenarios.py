@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
-from anaplot.photogrammetry.block import Precision, TestSettings
+from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.quantities import YES_OR_NO, Quantity, share
 from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
@@ -26,7 +25,6 @@ from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
 __all__ = ["SizeInStrips", "scenarios"]
 
 Array = NDArray[np.float64]
-TieVariance = Literal["propagated", "paper"]
 
 ALPHA, POWER = 0.001, 0.80
 _IMAGE_UM = 5.0

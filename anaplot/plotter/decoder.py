@@ -13,7 +13,11 @@ from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Recor
 from anaplot.plotter.schema import AxisFormat, Footswitch, Profile, RecordFormat
 from anaplot.plotter.text import safe_text
 
-__all__ = ["Decoder", "check_examples"]
+__all__ = [
+    "UNREFERENCED",
+    "Decoder",
+    "check_examples",
+]
 
 PRESS_TIMEOUT = 1.0
 MAX_NUMBER = 999_999

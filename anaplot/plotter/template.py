@@ -12,7 +12,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["Field", "Template", "TemplateError", "parse_template"]
+__all__ = [
+    "Field",
+    "Template",
+    "TemplateError",
+    "Value",
+    "parse_template",
+]
 
 MAX_TEMPLATE = 300
 _FIELD = re.compile(

@@ -13,7 +13,12 @@ from typing import Any, NoReturn
 from anaplot.errors import InputError
 from anaplot.plotter.text import safe_text
 
-__all__ = ["TomlTable", "parse_toml", "read_limited"]
+__all__ = [
+    "TomlTable",
+    "nearest",
+    "parse_toml",
+    "read_limited",
+]
 
 
 def read_limited(path: Path, limit: int) -> bytes:

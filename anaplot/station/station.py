@@ -77,7 +77,10 @@ from anaplot.station.snapshot import LinkView, ReadOut, Snapshot
 from anaplot.station.stereo import StereoPair
 from anaplot.station.tables import inner_table_payload, table_payload
 
-__all__ = ["Station"]
+__all__ = [
+    "DEFAULT_PATTERN",
+    "Station",
+]
 
 DEFAULT_PATTERN = "13"
 _STALE = 2.0  # s after which a read-out is no longer shown
