@@ -15,32 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.bundle.additional import AdditionalParameters
-from anaplot.bundle.adjust import adjust_block, adjust_bundle
+from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, side_products
+from anaplot.bundle.crosscofactors import coordinate_cofactors
 from anaplot.bundle.datum import on_control
-from anaplot.bundle.normal import State
-from anaplot.bundle.problem import Datum, Problem, listed, make_problem
-from anaplot.bundle.similarity import Similarity, fit_similarity, similarity_effects
+from anaplot.bundle.jointepochs import adjust_jointly, joint_differences
+from anaplot.bundle.namedpoints import point_numbers, point_places
+from anaplot.bundle.problem import Datum, listed
+from anaplot.bundle.similarity import fit_similarity, similarity_effects
 from anaplot.errors import AnaplotError, InputError, NotComputableError
-from anaplot.photogrammetry.block import (
-    Block,
-    Camera,
-    ControlPoint,
-    ImagePoint,
-    Photo,
-    Precision,
-    Strip,
-)
+from anaplot.photogrammetry.block import Block, ControlPoint
 
-__all__ = [
-    "MOST_POINTS",
-    "Agreement",
-    "EpochDifferences",
-    "compare_epochs",
-    "joint_block",
-    "joint_differences",
-]
+__all__ = ["MOST_POINTS", "Agreement", "EpochDifferences", "compare_epochs"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -48,10 +34,7 @@ Progress = Callable[[str, float], None]
 MOST_POINTS = 1000
 """Points that are compared at once: their covariance matrix is dense."""
 
-_MARKS = (" [1]", " [2]")
 _AXES = "XYZ"
-_BOTH = " [both]"  # every name ends in one of the three, so that no two can meet
-_HALF_WEIGHT = 2.0**0.5  # factor of a standard deviation
 _APART = 5.0  # standard deviations by which control of one datum never differs
 _FLAT = 1e-3  # of the extent: stable points closer to one line than this do not hold a rotation
 
@@ -309,7 +292,9 @@ def _together(
     """Compare points in a joint adjustment; also what it warns of."""
     seen = set(one.problem.points) & set(two.problem.points)
     twice = [name for name in partly if name in seen]
-    block = _jointly(one, two, held, twice, datum, additional, common=common, progress=progress)
+    block = adjust_jointly(
+        one, two, held, twice, datum, additional, common=common, progress=progress
+    )
     equal = [(name, axis) for name in twice for axis in partly[name]]
     places, d, q, cost = joint_differences(block, chosen, equal)
     vtpv, redundancy = block.vtpv + cost, block.redundancy
@@ -457,7 +442,7 @@ def _check_stable(one: AdjustedBlock, two: AdjustedBlock, stable: Sequence[str])
             raise InputError(f"stable points that epoch {number} does not have: {listed(missing)}")
     if len(names) < 3:
         raise InputError(f"{len(names)} stable points do not hold a datum: at least 3")
-    at = _places(one, names)
+    at = point_places(one, names)
     spread = np.linalg.svd(at - at.mean(axis=0), compute_uv=False)
     if not spread[1] > _FLAT * spread[0]:
         raise NotComputableError(
@@ -501,27 +486,17 @@ def _chosen(
     return tuple(free), only
 
 
-def _index(block: AdjustedBlock, names: Sequence[str]) -> list[int]:
-    at = {name: k for k, name in enumerate(block.problem.points)}
-    return [at[name] for name in names]
-
-
-def _places(block: AdjustedBlock, names: Sequence[str]) -> Array:
-    out: Array = block.state.points[_index(block, names)] + block.state.origin
-    return out
-
-
 def _cofactors(block: AdjustedBlock, names: Sequence[str]) -> Array:
     return coordinate_cofactors(
-        block, [(k, axis) for k in _index(block, names) for axis in (0, 1, 2)]
+        block, [(k, axis) for k in point_numbers(block, names) for axis in (0, 1, 2)]
     )
 
 
 def _apart(
     one: AdjustedBlock, two: AdjustedBlock, names: Sequence[str]
 ) -> tuple[Array, Array, Array]:
-    at = _places(one, names)
-    d = _places(two, names) - at
+    at = point_places(one, names)
+    d = point_places(two, names) - at
     return at, d.reshape(-1), _cofactors(one, names) + _cofactors(two, names)
 
 
@@ -531,7 +506,7 @@ def _laid(
     """Displacements after an S-transformation onto the stable points."""
     every = [*names, *stable]
     m, s = len(names), len(stable)
-    at, other = _places(one, every), _places(two, every)
+    at, other = point_places(one, every), point_places(two, every)
     fitted = fit_similarity(other[m:], at[m:])
     d = (fitted.apply(other) - at).reshape(-1)
     turn = fitted.scale * fitted.rotation
@@ -556,235 +531,3 @@ def _laid(
     information = (vectors / values) @ vectors.T
     agreement = Agreement(square, rank, d[first:], information)
     return at[:m], d[:first], q[:first, :first], agreement
-
-
-def joint_block(
-    first: Block,
-    second: Block,
-    common: Collection[str] = (),
-    *,
-    control: bool = True,
-    twice: Collection[str] = (),
-    used: tuple[Collection[int], Collection[int]] | None = None,
-    epoch_strips: bool = False,
-    same_cameras: bool = True,
-) -> Block:
-    """Return both epochs as one block, names marked by " [1]", " [2]" and " [both]".
-
-    Parameters
-    ----------
-    first, second
-        The blocks.
-    common
-        Points that have one set of coordinates.
-    control
-        Whether the second epoch's control is taken besides the first's.
-    twice
-        Control points that are a point in each epoch, each with half the weight: once both are
-        held equal (`joint_differences`), the two observations are the one that was made.
-    used
-        Rows of image points that take part; None: all.
-    epoch_strips
-        Make each epoch one strip.
-    same_cameras
-        Let cameras that are declared alike be one.
-    """
-    together, halved = set(common), set(twice)
-
-    def named(name: str, k: int) -> str:
-        return name + (_BOTH if name in together else _MARKS[k])
-
-    blocks = (first, second)
-    alike = {c.id for c in first.cameras} & {c.id for c in second.cameras}
-    alike = {n for n in alike if same_cameras and _camera(first, n) == _camera(second, n)}
-    cameras: dict[str, Camera] = {}
-    photos: list[Photo] = []
-    strips: list[Strip] = []
-    rows: list[ImagePoint] = []
-    controls: dict[str, ControlPoint] = {}
-    for k, block in enumerate(blocks):
-        mark = _MARKS[k]
-
-        def camera_name(name: str, mark: str = mark) -> str:
-            return name + (_BOTH if name in alike else mark)
-
-        for camera in block.cameras:
-            name = camera_name(camera.id)
-            cameras.setdefault(name, replace(camera, id=name))
-        photos += [replace(p, id=p.id + mark, camera=camera_name(p.camera)) for p in block.photos]
-        if epoch_strips:
-            strips.append(Strip(f"epoch{mark}", tuple(p.id + mark for p in block.photos)))
-        else:
-            strips += [
-                replace(s, id=s.id + mark, photos=tuple(p + mark for p in s.photos))
-                for s in block.strips
-            ]
-        chosen = range(len(block.image_points)) if used is None else sorted(used[k])
-        for at in chosen:
-            row = block.image_points[at]
-            sigma = block.precision.image_um if row.sigma_um is None else row.sigma_um
-            rows.append(
-                replace(row, photo=row.photo + mark, point=named(row.point, k), sigma_um=sigma)
-            )
-        if k == 1 and not control:
-            continue
-        for point in block.control:
-            if point.use == "off":
-                continue
-            name = named(point.point, k)
-            wide = _HALF_WEIGHT if point.point in halved else 1.0
-            x, y, z = (None if s is None else wide * s for s in _sigmas(block, point))
-            controls.setdefault(name, replace(point, point=name, sigma=(x, y, z)))
-    return Block(
-        name=f"{first.name} and {second.name}",
-        precision=Precision(first.precision.image_um, first.precision.tie_variance),
-        test=first.test,
-        cameras=tuple(cameras.values()),
-        photos=tuple(photos),
-        strips=tuple(strips),
-        image_points=tuple(rows),
-        control=tuple(controls.values()),
-    )
-
-
-def _camera(block: Block, name: str) -> Camera:
-    return next(c for c in block.cameras if c.id == name)
-
-
-def _jointly(
-    one: AdjustedBlock,
-    two: AdjustedBlock,
-    held: Sequence[str],
-    twice: Sequence[str],
-    datum: Datum,
-    additional: AdditionalParameters | None,
-    *,
-    common: bool,
-    progress: Progress | None,
-) -> AdjustedBlock:
-    first, second = one.problem.block, two.problem.block
-    per_epoch = additional is not None and not common and additional.scope == "block"
-    own_cameras = additional is not None and not common and additional.scope == "camera"
-    if common:
-        for camera in first.cameras:
-            other = next((c for c in second.cameras if c.id == camera.id), None)
-            if other is not None and other != camera:
-                raise InputError(
-                    f"camera {camera.id} is declared differently in the two epochs: common "
-                    "parameters need the same camera"
-                )
-    block = joint_block(
-        first,
-        second,
-        held,
-        control=datum == "control",
-        twice=twice,
-        used=(set(one.problem.source.tolist()), set(two.problem.source.tolist())),
-        epoch_strips=per_epoch,
-        same_cameras=not own_cameras,
-    )
-    if per_epoch and additional is not None:
-        additional = replace(additional, scope="strip")
-    problem = make_problem(block, datum=datum, additional=additional)
-    fitted = None
-    if datum == "free":
-        fitted = fit_similarity(_places(two, held), _places(one, held))
-    start = _start(problem, one, two, fitted)
-
-    def tell(what: str, share: float) -> None:
-        if progress is not None:
-            progress(f"both epochs: {what}", share)
-
-    return adjust_bundle(problem, start, progress=tell)
-
-
-def _start(
-    problem: Problem, one: AdjustedBlock, two: AdjustedBlock, fitted: Similarity | None
-) -> State:
-    """Approximate values from the epochs' own adjustments."""
-    origin = one.state.origin
-    centres: dict[str, Array] = {}
-    rotations: dict[str, Array] = {}
-    points: dict[str, Array] = {}
-    for k, block in reversed(list(enumerate((one, two)))):
-        state, names = block.state, block.problem
-        at_photos, at_points = state.centres + state.origin, state.points + state.origin
-        turned = state.rotations
-        if k == 1 and fitted is not None:
-            at_photos, at_points = fitted.apply(at_photos), fitted.apply(at_points)
-            turned = fitted.rotation @ turned
-        centres.update((n + _MARKS[k], v) for n, v in zip(names.photos, at_photos, strict=True))
-        rotations.update((n + _MARKS[k], v) for n, v in zip(names.photos, turned, strict=True))
-        for n, v in zip(names.points, at_points, strict=True):
-            points[n + _MARKS[k]] = v
-            points[n + _BOTH] = v
-    at = np.array([points[n] for n in problem.points]) - origin
-    fixed = problem.fixed
-    at[fixed] = (problem.known - origin)[fixed]
-    return State(
-        centres=np.array([centres[n] for n in problem.photos]) - origin,
-        rotations=np.array([rotations[n] for n in problem.photos]),
-        points=at,
-        own=np.zeros((len(problem.photos), problem.per_photo - 6)),
-        shared=np.zeros(problem.in_border),
-        origin=origin,
-    )
-
-
-def joint_differences(
-    block: AdjustedBlock, names: Sequence[str], equal: Sequence[tuple[str, int]] = ()
-) -> tuple[Array, Array, Array, float]:
-    """Return displacements in a joint adjustment.
-
-    One right-hand side for each difference. A difference of two points does not depend on what
-    holds the joint datum, up to its own size over the extent of the block.
-
-    Parameters
-    ----------
-    block
-        The adjusted `joint_block`.
-    names
-        The m points.
-    equal
-        (point, axis) that are the same coordinate in both epochs, see `twice` of `joint_block`;
-        held equal from here on, by conditions between the adjusted unknowns.
-
-    Returns
-    -------
-    tuple
-        (m, 3) places in the first epoch [m], (3 m,) displacements [m], (3 m, 3 m) their cofactors
-        [m^2], and what the conditions add to v'Pv.
-    """
-    problem = block.problem
-    every = [*names, *dict.fromkeys(name for name, _ in equal if name not in set(names))]
-    before, after = (_index(block, [n + mark for n in every]) for mark in _MARKS)
-    position = {name: k for k, name in enumerate(every)}
-    same = [3 * position[name] + axis for name, axis in equal]
-    # what is free of error is equal already
-    same = [k for k in same if not problem.fixed[before[k // 3], k % 3]]
-
-    def sides(mine: Sequence[int]) -> Sides:
-        photos = np.zeros((len(problem.photos), problem.per_photo, len(mine)))
-        points = np.zeros((len(problem.points), 3, len(mine)))
-        for column, k in enumerate(mine):
-            point, axis = divmod(k, 3)
-            for at, sign in ((before[point], -1.0), (after[point], 1.0)):
-                points[at, axis, column] = 0.0 if problem.fixed[at, axis] else sign
-        return photos, points, np.zeros((problem.in_border, len(mine)))
-
-    m = 3 * len(names)
-    places = block.state.points[before[: len(names)]] + block.state.origin
-    d = (block.state.points[after] - block.state.points[before]).reshape(-1)
-    q = side_products(block, len(d), sides)
-    if not same:
-        return places, d[:m], q[:m, :m], 0.0
-    off = np.linalg.solve(q[np.ix_(same, same)], d[same])
-    cost = float(d[same] @ off)
-    _, moved, _ = block.cofactors.normal.solve(block.cofactors.factor, *sides(same))
-    moved = np.where(problem.fixed, 0.0, moved @ off)
-    places = places - moved[before[: len(names)]]
-    d = d - q[:, same] @ off
-    q = q - q[:, same] @ np.linalg.solve(q[np.ix_(same, same)], q[same])
-    d[same], q[same], q[:, same] = 0.0, 0.0, 0.0
-    q = 0.5 * (q + q.T)
-    return places, d[:m], q[:m, :m], cost

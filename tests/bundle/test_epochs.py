@@ -14,8 +14,9 @@ from bundleblocks import aerial, make_scene
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.crosscofactors import coordinate_cofactors
-from anaplot.bundle.epochs import compare_epochs, joint_block
+from anaplot.bundle.epochs import compare_epochs
 from anaplot.bundle.epochtests import epoch_tests
+from anaplot.bundle.jointepochs import joint_block
 from anaplot.bundle.minimum import NoConvergenceError
 from anaplot.bundle.similarity import fit_similarity
 from anaplot.cli import main

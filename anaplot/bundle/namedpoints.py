@@ -1,0 +1,24 @@
+"""Points of an adjusted block by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.adjusted import AdjustedBlock
+
+__all__ = ["point_numbers", "point_places"]
+
+
+def point_numbers(block: AdjustedBlock, names: Sequence[str]) -> list[int]:
+    """Return the numbers of points in the bundle; raises KeyError for one that takes no part."""
+    at = {name: k for k, name in enumerate(block.problem.points)}
+    return [at[name] for name in names]
+
+
+def point_places(block: AdjustedBlock, names: Sequence[str]) -> NDArray[np.float64]:
+    """Return (m, 3) adjusted coordinates [m] of m points; raises KeyError as `point_numbers`."""
+    out: NDArray[np.float64] = block.state.points[point_numbers(block, names)] + block.state.origin
+    return out
