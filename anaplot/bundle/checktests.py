@@ -218,7 +218,7 @@ def check_tests(
     return CheckTests(
         groups,
         _points(differences, variance, settings),
-        _coordinates(block, differences, variance, settings),
+        _coordinates(differences, variance, settings),
         deformations,
         tuple(remarks),
     )
@@ -289,10 +289,7 @@ def _points(
 
 
 def _coordinates(
-    block: AdjustedBlock,
-    differences: _Differences,
-    variance: Variance,
-    settings: HypothesisSettings,
+    differences: _Differences, variance: Variance, settings: HypothesisSettings
 ) -> tuple[CheckCoordinateTest, ...]:
     alpha = sidak_alpha(settings.alpha, len(differences.d))
     noncentrality = variance.detectable(alpha, settings.power)

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, side_products
+from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, empty_sides, side_products
 from anaplot.bundle.similarity import Similarity, fit_to_partial, similarity_effects
 from anaplot.bundle.verdict import HypothesisSettings, Variance, Verdict
 from anaplot.photogrammetry.collinearity import project_with_derivatives
@@ -295,19 +295,7 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
         np.argsort(problem.point, kind="stable"),
         np.cumsum(np.bincount(problem.point, minlength=len(problem.points)))[:-1],
     )
-    b = linear.b
-    if fixed.any():
-        b = b.copy()
-        mine = np.nonzero(np.any(problem.fixed, axis=1)[problem.point])[0]
-        seen = project_with_derivatives(
-            block.state.centres[problem.photo[mine]],
-            block.state.rotations[problem.photo[mine]],
-            problem.c[problem.photo[mine]],
-            block.state.points[problem.point[mine]],
-        )
-        b[mine] = seen.point / problem.sigma_xy[mine][:, :, None]
-        if problem.rejected is not None:
-            b[problem.rejected] = 0.0
+    b = _derivatives(block) if fixed.any() else linear.b
     score = np.empty(len(places))
     own = np.zeros((len(places), len(places)))
     by_point: dict[int, list[int]] = {}
@@ -330,9 +318,7 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
     size = np.diag(own).copy()
 
     def sides(mine: range) -> Sides:
-        photos = np.zeros((len(problem.photos), problem.per_photo, len(mine)))
-        points = np.zeros((len(problem.points), 3, len(mine)))
-        shared = np.zeros((problem.in_border, len(mine)))
+        photos, points, shared = empty_sides(block, len(mine))
         for column, k in enumerate(mine):
             point, axis = places[k]
             if not fixed[k]:
@@ -370,6 +356,23 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
                 taken = taken * weight[:, None] * weight
             information[index] -= taken
     return _Control(places, fixed, score, information, size)
+
+
+def _derivatives(block: AdjustedBlock) -> Array:
+    """Return (m, 2, 3) whitened derivatives by the points, also by coordinates free of error."""
+    problem = block.problem
+    b = block.cofactors.normal.linear.b.copy()
+    mine = np.nonzero(np.any(problem.fixed, axis=1)[problem.point])[0]
+    seen = project_with_derivatives(
+        block.state.centres[problem.photo[mine]],
+        block.state.rotations[problem.photo[mine]],
+        problem.c[problem.photo[mine]],
+        block.state.points[problem.point[mine]],
+    )
+    b[mine] = seen.point / problem.sigma_xy[mine][:, :, None]
+    if problem.rejected is not None:
+        b[problem.rejected] = 0.0
+    return b
 
 
 def _from(sides: Callable[[range], Sides], start: int, part: range) -> Sides:

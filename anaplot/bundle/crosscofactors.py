@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from anaplot.bundle.adjusted import AdjustedBlock
 
-__all__ = ["Sides", "coordinate_cofactors", "own_parameter_cofactors", "side_products"]
+__all__ = [
+    "Sides",
+    "coordinate_cofactors",
+    "empty_sides",
+    "own_parameter_cofactors",
+    "side_products",
+]
 
 Array = NDArray[np.float64]
 Sides = tuple[Array, Array, Array]
@@ -51,7 +57,8 @@ def side_products(block: AdjustedBlock, count: int, sides: Callable[[range], Sid
     return 0.5 * (out + out.T)
 
 
-def _empty(block: AdjustedBlock, count: int) -> Sides:
+def empty_sides(block: AdjustedBlock, count: int) -> Sides:
+    """Return right-hand sides of zeros, to be filled."""
     problem = block.problem
     return (
         np.zeros((len(problem.photos), problem.per_photo, count)),
@@ -68,7 +75,7 @@ def coordinate_cofactors(block: AdjustedBlock, coordinates: Sequence[tuple[int, 
     """
 
     def sides(mine: range) -> Sides:
-        photos, points, shared = _empty(block, len(mine))
+        photos, points, shared = empty_sides(block, len(mine))
         for column, k in enumerate(mine):
             point, axis = coordinates[k]
             points[point, axis, column] = 0.0 if block.problem.fixed[point, axis] else 1.0
@@ -82,7 +89,7 @@ def own_parameter_cofactors(block: AdjustedBlock) -> Array:
     q = block.problem.per_photo - 6
 
     def sides(mine: range) -> Sides:
-        photos, points, shared = _empty(block, len(mine))
+        photos, points, shared = empty_sides(block, len(mine))
         for column, k in enumerate(mine):
             photo, index = divmod(k, q)
             photos[photo, 6 + index, column] = 1.0

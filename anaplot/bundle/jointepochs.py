@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjust import adjust_bundle
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.crosscofactors import Sides, side_products
+from anaplot.bundle.crosscofactors import Sides, empty_sides, side_products
 from anaplot.bundle.namedpoints import point_numbers, point_places
 from anaplot.bundle.normal import State
 from anaplot.bundle.problem import Datum, Problem, make_problem
@@ -273,13 +273,12 @@ def joint_differences(
     same = [k for k in same if not problem.fixed[before[k // 3], k % 3]]
 
     def sides(mine: Sequence[int]) -> Sides:
-        photos = np.zeros((len(problem.photos), problem.per_photo, len(mine)))
-        points = np.zeros((len(problem.points), 3, len(mine)))
+        photos, points, shared = empty_sides(block, len(mine))
         for column, k in enumerate(mine):
             point, axis = divmod(k, 3)
             for at, sign in ((before[point], -1.0), (after[point], 1.0)):
                 points[at, axis, column] = 0.0 if problem.fixed[at, axis] else sign
-        return photos, points, np.zeros((problem.in_border, len(mine)))
+        return photos, points, shared
 
     m = 3 * len(names)
     places = block.state.points[before[: len(names)]] + block.state.origin
