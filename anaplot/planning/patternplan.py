@@ -13,8 +13,21 @@ from anaplot.orientation.model import WrongPointsError
 from anaplot.orientation.patterns import Pattern, ideal_model
 from anaplot.orientation.results import ModelSolution
 
-__all__ = ["Advice", "PlannedPattern", "Span", "advise", "from_pattern", "grid", "solve"]
+__all__ = [
+    "USUAL_BASE",
+    "USUAL_C",
+    "USUAL_D",
+    "Advice",
+    "PlannedPattern",
+    "Span",
+    "advise",
+    "from_pattern",
+    "grid",
+    "solve",
+]
 
+USUAL_BASE, USUAL_D, USUAL_C = 90.0, 100.0, 152.0
+"""Base at photo scale, half the model in y and camera constant [mm], where none are asked for."""
 
 Span = tuple[float, float]
 

@@ -24,7 +24,14 @@ from anaplot.orientation.modelvalues import ideal_roots
 from anaplot.orientation.patterns import pattern
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube, plan_network
 from anaplot.planning.ownerrors import OwnErrors
-from anaplot.planning.patternplan import PlannedPattern, from_pattern, solve
+from anaplot.planning.patternplan import (
+    USUAL_BASE,
+    USUAL_C,
+    USUAL_D,
+    PlannedPattern,
+    from_pattern,
+    solve,
+)
 from anaplot.report.ownplaces import RowName, rows_in
 from anaplot.report.plannetwork import network_from_file
 
@@ -38,7 +45,6 @@ MOST_ROWS = 4_000
 # Runs of a chunk, and rows of them all: a large block's chunks are done, and kept, as often.
 _CHUNK, _CHUNK_ROWS = 50, 5_000
 
-_BASE, _D, _C = 90.0, 100.0, 152.0
 _MOST_BYTES = 20_000_000
 
 
@@ -151,7 +157,7 @@ def _geometry(source: str, known: Collection[str], model: ModelOptions) -> _Geom
         if model.d is not None:
             raise InputError("--d goes with a named pattern; a file says where its points lie")
         points, ties = read_pattern(path)
-        plan = PlannedPattern(points, ties, model.base or _BASE, model.c or _C)
+        plan = PlannedPattern(points, ties, model.base or USUAL_BASE, model.c or USUAL_C)
         return _of_model(path.name, f"the pattern {path.name}", plan, model)
     try:
         named = pattern(source)
@@ -160,9 +166,9 @@ def _geometry(source: str, known: Collection[str], model: ModelOptions) -> _Geom
             f"{quoted(source)} is no scenario{hint(source, known)}, pattern, block or network; "
             "--list names the scenarios"
         ) from None
-    plan = from_pattern(named, model.base or _BASE, model.d or _D, model.c or _C)
+    plan = from_pattern(named, model.base or USUAL_BASE, model.d or USUAL_D, model.c or USUAL_C)
     about = f"a model of pattern {named.name}"
-    return _of_model(named.name, about, plan, model, d=model.d or _D)
+    return _of_model(named.name, about, plan, model, d=model.d or USUAL_D)
 
 
 def _is_network(path: Path) -> bool:

@@ -17,6 +17,8 @@ from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.patterns import PATTERNS, pattern, trace_in_bases
 from anaplot.orientation.results import ModelSolution
 from anaplot.planning.patternplan import (
+    USUAL_BASE,
+    USUAL_D,
     Advice,
     PlannedPattern,
     Span,
@@ -32,7 +34,6 @@ __all__ = ["pattern_json", "run_plan_pattern"]
 
 _SHOWN = 5
 _FILES = (".csv", ".toml")
-_BASE, _D = 90.0, 100.0  # mm, of a named pattern
 _LEAST_BASE = 1e-3  # mm
 
 
@@ -110,8 +111,8 @@ def _named(options: argparse.Namespace) -> _Planned:
         if "/" in name:
             raise InputError(f"--ties {options.ties}: {quoted(name)} says itself how many tie")
         name = f"{name}/{options.ties}"
-    base = _BASE if options.base is None else options.base
-    d = _D if options.d is None else options.d
+    base = USUAL_BASE if options.base is None else options.base
+    d = USUAL_D if options.d is None else options.d
     plan = from_pattern(pattern(name), base, d, options.c)
     return _Planned(plan, (0.0, base), (-d, d), base_derived=False)
 
