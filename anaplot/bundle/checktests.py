@@ -170,11 +170,13 @@ def check_tests(
     at = {name: k for k, name in enumerate(problem.points)}
     missing = list(dict.fromkeys(name for name, _, _ in wanted if name not in at))
     wanted = [(name, axis, value) for name, axis, value in wanted if name in at]
-    if problem.datum != "control" or not wanted:
+    if problem.datum != "control" or not (wanted or missing):
         return None
     remarks = []
     if missing:
         remarks.append(f"check points that are not in the adjustment: {listed(missing)}")
+    if not wanted:
+        return CheckTests((), (), (), (), tuple(remarks))
     together = len(wanted) <= _MOST
     if not together:
         remarks.append(

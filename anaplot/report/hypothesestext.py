@@ -230,6 +230,8 @@ def _combination(part: ComponentTest, names: list[str]) -> str:
 
 
 def _check(found: CheckTests) -> list[str]:
+    if not found.coordinates:
+        return ["  CHECK POINTS", *_remarks(found.remarks), ""]
     width = 24
     lines = [f"  {'CHECK POINTS':<{width}}{_COLUMNS}    rms [m]  expected"]
     for group in found.groups:

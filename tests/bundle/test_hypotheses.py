@@ -21,6 +21,7 @@ from anaplot.bundle.parametertests import parameter_tests
 from anaplot.bundle.problem import make_problem
 from anaplot.bundle.verdict import HypothesisSettings, Variance
 from anaplot.photogrammetry.block import ControlPoint, TestSettings
+from anaplot.report.hypothesestext import hypotheses_printout
 
 
 def dense(block):
@@ -358,6 +359,19 @@ def test_check_points_with_single_coordinates_and_none() -> None:
     assert check_tests(adjust_block(replace(block.problem.block, control=tuple(bare)))) is None
     # another datum does not lie in the system of the check points
     assert check_tests(adjust_block(block.problem.block, datum="free")) is None
+
+
+def test_check_points_all_of_which_are_missing_are_told() -> None:
+    block = small().problem.block
+    rows = [row for row in block.control if row.use == "control"]
+    rows.append(ControlPoint("nowhere", (0.0, 0.0, 0.0), use="check"))
+    adjusted = adjust_block(replace(block, control=tuple(rows)))
+    found = check_tests(adjusted)
+    assert found.coordinates == ()
+    assert found.remarks == ("check points that are not in the adjustment: nowhere",)
+    text = hypotheses_printout(block_hypotheses(adjusted))
+    assert "check points that are not in the adjustment: nowhere" in text
+    assert "0 of 0" not in text
 
 
 # --- control --------------------------------------------------------------------------------
