@@ -21,7 +21,7 @@ standardized estimate of its error falls below the critical value.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from math import log, sqrt
 from typing import Literal, NamedTuple
@@ -40,7 +40,8 @@ from anaplot.adjustment.findings import (
     SearchSettings,
     Step,
 )
-from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR, error_odds
+from anaplot.adjustment.left import Left
+from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR, Odds, error_odds
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.reweighting import SETTLED, Reweighting, reweight
 from anaplot.adjustment.search import largest, search
@@ -80,6 +81,7 @@ def find_gross_errors(
     models: Array | None = None,
     tolerance: float = 0.25,
     suspects: Bools | None = None,
+    left_out: Collection[int] = (),
 ) -> Findings:
     """Search for gross errors in an adjustment.
 
@@ -98,15 +100,21 @@ def find_gross_errors(
         k_q, the share by which an exact value may differ from its model value.
     suspects
         (n,) rows that may be rejected; None: all.
+    left_out
+        Rows that are out for good: neither tested nor weighed.
 
     Raises
     ------
     ValueError
         No such strategy; "modified" without model values; too many rows for odds over pairs.
+    NotSeparableError
+        The other rows do not check one that is left out.
     """
     if strategy not in STRATEGIES:
         raise ValueError(f"no strategy {strategy!r}; there are {', '.join(STRATEGIES)}")
     used = SearchSettings() if settings is None else settings
+    if left_out:
+        system = Left(system, left_out)
     n = len(system.e)
     if used.pairs and n > MOST_ROWS_OF_PAIRS:
         raise ValueError(f"odds over pairs of {n} rows: at most {MOST_ROWS_OF_PAIRS}")
@@ -142,7 +150,14 @@ def find_gross_errors(
         if np.nanmax(w, initial=0.0) > critical:
             remarks.append(f"stopped at {most} rejected rows; there may be more errors")
     return _findings(
-        state, strategy, steps, used, weights=weights, values=values, remarks=tuple(remarks)
+        state,
+        strategy,
+        steps,
+        used,
+        weights=weights,
+        values=values,
+        remarks=tuple(remarks),
+        rows=_others(n, left_out),
     )
 
 
@@ -422,6 +437,7 @@ def _findings(
     weights: Array | None,
     values: ModelValues | None,
     remarks: tuple[str, ...],
+    rows: NDArray[np.intp],
 ) -> Findings:
     system = state.system
     r, e = np.asarray(system.r, dtype=float), np.asarray(system.e, dtype=float)
@@ -442,6 +458,7 @@ def _findings(
     if kind == "tau":
         s0 = sqrt(system.vtpv / system.redundancy) if system.redundancy > 0 else 0.0
         ratio = size / s0 if s0 > _NO_SIGMA else None
+    single = error_odds(r[rows], None if ratio is None else ratio[rows], system.redundancy, kind)
     return Findings(
         strategy=strategy,
         steps=tuple(steps),
@@ -449,8 +466,8 @@ def _findings(
         hard_to_tell=partners,
         untestable=tuple(np.flatnonzero(~testable).tolist()),
         at_end=at_end,
-        odds=error_odds(r, ratio, system.redundancy, kind),
-        pair_odds=pair_odds(system) if settings.pairs else None,
+        odds=Odds(_spread(single.rows, rows, len(r)), single.none),
+        pair_odds=_pair_odds(system, rows) if settings.pairs else None,
         model_values=values,
         remarks=remarks,
     )
@@ -501,7 +518,23 @@ def _retrace(
     return tuple(out), tuple(partners)
 
 
-def pair_odds(system: ResidualSystem, most: int = 20) -> PairOdds:
+def _others(n: int, left_out: Collection[int]) -> NDArray[np.intp]:
+    """Return the rows that are not left out."""
+    there = np.ones(n, dtype=bool)
+    there[list(left_out)] = False
+    return np.flatnonzero(there)
+
+
+def _spread(values: Array, rows: NDArray[np.intp], n: int) -> Array:
+    """Return (n,) the values of some rows, zero in all others."""
+    out = np.zeros(n)
+    out[rows] = values
+    return out
+
+
+def pair_odds(
+    system: ResidualSystem, most: int = 20, *, left_out: Collection[int] = ()
+) -> PairOdds:
     """Weigh no, one and two gross errors against each other; sigma known.
 
     Parameters
@@ -510,6 +543,8 @@ def pair_odds(system: ResidualSystem, most: int = 20) -> PairOdds:
         All rows, at most `MOST_ROWS_OF_PAIRS`.
     most
         Number of pairs returned.
+    left_out
+        Rows that are out for good: not weighed.
 
     Notes
     -----
@@ -522,11 +557,19 @@ def pair_odds(system: ResidualSystem, most: int = 20) -> PairOdds:
     ------
     ValueError
         Too many rows.
+    NotSeparableError
+        The other rows do not check one that is left out.
     """
-    e, r = np.asarray(system.e, dtype=float), np.asarray(system.r, dtype=float)
-    n = len(e)
-    if n > MOST_ROWS_OF_PAIRS:
-        raise ValueError(f"odds over pairs of {n} rows: at most {MOST_ROWS_OF_PAIRS}")
+    every = len(system.e)
+    if every > MOST_ROWS_OF_PAIRS:
+        raise ValueError(f"odds over pairs of {every} rows: at most {MOST_ROWS_OF_PAIRS}")
+    rest = Left(system, left_out) if left_out else system
+    return _pair_odds(rest, _others(every, left_out), most)
+
+
+def _pair_odds(system: ResidualSystem, rows: NDArray[np.intp], most: int = 20) -> PairOdds:
+    e, r = np.asarray(system.e, dtype=float)[rows], np.asarray(system.r, dtype=float)[rows]
+    every, n = len(system.e), len(rows)
     g = ERROR_PRIOR_SIGMAS**2
     further = 1.0 - NONE_PRIOR
     own = r + 1.0 / g
@@ -534,7 +577,7 @@ def pair_odds(system: ResidualSystem, most: int = 20) -> PairOdds:
     a, b = np.triu_indices(n, 1)
     logs = np.zeros(0)
     if n > 1:
-        matrix = system.columns(np.arange(n))
+        matrix = system.columns(rows)[rows]
         c = matrix[a, b]
         determinant = np.maximum(own[a] * own[b] - c * c, 1e-300)
         square = (e[a] ** 2 * own[b] - 2.0 * e[a] * e[b] * c + e[b] ** 2 * own[a]) / determinant
@@ -547,5 +590,11 @@ def pair_odds(system: ResidualSystem, most: int = 20) -> PairOdds:
     best = np.argsort(-two, kind="stable")[:most]
     marginal = one + np.bincount(a, two, n) + np.bincount(b, two, n)
     return PairOdds(
-        float(none) / total, one, a[best], b[best], two[best], float(two.sum()), marginal
+        float(none) / total,
+        _spread(one, rows, every),
+        rows[a[best]],
+        rows[b[best]],
+        two[best],
+        float(two.sum()),
+        _spread(marginal, rows, every),
     )

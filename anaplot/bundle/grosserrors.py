@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
-from anaplot.adjustment.left import Left
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import (
     MOST_ROWS_OF_PAIRS,
@@ -123,8 +122,8 @@ class BlockFindings:
     block
         Adjusted without the rejected observations.
     begun
-        Adjusted with all of them; where that has no solution, with all that fit. The search has
-        looked at the others as well.
+        Adjusted with all of them but those held; where that has no solution, with all that fit.
+        The search has looked at the others as well.
     system
         All observations, linearised where the block lies at the end.
     passes
@@ -153,7 +152,7 @@ class BlockFindings:
 
     @property
     def first(self) -> AdjustedBlock | None:
-        """Adjusted with all observations; None where that has no solution."""
+        """Adjusted with all observations but those held; None where that has no solution."""
         return None if self.begun.left_out else self.begun.block
 
     @property
@@ -375,7 +374,7 @@ def block_gross_errors(
     end = search.best_end(first, held if complete else None)
     findings = end.passes[-1]
     if used.pairs:
-        findings = replace(findings, pair_odds=pair_odds(end.system))
+        findings = replace(findings, pair_odds=pair_odds(end.system, left_out=end.held))
     cleaned = first
     if end.found is not None:
         cleaned = evaluate(without(end.system, frozenset(findings.rows) | end.held), end.found)
@@ -540,12 +539,13 @@ class _Search:
         suspects[list(barred)] = False
         suspects[: system.image_rows] &= not self.control_only
         findings = find_gross_errors(
-            Left(system, self.held) if self.held else system,
+            system,
             self.strategy,
             replace(self.settings, pairs=False),
             models=model_values(system) if self.strategy == "modified" else None,
             tolerance=PAPER_TOLERANCE,
             suspects=suspects,
+            left_out=self.held,
         )
         return system, findings
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from anaplot.adjustment.findings import Findings, Step
+from anaplot.adjustment.findings import Step
 from anaplot.adjustment.reliability import Odds
 from anaplot.adjustment.significance import critical_normal
 from anaplot.bundle.additional import AdditionalParameters
@@ -32,6 +32,7 @@ Json = dict[str, Any]
 
 _MOST = 30  # rows of a list in the text; JSON holds them all
 _ODDS = 0.01  # smallest probability shown
+_BUT_HELD = " but those rejected before"
 _DIGITS = {"um": (1.0, "um"), "m": (1e3, "mm"), "rad": (1e6, "urad"), "mm": (1e3, "um")}
 
 
@@ -145,7 +146,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
     lines += _listed(
         "cannot be tested: nothing checks them", [_named(name) for name in cleaned.untestable]
     )
-    lines += _odds(found, names)
+    lines += _odds(cleaned)
     if found.model_values is not None:
         lines.append(f"  {model_values_line(found.model_values)}")
     lines += [f"  note: {printable(remark)}" for remark in cleaned.remarks]
@@ -156,8 +157,9 @@ def _before_and_after(cleaned: BlockFindings) -> list[str]:
     first, block = cleaned.first, cleaned.block
     after = f"{_number(block.sigma0, 4)} without the rejected"
     if first is not None:
+        but = _BUT_HELD if cleaned.held else ""
         return [
-            f"  sigma0 {_number(first.sigma0, 4)} with all observations, {after}; redundancy "
+            f"  sigma0 {_number(first.sigma0, 4)} with all observations{but}, {after}; redundancy "
             f"{first.redundancy} and {block.redundancy}"
         ]
     return [
@@ -190,13 +192,15 @@ def _measure(strategy: str) -> str:
     return {"tau": "tau", "rms": "v/rms", "huber": "v", "danish": "v"}.get(strategy, "w")
 
 
-def _odds(found: Findings, names: tuple[ObservationName, ...]) -> list[str]:
-    lines = _single_odds(found.odds, names)
+def _odds(cleaned: BlockFindings) -> list[str]:
+    found, names = cleaned.findings, cleaned.system.names
+    weighed = f"all observations in{_but(cleaned)}"
+    lines = _single_odds(found.odds, names, weighed)
     odds = found.pair_odds
     if odds is None:
         return lines
     lines.append(
-        f"  odds over none, one and two, all observations in: "
+        f"  odds over none, one and two, {weighed}: "
         f"no gross error {100.0 * odds.none:.1f} %, one "
         f"{100.0 * float(odds.single.sum()):.1f} %, two {100.0 * odds.pairs:.1f} %"
     )
@@ -218,11 +222,18 @@ def _odds(found: Findings, names: tuple[ObservationName, ...]) -> list[str]:
     return lines
 
 
-def _single_odds(odds: Odds, names: tuple[ObservationName, ...]) -> list[str]:
+def _but(cleaned: BlockFindings) -> str:
+    """Say which observations the search has not looked at."""
+    if not cleaned.kept_out:
+        return _BUT_HELD if cleaned.held else ""
+    return (f"{_BUT_HELD} and" if cleaned.held else " but") + " those no solution is found with"
+
+
+def _single_odds(odds: Odds, names: tuple[ObservationName, ...], weighed: str) -> list[str]:
     order = np.argsort(-odds.rows, kind="stable")
     shown = [k for k in order.tolist() if odds.rows[k] >= _ODDS]
     return _listed(
-        f"if there is one gross error at most, all observations in: none {100.0 * odds.none:.1f} %",
+        f"if there is one gross error at most, {weighed}: none {100.0 * odds.none:.1f} %",
         [f"{100.0 * odds.rows[k]:5.1f} %  {_named(names[k])}" for k in shown],
     )
 

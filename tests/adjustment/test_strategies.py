@@ -305,6 +305,25 @@ def test_pair_odds_name_the_pair_and_sum_to_one() -> None:
     assert odds.marginal[4] > 0.99
 
 
+def test_rows_left_out_are_not_weighed() -> None:
+    design, misclosures, system = random_system(8, n=14, u=4, errors={4: 14.0, 9: 30.0})
+    keep = np.delete(np.arange(14), [9, 2])
+    anew = system_of(design[keep], misclosures[keep])
+    settings = SearchSettings(pairs=True)
+    found = find_gross_errors(system, "search", settings, left_out=(9, 2))
+    expected = find_gross_errors(anew, "search", settings)
+    assert found.rows == tuple(keep[list(expected.rows)]) == (4,)
+    assert found.odds.none == pytest.approx(expected.odds.none)
+    assert found.odds.rows[keep] == pytest.approx(expected.odds.rows)
+    odds, other = pair_odds(system, left_out=(9, 2)), expected.pair_odds
+    assert odds.none == pytest.approx(other.none)
+    for name in ("single", "marginal"):
+        assert getattr(odds, name)[keep] == pytest.approx(getattr(other, name))
+        assert getattr(odds, name)[[9, 2]].sum() == 0.0
+    np.testing.assert_array_equal(odds.rows, keep[other.rows])
+    np.testing.assert_array_equal(found.pair_odds.others, keep[other.others])
+
+
 def test_refusals() -> None:
     system = random_system(1)[2]
     with pytest.raises(ValueError, match="no strategy"):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from bundleblocks import aerial
 
+from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.controllast import clean_control_last
 from anaplot.bundle.grosserrors import block_gross_errors
 from anaplot.cli import main
@@ -189,3 +190,32 @@ def test_what_fails_with_priors_is_not_hidden_by_a_free_network() -> None:
     block = held(block, ("101", "102", "103", "104"), rotation=True)
     with pytest.raises(NotComputableError, match=r"in the datum of the priors: .*2 disconnected"):
         clean_control_last(block, "tau")
+
+
+def test_the_odds_of_the_second_step_weigh_what_the_first_has_left(tmp_path: Path, capsys) -> None:
+    block, point = spoiled(noisy(), control=1.5)
+    rows = list(block.image_points)
+    at = next(k for k, r in enumerate(rows) if (r.photo, r.point) == ("302", "06-04"))
+    rows[at] = replace(rows[at], y=rows[at].y - 0.15)
+    block = replace(block, image_points=tuple(rows))
+    found = clean_control_last(block, "search", SearchSettings(pairs=True)).control
+    held = sorted(found.held)
+    assert len(held) == 2
+    odds = found.findings.pair_odds
+    named = {found.system.names[k] for k in (odds.rows[0], odds.others[0])}
+    assert odds.none < 0.01
+    assert max(odds.single.sum(), odds.pairs) > 0.5
+    assert not set(held) & {*odds.rows.tolist(), *odds.others.tolist()}
+    assert odds.single[held].sum() == odds.marginal[held].sum() == 0.0
+    assert found.findings.odds.rows[held].sum() == 0.0
+    assert ("control", point, "Y") in named
+    assert odds.marginal[found.system.names.index(("control", point, "Y"))] > 0.99
+    folder = tmp_path / "block"
+    write_new_block(folder, block)
+    write_image_points(folder, block.image_points)
+    write_control(folder, block.control)
+    assert main(["adjust", str(folder), "--errors", "search", "--control-last", "--pairs"]) == 0
+    first, second = capsys.readouterr().out.split("STEP 2")
+    assert "those rejected before" not in first
+    assert "with all observations but those rejected before, " in second
+    assert second.count("all observations in but those rejected before: ") == 2
