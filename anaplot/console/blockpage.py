@@ -7,7 +7,7 @@ from textual.content import Content
 from anaplot.console.blockline import percent
 from anaplot.console.describe import Entry
 from anaplot.console.panels import entry_lines
-from anaplot.console.text import fit, fit_end, number, plain, wrap
+from anaplot.console.text import cell, fit, fit_end, number, plain, wrap
 from anaplot.station.blockview import BlockView, SuspectedPoint, SuspectedRay
 
 __all__ = ["TITLE", "block_page"]
@@ -109,7 +109,7 @@ def _point(point: SuspectedPoint, width: int) -> list[Content]:
             + " "
             + fit(row.axis, 5)
             + number(row.w, 8, 2)
-            + number(row.r, 7, 3)
+            + cell(row.r, 7, 3)
         )
         lines.append(Content.styled(fit(cells, width), "bold $text-error" if k == 0 else ""))
     verdict = "wrong: " + ", ".join(_chance(ray) for ray in point.rays[:3])

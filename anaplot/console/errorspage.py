@@ -11,7 +11,7 @@ from textual.content import Content
 from anaplot.adjustment.findings import Findings, SearchSettings, Step
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.console.dialogs import Page
-from anaplot.console.text import fit, fit_end, number, plain, wrap
+from anaplot.console.text import cell, fit, fit_end, number, plain, wrap
 from anaplot.orientation.grosserrors import strategy_findings
 from anaplot.orientation.results import ModelSolution
 
@@ -121,9 +121,9 @@ def _rejected(solution: ModelSolution, found: Findings, width: int) -> list[Cont
             fit_end(_name(solution, gone.row), _ROW - 1)
             + " "
             + number(w, 8, 2)
-            + number(error, 11, 1)
-            + number(sigma, 8, 1)
-            + number(gone.redundancy_number, 7, 3)
+            + cell(error, 11, 1)
+            + cell(sigma, 8, 1)
+            + cell(gone.redundancy_number, 7, 3)
         )
         lines.append(Content.styled(fit(text, width), "bold $text-error"))
         for pair in found.hard_to_tell:

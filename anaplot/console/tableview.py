@@ -16,7 +16,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from anaplot.console.rows import ShownRow, SortOrder
-from anaplot.console.text import fit, fit_end, number, plain
+from anaplot.console.text import cell, fit, fit_end, plain
 from anaplot.session.events import Axis
 
 __all__ = ["TableView"]
@@ -32,35 +32,30 @@ class _Column:
     sorted_by: SortOrder | None = None
 
 
-def _number(value: float | None, width: int, decimals: int) -> str:
-    """Return a number that never touches its neighbour."""
-    return " " + number(value, width - 1, decimals)
-
-
 def _redn(shown: ShownRow, width: int) -> str:
-    return _number(shown.row.redn, width, 3) if shown.row else " " * width
+    return cell(shown.row.redn, width, 3) if shown.row else " " * width
 
 
 def _parx(shown: ShownRow, width: int) -> str:
-    return _number(shown.row.parx_um, width, 1) if shown.row else " " * width
+    return cell(shown.row.parx_um, width, 1) if shown.row else " " * width
 
 
 def _expd(shown: ShownRow, width: int) -> str:
-    return _number(shown.row.expd_um, width, 1) if shown.row else " " * width
+    return cell(shown.row.expd_um, width, 1) if shown.row else " " * width
 
 
 def _sigf(shown: ShownRow, width: int) -> str:
-    return _number(shown.row.sigf, width, 2) if shown.row else " " * width
+    return cell(shown.row.sigf, width, 2) if shown.row else " " * width
 
 
 def _mdb(shown: ShownRow, width: int) -> str:
-    return _number(shown.diagnosis.mdb_um, width, 0) if shown.diagnosis else " " * width
+    return cell(shown.diagnosis.mdb_um, width, 0) if shown.diagnosis else " " * width
 
 
 def _chance(shown: ShownRow, width: int) -> str:
     if shown.diagnosis is None:
         return " " * width
-    return _number(100.0 * shown.diagnosis.probability, width, 1)
+    return cell(100.0 * shown.diagnosis.probability, width, 1)
 
 
 _NUMBERS = (

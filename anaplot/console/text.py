@@ -7,7 +7,7 @@ import unicodedata
 
 from rich.cells import cell_len, chop_cells, set_cell_size
 
-__all__ = ["fit", "fit_end", "number", "plain", "wrap"]
+__all__ = ["cell", "fit", "fit_end", "number", "plain", "wrap"]
 
 _UNSAFE = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
 _LONGEST = 2000
@@ -86,3 +86,8 @@ def number(value: float | None, width: int, decimals: int) -> str:
     if shown.startswith("-") and not shown.strip("-0."):
         shown = shown[1:]  # no minus sign before a rounded nothing
     return shown.rjust(width)
+
+
+def cell(value: float | None, width: int, decimals: int) -> str:
+    """Return a number right-aligned in `width` cells that never touches its neighbour."""
+    return " " + number(value, width - 1, decimals)

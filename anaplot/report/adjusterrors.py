@@ -16,6 +16,7 @@ from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.residuals import ObservationName
 from anaplot.photogrammetry.block import Block
+from anaplot.report.columns import cell, column
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
 from anaplot.report.searchoptions import search_settings
@@ -173,8 +174,8 @@ def _before_and_after(cleaned: BlockFindings) -> list[str]:
 
 def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
     scale, unit = _DIGITS[row.unit]
-    error = "-" if row.error is None else f"{row.error * scale:.1f}"
-    sigma = "-" if row.sigma is None else f"{row.sigma * scale:.1f}"
+    error = None if row.error is None else row.error * scale
+    sigma = None if row.sigma is None else row.sigma * scale
     because = "no solution is found with it" if row.order == 0 else ""
     if row.statistic is not None and row.critical is not None:
         if strategy in ("search", "odds"):
@@ -183,8 +184,9 @@ def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
             because = f"{_measure(strategy)} {row.statistic:.2f} above {row.critical:.2f}"
     weight = "" if row.weight is None else f", weight {row.weight:.2g}"
     return (
-        f"  {row.order:5d}  {_named(row.name):<{width}}  {error:>10}{sigma:>10} {unit:<4}"
-        f"{_number(row.w, 2):>7}{row.redundancy_number:8.3f}  {because}{weight}"
+        f"  {column(row.order, 5)}  {_named(row.name):<{width}}  {cell(error, 1, 10)}"
+        f"{cell(sigma, 1, 10)} {unit}{cell(row.w, 2, 11 - len(unit))}"
+        f"{cell(row.redundancy_number, 3, 8)}  {because}{weight}"
     ).rstrip()
 
 

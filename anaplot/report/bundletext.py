@@ -7,15 +7,12 @@ from math import degrees, hypot
 
 from anaplot.bundle.accuse import accuse
 from anaplot.bundle.adjusted import SPUR, AdjustedBlock
+from anaplot.report.columns import cell, column
 from anaplot.report.printable import printable
 
 __all__ = ["adjust_printout"]
 
 _MOST = 30  # of flagged rows, spurs and correlations in the summary; the tables hold them all
-
-
-def _cell(value: float | None, width: int, digits: int) -> str:
-    return f"{'-':>{width}}" if value is None else f"{value:{width}.{digits}f}"
 
 
 def _width(names: Iterator[str], least: int = 5) -> int:
@@ -131,10 +128,10 @@ def _photos(block: AdjustedBlock) -> list[str]:
         angles = [degrees(angle) for angle in row.angles]
         spread = [None if s is None else degrees(s) for s in row.s_angles]
         lines.append(
-            f"  {printable(row.photo):<{width}}{x:15.3f}{y:15.3f}{z:12.3f}"
-            + "".join(_cell(s, 8, 3) for s in row.s_position)
-            + f"{angles[0]:11.5f}{angles[1]:11.5f}{angles[2]:12.5f}"
-            + "".join(_cell(s, 9, 5) for s in spread)
+            f"  {printable(row.photo):<{width}}{cell(x, 3, 15)}{cell(y, 3, 15)}{cell(z, 3, 12)}"
+            + "".join(cell(s, 3, 8) for s in row.s_position)
+            + "".join(cell(a, 5, size) for a, size in zip(angles, (11, 11, 12), strict=True))
+            + "".join(cell(s, 5, 9) for s in spread)
         )
     return [*lines, ""]
 
@@ -147,8 +144,8 @@ def _control(block: AdjustedBlock) -> list[str]:
     lines = [f"  {'CONTROL':<{width}}       v [m]     r       w   MDB [m]"]
     lines += [
         (
-            f"  {printable(row.point):<{width}} {row.axis}{row.v:10.4f}{row.r:6.3f}"
-            f"{_cell(row.w, 8, 2)}{_cell(row.mdb, 10, 4)}" + ("  << CHECK" if row.flagged else "")
+            f"  {printable(row.point):<{width}} {row.axis}{cell(row.v, 4, 10)}{cell(row.r, 3, 6)}"
+            f"{cell(row.w, 2, 8)}{cell(row.mdb, 4, 10)}" + ("  << CHECK" if row.flagged else "")
         )
         for row in rows
     ]
@@ -162,7 +159,7 @@ def _check(block: AdjustedBlock) -> list[str]:
     width = _width(name for name, _ in rows)
     lines = [f"  {'CHECK':<{width}}    dX [m]    dY [m]    dZ [m]   (adjusted minus given)"]
     lines += [
-        f"  {printable(name):<{width}}" + "".join(_cell(value, 10, 4) for value in difference)
+        f"  {printable(name):<{width}}" + "".join(cell(value, 4, 10) for value in difference)
         for name, difference in rows
     ]
     return [*lines, ""]
@@ -178,7 +175,7 @@ def _priors(block: AdjustedBlock) -> list[str]:
     lines += [
         (
             f"  {printable(row.owner):<{width}} {row.unknown:<8} {unit.get(row.unknown, 'mm'):<3}"
-            f"{row.v:12.6f}{row.r:6.3f}{_cell(row.w, 8, 2)}{_cell(row.mdb, 12, 6)}"
+            f"{cell(row.v, 6, 12)}{cell(row.r, 3, 6)}{cell(row.w, 2, 8)}{cell(row.mdb, 6, 12)}"
             + ("  << CHECK" if row.flagged else "")
         )
         for row in rows
@@ -195,8 +192,8 @@ def _parameters(block: AdjustedBlock) -> list[str]:
     for row in rows:
         spread = None if row.s is None else row.s * 1e3
         lines.append(
-            f"  {printable(row.group):<{width}} {row.name:<9}{row.value * 1e3:12.3f}"
-            f"{_cell(spread, 10, 3)}"
+            f"  {printable(row.group):<{width}} {row.name:<9}{cell(row.value * 1e3, 3, 12)}"
+            f"{cell(spread, 3, 10)}"
         )
     found = block.parameter_correlations()
     if found:
@@ -215,9 +212,9 @@ def _points(block: AdjustedBlock) -> list[str]:
     for row in rows:
         x, y, z = row.xyz
         lines.append(
-            f"  {printable(row.point):<{width}}{x:15.4f}{y:15.4f}{z:12.4f}"
-            + "".join(_cell(s, 9, 4) for s in row.s_xyz)
-            + f"{row.rays:6d}"
+            f"  {printable(row.point):<{width}}{cell(x, 4, 15)}{cell(y, 4, 15)}{cell(z, 4, 12)}"
+            + "".join(cell(s, 4, 9) for s in row.s_xyz)
+            + column(row.rays, 6)
         )
     return [*lines, ""]
 
@@ -243,8 +240,8 @@ def _rays(block: AdjustedBlock) -> list[str]:
             lines.append(
                 (
                     f"  {printable(row.photo):<{photos}} {printable(row.point):<{points}}  "
-                    f"{'xy'[axis]}{row.v_um[axis]:9.1f}{_cell(r, 8, 3)}{_cell(w, 8, 2)}"
-                    f"{_cell(row.mdb_um[axis], 10, 1)}{_cell(size, 13, 2)}  {verdict}"
+                    f"{'xy'[axis]}{cell(row.v_um[axis], 1, 9)}{cell(r, 3, 8)}{cell(w, 2, 8)}"
+                    f"{cell(row.mdb_um[axis], 1, 10)}{cell(size, 2, 13)}  {verdict}"
                 ).rstrip()
             )
     return lines

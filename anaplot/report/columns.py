@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from anaplot.report.printable import printable
 
-__all__ = ["PAGE", "fitted", "shortened", "wrapped"]
+__all__ = ["PAGE", "cell", "column", "fitted", "shortened", "wrapped"]
 
 PAGE = 80
 _GAP = "..."
@@ -27,12 +27,23 @@ def shortened(name: str, width: int) -> str:
 def fitted(value: float | None, decimals: int, width: int) -> str:
     """Return a number in at most `width` characters, "-" for None.
 
-    A large one has fewer decimals, or an exponent.
+    A large one has fewer decimals, or an exponent; one that is too wide even so is not cut.
     """
     if value is None:
         return "-"
-    forms = [f"{value:.{n}f}" for n in range(decimals, -1, -1)] + [f"{value:.1e}"]
+    forms = [f"{value:.{n}f}" for n in range(decimals, -1, -1)]
+    forms += [f"{value:.1e}", f"{value:.0e}"]
     return next((text for text in forms if len(text) <= width), forms[-1])
+
+
+def column(text: str | int, width: int) -> str:
+    """Return a cell with its text at the right, and never without a space before it."""
+    return f" {text:>{width - 1}}"
+
+
+def cell(value: float | None, decimals: int, width: int) -> str:
+    """Return a number at the right of a cell that never touches its neighbour; "-" for None."""
+    return column(fitted(value, decimals, width - 1), width)
 
 
 def wrapped(head: str, items: Iterable[str], *, separator: str = ", ") -> list[str]:

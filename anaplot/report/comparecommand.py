@@ -14,6 +14,7 @@ from anaplot.bundle.epochtests import EpochTests, Located, PointMove, epoch_test
 from anaplot.bundle.verdict import Verdict
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block
+from anaplot.report.columns import cell, column
 from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.hypothesestext import probability, verdict_json
 from anaplot.report.power import check_power
@@ -167,13 +168,14 @@ def _line(label: str, verdict: Verdict | None) -> str:
     degrees = "known" if test.redundancy is None else str(test.redundancy)
     end = "  << REJECTED" if test.rejected else "  accepted"
     return (
-        f"  {label:<34}{test.dimension:5d}{degrees:>7}{test.statistic:10.3f}{test.critical:10.3f}"
-        f"{probability(test.significance):>9}{end}"
+        f"  {label:<34}{column(test.dimension, 5)}{column(degrees, 7)}"
+        f"{cell(test.statistic, 3, 10)}{cell(test.critical, 3, 10)}"
+        f"{column(probability(test.significance), 9)}{end}"
     )
 
 
-def _mm(value: float | None, width: int = 9) -> str:
-    return f"{'-':>{width}}" if value is None else f"{value * 1e3:{width}.2f}"
+def _mm(value: float | None) -> str:
+    return cell(None if value is None else value * 1e3, 2, 9)
 
 
 def _few(names: tuple[str, ...]) -> str:
@@ -228,11 +230,11 @@ def compare_printout(found: EpochTests) -> str:
         test = None if p.verdict is None else p.verdict.decisive
         lines.append(
             f"  {printable(p.point):<{width}}"
-            + "".join(f"{'given':>9}" if c.given else _mm(c.d) for c in p.coordinates)
+            + "".join(column("given", 9) if c.given else _mm(c.d) for c in p.coordinates)
             + "".join(_mm(c.s) for c in p.coordinates)
             + _mm(p.length)
             + _mm(p.s_length)
-            + f"{'-' if test is None else probability(test.significance):>9}"
+            + column("-" if test is None else probability(test.significance), 9)
             + _marks(p)
         )
     points = f"all {len(found.points)} points" if len(found.points) > 1 else "the point"

@@ -11,6 +11,7 @@ from anaplot.bundle.controltests import ControlTests
 from anaplot.bundle.hypotheses import BlockHypotheses
 from anaplot.bundle.parametertests import ComponentTest, ParameterTests, SetTest
 from anaplot.bundle.verdict import Verdict
+from anaplot.report.columns import cell, column
 from anaplot.report.printable import printable
 
 __all__ = ["hypotheses_json", "hypotheses_printout", "probability", "verdict_json"]
@@ -60,18 +61,24 @@ def probability(value: float) -> str:
 def _cells(test: FTest) -> str:
     degrees = "known" if test.redundancy is None else str(test.redundancy)
     return (
-        f"{test.dimension:5d}{degrees:>7}{test.statistic:10.3f}{test.critical:10.3f}"
-        f"{probability(test.significance):>9}"
+        f"{column(test.dimension, 5)}{column(degrees, 7)}"
+        f"{cell(test.statistic, 3, 10)}{cell(test.critical, 3, 10)}"
+        f"{column(probability(test.significance), 9)}"
     )
 
 
 _COLUMNS = f"{'b':>5}{'r':>7}{'T':>10}{'critical':>10}{'P':>9}"
 
 
-def _global(label: str, width: int, verdict: Verdict | None, nothing: str) -> list[str]:
-    """Lines of a global test: with the estimated and with the a-priori sigma0."""
+def _global(
+    label: str, width: int, verdict: Verdict | None, nothing: str, more: str = ""
+) -> list[str]:
+    """Lines of a global test: with the estimated and with the a-priori sigma0.
+
+    `more` are the cells that follow in the first of them.
+    """
     if verdict is None:
-        return [f"  {label:<{width}}  {nothing}"]
+        return [f"  {label:<{width}}  {nothing}{more}"]
     lines: list[str] = []
     for test in (verdict.estimated, verdict.known):
         if test is None:
@@ -82,7 +89,9 @@ def _global(label: str, width: int, verdict: Verdict | None, nothing: str) -> li
             mark = ""
         else:
             mark = "  (would be rejected)" if test.rejected else "  (would be accepted)"
-        lines.append(f"  {'' if lines else label:<{width}}{_cells(test)}{mark}")
+        lines.append(
+            f"  {'' if lines else label:<{width}}{_cells(test)}{'' if lines else more}{mark}"
+        )
     return lines
 
 
@@ -94,8 +103,8 @@ def _mark(verdict: Verdict | None) -> str:
 
 def _p(verdict: Verdict | None) -> str:
     if verdict is None or verdict.decisive is None:
-        return f"{'-':>9}"
-    return f"{probability(verdict.decisive.significance):>9}"
+        return column("-", 9)
+    return column(probability(verdict.decisive.significance), 9)
 
 
 def _order(verdict: Verdict | None) -> float:
@@ -155,11 +164,10 @@ def _parameters(
         "    kept"
     ]
     for text, row in rows:
-        inflation = f"{'-':>11}" if row.inflation is None else f"{row.inflation:11.1f}"
         lines.append(
-            f"  {text:<{width}}{row.value * 1e3:12.3f}{row.s * 1e3:10.3f}{_p(row.verdict)}"
-            f"{row.detectable * 1e3:12.2f}{row.power:7.2f}{inflation}{row.kept:9.5f}"
-            f"{_mark(row.verdict)}"
+            f"  {text:<{width}}{cell(row.value * 1e3, 3, 12)}{cell(row.s * 1e3, 3, 10)}"
+            f"{_p(row.verdict)}{cell(row.detectable * 1e3, 2, 12)}{cell(row.power, 2, 7)}"
+            f"{cell(row.inflation, 1, 11)}{cell(row.kept, 5, 9)}{_mark(row.verdict)}"
         )
     if len(labels) > len(rows):
         lines.append(f"    and {len(labels) - len(rows)} more, with larger P")
@@ -180,7 +188,9 @@ def _pairs(
         test = pair.verdict.decisive
         cells = " " * len(_COLUMNS) if test is None else _cells(test)
         text = f"{label(pair.first)}, {label(pair.second)}"
-        lines.append(f"  {text:<{width}}{cells}{pair.correlation:10.3f}{_mark(pair.verdict)}")
+        lines.append(
+            f"  {text:<{width}}{cells}{cell(pair.correlation, 3, 10)}{_mark(pair.verdict)}"
+        )
     if len(found.pairs) > _MOST:
         lines.append(f"    and {len(found.pairs) - _MOST} more")
     return lines
@@ -196,17 +206,16 @@ def _set(entry: SetTest, label: Callable[[Label], str], width: int) -> list[str]
     lines += _global("all of it is zero", width, entry.verdict, "not tested")
     lines.append(f"  {'one after the other':<{width}}{'t':>10}{'P':>9}{'of its variance':>17}")
     lines += [
-        f"  {label(part.parameter):<{width}}{part.value:10.2f}{_p(part.verdict)}"
-        f"{part.variance:17.4f}{_mark(part.verdict)}"
+        f"  {label(part.parameter):<{width}}{cell(part.value, 2, 10)}{_p(part.verdict)}"
+        f"{cell(part.variance, 4, 17)}{_mark(part.verdict)}"
         for part in entry.sequential[:_MOST]
     ]
     lines.append(
         f"  {'orthogonal combinations':<{width}}{'t':>10}{'P':>9}{'eigenvalue':>17}   mostly"
     )
     lines += [
-        f"  {k + 1:<{width}d}{part.value:10.2f}{_p(part.verdict)}{part.variance:17.4f}   "
-        + _combination(part, members)
-        + _mark(part.verdict)
+        f"  {k + 1:<{width}d}{cell(part.value, 2, 10)}{_p(part.verdict)}"
+        f"{cell(part.variance, 4, 17)}   " + _combination(part, members) + _mark(part.verdict)
         for k, part in enumerate(entry.principal[:_MOST])
     ]
     return lines
@@ -236,10 +245,8 @@ def _check(found: CheckTests) -> list[str]:
     lines = [f"  {'CHECK POINTS':<{width}}{_COLUMNS}    rms [m]  expected"]
     for group in found.groups:
         label = " ".join(group.axes) + " agree"
-        first, *rest = _global(label, width, group.verdict, "not tested")
-        head = first[: 2 + width + len(_COLUMNS)]
-        lines.append(f"{head}{group.rms:11.4f}{group.expected:10.4f}{first[len(head) :]}")
-        lines += rest
+        sizes = cell(group.rms, 4, 11) + cell(group.expected, 4, 10)
+        lines += _global(label, width, group.verdict, "not tested", sizes)
     lines += _remarks(found.remarks)
     rows = sorted(found.coordinates, key=lambda row: _order(row.verdict))
     lines += [
@@ -249,9 +256,9 @@ def _check(found: CheckTests) -> list[str]:
         f"  {'COORDINATE':<{width}}difference         s   s block   s given        P  detectable",
     ]
     lines += [
-        f"  {printable(row.point) + ' ' + row.axis:<{width}}{row.difference:10.4f}{row.s:10.4f}"
-        f"{row.s_block:10.4f}{row.s_given:10.4f}{_p(row.verdict)}{row.detectable:12.4f}"
-        f"{_mark(row.verdict)}"
+        f"  {printable(row.point) + ' ' + row.axis:<{width}}"
+        + "".join(cell(v, 4, 10) for v in (row.difference, row.s, row.s_block, row.s_given))
+        + f"{_p(row.verdict)}{cell(row.detectable, 4, 12)}{_mark(row.verdict)}"
         for row in rows[:_MOST]
     ]
     if len(rows) > _MOST:
@@ -259,8 +266,8 @@ def _check(found: CheckTests) -> list[str]:
     if found.deformations:
         lines += ["", f"  {'DEFORMATION':<{width}}  size [m]         s        P  detectable"]
         lines += [
-            f"  {row.axis + ' ' + row.term:<{width}}{row.size:10.4f}{row.s:10.4f}{_p(row.verdict)}"
-            f"{row.detectable:12.4f}{_mark(row.verdict)}"
+            f"  {row.axis + ' ' + row.term:<{width}}{cell(row.size, 4, 10)}{cell(row.s, 4, 10)}"
+            f"{_p(row.verdict)}{cell(row.detectable, 4, 12)}{_mark(row.verdict)}"
             for row in found.deformations
         ]
     return [*lines, ""]
@@ -302,12 +309,10 @@ def _control(found: ControlTests) -> list[str]:
     ]
     for row in rows[:_MOST]:
         name = f"{printable(row.point)} {row.axis}" + (" fixed" if row.fixed else "")
-        cells = "".join(
-            f"{'-':>{size}}" if value is None else f"{value:{size}.4f}"
-            for value, size in ((row.difference, 10), (row.s, 10))
+        lines.append(
+            f"  {name:<{width}}{cell(row.difference, 4, 10)}{cell(row.s, 4, 10)}"
+            f"{_p(row.verdict)}{cell(row.detectable, 4, 12)}{_mark(row.verdict)}"
         )
-        last = f"{'-':>12}" if row.detectable is None else f"{row.detectable:12.4f}"
-        lines.append(f"  {name:<{width}}{cells}{_p(row.verdict)}{last}{_mark(row.verdict)}")
     if len(rows) > _MOST:
         lines.append(f"    and {len(rows) - _MOST} more, with larger P")
     return [*lines, ""]

@@ -8,6 +8,7 @@ from anaplot.photogrammetry.camera import CameraCalibration, RadialTable
 from anaplot.photogrammetry.inner import InnerOrientation, InnerRow
 from anaplot.photogrammetry.inneradvice import advise
 from anaplot.photogrammetry.platetransformation import TITLES
+from anaplot.report.columns import cell
 from anaplot.report.printable import printable
 
 __all__ = ["camera_remarks", "inner_printout", "inner_table_lines"]
@@ -28,7 +29,7 @@ def inner_table_lines(inner: InnerOrientation) -> list[str]:
     for row in inner.rows:
         line = (
             f"  {printable(row.fiducial):<{width}}  {row.axis}  {row.redn:6.3f}"
-            f"{_um(row.residual_um)}{_um(row.expd_um)}{_number(row.sigf, 2)}{_um(row.mdb_um)}"
+            f"{_um(row.residual_um)}{_um(row.expd_um)}{cell(row.sigf, 2, 8)}{_um(row.mdb_um)}"
             f"  {_verdict(row, accused)}"
         )
         lines.append(line.rstrip())
@@ -99,8 +100,4 @@ def _verdict(row: InnerRow, accused: tuple[str, str] | None) -> str:
 
 
 def _um(value: float | None) -> str:
-    return _number(value, 1)
-
-
-def _number(value: float | None, digits: int) -> str:
-    return f"{'-':>8}" if value is None else f"{value:8.{digits}f}"
+    return cell(value, 1, 8)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from anaplot.orientation.results import ModelSolution, Transfer
 from anaplot.planning.patternplan import Advice, PlannedPattern
+from anaplot.report.columns import cell
 from anaplot.report.printable import printable
 
 __all__ = ["advice_lines", "drawing", "transfer_lines"]
@@ -176,9 +177,10 @@ def _vertical(
 def _listed(plan: PlannedPattern, redn: dict[tuple[str, str], float]) -> list[str]:
     lines = ["POINT             x mm     y mm    r of y    r of x"]
     for label, x, y in plan.points:
-        tie = f"{redn[label, 'x']:10.3f}" if (label, "x") in redn else ""
+        tie = cell(redn[label, "x"], 3, 10) if (label, "x") in redn else ""
         lines.append(
-            f"{printable(label)[:12]:<12}{x:>10.3f}{y:>9.3f}{redn[label, 'y']:>10.3f}{tie}"
+            f"{printable(label)[:12]:<12}{cell(x, 3, 10)}{cell(y, 3, 9)}"
+            f"{cell(redn[label, 'y'], 3, 10)}{tie}"
         )
     return lines
 

@@ -17,6 +17,7 @@ from anaplot.bundle.snooping import (
     estimate_models,
     snoop,
 )
+from anaplot.report.columns import cell, column
 from anaplot.report.printable import printable
 
 __all__ = ["SnoopedBlock", "snoop_block", "snooping_json", "snooping_printout"]
@@ -226,9 +227,10 @@ def snooping_printout(snooped: SnoopedBlock | None) -> str:
     ]
     for row in snooped.classes:
         lines.append(
-            f"  {_named(row.kind):<28} {row.kind.axis:<4}{row.observations:7d}{row.model:7.3f}"
-            f"{row.smallest:12.3f}{row.largest:7.3f}{row.accepted:6d}{row.rejected:8d}"
-            f"{row.undecided:11d}{row.beyond:12d}"
+            f"  {_named(row.kind):<28} {row.kind.axis:<4}{column(row.observations, 7)}"
+            f"{cell(row.model, 3, 7)}{cell(row.smallest, 3, 12)}{cell(row.largest, 3, 7)}"
+            f"{column(row.accepted, 6)}{column(row.rejected, 8)}{column(row.undecided, 11)}"
+            f"{column(row.beyond, 12)}"
         )
     accepted = sum(row.accepted for row in snooped.classes)
     rejected = sum(row.rejected for row in snooped.classes)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from math import degrees
 
 from anaplot.orientation.results import Diagnosis, ModelSolution, TableRow
+from anaplot.report.columns import cell
 from anaplot.report.printable import printable
 
 __all__ = ["model_printout", "printable", "table_lines", "verdict"]
@@ -40,11 +41,10 @@ def table_lines(table: Iterable[TableRow], suspects: Sequence[tuple[str, str]] =
         f"  {'':<{width}}{'um':>17}{'um':>8}",
     ]
     for row in rows:
-        expected = "-" if row.expd_um is None else f"{row.expd_um:.1f}"
-        sigf = "-" if row.sigf is None else f"{row.sigf:.2f}"
         line = (
             f"  {printable(row.point):<{width}}  {row.axis}  {row.redn:6.3f}"
-            f"{row.parx_um:8.1f}{expected:>8}{sigf:>8}  {verdict(row, accused)}"
+            f"{cell(row.parx_um, 1, 8)}{cell(row.expd_um, 1, 8)}{cell(row.sigf, 2, 8)}"
+            f"  {verdict(row, accused)}"
         )
         lines.append(line.rstrip())
     return lines

@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from bundleblocks import aerial, make_scene
+from wild import wild, words
 
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
@@ -23,6 +24,7 @@ from anaplot.cli import main
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import write_new_block
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, TestSettings
+from anaplot.report.comparecommand import compare_printout
 
 BAARDA = TestSettings(kind="baarda")
 
@@ -533,6 +535,13 @@ def test_the_command(tmp_path, capsys) -> None:
     assert found["located_stable"] == []
     assert main(["compare", *folders, "--separate", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["adjustment"] == "separate"
+
+
+def test_columns_of_the_command_never_touch() -> None:
+    found = epoch_tests(compare_epochs(epoch(11), epoch(12)))
+    usual, large = compare_printout(found), compare_printout(wild(found))
+    assert words(usual) == words(large)
+    assert any(line.startswith("  p13 ") for line in large.splitlines())
 
 
 def test_given_coordinates_are_shown_as_such(tmp_path, capsys) -> None:

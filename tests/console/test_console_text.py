@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from anaplot.console.text import fit, fit_end, number, plain, wrap
+from anaplot.console.text import cell, fit, fit_end, number, plain, wrap
 
 
 def test_control_and_direction_characters_are_replaced():
@@ -59,6 +59,13 @@ def test_numbers_keep_their_column():
 @given(st.floats(-1e300, 1e300), st.integers(7, 12), st.integers(0, 4))
 def test_a_number_is_never_wider_than_its_column(value, width, decimals):
     assert len(number(value, width, decimals)) == width
+
+
+@given(st.floats(-1e300, 1e300), st.integers(7, 12), st.integers(0, 4))
+def test_a_cell_never_touches_its_neighbour(value, width, decimals):
+    assert len(f"7{cell(value, width, decimals)}{cell(value, width, decimals)}".split()) == 3
+    assert len(cell(value, width + 1, decimals)) == width + 1
+    assert cell(-1.25, 7, 2) == number(-1.25, 7, 2)
 
 
 @given(st.text(), st.integers(1, 40))

@@ -47,6 +47,13 @@ def test_the_planted_row_is_named_with_its_size(strategy: str) -> None:
     assert max(len(line) for line in text.splitlines()) <= 72
 
 
+def test_columns_never_touch() -> None:
+    usual, large = (page(model(size_um=size), "search") for size in (200.0, -2.1e9))
+    rows = [next(line for line in text.splitlines() if line.startswith("8 y"))
+            for text in (usual, large)]  # fmt: skip
+    assert len(rows[0].split()) == len(rows[1].split()) == 6
+
+
 def test_nothing_wrong_nothing_said() -> None:
     solution = model(wrong=None)
     for strategy in CHOICES:

@@ -42,6 +42,15 @@ def test_ties_are_named_either_way(capsys):
     assert one["mean_redn"] == pytest.approx(12 / 18)
 
 
+def test_columns_of_a_list_never_touch():
+    names = [f"point-{k:06d}" for k in range(12)]
+    plan = PlannedPattern(tuple((n, -1e6 * k - 1e6, -123456.7) for k, n in enumerate(names)),
+                          (), 90.0, 152.0)  # fmt: skip
+    rows = [SimpleNamespace(key=(n, "y"), redn=0.5) for n in names]
+    lines = drawing(plan, SimpleNamespace(table=rows))
+    assert [len(line.split()) for line in lines[1:]] == [4] * 12
+
+
 def test_a_file_says_the_same_as_the_name(capsys, tmp_path):
     named = said(capsys, "9/3")
     path = tmp_path / "nine.csv"

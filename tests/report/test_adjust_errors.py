@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wild import words
 
 from anaplot import cli
 from anaplot.adjustment.strategies import STRATEGIES
@@ -27,6 +28,7 @@ from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
 from anaplot.report.adjusterrors import (
+    _rejected_line,
     block_errors_json,
     block_errors_printout,
     clean_block,
@@ -197,3 +199,13 @@ def test_a_rejected_prior_stands_in_the_rows_of_priors() -> None:
     mark_rejected(answer, cleaned)
     assert [prior["rejected"] for prior in answer["priors"]] == [False, True]
     assert answer["priors"][1]["v"] == pytest.approx(-3.0, abs=0.3)
+
+
+def test_columns_never_touch() -> None:
+    row = clean_block(make_problem(make()), "search").rejected[0]
+    for unit in ("um", "m", "rad"):
+        usual = row._replace(w=-12.3, error=1e-5, unit=unit)
+        for size in (-99.99, -123.45, 1e12):
+            large = usual._replace(order=123456, error=-size, sigma=-size, w=size)
+            lines = [_rejected_line(one, 30, "search") for one in (usual, large)]
+            assert words(lines[0]) == words(lines[1])

@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wild import wild, words
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.collinearity import project
@@ -268,3 +270,15 @@ def test_an_interrupt_clears_the_line(monkeypatch: pytest.MonkeyPatch, tmp_path:
         run_adjust(folder, out=out, err=err)
     assert out.getvalue() == ""
     assert err.getvalue().endswith("\r")
+
+
+def test_columns_never_touch(tmp_path: Path, monkeypatch) -> None:
+    block = adjust_block(read_block(write_block(tmp_path / "b")))
+    usual = adjust_printout(block).replace("not testable", "")
+    for name in ("photo", "control", "check", "point", "ray"):
+        real = getattr(AdjustedBlock, f"{name}_rows")
+        # flags apart: they may come with the size
+        grown = [wild(row, -1.23456789e9) for row in real(block)]
+        monkeypatch.setattr(AdjustedBlock, f"{name}_rows", lambda _, rows=grown: rows)
+    large = adjust_printout(block).replace("not testable", "")
+    assert words(usual.split("PHOTO ", 1)[1]) == words(large.split("PHOTO ", 1)[1])

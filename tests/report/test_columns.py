@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anaplot.report.columns import PAGE, fitted, shortened, wrapped
+from anaplot.report.columns import PAGE, cell, column, fitted, shortened, wrapped
 
 
 def test_long_names_keep_both_ends() -> None:
@@ -30,6 +30,22 @@ def test_any_number_is_shown_within_five_percent(value: float) -> None:
     text = fitted(value, 3, 8)
     assert len(text) <= 8
     assert abs(float(text) - value) <= max(0.05 * value, 0.001)
+
+
+def test_cells_keep_the_usual_layout() -> None:
+    assert cell(-12.345, 2, 8) == f"{-12.345:8.2f}"
+    assert cell(None, 2, 8) == f"{'-':>8}"
+    assert column(12, 5) == f"{12:5d}"
+    assert cell(-90998.7, 1, 8) == "  -90999"
+    assert cell(2213356.366, 3, 10) == " 2213356.4"
+
+
+@given(
+    st.lists(st.tuples(st.none() | st.floats(), st.integers(0, 6), st.integers(6, 15)), min_size=1)
+)
+def test_no_cell_touches_its_neighbour(cells: list[tuple[float | None, int, int]]) -> None:
+    row = "103-1" + "".join(cell(*one) for one in cells) + column("1e-300" * 3, 9)
+    assert len(row.split()) == len(cells) + 2
 
 
 @given(st.lists(st.text("ab c", min_size=1, max_size=30).filter(lambda s: s == s.strip())))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wild import wild, words
 
 from anaplot import cli
 from anaplot.bundle.additional import additional_parameters
@@ -238,3 +239,12 @@ def test_names_cannot_control_the_terminal() -> None:
         block_hypotheses(adjust_block(replace(block, image_points=rows, control=control)))
     )
     assert "\x1b" not in text
+
+
+@pytest.mark.parametrize("kind", ["tau", "baarda"])
+def test_columns_never_touch(kind: str) -> None:
+    block = strip(planted=0.02, kind=kind)
+    found = block_hypotheses(adjust_block(block, additional=additional_parameters("ebner")))
+    usual, large = hypotheses_printout(found), hypotheses_printout(wild(found))
+    assert words(usual) == words(large)
+    assert max(words(usual)[3:5]) >= 5

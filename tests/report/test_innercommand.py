@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wild import wild, words
 
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import read_camera
@@ -17,7 +18,7 @@ from anaplot.photogrammetry.inner import TRANSFORMATIONS, orient_inner
 from anaplot.photogrammetry.platetransformation import Placement, PlateTransformation
 from anaplot.report.innercommand import INNER_HELP, add_inner_arguments, run_inner
 from anaplot.report.innercontract import inner_json
-from anaplot.report.innertext import camera_remarks, inner_printout
+from anaplot.report.innertext import camera_remarks, inner_printout, inner_table_lines
 
 CAMERA = """\
 format = 1
@@ -222,6 +223,13 @@ def test_names_never_reach_the_terminal_as_commands(make_file):
     text = inner_printout("1\x1b[2J01", inner)
     assert all(line.isprintable() for line in text.split("\n"))
     assert r"1\x1b[2J01" in text
+
+
+def test_columns_never_touch(make_file):
+    file = read_fiducials(make_file({"101": (8, None)}))
+    inner = orient_inner(file.camera, {f: (x, y) for f, x, y in file.photos[0].measured})
+    usual, large = (inner_table_lines(one) for one in (inner, wild(inner)))
+    assert words("\n".join(usual)) == words("\n".join(large))
 
 
 def test_what_the_camera_leaves_open(make_file):

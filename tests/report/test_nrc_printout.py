@@ -96,6 +96,14 @@ def test_what_does_not_exist_is_a_dash():
     assert "critical value none" in text
 
 
+def test_columns_never_touch():
+    row = TableRow("103-1", "y", 0.727, -90998.7, 6.0, 15096.38, False)
+    wild = row._replace(parx_um=-1.23456789e9, expd_um=1234567.8, sigf=None)
+    for one in (row, wild, row._replace(parx_um=-1e300)):
+        assert len(table_lines([one])[2].split()[:6]) == 6
+    assert table_lines([row])[2].split()[2:] == ["0.727", "-90999", "6.0", "15096.4"]
+
+
 def test_verdicts():
     row = TableRow("1", "y", 0.5, 10.0, 3.0, 3.3, True)
     assert verdict(row, ("1", "y")) == "<< REMEASURE"

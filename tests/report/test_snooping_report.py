@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wild import wild, words
 
 import anaplot
 from anaplot.bundle.adjust import adjust_block
@@ -236,6 +237,14 @@ def test_without_redundancy_there_is_nothing_to_snoop() -> None:
     assert found is None
     assert snooping_json(found) is None
     assert "no test" in snooping_printout(found)
+
+
+def test_columns_never_touch() -> None:
+    found = snoop_block(adjust_block(flown(2, 4, errors=3)))
+    many = [row._replace(accepted=12345678, beyond=10**12) for row in found.classes]
+    usual, large = (snooping_printout(one) for one in (found, wild(replace(found, classes=many))))
+    rows = slice(3, 3 + len(found.classes))
+    assert words(usual)[rows] == words(large)[rows]
 
 
 def test_names_cannot_control_the_terminal() -> None:
