@@ -48,7 +48,14 @@ from anaplot.adjustment.search import largest, search
 from anaplot.adjustment.setodds import set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 
-__all__ = ["MOST_ROWS_OF_PAIRS", "STRATEGIES", "find_gross_errors", "pair_odds"]
+__all__ = [
+    "MOST_ROWS_OF_PAIRS",
+    "STRATEGIES",
+    "deciding_critical",
+    "find_gross_errors",
+    "pair_odds",
+    "sigma_of",
+]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -59,8 +66,24 @@ STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "search", "
 MOST_ROWS_OF_PAIRS = 3000
 """Largest number of rows whose pairs are weighed."""
 
+
+Kind = Literal["tau", "baarda"]
+"""Whether a test takes sigma as estimated or as known a priori."""
+
 _FAR = 5.0  # widths of the prior of an error beyond which an error is not of it
 _NO_SIGMA = 1e-12  # sigma0 in a-priori sigmas below which residuals are rounding
+
+
+def sigma_of(strategy: str) -> Kind:
+    """Return by which sigma a strategy tests, and its odds are weighed."""
+    return "tau" if strategy in ("tau", "rms") else "baarda"
+
+
+def deciding_critical(strategy: str, alpha: float, redundancy: int) -> float | None:
+    """Return the critical value of a strategy at a redundancy; None where there is none."""
+    if sigma_of(strategy) == "tau":
+        return critical_tau(alpha, redundancy)
+    return critical_normal(alpha)
 
 
 class _Test(NamedTuple):
@@ -453,7 +476,7 @@ def _findings(
     rejected, partners = _retrace(state, steps, settings.partner, estimated)
     size = np.full(len(e), np.nan)
     size[testable] = np.abs(e[testable]) / np.sqrt(r[testable])
-    kind: Literal["tau", "baarda"] = "tau" if strategy in ("tau", "rms") else "baarda"
+    kind = sigma_of(strategy)
     ratio: Array | None = size
     if kind == "tau":
         s0 = sqrt(system.vtpv / system.redundancy) if system.redundancy > 0 else 0.0
@@ -467,7 +490,7 @@ def _findings(
         untestable=tuple(np.flatnonzero(~testable).tolist()),
         at_end=at_end,
         odds=Odds(_spread(single.rows, rows, len(r)), single.none),
-        pair_odds=_pair_odds(system, rows) if settings.pairs else None,
+        pair_odds=_pair_odds(system, rows, kind) if settings.pairs else None,
         model_values=values,
         remarks=remarks,
     )
@@ -533,9 +556,13 @@ def _spread(values: Array, rows: NDArray[np.intp], n: int) -> Array:
 
 
 def pair_odds(
-    system: ResidualSystem, most: int = 20, *, left_out: Collection[int] = ()
+    system: ResidualSystem,
+    most: int = 20,
+    *,
+    kind: Kind = "baarda",
+    left_out: Collection[int] = (),
 ) -> PairOdds:
-    """Weigh no, one and two gross errors against each other; sigma known.
+    """Weigh no, one and two gross errors against each other.
 
     Parameters
     ----------
@@ -543,6 +570,8 @@ def pair_odds(
         All rows, at most `MOST_ROWS_OF_PAIRS`.
     most
         Number of pairs returned.
+    kind
+        "baarda": sigma known; "tau": sigma estimated, see `sigma_of`.
     left_out
         Rows that are out for good: not weighed.
 
@@ -551,7 +580,14 @@ def pair_odds(
     Errors are normal, 20 standard deviations wide, independent of each other. Prior: none 0.9, and
     each further error a tenth as probable as the number before it: one 0.9 * 0.1 and two
     0.9 * 0.01, each shared equally by all rows or pairs, before all is divided by the sum. With
-    R2 = R[(i, j), (i, j)], g = 400: log BF = -log det(I + g R2) / 2 + e2' (R2 + I / g)^-1 e2 / 2.
+    R2 = R[(i, j), (i, j)], g = 400 and q = e2' (R2 + I / g)^-1 e2, sigma known:
+    log BF = -log det(I + g R2) / 2 + q / 2.
+
+    Sigma unknown, its prior 1 / sigma and the errors 20 of the true standard deviations wide: the
+    residuals of f redundancies have the density sigma^-f det^-1/2 exp(-(v'Pv - q) / 2 sigma^2),
+    which integrated over sigma gives
+    log BF = -log det(I + g R2) / 2 - f / 2 log(1 - q / v'Pv).
+    For one row these are the factors of `error_odds`.
 
     Raises
     ------
@@ -564,16 +600,30 @@ def pair_odds(
     if every > MOST_ROWS_OF_PAIRS:
         raise ValueError(f"odds over pairs of {every} rows: at most {MOST_ROWS_OF_PAIRS}")
     rest = Left(system, left_out) if left_out else system
-    return _pair_odds(rest, _others(every, left_out), most)
+    return _pair_odds(rest, _others(every, left_out), kind, most)
 
 
-def _pair_odds(system: ResidualSystem, rows: NDArray[np.intp], most: int = 20) -> PairOdds:
+def _log_factors(system: ResidualSystem, determinant: Array, square: Array, kind: Kind) -> Array:
+    """Return log BF from det(I + g R) and q of sets of rows; zero where sigma does not exist."""
+    if kind == "baarda":
+        return -0.5 * np.log(determinant) + 0.5 * square
+    f, vtpv = system.redundancy, system.vtpv
+    if f < 1 or vtpv <= f * _NO_SIGMA**2:
+        return np.zeros(len(square))
+    # q cannot come nearer to v'Pv than this but for rounding
+    share = np.minimum(square / vtpv, 1.0 - 1.0 / (1.0 + ERROR_PRIOR_SIGMAS**2))
+    return -0.5 * np.log(determinant) - 0.5 * f * np.log1p(-share)
+
+
+def _pair_odds(
+    system: ResidualSystem, rows: NDArray[np.intp], kind: Kind, most: int = 20
+) -> PairOdds:
     e, r = np.asarray(system.e, dtype=float)[rows], np.asarray(system.r, dtype=float)[rows]
     every, n = len(system.e), len(rows)
     g = ERROR_PRIOR_SIGMAS**2
     further = 1.0 - NONE_PRIOR
     own = r + 1.0 / g
-    single = -0.5 * np.log(g * own) + 0.5 * e**2 / own + log(further / max(n, 1))
+    single = _log_factors(system, g * own, e**2 / own, kind) + log(further / max(n, 1))
     a, b = np.triu_indices(n, 1)
     logs = np.zeros(0)
     if n > 1:
@@ -581,7 +631,7 @@ def _pair_odds(system: ResidualSystem, rows: NDArray[np.intp], most: int = 20) -
         c = matrix[a, b]
         determinant = np.maximum(own[a] * own[b] - c * c, 1e-300)
         square = (e[a] ** 2 * own[b] - 2.0 * e[a] * e[b] * c + e[b] ** 2 * own[a]) / determinant
-        logs = -0.5 * np.log(g * g * determinant) + 0.5 * square
+        logs = _log_factors(system, g * g * determinant, square, kind)
         logs += log(further**2 / len(a))
     top = max(0.0, float(single.max(initial=0.0)), float(logs.max(initial=0.0)))
     none, one, two = np.exp(-top), np.exp(single - top), np.exp(logs - top)

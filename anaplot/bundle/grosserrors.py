@@ -23,6 +23,7 @@ from anaplot.adjustment.strategies import (
     STRATEGIES,
     find_gross_errors,
     pair_odds,
+    sigma_of,
 )
 from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.adjusted import AdjustedBlock
@@ -374,7 +375,8 @@ def block_gross_errors(
     end = search.best_end(first, held if complete else None)
     findings = end.passes[-1]
     if used.pairs:
-        findings = replace(findings, pair_odds=pair_odds(end.system, left_out=end.held))
+        odds = pair_odds(end.system, kind=sigma_of(strategy), left_out=end.held)
+        findings = replace(findings, pair_odds=odds)
     cleaned = first
     if end.found is not None:
         cleaned = evaluate(without(end.system, frozenset(findings.rows) | end.held), end.found)

@@ -9,7 +9,7 @@ import numpy as np
 
 from anaplot.adjustment.findings import Step
 from anaplot.adjustment.reliability import Odds
-from anaplot.adjustment.significance import critical_normal
+from anaplot.adjustment.strategies import deciding_critical, sigma_of
 from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.controllast import ControlLast, clean_control_last
 from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
@@ -33,6 +33,7 @@ Json = dict[str, Any]
 
 _MOST = 30  # rows of a list in the text; JSON holds them all
 _ODDS = 0.01  # smallest probability shown
+_SIGMA0 = {"tau": "estimated", "baarda": "a-priori"}
 _BUT_HELD = " but those rejected before"
 _DIGITS = {"um": (1.0, "um"), "m": (1e3, "mm"), "rad": (1e6, "urad"), "mm": (1e3, "um")}
 
@@ -121,7 +122,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
     many = "1 observation is" if len(rejected) == 1 else f"{len(rejected)} observations are"
     lines = [
         f"GROSS ERRORS ({found.strategy})",
-        f"  alpha {settings.alpha:g}, critical value of w {critical_normal(settings.alpha):.2f}; "
+        f"  alpha {settings.alpha:g}, {_critical(cleaned)}; "
         f"{many} rejected after {_count(len(cleaned.passes), 'pass', 'passes')}",
         *_before_and_after(cleaned),
     ]
@@ -152,6 +153,22 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
         lines.append(f"  {model_values_line(found.model_values)}")
     lines += [f"  note: {printable(remark)}" for remark in cleaned.remarks]
     return "\n".join(lines)
+
+
+def _critical(cleaned: BlockFindings) -> str:
+    """Name the critical value of the strategy's test, at the end where it varies."""
+    found = cleaned.findings
+    value, f = _deciding(cleaned), found.at_end.redundancy
+    what = _measure(found.strategy) if sigma_of(found.strategy) == "tau" else "w"
+    if value is None:
+        return f"no critical value of {what} at redundancy {f}"
+    where = "" if what == "w" else f" at redundancy {f}"
+    return f"critical value of {what} {value:.2f}{where}"
+
+
+def _deciding(cleaned: BlockFindings) -> float | None:
+    found = cleaned.findings
+    return deciding_critical(found.strategy, cleaned.settings.alpha, found.at_end.redundancy)
 
 
 def _before_and_after(cleaned: BlockFindings) -> list[str]:
@@ -196,7 +213,8 @@ def _measure(strategy: str) -> str:
 
 def _odds(cleaned: BlockFindings) -> list[str]:
     found, names = cleaned.findings, cleaned.system.names
-    weighed = f"all observations in{_but(cleaned)}"
+    sigma0 = _SIGMA0[sigma_of(found.strategy)]
+    weighed = f"all observations in{_but(cleaned)}, by the {sigma0} sigma0"
     lines = _single_odds(found.odds, names, weighed)
     odds = found.pair_odds
     if odds is None:
@@ -267,7 +285,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
         "strategy": found.strategy,
         "alpha": settings.alpha,
         "power": settings.power,
-        "critical": critical_normal(settings.alpha),
+        "critical": _deciding(cleaned),
         "partner": settings.partner,
         "passes": len(cleaned.passes),
         "sigma0_before": None if cleaned.first is None else cleaned.first.sigma0,
@@ -299,6 +317,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
         "refused": [{**_name_json(r.name), "reason": r.reason} for r in cleaned.refused],
         "steps": [_step_json(step, names) for step in found.steps],
         "odds": {
+            "sigma0": _SIGMA0[sigma_of(found.strategy)],
             "none": found.odds.none,
             "single": [
                 {**_name_json(names[k]), "probability": float(found.odds.rows[k])}
@@ -315,6 +334,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
     if found.pair_odds is not None:
         odds = found.pair_odds
         out["pair_odds"] = {
+            "sigma0": _SIGMA0[sigma_of(found.strategy)],
             "none": odds.none,
             "one": float(odds.single.sum()),
             "two": odds.pairs,

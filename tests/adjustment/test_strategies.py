@@ -14,7 +14,7 @@ from anaplot.adjustment.left import Left
 from anaplot.adjustment.residualsystem import DenseResiduals, dense_residuals
 from anaplot.adjustment.reweighting import weighted_misclosures
 from anaplot.adjustment.significance import critical_normal, critical_tau
-from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors, pair_odds
+from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors, pair_odds, sigma_of
 
 
 def system_of(design: np.ndarray, misclosures: np.ndarray) -> DenseResiduals:
@@ -303,6 +303,55 @@ def test_pair_odds_name_the_pair_and_sum_to_one() -> None:
     assert odds.probability[0] > 0.9
     assert odds.none + odds.single.sum() + odds.pairs == pytest.approx(1.0)
     assert odds.marginal[4] > 0.99
+
+
+def test_pair_odds_of_unknown_sigma_are_those_of_all_sigmas_together() -> None:
+    n, u = 9, 3
+    design, misclosures, system = random_system(5, n, u, errors={2: 9.0, 6: -12.0})
+    odds = pair_odds(system, kind="tau")
+    null = np.linalg.svd(design)[0][:, u:]
+    y, s = null.T @ misclosures, np.exp(np.linspace(-4.0, 7.0, 20001))
+
+    def density(rows: list[int]) -> float:
+        """Density of the residuals, summed over log sigma; errors of 20 true sigmas."""
+        spread = np.eye(n - u) + 400.0 * null[rows].T @ null[rows]
+        square = y @ np.linalg.solve(spread, y)
+        weight = s ** -float(n - u) * np.exp(-0.5 * square / s**2)
+        return float(weight.sum()) / np.sqrt(np.linalg.det(spread))
+
+    pairs = [(a, b) for a in range(n) for b in range(a + 1, n)]
+    none = density([])
+    single = np.array([density([k]) for k in range(n)]) * 0.1 / n
+    both = {pair: density(list(pair)) * 0.01 / len(pairs) for pair in pairs}
+    total = none + single.sum() + sum(both.values())
+    assert odds.none == pytest.approx(none / total, rel=1e-6)
+    assert odds.single == pytest.approx(single / total, rel=1e-6)
+    for a, b, p in zip(odds.rows.tolist(), odds.others.tolist(), odds.probability, strict=True):
+        assert p == pytest.approx(both[a, b] / total, rel=1e-6)
+    assert (odds.rows[0], odds.others[0]) == (2, 6)
+
+
+@pytest.mark.parametrize("strategy", ["tau", "rms", "baarda", "search"])
+def test_single_and_pair_odds_go_by_the_same_sigma(strategy: str) -> None:
+    design, misclosures, _ = random_system(8, errors={4: 6.0})
+    found = find_gross_errors(
+        system_of(design, 0.25 * misclosures), strategy, SearchSettings(pairs=True)
+    )
+    single, pairs = found.odds, found.pair_odds
+    # the priors of one error differ by the prior of none
+    expected = 0.9 * single.rows / single.none
+    assert pairs.single / pairs.none == pytest.approx(expected, rel=1e-9)
+    assert sigma_of(strategy) == ("tau" if strategy in ("tau", "rms") else "baarda")
+    assert (single.rows[4] > 0.5) == (strategy in ("tau", "rms"))
+
+
+def test_pair_odds_where_there_is_no_sigma_are_the_priors() -> None:
+    design = random_system(3, 8, 4)[0]
+    exact = system_of(design, design @ np.ones(4))
+    odds = pair_odds(exact, kind="tau")
+    assert odds.none == pytest.approx(1.0 / 1.11)
+    assert odds.single == pytest.approx(np.full(8, 0.1 / 8 / 1.11))
+    assert odds.pairs == pytest.approx(0.01 / 1.11)
 
 
 def test_rows_left_out_are_not_weighed() -> None:

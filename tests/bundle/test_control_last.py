@@ -218,4 +218,4 @@ def test_the_odds_of_the_second_step_weigh_what_the_first_has_left(tmp_path: Pat
     first, second = capsys.readouterr().out.split("STEP 2")
     assert "those rejected before" not in first
     assert "with all observations but those rejected before, " in second
-    assert second.count("all observations in but those rejected before: ") == 2
+    assert second.count("all observations in but those rejected before, by the a-priori s") == 2

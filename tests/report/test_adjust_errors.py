@@ -12,6 +12,7 @@ import pytest
 from wild import words
 
 from anaplot import cli
+from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.bundle.problem import make_problem
 from anaplot.errors import InputError
@@ -170,6 +171,22 @@ def test_the_command_line(folder: Path, capsys) -> None:
     assert "MODIFIED DATA SNOOPING" in text
     with pytest.raises(InputError):
         run(folder, partner=0.9)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "what", "sigma0"),
+    [("tau", "tau", "estimated"), ("rms", "v/rms", "estimated"), ("baarda", "w", "a-priori")],
+)
+def test_the_text_names_the_sigma_and_the_critical_value(what, strategy, sigma0) -> None:
+    cleaned = clean_block(make_problem(make()), strategy, pairs=True)
+    text, found = block_errors_printout(cleaned), block_errors_json(cleaned)
+    assert text.count(f"all observations in, by the {sigma0} sigma0: ") == 2
+    assert found["odds"]["sigma0"] == found["pair_odds"]["sigma0"] == sigma0
+    f = cleaned.block.redundancy
+    critical = critical_normal(0.001) if what == "w" else critical_tau(0.001, f)
+    assert found["critical"] == critical
+    assert f"critical value of {what} {critical:.2f}" in text
+    assert (f" at redundancy {f};" in text) == (what != "w")
 
 
 def test_nothing_rejected_is_said(tmp_path: Path) -> None:
