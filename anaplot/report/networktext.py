@@ -131,7 +131,8 @@ def _few(network: Network, worth: NetworkWorth) -> list[str]:
             lines += wrapped(f"  {_photos(count)}: ", _named(names))
     if lines:
         return ["", f"SEEN IN FEWER THAN {_FEW} PHOTOS", *lines]
-    return ["", f"every new point is seen in {_FEW} photos or more"] if seen else []
+    which = "every other" if worth.not_determined else "every"
+    return ["", f"{which} new point is seen in {_FEW} photos or more"] if seen else []
 
 
 def _photos(count: int) -> str:

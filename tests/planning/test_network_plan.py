@@ -147,6 +147,18 @@ def test_what_is_left_open_is_said(tmp_path: Path, capsys) -> None:
     np.testing.assert_allclose(answer["new_points"]["mean_s_m"], [*mean, mean.mean()])
 
 
+def test_a_point_without_photos_is_not_among_those_seen_often(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "pier.toml"
+    text = network(12).replace("normal", "# normal")
+    every = "every new point is seen in 3 photos or more"
+    for lone, said in (("", every), (OPEN, every.replace("every", "every other"))):
+        path.write_text(text + lone)
+        assert main(["plan", "network", str(path)]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert [line for line in lines if "new point is seen" in line] == [said]
+        assert any("NOT DETERMINED: 1 new point" in line for line in lines) == bool(lone)
+
+
 def test_no_new_point_no_accuracy(tmp_path: Path, capsys) -> None:
     one, _, points = network(1).partition("[[point]]")
     points = ("[[point]]" + points).replace("control = 0.0005\n", "")
