@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import log
+from math import log, sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,9 +16,11 @@ __all__ = [
     "ERROR_PRIOR_SIGMAS",
     "HARD_TO_TELL",
     "NONE_PRIOR",
+    "SPUR",
     "AppliedTest",
     "Odds",
     "Standardized",
+    "beyond_model",
     "critical_transfers",
     "error_odds",
     "residual_correlations",
@@ -34,6 +36,9 @@ ERROR_PRIOR_SIGMAS = 20.0
 
 HARD_TO_TELL = 0.9
 """Residual correlation from which two rows are named as hard to tell apart."""
+
+SPUR = 1e-4
+"""Redundancy number below which no error of a size that occurs can be seen."""
 
 NONE_PRIOR = 0.9
 """Prior probability that there is no gross error at all."""
@@ -129,6 +134,25 @@ def undetected_effects(r: Array, *, alpha: float, power: float) -> Array:
     kept = np.maximum(1.0 - r[testable], 0.0)
     out[testable] = noncentrality(alpha, power) * np.sqrt(kept / r[testable])
     return out
+
+
+def beyond_model(r: Array, root: Array | float, tolerance: float) -> NDArray[np.bool_]:
+    """Return where the exact sqrt(q_vv) is farther from its model value than the tolerance.
+
+    Parameters
+    ----------
+    r
+        (n,) exact redundancy numbers.
+    root
+        (n,) model values of sqrt(q_vv), or one of all; NaN where there is none.
+    tolerance
+        Share of the model value. Both count as zero below `SPUR`: they are next to nothing, and
+        how far apart they are says nothing.
+    """
+    exact = np.sqrt(np.where(r >= SPUR, r, 0.0))
+    model = np.where(np.greater(root, sqrt(SPUR)), root, 0.0)
+    beyond: NDArray[np.bool_] = np.isfinite(root) & (np.abs(exact - model) > tolerance * model)
+    return beyond
 
 
 def residual_correlations(q_vv: Array, r: Array) -> Array:

@@ -41,7 +41,13 @@ from anaplot.adjustment.findings import (
     Step,
 )
 from anaplot.adjustment.left import Left
-from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR, Odds, error_odds
+from anaplot.adjustment.reliability import (
+    ERROR_PRIOR_SIGMAS,
+    NONE_PRIOR,
+    Odds,
+    beyond_model,
+    error_odds,
+)
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.reweighting import SETTLED, Reweighting, reweight
 from anaplot.adjustment.search import largest, search
@@ -334,8 +340,7 @@ class _ModelRule:
         self._decided += int((sure | nothing).sum())
         if self._wrong is None:
             by_model, by_exact = size > self._critical, exact > self._critical
-            true_root = np.sqrt(np.maximum(state.r, 0.0))
-            beyond = np.isfinite(root) & (np.abs(true_root - root) > self._tolerance * root)
+            beyond = beyond_model(state.r, root, self._tolerance)
             self._wrong = (
                 tuple(np.flatnonzero(by_exact & ~by_model).tolist()),
                 tuple(np.flatnonzero(by_model & ~by_exact).tolist()),

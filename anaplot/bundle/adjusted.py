@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.adjustment.consistency import GlobalTest, global_from_single
+from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.significance import TESTABLE, noncentrality
 from anaplot.bundle.minimum import Convergence
 from anaplot.bundle.normal import State, image_misclosures
@@ -26,13 +27,10 @@ from anaplot.bundle.rows import (
 )
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
-__all__ = ["SPUR", "AdjustedBlock"]
+__all__ = ["AdjustedBlock"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-SPUR = 1e-4
-"""Redundancy number below which no error of a size that occurs can be seen."""
 
 _MOST_LEFT_OUT = 20  # that are named in the remarks
 

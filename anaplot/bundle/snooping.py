@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.reliability import SPUR, beyond_model
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.bundle.factor import Factor
 from anaplot.bundle.normal import NormalEquations
@@ -76,6 +77,8 @@ class Snooping:
         (m, 2) what the modified test rejects.
     computed
         (m, 2) which cofactors it had to compute exactly.
+    untestable
+        (m, 2) what cannot be tested in the modified test, by a model value of next to zero.
     exact
         (m, 2) what the exact test rejects; None when there was nothing to compare with.
     wrongly_accepted, wrongly_rejected
@@ -87,6 +90,7 @@ class Snooping:
 
     rejected: NDArray[np.bool_]
     computed: NDArray[np.bool_]
+    untestable: NDArray[np.bool_]
     exact: NDArray[np.bool_] | None
     wrongly_accepted: int | None
     wrongly_rejected: int | None
@@ -217,36 +221,39 @@ def snoop(
     """
     rejected = np.zeros(v.shape, dtype=bool)
     computed = np.zeros(v.shape, dtype=bool)
+    untestable = np.zeros(v.shape, dtype=bool)
     beyond = 0
     for kind, (rays, axis) in classify(normal.problem).items():
         size = np.abs(v[rays, axis])
         model = models.get(kind)
         if model is None:
             doubtful = np.ones(len(rays), dtype=bool)
-        elif model.root <= TESTABLE**0.5:
-            # a model value of zero says that nothing can be tested in this class
+        elif model.root <= SPUR**0.5:
+            # a model value of next to zero says that nothing can be tested in this class
             doubtful = np.zeros(len(rays), dtype=bool)
+            untestable[rays, axis] = True
         else:
             limit = critical * sigma * model.root
             above = size > limit * (1.0 + model.tolerance)
             below = size < limit * (1.0 - model.tolerance)
             rejected[rays[above], axis] = True
             doubtful = ~above & ~below
-            if exact_r is not None:
-                root = np.sqrt(np.maximum(exact_r[rays, axis], 0.0))
-                beyond += int((np.abs(root - model.root) > model.tolerance * model.root).sum())
+        if exact_r is not None and model is not None:
+            off = beyond_model(exact_r[rays, axis], model.root, model.tolerance)
+            beyond += int(off.sum())
         for ray in rays[doubtful].tolist():
             q = float(cofactor_column(normal, factor, ray, axis)[ray, axis])
             computed[ray, axis] = True
             testable = q >= TESTABLE
             rejected[ray, axis] = testable and abs(v[ray, axis]) > critical * sigma * q**0.5
     if exact_r is None:
-        return Snooping(rejected, computed, None, None, None, None)
+        return Snooping(rejected, computed, untestable, None, None, None, None)
     testable_all = exact_r >= TESTABLE
     exact = testable_all & (np.abs(v) > critical * sigma * np.sqrt(np.maximum(exact_r, TESTABLE)))
     return Snooping(
         rejected,
         computed,
+        untestable,
         exact,
         int((exact & ~rejected).sum()),
         int((rejected & ~exact).sum()),

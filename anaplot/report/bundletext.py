@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import degrees, hypot
 
+from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.accuse import accuse
-from anaplot.bundle.adjusted import SPUR, AdjustedBlock
+from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.report.columns import cell, column
 from anaplot.report.printable import printable
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.reliability import beyond_model
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.snooping import (
     PAPER_TOLERANCE,
@@ -66,6 +67,8 @@ class ClassRow(NamedTuple):
         Number of those that it leaves to the exact cofactor.
     beyond
         Number of exact sqrt(q_vv) farther from the model value than the tolerance.
+    untestable
+        Number of observations that cannot be tested: the model value is next to zero.
     """
 
     kind: ObservationClass
@@ -76,11 +79,12 @@ class ClassRow(NamedTuple):
     rejected: int
     undecided: int
     beyond: int
+    untestable: int
 
     @property
     def observations(self) -> int:
         """Number of its observations."""
-        return self.accepted + self.rejected + self.undecided
+        return self.accepted + self.rejected + self.undecided + self.untestable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,6 +120,11 @@ class SnoopedBlock:
     def observations(self) -> int:
         """Number of image coordinates tested."""
         return sum(row.observations for row in self.classes)
+
+    @property
+    def untestable(self) -> int:
+        """Number of image coordinates that cannot be tested by their model value."""
+        return sum(row.untestable for row in self.classes)
 
     @property
     def beyond(self) -> int:
@@ -197,17 +206,19 @@ def _classes(
         root = np.sqrt(np.maximum(block.cofactors.r[rays, axis], 0.0))
         undecided = found.computed[rays, axis]
         rejected = found.rejected[rays, axis] & ~undecided
-        beyond = np.abs(root - model.root) > model.tolerance * model.root
+        untestable = found.untestable[rays, axis]
+        beyond = beyond_model(block.cofactors.r[rays, axis], model.root, model.tolerance)
         rows.append(
             ClassRow(
                 kind,
                 model.root,
                 float(root.min()),
                 float(root.max()),
-                int((~rejected & ~undecided).sum()),
+                int((~rejected & ~undecided & ~untestable).sum()),
                 int(rejected.sum()),
                 int(undecided.sum()),
                 int(beyond.sum()),
+                int(untestable.sum()),
             )
         )
     return tuple(rows)
@@ -230,13 +241,14 @@ def snooping_printout(snooped: SnoopedBlock | None) -> str:
             f"  {_named(row.kind):<28} {row.kind.axis:<4}{column(row.observations, 7)}"
             f"{cell(row.model, 3, 7)}{cell(row.smallest, 3, 12)}{cell(row.largest, 3, 7)}"
             f"{column(row.accepted, 6)}{column(row.rejected, 8)}{column(row.undecided, 11)}"
-            f"{column(row.beyond, 12)}"
+            f"{column(row.beyond, 12)}" + "  not testable" * (row.untestable > 0)
         )
     accepted = sum(row.accepted for row in snooped.classes)
     rejected = sum(row.rejected for row in snooped.classes)
     lines.append(
         f"  of {snooped.observations} image coordinates the model values accept {accepted} and "
         f"reject {rejected}; {len(snooped.undecided)} undecided are decided exactly"
+        + (f", {snooped.untestable} cannot be tested" if snooped.untestable else "")
     )
     lines += _list("undecided, decided exactly", snooped.undecided)
     lines += _list("rejected", snooped.rejected)
@@ -268,7 +280,7 @@ def _list(title: str, rows: tuple[Decided, ...]) -> list[str]:
     for row in rows[:_MOST]:
         model = "" if row.model is None else f" in {printable(row.model)}"
         w = "-" if row.w is None else f"{row.w:.2f}"
-        verdict = "rejected" if row.rejected else "accepted"
+        verdict = "rejected" if row.rejected else "not testable" if row.w is None else "accepted"
         other = "" if row.rejected == row.exact else f", exact test {_word(row.exact)}"
         lines.append(
             f"    photo {printable(row.photo)}{model}  point {printable(row.point)}  {row.axis}  "
@@ -302,6 +314,7 @@ def snooping_json(snooped: SnoopedBlock | None) -> Json | None:
                 "rejected": row.rejected,
                 "undecided": row.undecided,
                 "beyond_tolerance": row.beyond,
+                "untestable": row.untestable,
             }
             for row in snooped.classes
         ],
@@ -311,4 +324,5 @@ def snooping_json(snooped: SnoopedBlock | None) -> Json | None:
         "wrongly_rejected": [row._asdict() for row in snooped.wrongly_rejected],
         "differences": len(snooped.wrongly_accepted) + len(snooped.wrongly_rejected),
         "beyond_tolerance": snooped.beyond,
+        "untestable": snooped.untestable,
     }

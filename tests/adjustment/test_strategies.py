@@ -11,6 +11,7 @@ from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastsquares import adjust
 from anaplot.adjustment.left import Left
+from anaplot.adjustment.reliability import beyond_model
 from anaplot.adjustment.residualsystem import DenseResiduals, dense_residuals
 from anaplot.adjustment.reweighting import weighted_misclosures
 from anaplot.adjustment.significance import critical_normal, critical_tau
@@ -352,6 +353,18 @@ def test_pair_odds_where_there_is_no_sigma_are_the_priors() -> None:
     assert odds.none == pytest.approx(1.0 / 1.11)
     assert odds.single == pytest.approx(np.full(8, 0.1 / 8 / 1.11))
     assert odds.pairs == pytest.approx(0.01 / 1.11)
+
+
+def test_rounding_is_not_beyond_a_model_value() -> None:
+    r = np.array([1e-9, 9e-5, 0.25, 0.25, 0.25, 1e-9])
+    root = np.array([1e-7, 0.0, 0.0, 0.45, 0.3, np.nan])
+    assert beyond_model(r, root, 0.25).tolist() == [False, False, True, False, True, False]
+    design = np.vstack((random_system(4, 11, 4)[0], np.zeros(4)))
+    design = np.hstack((design, np.eye(12)[:, 11:]))  # the last row alone determines an unknown
+    system = system_of(design, np.random.default_rng(1).normal(size=12))
+    models = np.sqrt(np.append(system.r[:11], 1e-12))
+    found = find_gross_errors(system, "modified", models=models)
+    assert found.model_values.beyond_tolerance == 0
 
 
 def test_rows_left_out_are_not_weighed() -> None:

@@ -19,8 +19,15 @@ import pytest
 from wild import wild, words
 
 import anaplot
+from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.snooping import ClassModel, estimate_models, snoop
+from anaplot.bundle.snooping import (
+    ClassModel,
+    ObservationClass,
+    classify,
+    estimate_models,
+    snoop,
+)
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_new_block
 from anaplot.photogrammetry.block import (
@@ -107,9 +114,8 @@ def test_both_tests_side_by_side() -> None:
         found = snoop_block(adjusted, tolerance=tolerance)
         assert found is not None
         assert found.observations == adjusted.v.size
-        assert sum(row.accepted + row.rejected + row.undecided for row in found.classes) == (
-            adjusted.v.size
-        )
+        told = [(r.accepted, r.rejected, r.undecided, r.untestable) for r in found.classes]
+        assert np.sum(told) == adjusted.v.size
         # what is decided exactly is what the model values left open, and agrees with the exact test
         assert len(found.undecided) == sum(row.undecided for row in found.classes)
         assert all(row.rejected == row.exact for row in found.undecided)
@@ -237,6 +243,28 @@ def test_without_redundancy_there_is_nothing_to_snoop() -> None:
     assert found is None
     assert snooping_json(found) is None
     assert "no test" in snooping_printout(found)
+
+
+def test_what_nothing_checks_is_not_accepted() -> None:
+    adjusted = adjust_block(flown(3, 5))
+    found = snoop_block(adjusted)
+    kind = ObservationClass(2, False, False, "x")
+    [row] = [row for row in found.classes if row.kind == kind]
+    assert 0.0 < row.model < 0.01
+    assert (row.accepted, row.rejected, row.undecided) == (0, 0, 0)
+    # what is next to nothing as well is no farther from it than the tolerance
+    rays, axis = classify(adjusted.problem)[kind]
+    assert row.beyond == (adjusted.cofactors.r[rays, axis] >= SPUR).sum() < 16
+    assert row.untestable == row.observations == found.untestable == 16
+    assert found.observations == adjusted.v.size
+    text = snooping_printout(found)
+    assert [line.split()[:2] for line in text.splitlines() if line.endswith("  not testable")] == [
+        ["2", "rays,"]
+    ]
+    assert "undecided are decided exactly, 16 cannot be tested" in text
+    assert f"accept {found.observations - 16 - len(found.undecided)} and reject 0" in text
+    told = snooping_json(found)
+    assert told["untestable"] == sum(one["untestable"] for one in told["classes"]) == 16
 
 
 def test_columns_never_touch() -> None:
