@@ -16,6 +16,7 @@ from anaplot.bundle.minimum import Convergence
 from anaplot.bundle.normal import State, image_misclosures
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.reliability import Cofactors
+from anaplot.bundle.residuals import ORIENTATION
 from anaplot.bundle.rows import (
     ControlRow,
     Indicators,
@@ -109,19 +110,26 @@ class AdjustedBlock:
         """Whether any observation exceeds the critical value."""
         return len(self.flagged_observations()) > 0
 
-    def flagged_observations(self) -> list[tuple[float, str]]:
-        """Return (abs(w), what) of all observations that exceed the critical value, worst first."""
+    def flagged_observations(self) -> list[tuple[float, str, str]]:
+        """Return (abs(w), what, kind) of all that exceed the critical value, the worst first.
+
+        Kinds are "image", "control", "prior" (of an orientation) and "parameter".
+        """
         found = [
-            (w, f"{axis} of point {point} in photo {photo}")
+            (w, f"{axis} of point {point} in photo {photo}", "image")
             for w, photo, point, axis in self.suspects()
         ]
         found += [
-            (abs(row.w), f"{row.axis} of control point {row.point}")
+            (abs(row.w), f"{row.axis} of control point {row.point}", "control")
             for row in self.control_rows()
             if row.flagged and row.w is not None
         ]
         found += [
-            (abs(row.w), f"the prior {row.unknown} of {row.owner}")
+            (
+                abs(row.w),
+                f"the prior {row.unknown} of {row.owner}",
+                "prior" if row.unknown in ORIENTATION else "parameter",
+            )
             for row in self.prior_rows()
             if row.flagged and row.w is not None
         ]
@@ -232,13 +240,12 @@ class AdjustedBlock:
         """Return the priors on orientations and on additional parameters."""
         problem, linear = self.problem, self.cofactors.normal.linear
         found: list[tuple[str, str, float, float, float]] = []
-        names = ("X", "Y", "Z", "omega", "phi", "kappa")
         sigmas = np.concatenate((problem.position_sigma, problem.rotation_sigma), axis=1)
         for k, index in np.argwhere(np.isfinite(self.cofactors.r_photo)).tolist():
             found.append(
                 (
                     problem.photos[k],
-                    names[index],
+                    ORIENTATION[index],
                     float(linear.photo_e[k, index]),
                     float(self.cofactors.r_photo[k, index]),
                     float(sigmas[k, index]),

@@ -217,6 +217,8 @@ def compare_epochs(
         )
         # what the block lacks, the epochs by themselves say
         remarks += [f"jointly: {warning}" for warning in warnings]
+    if _measured(first) == _measured(second):
+        remarks.append("both epochs have the same image measurements: they are not two epochs")
     without = additional is not None and before is None
     for number, adjusted in enumerate(alone, start=1):
         remarks += [f"epoch {number}: {remark}" for remark in adjusted.remarks]
@@ -309,17 +311,30 @@ def _together(
     return _Compared(places, d, q, vtpv, redundancy, agreement), block.warnings
 
 
+_REMEDY = {
+    "image": "remeasure it, or remove it from image_points.csv",
+    "control": "check it, or remove it from control.csv",
+    "prior": "check it, or remove it from block.toml",
+    "parameter": "the sigma of the additional parameters is too small for it",
+}
+
+
+def _measured(block: Block) -> list[tuple[str, float, float]]:
+    return sorted((row.point, row.x, row.y) for row in block.image_points)
+
+
 def _doubts(block: AdjustedBlock, without: bool) -> list[str]:
     """Say what speaks against an epoch by itself."""
     by_itself = " (by itself, without additional parameters)" if without else ""
     out = []
     flagged = block.flagged_observations()
     if flagged:
-        size, what = flagged[0]
+        size, what, kind = flagged[0]
         which = f"1 observation flagged, {what}" if len(flagged) == 1 else (
             f"{len(flagged)} observations flagged, the largest {what}"
         )  # fmt: skip
-        out.append(f"{which} (w {size:.1f}){by_itself}: adjust it first with --errors")
+        more = "" if len(flagged) == 1 else "; adjust --errors names what else is wrong"
+        out.append(f"{which} (w {size:.1f}){by_itself}: {_REMEDY[kind]}{more}")
     test = block.global_test()
     if test is not None and block.sigma0 is not None and block.sigma0**2 > test.critical:
         out.append(

@@ -353,6 +353,40 @@ def test_joint_warnings_are_told_whatever_names_they_hold() -> None:
     assert not any("lonely" in r for r in told)
 
 
+def test_what_is_flagged_is_to_be_remeasured_or_removed() -> None:
+    first, second = (epoch(k, test=BAARDA) for k in (11, 12))
+    rows = list(second.image_points)
+    rows[7] = replace(rows[7], x=rows[7].x + 0.03)
+    one = compare_epochs(first, replace(second, image_points=tuple(rows)))
+    assert one.flagged == (0, 1)
+    [remark] = [r for r in one.remarks if "flagged" in r]
+    wrong = f"x of point {rows[7].point} in photo {rows[7].photo} (w "
+    assert wrong in remark
+    assert remark.endswith("): remeasure it, or remove it from image_points.csv")
+    # which leads on
+    gone = compare_epochs(first, replace(second, image_points=tuple(rows[:7] + rows[8:])))
+    assert gone.flagged == (0, 0)
+    control = list(second.control)
+    x, y, z = control[0].xyz
+    control[0] = replace(control[0], xyz=(x, y + 0.3, z))
+    found = adjust_block(replace(second, control=tuple(control))).flagged_observations()[0]
+    assert found[1:] == (f"Y of control point {control[0].point}", "control")
+    tight = additional_parameters("ebner", 1e-3)
+    bent = epoch(12, test=BAARDA, distort=lambda x, y: (1e-5 * x * y, 0.0))
+    kinds = {kind for *_, kind in adjust_block(bent, additional=tight).flagged_observations()}
+    assert "parameter" in kinds
+    assert "prior" not in kinds
+
+
+def test_the_same_measurements_are_not_two_epochs() -> None:
+    first, second = epoch(11), epoch(12)
+    copied = replace(first, name="copy", image_points=first.image_points[::-1])
+    same = "both epochs have the same image measurements: they are not two epochs"
+    assert same in compare_epochs(first, copied).remarks
+    assert same in compare_epochs(first, copied, separate=True).remarks
+    assert same not in compare_epochs(first, second).remarks
+
+
 def test_the_unit_of_a_free_network_is_told_where_it_is_not_controls() -> None:
     def stripped(block, axes):
         rows = [
