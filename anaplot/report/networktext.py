@@ -22,7 +22,6 @@ _NAME = 10
 def network_lines(network: Network, block: AdjustedBlock, worth: NetworkWorth) -> list[str]:
     """Return the report of a network, at most a page wide."""
     problem, got = block.problem, block.indicators()
-    ai = None if worth.new_s is None else (got.ai_x, got.ai_y, got.ai_z, got.ai)
     lines = [
         *wrapped(
             f"PLANNED NETWORK {shortened(network.name, PAGE - 20)}: ",
@@ -35,7 +34,7 @@ def network_lines(network: Network, block: AdjustedBlock, worth: NetworkWorth) -
         f"n {problem.observations}, u {problem.unknowns}, redundancy {block.redundancy}; "
         f"a-priori sigma0 {network.image_um:g} um",
         f"RI (mean r)         x' {got.ri_x:.3f}   y' {got.ri_y:.3f}   both {got.ri:.3f}",
-        f"AI (mean deviation)  {_means(ai)}",
+        f"AI (mean deviation)  {_means((got.ai_x, got.ai_y, got.ai_z, got.ai))}",
     ]
     if network.control:
         lines.append(f"  {f'new points ({worth.new_determined})':<17}  {_means(worth.new_s)}")

@@ -139,15 +139,13 @@ def _json(
     worth: NetworkWorth,
     pairs: tuple[RayPair, ...],
 ) -> dict[str, Any]:
-    problem, indicators = block.problem, block.indicators()._asdict()
-    if worth.new_s is None:
-        indicators.update(dict.fromkeys(("ai_x", "ai_y", "ai_z", "ai")))
+    problem = block.problem
     return {
         "name": made.block.name,
         "observations": problem.observations,
         "unknowns": problem.unknowns,
         "redundancy": block.redundancy,
-        "indicators": indicators,
+        "indicators": block.indicators()._asdict(),
         "new_points": {
             "determined": worth.new_determined,
             "mean_s_m": None if worth.new_s is None else list(worth.new_s),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -159,7 +160,7 @@ def test_a_point_without_photos_is_not_among_those_seen_often(tmp_path: Path, ca
         assert any("NOT DETERMINED: 1 new point" in line for line in lines) == bool(lone)
 
 
-def test_no_new_point_no_accuracy(tmp_path: Path, capsys) -> None:
+def test_without_a_new_point_the_accuracy_is_that_of_control(tmp_path: Path, capsys) -> None:
     one, _, points = network(1).partition("[[point]]")
     points = ("[[point]]" + points).replace("control = 0.0005\n", "")
     free = [part for part in points.split("[[point]]") if part]
@@ -170,16 +171,32 @@ def test_no_new_point_no_accuracy(tmp_path: Path, capsys) -> None:
     path.write_text(text)
     assert main(["plan", "network", str(path)]) == 0
     out = capsys.readouterr().out
-    assert "AI (mean deviation)  -\n  new points (0)     -\n" in out
+    zero = "X 0.000   Y 0.000   Z 0.000   all 0.000 mm"
+    assert f"AI (mean deviation)  {zero}\n  new points (0)     -\n" in out
     assert "NOT DETERMINED: 1 new point\n  p21 (1 photo)" in out
     assert "SEEN IN FEWER" not in out
     assert main(["plan", "network", str(path), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["indicators"]["ai"] is None
+    assert answer["indicators"]["ai"] == 0.0
     assert answer["indicators"]["ri"] > 0.0
     assert answer["new_points"]["mean_s_m"] is None
     assert main(["plan", "network", str(path), "--point", "p21"]) == 2
     assert "point 'p21' is not determined in this network" in capsys.readouterr().err
+
+
+def test_the_accuracy_of_control_free_of_error_is_that_of_the_written_block(
+    tmp_path: Path, capsys
+) -> None:
+    path, folder = tmp_path / "control.toml", tmp_path / "folder"
+    text = network(3).replace("control = 0.0005\n", "")
+    text = re.sub(r"normal = .*\n", "control = 0.0\n", text)
+    path.write_text(text)
+    assert main(["plan", "network", str(path), "--json", "--to", str(folder)]) == 0
+    planned = json.loads(capsys.readouterr().out)["indicators"]
+    assert main(["adjust", str(folder), "--json"]) == 0
+    adjusted = json.loads(capsys.readouterr().out)["indicators"]
+    for name in ("AI_X", "AI_Y", "AI_Z", "AI"):
+        assert planned[name.lower()] == adjusted[name] == 0.0
 
 
 def test_worth_is_sorted_and_true() -> None:
