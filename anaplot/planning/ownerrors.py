@@ -78,7 +78,7 @@ class OwnErrors:
         """
         room = int(self.places.sum())
         if max(self.numbers) > room:
-            raise InputError(f"{max(self.numbers)} errors, but only {room} rows to put them in")
+            raise InputError(f"{max(self.numbers)} errors, but only {_rows(room)} to put them in")
         return _OwnTrial(self)
 
     def cases(self) -> tuple[tuple[int, float], ...]:
@@ -86,6 +86,10 @@ class OwnErrors:
         numbers, sizes = dict.fromkeys(self.numbers), dict.fromkeys(self.sizes)
         planted = tuple((k, size) for k in numbers if k for size in sizes)
         return ((0, 0.0), *planted) if 0 in numbers else planted
+
+
+def _rows(number: int) -> str:
+    return "1 row" if number == 1 else f"{number} rows"
 
 
 def _case(number: int, size: float) -> str:
@@ -105,8 +109,8 @@ class _OwnTrial:
         n = len(self._r)
         return (
             f"{n} rows, redundancy {float(self._r.sum()):.1f}, "
-            f"{int(self._of.places.sum())} rows in which errors are planted",
-            f"{int((self._r < TESTABLE).sum())} rows cannot be tested, "
+            f"{_rows(int(self._of.places.sum()))} in which errors are planted",
+            f"{_rows(int((self._r < TESTABLE).sum()))} cannot be tested, "
             f"{int(self._near.any(axis=1).sum())} have a partner with residual correlation of "
             f"{HARD_TO_TELL:g} or more",
             "right, wrong and missed are numbers of rows in a run",

@@ -16,7 +16,7 @@ from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.residuals import ObservationName
 from anaplot.photogrammetry.block import Block
-from anaplot.report.columns import cell, column
+from anaplot.report.columns import cell, column, counted
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
 from anaplot.report.searchoptions import search_settings
@@ -123,7 +123,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
     lines = [
         f"GROSS ERRORS ({found.strategy})",
         f"  alpha {settings.alpha:g}, {_critical(cleaned)}; "
-        f"{many} rejected after {_count(len(cleaned.passes), 'pass', 'passes')}",
+        f"{many} rejected after {counted(len(cleaned.passes), 'pass', 'passes')}",
         *_before_and_after(cleaned),
     ]
     if rejected:
@@ -265,10 +265,6 @@ def _listed(title: str, rows: list[str]) -> list[str]:
     if len(rows) > _MOST:
         lines.append(f"    and {len(rows) - _MOST} more")
     return lines
-
-
-def _count(number: int, one: str, more: str) -> str:
-    return f"{number} {one if number == 1 else more}"
 
 
 def _number(value: float | None, digits: int) -> str:

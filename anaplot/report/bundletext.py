@@ -8,7 +8,7 @@ from math import degrees, hypot
 from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.accuse import accuse
 from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.report.columns import cell, column
+from anaplot.report.columns import cell, column, counted
 from anaplot.report.printable import printable
 
 __all__ = ["adjust_printout"]
@@ -53,7 +53,7 @@ def _summary(block: AdjustedBlock) -> list[str]:
         f"redundancy {block.redundancy}"
         + (f" (rank defect {problem.defect} of the datum)" if problem.defect else ""),
         f"  sigma0 {sigma0}{um}, a priori 1 ({problem.block.precision.image_um:g} um); "
-        f"{block.convergence.iterations} iterations, {block.convergence.damped} damped",
+        f"{counted(block.convergence.iterations, 'iteration')}, {block.convergence.damped} damped",
         f"  test {test.kind}, alpha {test.alpha:g}, critical value {critical}",
         *_global_test(block),
         f"  reliability  RI x {i.ri_x:.3f}  y {i.ri_y:.3f}  all {i.ri:.3f}",
@@ -83,7 +83,8 @@ def _summary(block: AdjustedBlock) -> list[str]:
     spurs = block.spurs()
     if spurs:
         lines.append(
-            f"  {len(spurs)} image coordinates (spurs, r below {SPUR:g}) are checked by nothing:"
+            f"  {counted(len(spurs), 'image coordinate')} (spurs, r below {SPUR:g}) "
+            f"{'is' if len(spurs) == 1 else 'are'} checked by nothing:"
         )
         cells = [f"{printable(f)}:{printable(p)} {axis}" for f, p, axis in spurs[:_MOST]]
         lines.append("    " + ", ".join(cells) + (" ..." if len(spurs) > _MOST else ""))

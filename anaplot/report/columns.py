@@ -6,10 +6,16 @@ from collections.abc import Iterable
 
 from anaplot.report.printable import printable
 
-__all__ = ["PAGE", "cell", "column", "fitted", "shortened", "wrapped"]
+__all__ = ["PAGE", "cell", "column", "counted", "fitted", "shortened", "wrapped"]
 
 PAGE = 80
 _GAP = "..."
+
+
+def counted(number: float, one: str, more: str | None = None) -> str:
+    """Return how many there are of something, in words for one and for several."""
+    shown = f"{number:g}" if isinstance(number, float) else str(number)
+    return f"{shown} {one if number == 1 else more or one + 's'}"
 
 
 def shortened(name: str, width: int) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from anaplot.bundle.components import BlockComponents, ComponentSigma
+from anaplot.report.columns import counted
 from anaplot.report.printable import printable
 
 __all__ = ["components_json", "components_printout"]
@@ -49,7 +50,7 @@ def components_printout(found: BlockComponents) -> str:
     variances = found.variances
     width = max([5, *(len(printable(c.name)) for c in variances.components)])
     lines = [
-        f"VARIANCE COMPONENTS, by {found.grouping}; {variances.iterations} adjustments",
+        f"VARIANCE COMPONENTS, by {found.grouping}; {counted(variances.iterations, 'adjustment')}",
         f"  {'group':<{width}}  {'n':>6}  {'r':>9}  {'s/s0':>7}  {'s^2/s0^2':>9}  {'+-':>7}  "
         f"{'a priori':>12}  {'estimated':>12}",
     ]

@@ -9,7 +9,7 @@ import numpy as np
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.planning.networkplan import Network, NetworkWorth
 from anaplot.planning.worth import PointWorth
-from anaplot.report.columns import PAGE, fitted, shortened, wrapped
+from anaplot.report.columns import PAGE, counted, fitted, shortened, wrapped
 from anaplot.report.printable import printable
 
 __all__ = ["first_lines", "network_lines", "point_lines"]
@@ -26,8 +26,8 @@ def network_lines(network: Network, block: AdjustedBlock, worth: NetworkWorth) -
         *wrapped(
             f"PLANNED NETWORK {shortened(network.name, PAGE - 20)}: ",
             (
-                f"{len(network.stations)} stations",
-                f"{len(network.points)} points",
+                counted(len(network.stations), "station"),
+                counted(len(network.points), "point"),
                 f"{len(network.control)} of them control",
             ),
         ),

@@ -27,7 +27,7 @@ from anaplot.planning.blockplan import (
     weak_photos,
 )
 from anaplot.planning.idealblock import IdealBlock
-from anaplot.report.columns import fitted
+from anaplot.report.columns import counted, fitted
 from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.progress import ProgressLine
 
@@ -116,12 +116,12 @@ def _lines(
     twin = ", twin" if plan.twin else ""
     cross = f", {plan.cross_strips} across" if plan.cross_strips else ""
     control = {
-        "perimeter": f"perimeter, bridging {plan.bridging:g} bases{twin}",
+        "perimeter": f"perimeter, bridging {counted(plan.bridging, 'base')}{twin}",
         "corners": f"corners{twin}",
         "none": "none: a free network",
     }[plan.control]
     lines = [
-        f"PLANNED BLOCK: {plan.strips} strips of {plan.photos} photos{cross}, "
+        f"PLANNED BLOCK: {counted(plan.strips, 'strip')} of {plan.photos} photos{cross}, "
         f"{100 * plan.overlap:g} / {100 * plan.sidelap:g} %, {plan.side} x {plan.side} points",
         f"base {plan.base:.1f} m, strips {plan.spacing:.1f} m apart, 1 : {plan.scale:g}, "
         f"c {plan.c:g} mm",

@@ -26,6 +26,7 @@ from anaplot.planning.montecarlo import ChunkDone, Figure, Key, Scenario, Sums, 
 from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.quantities import Quantity
 from anaplot.planning.scenarios import scenarios
+from anaplot.report.columns import counted
 from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.printable import printable
@@ -210,7 +211,7 @@ def _printout(
     scenario: Scenario, found: tuple[Figure, ...], remarks: Iterable[str], runs: int, seed: int
 ) -> str:
     title = textwrap.wrap(f"{printable(scenario.name)}: {printable(scenario.about)}", _WIDTH)
-    lines = [*title, f"{runs} runs, seed {seed}", ""]
+    lines = [*title, f"{counted(runs, 'run')}, seed {seed}", ""]
     method = max([len("method"), *(len(printable(f.method)) for f in found)])
     quantity = max([len("quantity"), *(len(printable(f.quantity)) for f in found)])
     head = f"  {'method':<{method}}  {'quantity':<{quantity}}  {'mean':>8}  95 % interval"

@@ -197,3 +197,10 @@ def test_the_report_keeps_to_a_page_and_loses_nothing(capsys) -> None:
     )
     # two headings are two words
     assert {len(row.split()) for row in rows} == {len(names) - 3, len(names) - 2}
+
+
+def test_one_strip_and_one_base_are_not_several(capsys) -> None:
+    assert main(["plan", "block", "--strips", "1", "--photos", "4", "--bridging", "1"]) == 0
+    out = capsys.readouterr().out
+    assert "PLANNED BLOCK: 1 strip of 4 photos, " in out
+    assert "bridging 1 base\n" in out

@@ -277,6 +277,16 @@ def test_the_report_is_not_lost_with_the_table(tmp_path: Path, capsys, monkeypat
     assert error == f"anaplot: {table}: cannot be written: no space left\n"
 
 
+def test_one_run_and_one_row_are_not_several(capsys) -> None:
+    call = ["plan", "simulate", "13/5", "--place", "1", "--place", "y", "--strategy", "baarda"]
+    assert main([*call, "--runs", "1", "--errors", "1"]) == 0
+    out = capsys.readouterr().out
+    assert "\n1 run, seed 0\n" in out
+    assert ", 1 row in which errors are planted\n" in out
+    assert main([*call, "--errors", "2"]) == 2
+    assert "2 errors, but only 1 row to put them in" in capsys.readouterr().err
+
+
 def test_refusals(tmp_path: Path, capsys) -> None:
     points = tmp_path / "points.csv"
     points.write_text("label,x,y\n1,0,0\n", encoding="utf-8")

@@ -282,3 +282,19 @@ def test_columns_never_touch(tmp_path: Path, monkeypatch) -> None:
         monkeypatch.setattr(AdjustedBlock, f"{name}_rows", lambda _, rows=grown: rows)
     large = adjust_printout(block).replace("not testable", "")
     assert words(usual.split("PHOTO ", 1)[1]) == words(large.split("PHOTO ", 1)[1])
+
+
+def test_one_iteration_and_one_spur_are_not_several(tmp_path: Path, monkeypatch) -> None:
+    block = adjust_block(read_block(write_block(tmp_path / "b")))
+    for number, said in (
+        (1, "; 1 iteration, 0 damped\n"),
+        (2, "; 2 iterations, 0 damped\n"),
+    ):
+        convergence = block.convergence._replace(iterations=number, damped=0)
+        assert said in adjust_printout(replace(block, convergence=convergence))
+    for count, said in (
+        (1, "1 image coordinate (spurs, r below 0.0001) is checked by"),
+        (2, "2 image coordinates (spurs, r below 0.0001) are checked by"),
+    ):
+        monkeypatch.setattr(AdjustedBlock, "spurs", lambda _, n=count: [("101", "1", "x")] * n)
+        assert said in adjust_printout(block)

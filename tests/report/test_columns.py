@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anaplot.report.columns import PAGE, cell, column, fitted, shortened, wrapped
+from anaplot.report.columns import PAGE, cell, column, counted, fitted, shortened, wrapped
 
 
 def test_long_names_keep_both_ends() -> None:
@@ -30,6 +30,12 @@ def test_any_number_is_shown_within_five_percent(value: float) -> None:
     text = fitted(value, 3, 8)
     assert len(text) <= 8
     assert abs(float(text) - value) <= max(0.05 * value, 0.001)
+
+
+def test_one_is_not_several() -> None:
+    assert [counted(n, "run") for n in (0, 1, 1234567)] == ["0 runs", "1 run", "1234567 runs"]
+    assert [counted(n, "base") for n in (1.0, 1.5)] == ["1 base", "1.5 bases"]
+    assert [counted(n, "pass", "passes") for n in (1, 2)] == ["1 pass", "2 passes"]
 
 
 def test_cells_keep_the_usual_layout() -> None:
