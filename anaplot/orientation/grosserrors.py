@@ -11,7 +11,6 @@ import numpy as np
 
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
-from anaplot.adjustment.left import Left
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import find_gross_errors
 from anaplot.errors import NotComputableError
@@ -93,6 +92,8 @@ class CleanedModel:
         Rows that it would have rejected, but without which there is no orientation, and why.
     remarks
         What limited the search.
+    held
+        Rows that were left out to begin with and not looked at: the strategy cannot cope with them.
     """
 
     solution: ModelSolution
@@ -102,6 +103,7 @@ class CleanedModel:
     begun_without: tuple[Key, ...] = ()
     refused: tuple[tuple[Key, str], ...] = ()
     remarks: tuple[str, ...] = ()
+    held: frozenset[Key] = frozenset()
 
     @property
     def findings(self) -> Findings:
@@ -180,6 +182,7 @@ class _End(NamedTuple):
     refused: tuple[tuple[Key, str], ...]
     settled: bool
     score: float
+    held: frozenset[Key]
 
 
 def model_gross_errors(
@@ -240,6 +243,7 @@ def model_gross_errors(
         wild,
         end.refused,
         tuple(remarks),
+        end.held,
     )
 
 
@@ -302,14 +306,14 @@ class _Search:
     def _pass(
         self, solution: ModelSolution, residuals: ModelResiduals, barred: Container[Key]
     ) -> Findings:
-        keys, system = residuals.keys, residuals.system
-        held = [row for row, key in enumerate(keys) if key in self.held]
+        keys = residuals.keys
         return find_gross_errors(
-            Left(system, held) if held else system,
+            residuals.system,
             self.strategy,
             self.settings,
             models=ideal_roots(solution, keys) if self.strategy == "modified" else None,
             suspects=np.array([key not in barred for key in keys]),
+            left_out=[row for row, key in enumerate(keys) if key in self.held],
         )
 
     def _end(
@@ -325,7 +329,7 @@ class _Search:
         e = residual_system(solution).e
         score = float(e @ e) + critical_normal(self.settings.alpha) ** 2 * len(out)
         refused = tuple(barred.items())
-        return _End(solution, out, residuals, tuple(passes), refused, settled, score)
+        return _End(solution, out, residuals, tuple(passes), refused, settled, score, self.held)
 
 
 def strip_gross_errors(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from anaplot.adjustment.strategies import sigma_of
 from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.grosserrors import CleanedModel, RejectedRow, strip_gross_errors
@@ -142,8 +143,11 @@ def _odds_lines(cleaned: CleanedModel) -> list[str]:
     """Return the odds over single errors, all rows in, and over pairs where asked for."""
     found, keys = cleaned.findings, cleaned.residuals.keys
     single = found.odds
+    but = " but those far off" if cleaned.held else ""
+    sigma0 = "estimated" if sigma_of(found.strategy) == "tau" else "a-priori"
+    weighed = f"all rows in{but}, by the {sigma0} sigma0"
     lines = [
-        f"    if there is one gross error at most, all rows in: none {100.0 * single.none:.1f} %"
+        f"    if there is one gross error at most, {weighed}: none {100.0 * single.none:.1f} %"
     ]
     for row in np.argsort(-single.rows, kind="stable").tolist():
         if single.rows[row] >= _SHOWN_ODDS:
@@ -152,7 +156,7 @@ def _odds_lines(cleaned: CleanedModel) -> list[str]:
     if odds is None:
         return lines
     lines.append(
-        f"    odds over none, one and two, all rows in: none {100.0 * odds.none:.1f} %, one "
+        f"    odds over none, one and two, {weighed}: none {100.0 * odds.none:.1f} %, one "
         f"{100.0 * float(odds.single.sum()):.1f} %, two {100.0 * odds.pairs:.1f} %"
     )
     for a, b, chance in zip(

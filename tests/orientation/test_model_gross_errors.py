@@ -15,6 +15,7 @@ from anaplot.orientation.grosserrors import model_gross_errors
 from anaplot.orientation.model import orient
 from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.photogrammetry.block import Precision
+from anaplot.report.modelerrors import errors_printout
 
 KNOWN_SIGMA = ("baarda", "modified", "huber", "danish", "search", "odds")
 
@@ -114,6 +115,26 @@ def test_two_interchanged_points_are_found_with_their_evidence(strategy: str) ->
     assert all(abs(row.error_um) > 1e4 for row in cleaned.rejected)
     assert cleaned.findings.odds.none < 1e-6
     assert len(cleaned.residuals.keys) == len(pair.points)
+
+
+def test_rows_that_a_strategy_cannot_cope_with_are_held_and_said_so() -> None:
+    """Ten thousand sigmas in two points are more than one re-weighting can tell from the others."""
+    held = 0
+    for seed in range(12):
+        first = orient(pair_of(fly(seed, noise=0.005, kappa=5.0), 0), PROPAGATED, BAARDA)
+        pair = pair_of(fly(seed, noise=0.005, kappa=5.0), 1, first)
+        cleaned = model_gross_errors(swapped(pair, "1a", "2d"), PROPAGATED, BAARDA, "danish")
+        text = errors_printout(cleaned)
+        assert ("all rows in but those far off, by the a-priori sigma0" in text) == bool(
+            cleaned.held
+        )
+        assert set(cleaned.held) <= set(keys(cleaned)) & set(cleaned.begun_without)
+        assert all(
+            cleaned.findings.odds.rows[cleaned.residuals.keys.index(key)] == 0.0
+            for key in cleaned.held
+        )
+        held += bool(cleaned.held)
+    assert 0 < held < 12
 
 
 def test_partners_are_those_of_the_rows_that_are_out_at_the_end() -> None:
