@@ -219,16 +219,24 @@ def model_gross_errors(
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
     search = _Search(pair, precision, test, strategy, used)
     begun, wild = _oriented(pair, precision, test, frozenset())
-    ends = [search.run(begun, wild)]
+    starts: list[tuple[_Search, ModelSolution, tuple[Key, ...] | None]] = [(search, begun, wild)]
     sigma0 = begun.sigma0_um
     if strategy != "search" and sigma0 is not None and sigma0 > _TORN * begun.apriori_um:
-        clean = replace(search, strategy="search").run(begun, wild)
         with suppress(NotComputableError):
-            ends.append(search.run(clean.solution, None))
+            clean = replace(search, strategy="search").run(begun, wild)
+            starts.append((search, clean.solution, None))
     if wild:
-        with suppress(NotComputableError, NotSeparableError):
-            ends.append(replace(search, held=frozenset(wild)).run(begun, ()))
-    end = min(ends, key=lambda one: (not one.settled, round(one.score, 6)))
+        starts.append((replace(search, held=frozenset(wild)), begun, ()))
+    ends: list[_End] = []
+    failures: list[NotComputableError | NotSeparableError] = []
+    for one, start, without in starts:
+        try:
+            ends.append(one.run(start, without))
+        except (NotComputableError, NotSeparableError) as error:
+            failures.append(error)
+    if not ends:
+        raise failures[0]
+    end = min(ends, key=lambda one: round(one.score, 6))
     remarks = list(end.passes[-1].remarks)
     if not end.settled:
         remarks.append(
