@@ -29,8 +29,9 @@ from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.datum import anchor, check_datum
 from anaplot.bundle.factor import NotPositiveError
-from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum, undetermined
+from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum
 from anaplot.bundle.normal import NormalEquations, PointError, State, Structure, linearise
+from anaplot.bundle.openmovement import undetermined
 from anaplot.bundle.problem import Problem, make_problem
 from anaplot.bundle.rescue import Fitting, adjust_what_fits, minimum_of_what_fits
 from anaplot.bundle.residuals import BlockResiduals, ObservationName, Unit, block_residuals

@@ -20,7 +20,8 @@ from anaplot.bundle.normal import (
     move,
     objective,
 )
-from anaplot.bundle.problem import Problem, listed
+from anaplot.bundle.openmovement import undetermined
+from anaplot.bundle.problem import Problem
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -30,7 +31,6 @@ __all__ = [
     "damped_step",
     "equations_at",
     "find_minimum",
-    "undetermined",
 ]
 
 Array = NDArray[np.float64]
@@ -240,53 +240,3 @@ def equations_at(
     except (PointError, NotPositiveError) as error:
         raise undetermined(problem, structure, linear, tie, error) from error
     return normal, factor, tie
-
-
-def undetermined(
-    problem: Problem,
-    structure: Structure,
-    linear: Linearised,
-    tie: Anchor | None,
-    error: PointError | NotPositiveError,
-) -> NotComputableError:
-    """Return the error that names the photos or points that the observations leave open."""
-    name = problem.block.name
-    if isinstance(error, PointError):
-        open_points = [problem.points[k] for k in error.points.tolist()]
-        return NotComputableError(
-            f"block {name}: not determined: points {listed(open_points)}: their rays do not meet "
-            "at an angle"
-        )
-    weights = None if tie is None else tie.weights
-    try:
-        normal = NormalEquations(problem, structure, linear, 1e-7, weights)
-        factor = normal.factor()
-    except (PointError, NotPositiveError):
-        photo = "" if error.photo is None else f": photo {problem.photos[error.photo]}"
-        return NotComputableError(f"block {name}: not determined{photo}")
-    # inverse iteration: what the observations resist least, in units of what they determine alone
-    n, d, p = len(problem.photos), problem.per_photo, len(problem.points)
-    rng = np.random.default_rng(1)
-    size = np.sqrt(
-        np.maximum(np.einsum("nii->ni", normal.blocks[structure.pattern.diagonal]), 1e-300)
-    )
-    photos: Array = rng.normal(size=(n, d)) * size
-    points, shared = np.zeros((p, 3)), np.zeros(problem.in_border)
-    for _ in range(4):
-        x = normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])[0]
-        moved = x[:, :, 0] * size
-        moved /= np.abs(moved).max()
-        photos = moved * size
-    share = np.abs(moved).max(axis=1)
-    names = [problem.photos[k] for k in np.nonzero(share > 0.2)[0].tolist()]
-    what = "photos" if len(names) > 1 else "photo"
-    if problem.additional is not None and len(names) > n // 2:
-        return NotComputableError(
-            f"block {name}: not determined: the additional parameters "
-            f"({problem.additional.set.name}, {problem.additional.scope}-invariant) together with "
-            "the orientations; use fewer or weight them"
-        )
-    return NotComputableError(
-        f"block {name}: not determined: {what} {listed(names)}: their common points and control "
-        "leave a movement open"
-    )

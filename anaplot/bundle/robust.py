@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anaplot.bundle.cluster import Cluster, intersect_rays
 from anaplot.bundle.datum import anchor
 from anaplot.bundle.factor import NotPositiveError
-from anaplot.bundle.minimum import NoConvergenceError, damped_step, undetermined
+from anaplot.bundle.minimum import NoConvergenceError, damped_step
 from anaplot.bundle.normal import (
     NormalEquations,
     PointError,
@@ -21,6 +21,7 @@ from anaplot.bundle.normal import (
     move,
     objective,
 )
+from anaplot.bundle.openmovement import held_by_noise, undetermined
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.resection import resect
 from anaplot.errors import NotComputableError
@@ -38,6 +39,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _ROBUST = 1e-4  # of n: squared change of the whitened residuals where robust steps end
+_STEPS = 12
 _RESECTED = 30  # photos that are resected at most when a culprit is looked for
 _FAR = 10.0  # times what measurements are off in the median: so far off is a suspect
 
@@ -47,7 +49,8 @@ def no_minimum(
 ) -> NotComputableError:
     """Return the error that says why `find_minimum` finds nothing.
 
-    It names what is not determined, else the observations farthest from a robust solution.
+    It names what is not determined, or only by the noise of the measurements; else the observations
+    farthest from a robust solution.
 
     Parameters
     ----------
@@ -56,6 +59,13 @@ def no_minimum(
     state
         Where it ended; None: at the start.
     """
+    clearest = _clearest(problem, structure, start, _STEPS)
+    # where gross errors have bent the start, it is seen without them
+    for at in (start, _with_fixed(problem, clearest.state)):
+        by_noise = held_by_noise(problem, structure, at)
+        if by_noise is not None:
+            # not final: without what is far off there may be a minimum all the same
+            return NoConvergenceError(by_noise, start)
     tie = anchor(problem, start) if problem.defect else None
     linear = linearise(problem, start if state is None else state)
     open_part: NotComputableError | None = None
@@ -64,7 +74,7 @@ def no_minimum(
         NormalEquations(problem, structure, linear, 0.0, weights).factor()
     except (PointError, NotPositiveError) as error:
         open_part = undetermined(problem, structure, linear, tie, error)
-    worst = robust_suspects(problem, structure, start)
+    worst = _suspects(problem, clearest)
     if not worst and open_part is not None:
         return open_part
     advice = ""
@@ -93,14 +103,18 @@ class Suspect(NamedTuple):
 
 
 def robust_suspects(
-    problem: Problem, structure: Structure, start: State, steps: int = 12
+    problem: Problem, structure: Structure, start: State, steps: int = _STEPS
 ) -> list[Suspect]:
     """Return the measurements that a robust adjustment leaves far off, the worst first.
 
     As `robust_state`; where that leaves many rays off, photos that fit badly are resected to the
     points of the others first.
     """
-    clearest = _clearest(problem, structure, start, steps)
+    return _suspects(problem, _clearest(problem, structure, start, steps))
+
+
+def _suspects(problem: Problem, clearest: _Clearest) -> list[Suspect]:
+    """Return what a robust solution leaves far off, the worst first."""
     image, control, priors = clearest.misfits
     held = clearest.held
     found = []
@@ -158,7 +172,7 @@ class FarOff(NamedTuple):
     reach: float
 
 
-def far_off(problem: Problem, structure: Structure, start: State, steps: int = 12) -> FarOff:
+def far_off(problem: Problem, structure: Structure, start: State, steps: int = _STEPS) -> FarOff:
     """Return what a robust adjustment leaves far off, by the measure of `robust_suspects`."""
     clearest = _clearest(problem, structure, start, steps)
     held = clearest.held.any(axis=1)
@@ -244,7 +258,7 @@ class RobustState(NamedTuple):
 
 
 def robust_state(
-    problem: Problem, structure: Structure, start: State, steps: int = 12
+    problem: Problem, structure: Structure, start: State, steps: int = _STEPS
 ) -> RobustState:
     """Return the state after some steps of a robust adjustment.
 

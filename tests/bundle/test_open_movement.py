@@ -1,0 +1,121 @@
+"""What nothing but the noise of the measurements holds is not determined, and said so."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundleblocks import aerial
+
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.bundle.additional import additional_parameters
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.controllast import clean_control_last
+from anaplot.bundle.minimum import NoConvergenceError
+from anaplot.bundle.openmovement import held_by_noise
+from anaplot.bundle.problem import Datum, make_problem
+from anaplot.bundle.rescue import adjust_what_fits
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.block import Block
+from anaplot.planning.blockplan import BlockPlan, plan_block
+
+TURNING = r"not determined: photos 201, 202, 203, 204, 205: their common points .* movement open"
+
+
+def planned(sidelap: float) -> Block:
+    """Two strips over flat ground, without noise."""
+    return plan_block(BlockPlan(2, 5, 0.60, sidelap, control_m=0.05)).block
+
+
+def noisy(block: Block, sigma_um: float, seed: int) -> Block:
+    rng = np.random.default_rng(seed)
+    off = rng.normal(size=(len(block.image_points), 2)) * sigma_um * 1e-3
+    rows = tuple(
+        replace(row, x=row.x + x, y=row.y + y)
+        for row, (x, y) in zip(block.image_points, off.tolist(), strict=True)
+    )
+    return replace(block, image_points=rows)
+
+
+def in_error(block: Block, photo: str, point: str, by_mm: float) -> Block:
+    rows = tuple(
+        replace(row, y=row.y + by_mm) if (row.photo, row.point) == (photo, point) else row
+        for row in block.image_points
+    )
+    assert rows != block.image_points
+    return replace(block, image_points=rows)
+
+
+def refusal(block: Block, datum: Datum = "control", additional: str | None = None) -> str:
+    chosen = None if additional is None else additional_parameters(additional)
+    with pytest.raises(NotComputableError) as caught:
+        adjust_block(block, datum=datum, additional=chosen)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["ebner", "gruen", "physical"])
+def test_additional_parameters_are_refused_for_one_reason_with_noise_or_without(name: str) -> None:
+    block = planned(0.60)
+    exact = refusal(block, additional=name)
+    assert f"not determined: the additional parameters ({name}, block-invariant)" in exact
+    for sigma_um in (1.0, 5.0, 20.0):
+        assert refusal(noisy(block, sigma_um, 1), additional=name) == exact
+    wrong = in_error(noisy(block, 5.0, 2), "103", "02-03", 0.2)
+    assert refusal(wrong, additional=name) == exact
+
+
+@pytest.mark.parametrize("sigma_um", [0.0, 1.0, 5.0, 20.0])
+def test_strips_that_turn_about_a_line_are_named_with_noise_or_without(sigma_um: float) -> None:
+    block = noisy(planned(0.30), sigma_um, 3)
+    assert re.search(TURNING, refusal(block, "free"))
+    if sigma_um > 0.0:
+        # measuring the point again would not help
+        for photo, point, by_mm in (("104", "03-05", 0.2), ("202", "04-03", 2.0)):
+            assert re.search(TURNING, refusal(in_error(block, photo, point, by_mm), "free"))
+
+
+def test_step_by_step_blames_what_is_open_and_not_a_point() -> None:
+    block = in_error(noisy(planned(0.30), 5.0, 4), "104", "03-05", 0.2)
+    with pytest.raises(NotComputableError, match=f"as a free network: .*{TURNING}"):
+        clean_control_last(block, "search", SearchSettings())
+
+
+def test_what_holds_a_block_stays_the_same_whatever_the_noise() -> None:
+    # weakly determined: a strip that only control at its ends holds, and not well
+    for block in (
+        aerial(1, 6, noise_um=5.0, control_sigma=5.0).block,
+        aerial(2, 4, noise_um=20.0, control_sigma=0.05).block,
+        noisy(planned(0.30), 5.0, 5),
+    ):
+        found = adjust_block(block)
+        structure = found.cofactors.normal.structure
+        assert held_by_noise(found.problem, structure, found.state) is None
+
+
+def test_of_photos_far_from_their_rays_nothing_is_said() -> None:
+    found = adjust_block(noisy(planned(0.30), 5.0, 5))
+    free = replace(
+        found.problem, datum="free", known_sigma=np.full_like(found.problem.known_sigma, np.nan)
+    )
+    structure = found.cofactors.normal.structure
+    assert held_by_noise(free, structure, found.state) is not None
+    last = found.problem.photo == found.problem.photos.index("205")
+    off = free.xy + np.where(last[:, None], 1.0, 0.0)
+    assert held_by_noise(replace(free, xy=off), structure, found.state) is None
+
+
+@pytest.mark.parametrize("datum", ["control", "free"])
+def test_gross_errors_of_a_determined_block_are_still_blamed_and_rescued(datum: Datum) -> None:
+    scene = aerial(2, 4, per_base=2, noise_um=5.0, control_sigma=0.05)
+    rows = list(scene.block.image_points)
+    first, second = (k for k, r in enumerate(rows) if r.photo == "102" and r.point in ("p5", "p31"))
+    rows[first], rows[second] = (
+        replace(rows[first], x=rows[second].x, y=rows[second].y),
+        replace(rows[second], x=rows[first].x, y=rows[first].y),
+    )
+    block = replace(scene.block, image_points=tuple(rows))
+    with pytest.raises(NoConvergenceError, match="in photo 102 disagrees"):
+        adjust_block(block, datum=datum)
+    assert adjust_what_fits(make_problem(block, datum=datum)).left_out
