@@ -1,12 +1,12 @@
 """Odds over sets of gross errors of any size: which sets explain the misclosures, and how surely.
 
 The odds over single errors and pairs, continued: errors are normal, 20 standard deviations wide
-(wider where some are far beyond that, else many small ones would explain a huge one better) and
-independent; k errors are a tenth as probable as k - 1, and all sets of k rows equally so. With S
-the suspected rows, R_SS = R[S, S] and g the width squared, minus twice the log of a set's
-posterior is, up to a constant,
+(wider in rows where an error far beyond that must be, else many small ones would explain it better)
+and independent; k errors are a tenth as probable as k - 1, and all sets of k rows equally so. With
+S the suspected rows, R_SS = R[S, S] and G the diagonal matrix of their widths squared, minus twice
+the log of a set's posterior is, up to a constant,
 
-    J(S) = log det(I + g R_SS) - e_S' (R_SS + I / g)^-1 e_S + 2 log C(n, k) + 2 k log 10.
+    J(S) = log det(I + G R_SS) - e_S' (R_SS + G^-1)^-1 e_S + 2 log C(n, k) + 2 k log 10.
 
 Beside a fixed price for every rejected row (v'Pv + c^2 k) this knows that an error of a hundred
 sigmas in a row that hardly shows any is a worse explanation than one of ten in a row that does.
@@ -74,7 +74,7 @@ def set_odds(
     most: int | None = None,
     steps: int = STEPS,
     seed: int = 0,
-    width: float = ERROR_PRIOR_SIGMAS,
+    widths: Array | None = None,
 ) -> SetOdds:
     """Weigh sets of gross errors against each other; sigma known.
 
@@ -93,8 +93,8 @@ def set_odds(
         Number of jumps.
     seed
         Of the chain's generator.
-    width
-        Standard deviation of an error beforehand, in a-priori sigmas.
+    widths
+        (n,) standard deviation of each row's error beforehand, in a-priori sigmas; None: 20.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def set_odds(
     """
     if steps < 1:
         raise ValueError(f"{steps} jumps are none")
-    chain = _Chain(system, suspects, most, width)
+    chain = _Chain(system, suspects, most, widths)
     rng = np.random.default_rng(seed)
     held = list(dict.fromkeys(start))[: chain.most]
     time = np.zeros(len(chain.e))
@@ -133,13 +133,17 @@ class _Chain:
     """J of a set and of all its neighbours."""
 
     def __init__(
-        self, system: ResidualSystem, suspects: Bools | None, most: int | None, width: float
+        self,
+        system: ResidualSystem,
+        suspects: Bools | None,
+        most: int | None,
+        widths: Array | None,
     ) -> None:
         self._system = system
         self.e = np.asarray(system.e, dtype=float)
-        self._g = width**2
-        self._own = np.asarray(system.r, dtype=float) + 1.0 / self._g
         n = len(self.e)
+        self._g = np.square(np.full(n, ERROR_PRIOR_SIGMAS) if widths is None else widths)
+        self._own = np.asarray(system.r, dtype=float) + 1.0 / self._g
         self._barred = np.zeros(n, dtype=bool) if suspects is None else ~np.asarray(suspects)
         free = n - int(self._barred.sum())
         room = system.redundancy // 2 if most is None else most
@@ -177,20 +181,22 @@ class _Chain:
         less, instead = np.zeros(0), np.zeros((0, n))
         if k:
             part = np.ascontiguousarray(self._system.columns(np.array(held)).T)
-            block = part[:, held] + np.eye(k) / g
+            own_g = g[held]
+            block = part[:, held] + np.diag(1.0 / own_g)
             inverse = np.linalg.inv(block)
             z = inverse @ e[held]
             by = inverse @ part
-            value = float(np.linalg.slogdet(g * block)[1] - e[held] @ z + self._price[k])
+            scaled = own_g[:, None] * block
+            value = float(np.linalg.slogdet(scaled)[1] - e[held] @ z + self._price[k])
             e = e - z @ part
             own = own - np.einsum("kn,kn->n", part, by)
             d = np.diag(inverse)
             back = z / d
-            less = back * z + np.log(d / g) + self._price[k - 1] - self._price[k]
+            less = back * z + np.log(d / own_g) + self._price[k - 1] - self._price[k]
             own_then = own + by * by / d[:, None]
             with np.errstate(divide="ignore", invalid="ignore"):
                 instead = np.log(g * own_then) - (e + by * back[:, None]) ** 2 / own_then
-            instead += (back * z + np.log(d / g))[:, None]
+            instead += (back * z + np.log(d / own_g))[:, None]
             instead[:, held] = np.inf
             instead[:, self._barred] = np.inf
         if k < self.most:

@@ -43,6 +43,7 @@ from anaplot.adjustment.findings import (
 from anaplot.adjustment.left import Left
 from anaplot.adjustment.reliability import (
     ERROR_PRIOR_SIGMAS,
+    HARD_TO_TELL,
     NONE_PRIOR,
     Odds,
     beyond_model,
@@ -59,6 +60,7 @@ __all__ = [
     "STRATEGIES",
     "deciding_critical",
     "find_gross_errors",
+    "findings_at",
     "pair_odds",
     "sigma_of",
 ]
@@ -190,6 +192,45 @@ def find_gross_errors(
     )
 
 
+def findings_at(
+    findings: Findings,
+    system: ResidualSystem,
+    settings: SearchSettings | None = None,
+    *,
+    left_out: Collection[int] = (),
+) -> Findings:
+    """Say of the same rejected rows what is true of them in another linearisation.
+
+    Estimates, redundancy numbers, partners and odds are those of `system`; the steps and what
+    decided in them stay as they were.
+
+    Parameters
+    ----------
+    findings
+        Of a linearisation of the same rows in the same order.
+    system
+        The rows, linearised elsewhere.
+    settings, left_out
+        As `find_gross_errors` had them.
+    """
+    if left_out:
+        system = Left(system, left_out)
+    state = Elimination(system)
+    for rejected in findings.rejected:
+        with suppress(NotSeparableError):  # nothing is said of what nothing checks any more
+            state.add(rejected.row)
+    return _findings(
+        state,
+        findings.strategy,
+        list(findings.steps),
+        SearchSettings() if settings is None else settings,
+        weights=findings.at_end.weights,
+        values=findings.model_values,
+        remarks=findings.remarks,
+        rows=_others(len(system.e), left_out),
+    )
+
+
 def _by_odds(
     system: ResidualSystem, critical: float, suspects: Bools, most: int
 ) -> tuple[Elimination, list[Step], int]:
@@ -197,14 +238,12 @@ def _by_odds(
     state, steps = search(system, critical, suspects, most)
     # more errors than half of the redundancy have other explanations as good
     room = min(most, system.redundancy // 2)
-    largest_error = float(np.abs(state.estimates()[0]).max(initial=0.0))
-    far = largest_error > _FAR * ERROR_PRIOR_SIGMAS
     odds = set_odds(
         system,
         start=state.rows,
         suspects=suspects & Elimination(system).testable_rows,
         most=room,
-        width=largest_error if far else ERROR_PRIOR_SIGMAS,
+        widths=_widths(state),
     )
     for row in [row for row in state.rows if row not in odds.best]:
         before = state.vtpv
@@ -219,6 +258,25 @@ def _by_odds(
             continue
         steps.append(Step("add", (row,), None, None, before, state.vtpv))
     return state, steps, len(set(odds.sure) & set(state.rows))
+
+
+def _widths(state: Elimination) -> Array:
+    """(n,) widths of the prior of each row's error, beginning with the set that is out.
+
+    An error far beyond the usual width is one in its row, or in one that cannot be told from it.
+    """
+    r = np.asarray(state.system.r, dtype=float)
+    widths = np.full(len(r), ERROR_PRIOR_SIGMAS)
+    for row, error in zip(state.rows, np.abs(state.estimates()[0]).tolist(), strict=True):
+        if error <= _FAR * ERROR_PRIOR_SIGMAS:
+            continue
+        column = state.system.columns(np.array([row]))[:, 0]
+        root = np.sqrt(np.maximum(r, TESTABLE))
+        near = (np.abs(column) >= HARD_TO_TELL * root[row] * root) & (r >= TESTABLE)
+        near[row] = True
+        # so large it would be there to show the same
+        widths[near] = np.maximum(widths[near], error * root[row] / root[near])
+    return widths
 
 
 def _rule(

@@ -22,6 +22,7 @@ from anaplot.adjustment.strategies import (
     MOST_ROWS_OF_PAIRS,
     STRATEGIES,
     find_gross_errors,
+    findings_at,
     pair_odds,
     sigma_of,
 )
@@ -499,6 +500,8 @@ class _Search:
                     "the best of the sets is kept",
                 )
                 at = min(tried.values(), key=lambda one: one.score, default=None)
+                if at is not None and at.found is not None:
+                    at = self._seen_at_its_end(at, at.found.state, len(passes) + 1)
                 break
             try:
                 found = self._minimum(without(system, proposed), state)
@@ -526,17 +529,7 @@ class _Search:
     def _pass(
         self, state: State, barred: dict[int, Refused], number: int
     ) -> tuple[BlockResiduals, Findings]:
-        progress = self.progress
-        label = f"gross errors, pass {number}"
-        try:
-            system = block_residuals(
-                self.problem,
-                state,
-                self.structure,
-                None if progress is None else (lambda f: progress(label, f)),
-            )
-        except (PointError, NotPositiveError) as error:
-            raise self._open(self.problem, state, error) from error
+        system = self._residuals(state, number)
         suspects = np.ones(len(system.names), dtype=bool)
         suspects[system.starts[2] :] = False
         suspects[list(barred)] = False
@@ -551,6 +544,26 @@ class _Search:
             left_out=self.held,
         )
         return system, findings
+
+    def _residuals(self, state: State, number: int) -> BlockResiduals:
+        progress = self.progress
+        label = f"gross errors, pass {number}"
+        try:
+            return block_residuals(
+                self.problem,
+                state,
+                self.structure,
+                None if progress is None else (lambda f: progress(label, f)),
+            )
+        except (PointError, NotPositiveError) as error:
+            raise self._open(self.problem, state, error) from error
+
+    def _seen_at_its_end(self, tried: _Tried, state: State, number: int) -> _Tried:
+        """Say of a set, proposed elsewhere, what is true of it at the minimum without it."""
+        system = self._residuals(state, number)
+        settings = replace(self.settings, pairs=False)
+        findings = findings_at(tried.findings, system, settings, left_out=self.held)
+        return tried._replace(system=system, findings=findings)
 
     def _minimum(self, problem: Problem, state: State) -> Found:
         linear = linearise(problem, state)

@@ -134,14 +134,20 @@ def _rejected(solution: ModelSolution, found: Findings, width: int) -> list[Cont
 
 
 def _evidence(solution: ModelSolution, found: Findings, width: int) -> list[Content]:
-    """Return the steps in their order, with what decided each."""
+    """Return the steps in their order, with what decided each; re-weighting in one line."""
     if not found.steps:
         return []
     lines = [Content(""), Content.styled("step by step", "bold $foreground-muted")]
-    for k, step in enumerate(found.steps[:_SHOWN_STEPS], 1):
+    weighted = [step for step in found.steps if step.action == "reweight"]
+    steps = [step for step in found.steps if step.action != "reweight"]
+    if weighted:
+        times = "once" if len(weighted) == 1 else f"{len(weighted)} times"
+        text = f"all rows weighted again {times}; v'Pv {weighted[0].before:.1f} to "
+        lines += [Content(line) for line in wrap(f"{text}{weighted[-1].after:.1f}", width)]
+    for k, step in enumerate(steps[:_SHOWN_STEPS], 1):
         lines += [Content(line) for line in wrap(f"{k:>2}  {_said(solution, step, found)}", width)]
-    if len(found.steps) > _SHOWN_STEPS:
-        lines.append(Content(f"and {len(found.steps) - _SHOWN_STEPS} more steps"))
+    if len(steps) > _SHOWN_STEPS:
+        lines.append(Content(f"and {len(steps) - _SHOWN_STEPS} more steps"))
     return lines
 
 
@@ -150,8 +156,6 @@ def _said(solution: ModelSolution, step: Step, found: Findings) -> str:
     # the odds begin with the steps of the search and have no price of their own
     what = "v'Pv + price" if searched and step.statistic is not None else "v'Pv"
     change = f"{what} {step.before:.1f} to {step.after:.1f}"
-    if step.action == "reweight":
-        return f"all rows weighted again; {change}"
     names = [_name(solution, row) for row in step.rows]
     if step.action == "swap":
         return f"{names[0]} out, {names[1]} back in; {change}"

@@ -12,7 +12,7 @@ import numpy as np
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.significance import critical_normal
-from anaplot.adjustment.strategies import find_gross_errors
+from anaplot.adjustment.strategies import find_gross_errors, findings_at
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.modelvalues import ideal_roots
@@ -121,7 +121,7 @@ class CleanedModel:
                     rows.update(dict.fromkeys(keys[row] for row in step.rows))
                 elif step.action == "swap":
                     rows[keys[step.rows[0]]] = None
-        out = {(row.point, row.axis) for row in self.rejected}
+        out = {(row.point, row.axis) for row in self.rejected}.union(key for key, _ in self.refused)
         return tuple(key for key in rows if key not in out)
 
     @property
@@ -289,11 +289,13 @@ class _Search:
             known = proposed in oriented and proposed in proposals
             proposals[proposed] = (residuals, found)
             if proposed == at:
-                return self._end(*oriented[proposed], residuals, passes, barred, settled=True)
+                return self._end(
+                    *oriented[proposed], residuals, found, passes[:-1], barred, settled=True
+                )
             if known or len(passes) >= _MOST_PASSES:
                 ends = [
-                    self._end(*oriented[one], where, [*passes, last], barred, settled=False)
-                    for one, (where, last) in proposals.items()
+                    self._end(*oriented[one], *self._there(oriented[one][0], *by), passes, barred)
+                    for one, by in proposals.items()
                     if one in oriented
                 ]
                 if not ends:
@@ -324,20 +326,32 @@ class _Search:
             left_out=[row for row, key in enumerate(keys) if key in self.held],
         )
 
+    def _there(
+        self, solution: ModelSolution, residuals: ModelResiduals, found: Findings
+    ) -> tuple[ModelResiduals, Findings]:
+        """Say of a set, proposed elsewhere, what is true of it at the orientation without it."""
+        there = residuals_at(self.pair, self.precision, solution)
+        if there.keys != residuals.keys:
+            return residuals, found  # a tie that has lost its depth
+        held = [row for row, key in enumerate(there.keys) if key in self.held]
+        return there, findings_at(found, there.system, self.settings, left_out=held)
+
     def _end(
         self,
         solution: ModelSolution,
         out: tuple[Key, ...],
         residuals: ModelResiduals,
-        passes: list[Findings],
+        found: Findings,
+        before: list[Findings],
         barred: dict[Key, str],
         *,
-        settled: bool,
+        settled: bool = False,
     ) -> _End:
         e = residual_system(solution).e
         score = float(e @ e) + critical_normal(self.settings.alpha) ** 2 * len(out)
         refused = tuple(barred.items())
-        return _End(solution, out, residuals, tuple(passes), refused, settled, score, self.held)
+        passes = (*before, found)
+        return _End(solution, out, residuals, passes, refused, settled, score, self.held)
 
 
 def strip_gross_errors(

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anaplot.adjustment.strategies import sigma_of
 from anaplot.errors import NotComputableError
@@ -144,8 +145,7 @@ def _odds_lines(cleaned: CleanedModel) -> list[str]:
     found, keys = cleaned.findings, cleaned.residuals.keys
     single = found.odds
     but = " but those far off" if cleaned.held else ""
-    sigma0 = "estimated" if sigma_of(found.strategy) == "tau" else "a-priori"
-    weighed = f"all rows in{but}, by the {sigma0} sigma0"
+    weighed = f"all rows in{but}, by the {_sigma0(cleaned)} sigma0"
     lines = [
         f"    if there is one gross error at most, {weighed}: none {100.0 * single.none:.1f} %"
     ]
@@ -173,11 +173,9 @@ def _pair_odds_json(cleaned: CleanedModel) -> Json | None:
     if odds is None:
         return None
     return {
+        "sigma0": _sigma0(cleaned),
         "none": odds.none,
-        "single": [
-            {**_key_json(key), "probability": float(v)}
-            for key, v in zip(keys, odds.single.tolist(), strict=True)
-        ],
+        "single": _probabilities(cleaned, odds.single),
         "pairs": [
             {"first": list(keys[a]), "second": list(keys[b]), "probability": float(v)}
             for a, b, v in zip(
@@ -185,6 +183,20 @@ def _pair_odds_json(cleaned: CleanedModel) -> Json | None:
             )
         ],
     }
+
+
+def _sigma0(cleaned: CleanedModel) -> str:
+    """Return by which sigma0 odds are weighed."""
+    return "estimated" if sigma_of(cleaned.findings.strategy) == "tau" else "a-priori"
+
+
+def _probabilities(cleaned: CleanedModel, values: NDArray[np.float64]) -> list[Json]:
+    """Return the probability of every row that was weighed."""
+    return [
+        {**_key_json(key), "probability": value}
+        for key, value in zip(cleaned.residuals.keys, values.tolist(), strict=True)
+        if key not in cleaned.held
+    ]
 
 
 def _key_json(key: tuple[str, str]) -> Json:
@@ -218,12 +230,11 @@ def errors_json(cleaned: CleanedModel) -> Json:
             for number, one in enumerate(cleaned.passes, 1)
             for gone in one.rejected
         ],
+        "held": [_key_json(key) for key in sorted(cleaned.held)],
         "odds": {
+            "sigma0": _sigma0(cleaned),
             "none": found.odds.none,
-            "single": [
-                {**_key_json(key), "probability": float(v)}
-                for key, v in zip(keys, found.odds.rows.tolist(), strict=True)
-            ],
+            "single": _probabilities(cleaned, found.odds.rows),
         },
         "pair_odds": _pair_odds_json(cleaned),
         "remarks": list(cleaned.remarks),

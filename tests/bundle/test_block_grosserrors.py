@@ -11,6 +11,7 @@ from bundleblocks import aerial
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.strategies import STRATEGIES
+from anaplot.bundle import grosserrors
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.grosserrors import block_gross_errors, model_values, without
 from anaplot.bundle.problem import make_problem
@@ -84,6 +85,35 @@ def test_a_block_of_fifty_photos_loses_its_planted_errors() -> None:
     # and from the minimum with all errors in, to second order of 90 um in 150 mm
     assert found.passes[0].rows == found.findings.rows
     assert found.passes[0].at_end.vtpv == pytest.approx(found.block.vtpv, rel=0.02)
+
+
+def test_what_is_said_of_a_set_that_does_not_settle_is_true_where_the_block_lies(
+    monkeypatch,
+) -> None:
+    """Here every second pass may only reject another coordinate."""
+    real, calls = grosserrors.find_gross_errors, 0
+    scene = small()
+    first, second = names(scene, PLACES[:1]), names(scene, PLACES[1:2])
+
+    def turning(system, *args, suspects, **more):
+        nonlocal calls
+        calls += 1
+        allowed = first if calls % 2 else second
+        return real(system, *args, suspects=np.array([n in allowed for n in system.names]), **more)
+
+    monkeypatch.setattr(grosserrors, "find_gross_errors", turning)
+    found = block_gross_errors(adjusted(plant(scene, PLACES[:2], 60.0)), "baarda", ALPHA)
+    assert any("did not settle" in remark for remark in found.remarks)
+    (gone,) = found.rejected
+    block = found.block
+    there = block_residuals(found.system.problem, block.state, block.cofactors.normal.structure)
+    assert found.system.e == pytest.approx(there.e, abs=1e-6)
+    own = real(there, "baarda", ALPHA)
+    assert found.findings.odds.rows == pytest.approx(own.odds.rows, abs=1e-9)
+    row = found.findings.rows[0]
+    assert gone.w**2 == pytest.approx(there.e[row] ** 2 / there.r[row], rel=1e-6)
+    # exactly what the adjustment without it says, at its own minimum
+    assert found.findings.at_end.vtpv == pytest.approx(block.vtpv, rel=1e-7)
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)

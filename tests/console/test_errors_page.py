@@ -54,6 +54,16 @@ def test_columns_never_touch() -> None:
     assert len(rows[0].split()) == len(rows[1].split()) == 6
 
 
+@pytest.mark.parametrize("strategy", ["huber", "danish"])
+def test_reweighting_is_one_line_and_what_decided_is_shown(strategy: str) -> None:
+    lines = page(model(), strategy).splitlines()
+    weighted = [line for line in lines if "all rows weighted again" in line]
+    assert len(weighted) == 1
+    assert " times; v'Pv " in weighted[0]
+    (first,) = [line for line in lines if line.split()[:1] == ["1"]]
+    assert first.split()[1:4] == ["8", "y", "out"]
+
+
 def test_nothing_wrong_nothing_said() -> None:
     solution = model(wrong=None)
     for strategy in CHOICES:

@@ -15,7 +15,7 @@ from anaplot.orientation.grosserrors import model_gross_errors
 from anaplot.orientation.model import orient
 from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.photogrammetry.block import Precision
-from anaplot.report.modelerrors import errors_printout
+from anaplot.report.modelerrors import errors_json, errors_printout
 
 KNOWN_SIGMA = ("baarda", "modified", "huber", "danish", "search", "odds")
 
@@ -129,6 +129,11 @@ def test_rows_that_a_strategy_cannot_cope_with_are_held_and_said_so() -> None:
             cleaned.held
         )
         assert set(cleaned.held) <= set(keys(cleaned)) & set(cleaned.begun_without)
+        answer = errors_json(cleaned)
+        assert {(row["point"], row["axis"]) for row in answer["held"]} == cleaned.held
+        assert answer["odds"]["sigma0"] == "a-priori"
+        weighed = {(row["point"], row["axis"]) for row in answer["odds"]["single"]}
+        assert weighed == set(cleaned.residuals.keys) - cleaned.held
         assert all(
             cleaned.findings.odds.rows[cleaned.residuals.keys.index(key)] == 0.0
             for key in cleaned.held
@@ -173,6 +178,40 @@ def test_what_the_orientation_cannot_do_without_is_refused(monkeypatch) -> None:
     cleaned = model_gross_errors(pair, PAPER, BAARDA, "baarda")
     assert cleaned.refused[0] == (("8", "y"), "model 1/2: nothing holds it without point 8")
     assert ("8", "y") not in keys(cleaned)
+    assert ("8", "y") not in cleaned.came_back
+
+
+def test_what_is_said_of_a_set_that_does_not_settle_is_true_where_the_model_lies(
+    monkeypatch,
+) -> None:
+    """Here every second pass may only reject another point."""
+    real, calls = grosserrors.find_gross_errors, 0
+
+    def turning(system, *args, suspects, **more):
+        nonlocal calls
+        calls += 1
+        allowed = ("8", "y") if calls % 2 else ("4", "y")
+        return real(
+            system, *args, suspects=np.array([key == allowed for key in system.names]), **more
+        )
+
+    monkeypatch.setattr(grosserrors, "find_gross_errors", turning)
+    pair = spoiled(spoiled(ideal_pair("13/5"), "8", "y", 2.0), "4", "y", -3.0)
+    cleaned = model_gross_errors(pair, PAPER, BAARDA, "baarda", SearchSettings(partner=0.3))
+    assert any("did not settle" in remark for remark in cleaned.remarks)
+    (gone,) = cleaned.rejected
+    assert (gone.point, gone.axis) not in [row.key for row in cleaned.solution.table]
+    there = residuals_at(pair, PAPER, cleaned.solution)
+    assert cleaned.residuals.system.e == pytest.approx(there.system.e, abs=1e-9)
+    own = real(there.system, "baarda", SearchSettings(alpha=0.001))
+    assert cleaned.findings.odds.rows == pytest.approx(own.odds.rows, abs=1e-12)
+    state = Elimination(there.system)
+    row = there.keys.index((gone.point, gone.axis))
+    for mine, kept, rho in cleaned.findings.hard_to_tell:
+        assert mine == row
+        assert rho == pytest.approx(state.correlations(row)[kept], abs=1e-12)
+    state.add(row)
+    assert gone.error_um == pytest.approx(state.estimates()[0][0] * there.unit_um[row])
 
 
 def test_what_the_strategy_remarks_is_kept() -> None:
