@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.adjustment.significance import critical_normal, critical_tau
+from anaplot.adjustment.ties import UNSURE, surest
 
 __all__ = ["BATCH_TESTS", "BatchRejections", "reject_stepwise", "standardized", "tau_statistics"]
 
@@ -119,8 +120,13 @@ def reject_stepwise(
         active, row, stack = active[go], row[go], stack[go]
         if not len(active):
             break
+        unsure = np.flatnonzero(r[active, row] < UNSURE)
+        if len(unsure):
+            one = active[unsure]
+            columns = _columns(matrix, stack[unsure], row[unsure])
+            row[unsure] = surest(statistic[go][unsure], r[one], columns, row[unsure])
         here = np.arange(len(active))
-        column = matrix[row] - np.einsum("mk,mkn->mn", stack[here, :, row], stack)
+        column = _columns(matrix, stack, row)
         column /= np.sqrt(column[here, row])[:, None]
         along = e[active, row] / column[here, row]
         e[active] -= along[:, None] * column
@@ -135,3 +141,10 @@ def reject_stepwise(
     return BatchRejections(
         rejected, order[:, : int(counts.max(initial=0))], vtpv, redundancy - counts
     )
+
+
+def _columns(matrix: Array, stack: Array, row: Index) -> Array:
+    """(m, n) column of R of a row in each run, given the rows that it has rejected."""
+    along = stack[np.arange(len(row)), :, row]
+    column: Array = matrix[row] - np.einsum("mk,mkn->mn", along, stack)
+    return column

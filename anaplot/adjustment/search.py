@@ -18,21 +18,51 @@ from numpy.typing import NDArray
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Step
 from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.ties import EQUAL, UNSURE, surest
 
 __all__ = ["largest", "search"]
 
 Array = NDArray[np.float64]
 
-_EQUAL = 1e-9  # relative difference below which two statistics cannot be told apart
 _STARTS = 12
 _MOST_STEPS = 10_000
 
 
-def largest(size: Array) -> int | None:
+def largest(size: Array, state: Elimination) -> int | None:
+    """Return the row to choose by its size given S; None when all sizes are NaN.
+
+    Parameters
+    ----------
+    size
+        (n,) abs(w) of the rows, or what stands for it; NaN: not to be chosen.
+    state
+        S.
+
+    Returns
+    -------
+    int or None
+        The row of the largest size, of equal ones the first. Where its w is known badly and others
+        cannot be told apart from it, the one of them with the largest redundancy number.
+    """
+    row = _first(size)
+    return None if row is None else _surest(np.isfinite(size), state, row)
+
+
+def _first(size: Array) -> int | None:
     """Return the index of the largest value, of equal ones the first; None when all are NaN."""
     if not np.isfinite(size).any():
         return None
-    return int(np.argmax(size >= np.nanmax(size) * (1.0 - _EQUAL)))
+    return int(np.argmax(size >= np.nanmax(size) * (1.0 - EQUAL)))
+
+
+def _surest(allowed: NDArray[np.bool_], state: Elimination, row: int) -> int:
+    """Return the row, or the partner that is to be chosen in its place."""
+    r = state.r
+    if r[row] >= UNSURE:
+        return row
+    size = np.where(allowed, np.abs(state.w), np.nan)
+    chosen = surest(size[None], r[None], state.column(row)[None], np.array([row], dtype=np.intp))
+    return int(chosen[0])
 
 
 def search(
@@ -77,7 +107,7 @@ def search(
             continue
         seen.add(frozenset(other.rows))
         found = _objective(other, critical)
-        if found < score - _EQUAL * max(1.0, system.vtpv):
+        if found < score - EQUAL * max(1.0, system.vtpv):
             best, steps, score = other, taken, found
     return best, steps
 
@@ -121,8 +151,9 @@ def _descend(
     The objective falls with every step, so that no set comes twice.
     """
     steps: list[Step] = []
-    for row in start:
+    for first in start:
         before = _objective(state, critical)
+        row = _surest(suspects, state, first)
         try:
             state.add(row)
         except NotSeparableError:
@@ -142,26 +173,46 @@ def _returns(state: Elimination) -> tuple[list[float], Array]:
     return own.tolist(), np.abs(w).T
 
 
+def _instead(state: Elimination, row: int, other: int, suspects: NDArray[np.bool_]) -> int:
+    """Return what is to go out for a row of S, another or what is chosen in its place.
+
+    The row itself where that cannot be told apart from the other, and is known better.
+    """
+    if state.r[other] >= UNSURE:  # no less when the row is back
+        return other
+    without = state.copy()
+    try:
+        without.drop(row)
+    except NotSeparableError:
+        return other
+    return _surest(suspects, without, other)
+
+
 def _best_step(
     state: Elimination, critical: float, suspects: NDArray[np.bool_], most: int
 ) -> Step | None:
     """Do the step that lowers the objective most."""
     before = _objective(state, critical)
     cost = critical**2
-    margin = _EQUAL * max(1.0, state.system.vtpv)
+    margin = EQUAL * max(1.0, state.system.vtpv)
     change = -margin
     rows: tuple[int, ...] = ()
     action: Literal["add", "drop", "swap"] | None = None
     w = np.where(suspects, np.abs(state.w), np.nan)
-    add = largest(w) if len(state.rows) < most else None
+    add = largest(w, state) if len(state.rows) < most else None
     if add is not None and cost - w[add] ** 2 < change:
         change, rows, action = cost - float(w[add]) ** 2, (add,), "add"
     for row, own, then in zip(state.rows, *_returns(state), strict=True):
         if own - cost < change:
             change, rows, action = own - cost, (row,), "drop"
-        other = largest(np.where(suspects, then, np.nan))
-        if other is not None and own - then[other] ** 2 < change:
-            change, rows, action = own - float(then[other]) ** 2, (other, row), "swap"
+        size = np.where(suspects, then, np.nan)
+        while (other := _first(size)) is not None and own - size[other] ** 2 < change:
+            chosen = _instead(state, row, other, suspects)
+            if chosen != row:
+                if own - size[chosen] ** 2 < change:
+                    change, rows, action = own - float(size[chosen]) ** 2, (chosen, row), "swap"
+                break
+            size[other] = np.nan
     try:
         if action == "add":
             state.add(rows[0])

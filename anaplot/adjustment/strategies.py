@@ -16,7 +16,8 @@ odds
     The most probable set of errors, weighed against its neighbours, beginning with the search's.
 
 In all of them but the last two, which do it by themselves, a rejected row comes back when the
-standardized estimate of its error falls below the critical value.
+standardized estimate of its error falls below the critical value. Of rows that cannot be told apart
+but by rounding (`ties`) that with the largest redundancy number is rejected.
 """
 
 from __future__ import annotations
@@ -448,7 +449,7 @@ def _stepwise(
             return state, steps
         order = np.flatnonzero(bad)
         order = order[np.argsort(-test.size[order], kind="stable")]
-        first = largest(np.where(bad, test.size, np.nan))
+        first = largest(np.where(bad, test.size, np.nan), state)
         rows = order.tolist() if together or first is None else [first]
         taken: list[int] = []
         before = state.vtpv
