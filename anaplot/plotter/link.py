@@ -407,6 +407,16 @@ class Link:
             self._on_traffic("out", name, data)
         self._decoder.sent(data, name)
 
+    @property
+    def overdue(self) -> bool:
+        """Whether the last request has waited for its answer for longer than the device takes."""
+        poll = self._profile.poll
+        if poll is None:
+            return False
+        with self._lock:
+            missing = self._asked is not None and not set(poll.links) <= self._answered
+            return missing and self._clock() >= (self._asked or 0.0) + poll.timeout
+
     def poll_if_due(self) -> float:
         """Send the next request when its time has come.
 
@@ -596,6 +606,9 @@ class _Line:
 
     def _read_until_lost(self) -> None:
         while not self.link.stopping.is_set():
+            if self.link.overdue and (late := self.port.read(0.0)):
+                # come while nobody looked: the next request must not take it for its own answer
+                self.link.received(self, late)
             wait = self.link.poll_if_due()
             if self._switches:
                 wait = min(wait, _MODEM_TICK)

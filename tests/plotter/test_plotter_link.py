@@ -412,6 +412,57 @@ def test_a_pedal_on_a_modem_line_and_a_port_without_descriptor(heard, monkeypatc
         assert heard.told == [("press", "pedal")]
 
 
+ASKED = (
+    MODEM.replace('source = "modem"\nline = "cts"\ndebounce = 0.0', 'source = "key"')
+    + """
+[poll]
+request = "?"
+timeout = 0.2
+period = 0.05
+"""
+)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no pseudo-terminals there")
+def test_an_answer_that_came_while_nobody_looked_is_not_that_to_the_next_request(
+    heard, monkeypatch
+):
+    """The process stands still between two looks at the line, and longer than an answer takes."""
+    profile = parse_profile(ASKED.encode(), "asked.toml")
+    stopped, go_on = threading.Event(), threading.Event()
+    read = serialport.SerialPort.read
+
+    def standing_still(self, timeout):
+        if timeout > 0.0 and not go_on.is_set():
+            stopped.set()
+            assert go_on.wait(30)
+            return b""  # nothing had come when it was last looked
+        return read(self, timeout)
+
+    monkeypatch.setattr(serialport.SerialPort, "read", standing_still)
+    master, slave = os.openpty()
+    try:
+        tty.setraw(slave)
+        link = Link(profile, os.ttyname(slave), **heard.callbacks)
+        with link:
+            assert stopped.wait(30)
+            assert os.read(master, 1) == b"?"
+            os.write(master, b"1 2\n")  # where the plates stood before
+            link.record()
+            asked = link.now()
+            while link.now() < asked + 0.3:
+                threading.Event().wait(0.05)
+            go_on.set()
+            assert os.read(master, 1) == b"?"
+            os.write(master, b"3 4\n")
+            heard.wait(lambda: heard.of(Record))
+            assert heard.of(Record) == [Record(Position(3.0, 4.0, 3.0, 4.0), "key")]
+    finally:
+        go_on.set()
+        os.close(master)
+        os.close(slave)
+
+
 @pytest.mark.filterwarnings("ignore:setDaemon")
 @pytest.mark.filterwarnings("ignore:setName")
 def test_rfc2217(heard):
