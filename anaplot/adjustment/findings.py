@@ -250,3 +250,14 @@ class Findings:
     def rows(self) -> tuple[int, ...]:
         """Indices of the rejected rows."""
         return tuple(rejection.row for rejection in self.rejected)
+
+    @property
+    def taken_out(self) -> tuple[int, ...]:
+        """Rows that some step took out, also those that came back, in the order in which it did."""
+        out: dict[int, None] = {}
+        for step in self.steps:
+            if step.action in ("add", "reject"):
+                out.update(dict.fromkeys(step.rows))
+            elif step.action == "swap":
+                out[step.rows[0]] = None
+        return tuple(out)

@@ -266,14 +266,13 @@ def _widths(state: Elimination) -> Array:
 
     An error far beyond the usual width is one in its row, or in one that cannot be told from it.
     """
-    r = np.asarray(state.system.r, dtype=float)
-    widths = np.full(len(r), ERROR_PRIOR_SIGMAS)
+    all_in = Elimination(state.system)
+    root = np.sqrt(np.maximum(all_in.r, TESTABLE))
+    widths = np.full(len(root), ERROR_PRIOR_SIGMAS)
     for row, error in zip(state.rows, np.abs(state.estimates()[0]).tolist(), strict=True):
         if error <= _FAR * ERROR_PRIOR_SIGMAS:
             continue
-        column = state.system.columns(np.array([row]))[:, 0]
-        root = np.sqrt(np.maximum(r, TESTABLE))
-        near = (np.abs(column) >= HARD_TO_TELL * root[row] * root) & (r >= TESTABLE)
+        near = np.abs(np.nan_to_num(all_in.correlations(row))) >= HARD_TO_TELL
         near[row] = True
         # so large it would be there to show the same
         widths[near] = np.maximum(widths[near], error * root[row] / root[near])

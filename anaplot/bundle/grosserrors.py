@@ -231,13 +231,7 @@ class BlockFindings:
     @property
     def came_back(self) -> tuple[ObservationName, ...]:
         """What some pass or step rejected and is in at the end."""
-        rows: dict[int, None] = {}
-        for found in self.passes:
-            for step in found.steps:
-                if step.action in ("add", "reject"):
-                    rows.update(dict.fromkeys(step.rows))
-                elif step.action == "swap":
-                    rows[step.rows[0]] = None
+        rows = dict.fromkeys(row for found in self.passes for row in found.taken_out)
         kept = {*self.findings.rows, *self.kept_out}
         return tuple(self.system.names[row] for row in rows if row not in kept)
 

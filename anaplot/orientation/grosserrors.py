@@ -116,11 +116,7 @@ class CleanedModel:
         keys = self.residuals.keys
         rows = dict.fromkeys(self.begun_without)
         for found in self.passes:
-            for step in found.steps:
-                if step.action in ("add", "reject"):
-                    rows.update(dict.fromkeys(keys[row] for row in step.rows))
-                elif step.action == "swap":
-                    rows[keys[step.rows[0]]] = None
+            rows.update(dict.fromkeys(keys[row] for row in found.taken_out))
         out = {(row.point, row.axis) for row in self.rejected}.union(key for key, _ in self.refused)
         return tuple(key for key in rows if key not in out)
 

@@ -19,7 +19,7 @@ from anaplot.photogrammetry.block import Block
 from anaplot.report.columns import cell, column, counted
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
-from anaplot.report.searchoptions import search_settings
+from anaplot.report.searchoptions import search_settings, sigma0_in_words
 
 __all__ = [
     "block_errors_json",
@@ -33,7 +33,6 @@ Json = dict[str, Any]
 
 _MOST = 30  # rows of a list in the text; JSON holds them all
 _ODDS = 0.01  # smallest probability shown
-_SIGMA0 = {"tau": "estimated", "baarda": "a-priori"}
 _BUT_HELD = " but those rejected before"
 _DIGITS = {"um": (1.0, "um"), "m": (1e3, "mm"), "rad": (1e6, "urad"), "mm": (1e3, "um")}
 
@@ -213,7 +212,7 @@ def _measure(strategy: str) -> str:
 
 def _odds(cleaned: BlockFindings) -> list[str]:
     found, names = cleaned.findings, cleaned.system.names
-    sigma0 = _SIGMA0[sigma_of(found.strategy)]
+    sigma0 = sigma0_in_words(found.strategy)
     weighed = f"all observations in{_but(cleaned)}, by the {sigma0} sigma0"
     lines = _single_odds(found.odds, names, weighed)
     odds = found.pair_odds
@@ -313,7 +312,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
         "refused": [{**_name_json(r.name), "reason": r.reason} for r in cleaned.refused],
         "steps": [_step_json(step, names) for step in found.steps],
         "odds": {
-            "sigma0": _SIGMA0[sigma_of(found.strategy)],
+            "sigma0": sigma0_in_words(found.strategy),
             "none": found.odds.none,
             "single": [
                 {**_name_json(names[k]), "probability": float(found.odds.rows[k])}
@@ -330,7 +329,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
     if found.pair_odds is not None:
         odds = found.pair_odds
         out["pair_odds"] = {
-            "sigma0": _SIGMA0[sigma_of(found.strategy)],
+            "sigma0": sigma0_in_words(found.strategy),
             "none": odds.none,
             "one": float(odds.single.sum()),
             "two": odds.pairs,

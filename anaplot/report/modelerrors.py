@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.adjustment.strategies import sigma_of
 from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.grosserrors import CleanedModel, RejectedRow, strip_gross_errors
@@ -19,7 +18,7 @@ from anaplot.photogrammetry.block import Block
 from anaplot.report.contract import bridge_json
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
-from anaplot.report.searchoptions import search_settings
+from anaplot.report.searchoptions import search_settings, sigma0_in_words
 from anaplot.report.text import model_printout
 
 __all__ = ["errors_json", "errors_printout", "run_bridge_errors"]
@@ -145,7 +144,7 @@ def _odds_lines(cleaned: CleanedModel) -> list[str]:
     found, keys = cleaned.findings, cleaned.residuals.keys
     single = found.odds
     but = " but those far off" if cleaned.held else ""
-    weighed = f"all rows in{but}, by the {_sigma0(cleaned)} sigma0"
+    weighed = f"all rows in{but}, by the {sigma0_in_words(found.strategy)} sigma0"
     lines = [
         f"    if there is one gross error at most, {weighed}: none {100.0 * single.none:.1f} %"
     ]
@@ -173,7 +172,7 @@ def _pair_odds_json(cleaned: CleanedModel) -> Json | None:
     if odds is None:
         return None
     return {
-        "sigma0": _sigma0(cleaned),
+        "sigma0": sigma0_in_words(cleaned.findings.strategy),
         "none": odds.none,
         "single": _probabilities(cleaned, odds.single),
         "pairs": [
@@ -183,11 +182,6 @@ def _pair_odds_json(cleaned: CleanedModel) -> Json | None:
             )
         ],
     }
-
-
-def _sigma0(cleaned: CleanedModel) -> str:
-    """Return by which sigma0 odds are weighed."""
-    return "estimated" if sigma_of(cleaned.findings.strategy) == "tau" else "a-priori"
 
 
 def _probabilities(cleaned: CleanedModel, values: NDArray[np.float64]) -> list[Json]:
@@ -232,7 +226,7 @@ def errors_json(cleaned: CleanedModel) -> Json:
         ],
         "held": [_key_json(key) for key in sorted(cleaned.held)],
         "odds": {
-            "sigma0": _sigma0(cleaned),
+            "sigma0": sigma0_in_words(found.strategy),
             "none": found.odds.none,
             "single": _probabilities(cleaned, found.odds.rows),
         },

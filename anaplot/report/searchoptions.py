@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.reliability import HARD_TO_TELL
+from anaplot.adjustment.strategies import sigma_of
 from anaplot.photogrammetry.block import TestSettings
 
-__all__ = ["search_settings"]
+__all__ = ["search_settings", "sigma0_in_words"]
+
+_SIGMA0 = {"tau": "estimated", "baarda": "a-priori"}
+
+
+def sigma0_in_words(strategy: str) -> str:
+    """Return by which sigma0 a strategy tests and weighs its odds."""
+    return _SIGMA0[sigma_of(strategy)]
 
 
 def search_settings(
