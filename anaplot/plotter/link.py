@@ -11,7 +11,7 @@ from typing import Literal
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.readings import InPosition, Position, Reading, Record
-from anaplot.plotter.schema import Footswitch, Profile
+from anaplot.plotter.schema import Footswitch, Poll, Profile
 from anaplot.plotter.serialport import SerialPort, find_port, identity_of
 from anaplot.plotter.text import safe_text
 
@@ -263,8 +263,7 @@ class Link:
         if poll is None:
             return
         with self._lock:
-            waiting = self._asked is not None and not set(poll.links) <= self._answered
-            if waiting:
+            if self._missing(poll):
                 self._urgent = True
                 return
             lines = self._mark_request(self._clock())
@@ -414,8 +413,13 @@ class Link:
         if poll is None:
             return False
         with self._lock:
-            missing = self._asked is not None and not set(poll.links) <= self._answered
-            return missing and self._clock() >= (self._asked or 0.0) + poll.timeout
+            if self._asked is None or not self._missing(poll):
+                return False
+            return self._clock() >= self._asked + poll.timeout
+
+    def _missing(self, poll: Poll) -> set[str]:
+        """Return the links that still owe an answer to the last request."""
+        return set() if self._asked is None else set(poll.links) - self._answered
 
     def poll_if_due(self) -> float:
         """Send the next request when its time has come.
@@ -431,7 +435,7 @@ class Link:
         with self._lock:
             now = self._clock()
             if self._asked is not None:
-                missing = set(poll.links) - self._answered
+                missing = self._missing(poll)
                 wait = max(poll.timeout, poll.period) if missing else poll.period
                 remaining = self._asked + wait - now
                 if missing:
