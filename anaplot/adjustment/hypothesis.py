@@ -13,11 +13,13 @@ eq. (33) and (38) is half of that, the one of its eq. (18) is not; here it never
 from __future__ import annotations
 
 from functools import lru_cache
-from math import exp, expm1, isnan, log, log1p, sqrt
+from math import exp, expm1, log, log1p, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from anaplot.adjustment.significance import noncentral_f_power
 
 __all__ = [
     "Component",
@@ -46,7 +48,6 @@ Array = NDArray[np.float64]
 
 _RANK = 1e-10  # smallest eigenvalue of a correlation matrix of full rank
 _EQUAL = 1e-9  # relative difference below which two variances cannot be told apart
-_LARGE = 1e6  # noncentrality beyond which an approximation has no error above 1e-7
 
 
 class DependentConditionsError(ValueError):
@@ -198,27 +199,15 @@ def f_power(
     Raises
     ------
     ValueError
-        A negative noncentrality, no such test, or a power that cannot be computed.
+        A negative or infinite noncentrality, or no such test.
     """
-    from scipy.special import chdtr, chndtr, ncfdtr
-
     _check(alpha, dimension, redundancy)
     if not 0.0 <= noncentrality < float("inf"):
         raise ValueError(f"the noncentrality {noncentrality} must be at least 0")
     if noncentrality == 0.0:
         return alpha
     critical = critical_f(alpha, dimension, redundancy)
-    if redundancy is None:
-        return 1.0 - float(chndtr(critical * dimension, dimension, noncentrality))
-    if noncentrality <= _LARGE:
-        power = 1.0 - float(ncfdtr(dimension, redundancy, noncentrality, critical))
-        if isnan(power):
-            raise ValueError(f"no power at noncentrality {noncentrality} and limit {critical}")
-        return power
-    # the series of ncfdtr does not reach this far; chi'^2 = (sqrt(lambda + b - 1) + normal)^2 does
-    nodes, weights = _normal_quadrature()
-    limit = (sqrt(noncentrality + dimension - 1.0) + nodes) ** 2 / (dimension * critical)
-    return min(1.0, float(weights @ chdtr(redundancy, redundancy * limit)))
+    return noncentral_f_power(noncentrality, critical, dimension, redundancy)
 
 
 @lru_cache(maxsize=1024)
@@ -537,12 +526,6 @@ def removable(
         z = z - share * z[k]
         left = left - np.outer(share, left[k])
     return out
-
-
-@lru_cache(maxsize=1)
-def _normal_quadrature() -> tuple[Array, Array]:
-    nodes, weights = np.polynomial.hermite_e.hermegauss(31)
-    return nodes, weights / weights.sum()
 
 
 def _check(alpha: float, dimension: int, redundancy: int | None) -> None:

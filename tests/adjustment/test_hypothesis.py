@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import integrate, stats
 from scipy.special import fdtrc, fdtri, stdtrit
 
 from anaplot.adjustment.hypothesis import (
@@ -142,6 +143,34 @@ def test_significance_matches_the_critical_value() -> None:
         limit = critical_f(0.02, 4, redundancy) * 4 * sigma**2
         found = f_test(limit, 4, alpha=0.02, sigma=sigma, redundancy=redundancy)
         assert found.significance == pytest.approx(0.02, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("dimension", "redundancy"), [(1, 4), (1, 11), (2, 12), (6, 400), (5, None)]
+)
+def test_the_power_exists_at_every_noncentrality(dimension, redundancy) -> None:
+    # scipy.special.ncfdtr is not a number at some of these
+    for alpha in (0.05, 0.001, 1e-6):
+        before = 0.0
+        for size in [0.5, 20.0, 300.0, *np.linspace(1500.0, 4000.0, 251), 1e5, 0.99e6, 1.01e6]:
+            power = f_power(float(size), alpha, dimension, redundancy)
+            assert before - 1e-9 <= power <= 1.0
+            before = power
+        assert before == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("size", [3.0, 40.0, 700.0, 2500.0])
+@pytest.mark.parametrize(("dimension", "redundancy"), [(1, 3), (3, 7), (6, 40)])
+def test_the_power_is_the_mean_over_the_variance_factor(dimension, redundancy, size) -> None:
+    limit = critical_f(1e-4, dimension, redundancy) * dimension / redundancy
+    expected = integrate.quad(
+        lambda u: stats.chi2.pdf(u, redundancy) * stats.ncx2.sf(limit * u, dimension, size),
+        0.0,
+        40.0 * redundancy,
+        points=np.linspace(0.1, 4.0, 30) * redundancy,
+        limit=200,
+    )[0]
+    assert f_power(size, 1e-4, dimension, redundancy) == pytest.approx(expected, abs=1e-8)
 
 
 def test_power_of_huge_alternatives() -> None:

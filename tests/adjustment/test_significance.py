@@ -1,10 +1,12 @@
 """Critical values and powers against scipy.stats."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
+from scipy import integrate, special, stats
 
 from anaplot.adjustment.significance import (
     critical_normal,
@@ -71,6 +73,42 @@ def test_tau_power_is_that_of_the_noncentral_t(f):
     expected = stats.nct.sf(t, f - 1, 4.132) + stats.nct.cdf(-t, f - 1, 4.132)
     assert tau_power(4.132, 0.001, f) == pytest.approx(expected, rel=1e-8)
     assert tau_power(4.132, 0.001, f) < 0.80
+
+
+def tau_power_over_the_tested_row(delta, alpha, f):
+    """Integrate over the error of the tested row, piece by piece between the bends."""
+    t, n = stats.t.isf(alpha / 2.0, f - 1), f - 1
+    ends = np.unique(np.clip([-delta, t - delta, -t - delta, *np.linspace(-9, 9, 19)], -9, 9))
+    share = 0.0
+    for low, high in pairwise(ends):
+        share += integrate.quad(
+            lambda z: stats.norm.pdf(z) * special.chdtr(n, n * ((z + delta) / t) ** 2), low, high
+        )[0]
+    return share
+
+
+def test_tau_power_where_the_noncentral_t_has_none():
+    delta = noncentrality(0.001, 0.995)
+    # scipy.special.nctdtr is not a number here
+    assert tau_power(delta, 0.001, 12) == pytest.approx(
+        tau_power_over_the_tested_row(delta, 0.001, 12), abs=1e-8
+    )
+
+
+@pytest.mark.parametrize("f", [2, 3, 4, 5, 8, 12, 30, 100, 500])
+def test_tau_power_is_finite_and_grows_with_the_error(f):
+    for alpha in (1e-5, 0.001, 0.05):
+        t = -special.stdtrit(f - 1.0, alpha / 2.0)
+        before = 0.0
+        for delta in range(61):
+            power = tau_power(float(delta), alpha, f)
+            assert before - 1e-12 <= power <= 1.0
+            formula = 1.0 - special.nctdtr(f - 1.0, delta, t) + special.nctdtr(f - 1.0, delta, -t)
+            assert np.isnan(formula) or power == pytest.approx(formula, abs=1e-8)
+            before = power
+        for delta in (0.0, 0.7, 6.7, 17.0, 60.0):
+            expected = tau_power_over_the_tested_row(delta, alpha, f)
+            assert tau_power(delta, alpha, f) == pytest.approx(expected, abs=1e-8)
 
 
 def test_tau_power_by_simulation():

@@ -145,6 +145,15 @@ def test_json_says_the_same(make_file, capsys):
     assert len(second["partners"]) == 12
 
 
+def test_the_power_is_a_number_whatever_is_asked_for(make_file, capsys):
+    path = make_file({"101": (8, None)})
+    path.write_text(path.read_text().replace("[photo", "[test]\npower = 0.995\n[photo", 1))
+    assert run_inner(options(path, "--transformation", "helmert", "--json")) == 0
+    photo = json.loads(capsys.readouterr().out)["photos"][0]
+    assert photo["redundancy"] == 12
+    assert photo["test"]["power"] == pytest.approx(0.867304, abs=1e-6)
+
+
 def test_a_photo_that_cannot_be_oriented_does_not_stop_the_others(make_file, capsys):
     path = make_file({"101": (2, None), "102": (8, None)})
     assert run_inner(options(path)) == 4
