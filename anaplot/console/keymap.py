@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,6 +12,9 @@ from textual.keys import KEY_TO_UNICODE_NAME, Keys, _character_to_key
 from anaplot.console.keys import ACTIONS
 from anaplot.console.text import plain
 from anaplot.errors import InputError
+from anaplot.exchange.inputfile import read_text
+from anaplot.exchange.tomlvalues import TomlError, toml_values
+from anaplot.exchange.wording import place
 
 __all__ = ["check_keymap", "default_path", "keys_in_force", "load_keymap"]
 
@@ -93,24 +95,23 @@ def load_keymap(path: Path, *, required: bool = True) -> dict[str, str]:
     InputError
         When it cannot be read or is not a keymap, naming file and action or line.
     """
+    if not required and _absent(path):
+        return {}
     try:
-        with path.open("rb") as file:
-            content = file.read(_LARGEST + 1)
-    except FileNotFoundError:
-        if not required:
-            return {}
-        raise InputError(f"{path}: no such file") from None
-    except OSError as fault:
-        raise InputError(f"{path}: {fault.strerror or fault}") from None
-    if len(content) > _LARGEST:
-        raise InputError(f"{path}: larger than {_LARGEST} bytes, which is no keymap")
-    try:
-        table = tomllib.loads(content.decode("utf-8"))
-    except UnicodeDecodeError as fault:
-        raise InputError(f"{path}: not UTF-8 text (byte {fault.start})") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as fault:
-        raise InputError(f"{path}: {plain(str(fault))}") from None
+        table = toml_values(read_text(path, _LARGEST))
+    except TomlError as fault:
+        raise InputError(f"{place(path, fault.line)}: {plain(str(fault))}") from None
     return check_keymap(table, str(path))
+
+
+def _absent(path: Path) -> bool:
+    try:
+        path.lstat()
+    except FileNotFoundError:
+        return True
+    except (OSError, ValueError):
+        return False  # the reader says what is wrong
+    return False
 
 
 def keys_in_force(keymap: Mapping[str, str]) -> dict[str, tuple[str, ...]]:

@@ -1,7 +1,12 @@
-"""Opening a file that a person wrote: present, regular, of bounded size, UTF-8."""
+"""The door through which every file comes in: present, regular, of bounded size.
+
+What is not a regular file is refused without waiting for it, and no more is read than was said,
+whatever the file's length was when it was opened.
+"""
 
 from __future__ import annotations
 
+import io
 import os
 import stat
 from pathlib import Path
@@ -10,7 +15,10 @@ from typing import BinaryIO
 from anaplot.errors import InputError
 from anaplot.exchange.wording import place, reason
 
-__all__ = ["not_utf8", "open_input", "read_text"]
+__all__ = ["not_utf8", "open_input", "read_bytes", "read_text"]
+
+# A named pipe that took the file's name meanwhile is opened at once, and then refused.
+_FLAGS: int = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 def open_input(path: Path, max_bytes: int) -> BinaryIO:
@@ -19,9 +27,10 @@ def open_input(path: Path, max_bytes: int) -> BinaryIO:
     Parameters
     ----------
     path
-        The file.
+        The file; a link to one will do.
     max_bytes
-        Largest size that is read.
+        Largest size that is read. Reading beyond it raises InputError, should the file be longer
+        than it seemed.
 
     Raises
     ------
@@ -29,20 +38,34 @@ def open_input(path: Path, max_bytes: int) -> BinaryIO:
         The file is missing, not a regular file, too large or cannot be opened.
     """
     try:
-        # Looked at before it is opened: opening a named pipe would wait for a writer.
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise InputError(f"{place(path)}: not a regular file")
-        file = path.open("rb")
+        # Looked at before it is opened: of some devices the opening itself does something.
+        _check(path, path.stat(), max_bytes)
+        descriptor = os.open(path, _FLAGS)
+        try:
+            _check(path, os.fstat(descriptor), max_bytes)
+        except BaseException:
+            os.close(descriptor)
+            raise
     except FileNotFoundError:
         raise InputError(f"{place(path)}: file not found") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
-    size = os.fstat(file.fileno()).st_size
-    if size > max_bytes:
-        file.close()
-        limit = f"{max_bytes / 1e6:g} MB"
-        raise InputError(f"{place(path)}: {size / 1e6:.1f} MB, more than {limit} is not read")
-    return file
+    return io.BufferedReader(_Bounded(path, descriptor, max_bytes))
+
+
+def read_bytes(path: Path, max_bytes: int) -> bytes:
+    """Read a whole file.
+
+    Raises
+    ------
+    InputError
+        As `open_input`.
+    """
+    with open_input(path, max_bytes) as file:
+        try:
+            return file.read()
+        except OSError as error:
+            raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
 
 
 def read_text(path: Path, max_bytes: int) -> str:
@@ -53,13 +76,8 @@ def read_text(path: Path, max_bytes: int) -> str:
     InputError
         As `open_input`, and when the file is not UTF-8 (with the line).
     """
-    with open_input(path, max_bytes) as file:
-        try:
-            data = file.read(max_bytes + 1)
-        except OSError as error:
-            raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
     try:
-        return data.decode("utf-8-sig")
+        return read_bytes(path, max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         # The position counts from behind the mark that utf-8-sig leaves out; a mark is no line.
         line = error.object.count(b"\n", 0, error.start) + 1
@@ -69,3 +87,43 @@ def read_text(path: Path, max_bytes: int) -> str:
 def not_utf8(path: Path, line: int | None) -> InputError:
     """Return the error for a file in another encoding."""
     return InputError(f"{place(path, line)}: not UTF-8 text")
+
+
+class _Bounded(io.RawIOBase):
+    """A descriptor, closed with this, from which no more than so many bytes are read."""
+
+    def __init__(self, path: Path, descriptor: int, max_bytes: int) -> None:
+        self._path = path
+        self._descriptor = descriptor
+        self._max = self._left = max_bytes
+
+    def readable(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return self._descriptor
+
+    def readinto(self, buffer: bytearray | memoryview) -> int:  # type: ignore[override]
+        data = os.read(self._descriptor, len(buffer))
+        self._left -= len(data)
+        if self._left < 0:
+            raise InputError(f"{place(self._path)}: more than {_size(self._max)} is not read")
+        buffer[: len(data)] = data
+        return len(data)
+
+    def close(self) -> None:
+        if not self.closed:
+            os.close(self._descriptor)
+        super().close()
+
+
+def _check(path: Path, status: os.stat_result, max_bytes: int) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{place(path)}: not a regular file")
+    if status.st_size > max_bytes:
+        size, limit = _size(status.st_size), _size(max_bytes)
+        raise InputError(f"{place(path)}: {size}, more than {limit} is not read")
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e6:.4g} MB" if count >= 1_000_000 else f"{count / 1e3:.4g} kB"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import BinaryIO
 
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_from_payload
+from anaplot.exchange.inputfile import open_input
 from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
     MAX_LINE,
@@ -23,6 +25,7 @@ from anaplot.exchange.wording import place, plain, reason
 from anaplot.session.events import EVENT_KINDS, Event
 
 __all__ = [
+    "MAX_FILE_BYTES",
     "SESSIONS",
     "FileScan",
     "Recovered",
@@ -34,6 +37,9 @@ __all__ = [
 ]
 
 SESSIONS = "sessions"
+
+MAX_FILE_BYTES = 256_000_000
+"""Largest file that is read: four times the length at which the next one is begun."""
 
 _FILE_NAME = re.compile(r"([0-9]{4,9})\.jsonl")
 
@@ -116,9 +122,9 @@ def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
         or a newer version wrote it; with file and line.
     """
     try:
-        is_file = path.is_file()
         folder = path / SESSIONS if (path / SESSIONS).is_dir() else path
         is_folder = folder.is_dir()
+        is_file = not is_folder and path.exists()
     except (OSError, ValueError) as error:
         raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
     if is_file:
@@ -214,15 +220,14 @@ class _FileReader:
 
     def scan(self, *, is_last: bool) -> FileScan:
         try:
-            with self._path.open("rb") as file:
+            with open_input(self._path, MAX_FILE_BYTES) as file:
                 return self._scan(file, is_last)
-        except (OSError, ValueError) as error:
+        except OSError as error:
             raise InputError(f"{self._name}: cannot be read: {reason(error)}") from error
 
     def _scan(self, file: BinaryIO, is_last: bool) -> FileScan:
         # The length now is the end: whoever writes meanwhile is not half seen.
-        size = file.seek(0, 2)
-        file.seek(0)
+        size = os.fstat(file.fileno()).st_size
         good = line = 0
         tail: Tail | None = None
         lacks_end = False
@@ -238,7 +243,7 @@ class _FileReader:
                 claimed = claimed_format(raw) if line == 1 else None
                 if claimed is not None:
                     self._check_format(claimed, line)
-                if not is_last or self._goes_on(file, raw, size):
+                if not is_last or self._goes_on(file, raw, size - good):
                     raise self._fail(line, f"damaged: {damage}; nothing was changed") from None
                 tail, lacks_end = Tail(line, str(damage)), False
                 break
@@ -277,11 +282,13 @@ class _FileReader:
             )
 
     @staticmethod
-    def _goes_on(file: BinaryIO, raw: bytes, size: int) -> bool:
-        """Return whether another line follows the one just read."""
+    def _goes_on(file: BinaryIO, raw: bytes, left: int) -> bool:
+        """Return whether another line follows the one just read, the first of so many bytes."""
+        left -= len(raw)
         while raw and not raw.endswith(b"\n"):
-            raw = file.readline(min(MAX_LINE, max(size - file.tell(), 0)))
-        return file.tell() < size
+            raw = file.readline(min(MAX_LINE, left))
+            left -= len(raw)
+        return left > 0
 
     def _fail(self, line: int, message: str) -> InputError:
         return InputError(f"{self._name} line {line}: {message}")

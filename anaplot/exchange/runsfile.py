@@ -11,13 +11,13 @@ from __future__ import annotations
 import json
 import math
 import os
-import stat
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
 from anaplot.errors import InputError
+from anaplot.exchange.inputfile import read_bytes
 from anaplot.exchange.wording import place, plain, quoted, reason
 
 __all__ = ["RUNS_FORMAT", "KeptChunk", "KeptSums", "RunsFile"]
@@ -79,7 +79,7 @@ class RunsFile:
         length = 0
         try:
             if path.exists():
-                data = self._read()
+                data = read_bytes(path, _LARGEST)
                 length = data.rfind(b"\n") + 1
                 if length == 0 and not _line(head).startswith(data):
                     raise InputError(
@@ -128,16 +128,6 @@ class RunsFile:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise InputError(f"{place(self._path)}: {reason(error)}") from None
-
-    def _read(self) -> bytes:
-        # looked at before it is opened: a named pipe would wait for a writer
-        if not stat.S_ISREG(self._path.stat().st_mode):
-            raise InputError(f"{place(self._path)}: not a regular file")
-        with self._path.open("rb") as file:
-            data = file.read(_LARGEST + 1)
-        if len(data) > _LARGEST:
-            raise InputError(f"{place(self._path)}: larger than {_LARGEST} bytes")
-        return data
 
     def _chunks(self, data: bytes, head: dict[str, Any]) -> tuple[KeptChunk, ...]:
         chunks = []

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,11 +10,10 @@ from typing import Any
 from anaplot.errors import InputError
 from anaplot.exchange.names import name_fault
 from anaplot.exchange.tomllines import KeyPath, TomlLines
+from anaplot.exchange.tomlvalues import TomlError, toml_values
 from anaplot.exchange.wording import describe_type, hint, place, plain, quoted
 
 __all__ = ["TomlFile", "TomlTable"]
-
-_POSITION = re.compile(r"^(.*) \(at (?:line (\d+), column (\d+)|end of document)\)$", re.DOTALL)
 
 
 class TomlFile:
@@ -39,11 +36,9 @@ class TomlFile:
         self.path = path
         self._text = text
         try:
-            values = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise self._not_toml(str(error)) from None
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"{place(path)}: not valid TOML: {plain(str(error))}") from None
+            values = toml_values(text)
+        except TomlError as error:
+            raise self._not_toml(error) from None
         self.root = TomlTable(self, (), "", values)
 
     def fail(self, path: KeyPath, message: str) -> InputError:
@@ -55,14 +50,12 @@ class TomlFile:
         # Scanned again for each message, of which there is one in a run.
         return TomlLines(self._text).line(path)
 
-    def _not_toml(self, message: str) -> InputError:
-        match = _POSITION.match(message)
-        if match is None:
-            return InputError(f"{place(self.path)}: not valid TOML: {plain(message)}")
-        what, line, column = match.groups()
-        number = int(line) if line else self._text.count("\n") + 1
-        at = f" (column {column})" if column else " (at the end of the file)"
-        return InputError(f"{place(self.path, number)}: not valid TOML: {plain(what)}{at}")
+    def _not_toml(self, error: TomlError) -> InputError:
+        at = f" (column {error.column})" if error.column else ""
+        at = " (at the end of the file)" if error.at_end else at
+        return InputError(
+            f"{place(self.path, error.line)}: not valid TOML: {plain(str(error))}{at}"
+        )
 
 
 class TomlTable:

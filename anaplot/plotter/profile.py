@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Literal, cast
 
 from anaplot.errors import InputError
+from anaplot.exchange.inputfile import read_bytes
 from anaplot.plotter.linear import SingularError, inverse
 from anaplot.plotter.pattern import PatternError, compile_pattern
 from anaplot.plotter.schema import (
@@ -31,7 +32,7 @@ from anaplot.plotter.schema import (
 )
 from anaplot.plotter.template import Template, TemplateError, parse_template
 from anaplot.plotter.text import safe_text
-from anaplot.plotter.tomltable import TomlTable, nearest, parse_toml, read_limited
+from anaplot.plotter.tomltable import TomlTable, nearest, parse_toml
 
 __all__ = ["MAX_PROFILE_BYTES", "find_profiles", "load_profile", "parse_profile"]
 
@@ -134,7 +135,7 @@ def load_profile(name_or_path: str | Path) -> Profile:
         path = profiles[text]
     if "\0" in text:
         raise InputError(f"{safe_text(text)}: not a file name")
-    return parse_profile(read_limited(path, MAX_PROFILE_BYTES), safe_text(path.name))
+    return parse_profile(read_bytes(path, MAX_PROFILE_BYTES), safe_text(path.name))
 
 
 def parse_profile(raw: bytes, name: str) -> Profile:

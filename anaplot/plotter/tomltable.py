@@ -5,51 +5,18 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, NoReturn
 
 from anaplot.errors import InputError
+from anaplot.exchange.tomlvalues import TomlError, toml_values
 from anaplot.plotter.text import safe_text
 
 __all__ = [
     "TomlTable",
     "nearest",
     "parse_toml",
-    "read_limited",
 ]
-
-
-def read_limited(path: Path, limit: int) -> bytes:
-    """Read a file of bounded size.
-
-    Parameters
-    ----------
-    path
-        The file.
-    limit
-        Largest size accepted [bytes].
-
-    Returns
-    -------
-    bytes
-        Its content.
-
-    Raises
-    ------
-    InputError
-        When it cannot be read or is larger.
-    """
-    try:
-        with path.open("rb") as file:
-            raw = file.read(limit + 1)
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
-        raise InputError(f"{safe_text(str(path))}: {reason}") from None
-    if len(raw) > limit:
-        raise InputError(f"{safe_text(str(path))}: larger than {limit} bytes")
-    return raw
 
 
 def parse_toml(raw: bytes, name: str) -> TomlTable:
@@ -78,11 +45,10 @@ def parse_toml(raw: bytes, name: str) -> TomlTable:
         line = raw.count(b"\n", 0, error.start) + 1
         raise InputError(f"{name}: line {line}: not UTF-8 text") from None
     try:
-        data = tomllib.loads(text)
-    except ValueError as error:
-        raise InputError(f"{name}: {safe_text(str(error))}") from None
-    except RecursionError:
-        raise InputError(f"{name}: nested too deeply") from None
+        data = toml_values(text)
+    except TomlError as error:
+        where = name if error.line is None else f"{name}: line {error.line}"
+        raise InputError(f"{where}: {safe_text(str(error))}") from None
     return TomlTable(data, _Source(name, text.splitlines()), ())
 
 

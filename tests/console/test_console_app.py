@@ -693,7 +693,7 @@ async def test_messages_are_kept_within_bounds():
 
 def test_running_closes_the_station_whatever_happens(tmp_path):
     station = FakeStation()
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="file not found"):
         run_console(station, keymap=tmp_path / "none.toml")
     assert station.closed == 1
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -263,7 +264,7 @@ def test_files_that_cannot_be_read(make_block, tmp_path, monkeypatch):
     with pytest.raises(InputError, match="more than 4 MB is not read"):
         read_block(make_block(toml=b"#" * 4_000_001))
     make_block()
-    monkeypatch.setattr(Path, "open", _permission_denied)
+    monkeypatch.setattr(os, "open", _permission_denied)
     with pytest.raises(InputError, match=r"block\.toml: cannot be read: Permission denied"):
         read_block(folder)
 

@@ -189,16 +189,16 @@ def test_profiles_inside_an_installed_package_are_found(tmp_path, monkeypatch):
 def test_unknown_name_and_missing_file(tmp_path):
     with pytest.raises(InputError, match=r'no device profile "simulatd".*"simulated"'):
         load_profile("simulatd")
-    with pytest.raises(InputError, match="No such file"):
+    with pytest.raises(InputError, match="file not found"):
         load_profile(tmp_path / "none.toml")
-    with pytest.raises(InputError, match="Is a directory"):
+    with pytest.raises(InputError, match="not a regular file"):
         load_profile(tmp_path)
 
 
 def test_size_is_bounded(tmp_path):
     file = tmp_path / "big.toml"
     file.write_bytes(b"#" * 70_000)
-    with pytest.raises(InputError, match="larger than"):
+    with pytest.raises(InputError, match=r"more than 65\.54 kB is not read"):
         load_profile(file)
     with pytest.raises(InputError, match="larger than"):
         parse_profile(b"#" * 70_000, "big.toml")
