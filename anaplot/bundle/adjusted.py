@@ -339,9 +339,9 @@ class AdjustedBlock:
             k = at.get(name)
             if k is None or (row.use == "control" and problem.datum == "control"):
                 continue
-            found = self.state.points[k] + self.state.origin
+            found, origin = self.state.points[k], self.state.origin
             difference = tuple(
-                None if value is None else float(found[axis] - value)
+                None if value is None else float(found[axis] - (value - origin[axis]))
                 for axis, value in enumerate(row.xyz)
             )
             rows.append((name, difference))

@@ -232,9 +232,9 @@ def _differences(
     problem = block.problem
     at = {name: k for k, name in enumerate(problem.points)}
     places = [(at[name], axis) for name, axis, _ in wanted]
-    found = block.state.points + block.state.origin
-    given = np.array([value for _, _, value in wanted])
     index = np.array(places)
+    found = block.state.points[index[:, 0]]
+    given = np.array([value for _, _, value in wanted]) - block.state.origin[index[:, 1]]
     if together:
         q_block = coordinate_cofactors(block, places)
     else:
@@ -246,8 +246,8 @@ def _differences(
     spread = [problem.block.sigma_of(problem.control_rows[name])[axis] for name, axis, _ in wanted]
     return _Differences(
         [(name, "XYZ"[axis]) for name, axis, _ in wanted],
-        found[index[:, 0], :2],
-        found[index[:, 0], index[:, 1]] - given,
+        found[:, :2] + block.state.origin[:2],
+        found[np.arange(len(index)), index[:, 1]] - given,
         q_block,
         q_block + np.diag(np.square(spread)),
     )

@@ -228,7 +228,7 @@ def _network_tests(block: AdjustedBlock, settings: HypothesisSettings) -> Contro
     start = Similarity(1.0, np.eye(3), np.zeros(3))
     laid = fit_to_partial(source, target - origin, start) or start
     at = laid.apply(source)
-    difference = (at + origin).reshape(-1)[pick] - given
+    difference = at.reshape(-1)[pick] - (target - origin).reshape(-1)[pick]
     turn = np.kron(np.eye(len(used)), laid.scale * laid.rotation)
     own = coordinate_cofactors(block, [(int(k), axis) for k in used for axis in range(3)])
     covariance = (turn @ own @ turn.T)[np.ix_(pick, pick)] + np.diag(spread**2)

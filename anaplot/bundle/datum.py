@@ -236,28 +236,28 @@ def relocate(problem: Problem, start: State, state: State) -> State:
 
     A free solution goes onto all of them in the mean, a minimal one meets its seven coordinates.
     """
-    source = state.points + state.origin
+    source, known = state.points, problem.known - state.origin
     chosen = _minimal_control(problem) if problem.datum == "minimal" else None
     full = np.isfinite(problem.known).all(axis=1)
     if problem.datum == "minimal" and chosen is None:
         return state
     if full.sum() >= 3:
-        fitted = fit_similarity(source[full], problem.known[full])
+        fitted = fit_similarity(source[full], known[full])
     else:
-        fitted = fit_similarity(source, start.points + start.origin)
+        fitted = fit_similarity(source, start.points + (start.origin - state.origin))
     if chosen is not None:
-        seven = np.full_like(problem.known, np.nan)
+        seven = np.full_like(known, np.nan)
         for point, axis in chosen:
-            seven[point, axis] = problem.known[point, axis]
+            seven[point, axis] = known[point, axis]
         used = np.isfinite(seven).any(axis=1)
         met = fit_to_partial(source[used], seven[used], fitted)
         if met is None:
             return state
         fitted = met
     return State(
-        centres=fitted.apply(state.centres + state.origin) - state.origin,
+        centres=fitted.apply(state.centres),
         rotations=fitted.rotation @ state.rotations,
-        points=fitted.apply(source) - state.origin,
+        points=fitted.apply(source),
         own=state.own,
         shared=state.shared,
         origin=state.origin,
@@ -273,8 +273,7 @@ def on_control(problem: Problem, state: State) -> bool:
     used = np.isfinite(problem.known).any(axis=1)
     if not used.any():
         return False
-    at = (state.points + state.origin)[used]
     still = Similarity(1.0, np.eye(3), np.zeros(3))
     with np.errstate(over="ignore", invalid="ignore"):
-        fitted = fit_to_partial(at, problem.known[used], still)
+        fitted = fit_to_partial(state.points[used], (problem.known - state.origin)[used], still)
     return fitted is not None and abs(fitted.scale - 1.0) < _SCALE

@@ -457,7 +457,7 @@ def _check_stable(one: AdjustedBlock, two: AdjustedBlock, stable: Sequence[str])
             raise InputError(f"stable points that epoch {number} does not have: {listed(missing)}")
     if len(names) < 3:
         raise InputError(f"{len(names)} stable points do not hold a datum: at least 3")
-    at = point_places(one, names)
+    at = point_places(one, names, one.state.origin)
     spread = np.linalg.svd(at - at.mean(axis=0), compute_uv=False)
     if not spread[1] > _FLAT * spread[0]:
         raise NotComputableError(
@@ -510,9 +510,9 @@ def _cofactors(block: AdjustedBlock, names: Sequence[str]) -> Array:
 def _apart(
     one: AdjustedBlock, two: AdjustedBlock, names: Sequence[str]
 ) -> tuple[Array, Array, Array]:
-    at = point_places(one, names)
-    d = point_places(two, names) - at
-    return at, d.reshape(-1), _cofactors(one, names) + _cofactors(two, names)
+    origin = one.state.origin
+    d = point_places(two, names, origin) - point_places(one, names, origin)
+    return point_places(one, names), d.reshape(-1), _cofactors(one, names) + _cofactors(two, names)
 
 
 def _laid(
@@ -521,7 +521,8 @@ def _laid(
     """Displacements after an S-transformation onto the stable points."""
     every = [*names, *stable]
     m, s = len(names), len(stable)
-    at, other = point_places(one, every), point_places(two, every)
+    origin = one.state.origin
+    at, other = point_places(one, every, origin), point_places(two, every, origin)
     fitted = fit_similarity(other[m:], at[m:])
     d = (fitted.apply(other) - at).reshape(-1)
     turn = fitted.scale * fitted.rotation
@@ -545,4 +546,4 @@ def _laid(
     square = float(np.sum(part * part / values))
     information = (vectors / values) @ vectors.T
     agreement = Agreement(square, rank, d[first:], information)
-    return at[:m], d[:first], q[:first, :first], agreement
+    return at[:m] + origin, d[:first], q[:first, :first], agreement

@@ -197,7 +197,8 @@ def adjust_jointly(
     problem = make_problem(block, datum=datum, additional=additional)
     fitted = None
     if datum == "free":
-        fitted = fit_similarity(point_places(two, held), point_places(one, held))
+        origin = one.state.origin
+        fitted = fit_similarity(point_places(two, held, origin), point_places(one, held, origin))
     start = _start(problem, one, two, fitted)
 
     def tell(what: str, share: float) -> None:
@@ -217,7 +218,8 @@ def _start(
     points: dict[str, Array] = {}
     for k, block in reversed(list(enumerate((one, two)))):
         state, names = block.state, block.problem
-        at_photos, at_points = state.centres + state.origin, state.points + state.origin
+        shift = state.origin - origin
+        at_photos, at_points = state.centres + shift, state.points + shift
         turned = state.rotations
         if k == 1 and fitted is not None:
             at_photos, at_points = fitted.apply(at_photos), fitted.apply(at_points)
@@ -227,11 +229,11 @@ def _start(
         for n, v in zip(names.points, at_points, strict=True):
             points[n + _MARKS[k]] = v
             points[n + _BOTH] = v
-    at = np.array([points[n] for n in problem.points]) - origin
+    at = np.array([points[n] for n in problem.points])
     fixed = problem.fixed
     at[fixed] = (problem.known - origin)[fixed]
     return State(
-        centres=np.array([centres[n] for n in problem.photos]) - origin,
+        centres=np.array([centres[n] for n in problem.photos]),
         rotations=np.array([rotations[n] for n in problem.photos]),
         points=at,
         own=np.zeros((len(problem.photos), problem.per_photo - 6)),

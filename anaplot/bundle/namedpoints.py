@@ -18,7 +18,24 @@ def point_numbers(block: AdjustedBlock, names: Sequence[str]) -> list[int]:
     return [at[name] for name in names]
 
 
-def point_places(block: AdjustedBlock, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return (m, 3) adjusted coordinates [m] of m points; raises KeyError as `point_numbers`."""
-    out: NDArray[np.float64] = block.state.points[point_numbers(block, names)] + block.state.origin
+def point_places(
+    block: AdjustedBlock, names: Sequence[str], origin: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Return (m, 3) adjusted coordinates [m] of m points.
+
+    Parameters
+    ----------
+    block, names
+        The block, and points of it.
+    origin
+        (3,) [m] that coordinates are relative to; None: the ground system's. Places of two blocks
+        are compared relative to the origin of one of them, or large coordinates round them.
+
+    Raises
+    ------
+    KeyError
+        As `point_numbers`.
+    """
+    from_there = block.state.origin if origin is None else block.state.origin - origin
+    out: NDArray[np.float64] = block.state.points[point_numbers(block, names)] + from_there
     return out

@@ -73,7 +73,9 @@ class State:
     shared
         (g,) additional parameters of several photos.
     origin
-        (3,) [m], so that the numbers stay small.
+        (3,) [m], so that the numbers stay small. A given coordinate is compared with an unknown by
+        taking the origin from the given one: added to the unknown, it would cost the digits that
+        it is there to keep.
     """
 
     centres: Array
@@ -253,13 +255,13 @@ def _prior_misclosures(problem: Problem, state: State) -> tuple[Array, Array, Ar
     """Whitened misclosures of control, photo priors, own and shared additional parameters."""
     point = np.where(
         np.isfinite(problem.known_sigma),
-        (state.points + state.origin - problem.known) / problem.known_sigma,
+        (state.points - (problem.known - state.origin)) / problem.known_sigma,
         0.0,
     )
     photo = np.zeros((len(problem.photos), 6))
     with_position = np.isfinite(problem.position_sigma)
     if with_position.any():
-        off = (state.centres + state.origin - problem.position) / problem.position_sigma
+        off = (state.centres - (problem.position - state.origin)) / problem.position_sigma
         photo[:, :3] = np.where(with_position, off, 0.0)
     with_rotation = np.isfinite(problem.rotation_sigma).any(axis=1)
     if with_rotation.any():

@@ -378,7 +378,7 @@ def _misfits(problem: Problem, held: NDArray[np.bool_], state: State) -> _Misfit
     linear = linearise(problem, state)
     e = linear.e * problem.sigma_xy
     image = np.nan_to_num(np.linalg.norm(e, axis=1), nan=1e6, posinf=1e6)
-    off = np.where(held, state.points + state.origin - problem.known, 0.0)
+    off = np.where(held, state.points - (problem.known - state.origin), 0.0)
     priors = np.abs(linear.photo_e).reshape(-1, 2, 3).max(axis=2)
     return _Misfits(image, np.linalg.norm(off, axis=1), priors)
 
