@@ -11,17 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from anaplot.photogrammetry.collinearity import turns
 
-__all__ = ["RelativeOrientation", "orient_pair"]
+__all__ = ["RelativeOrientation", "orient_pair", "spread_rotations"]
 
 Array = NDArray[np.float64]
 
 _STARTS = 600
 _REFINED = 40
 _MOST_POINTS = 80
+_SECOND_ANGLE = 1.533751168755204288118041  # root of x^4 = x + 4
 
 
 class RelativeOrientation(NamedTuple):
@@ -58,8 +58,7 @@ def orient_pair(first: Array, second: Array, *, seed: int = 0) -> list[RelativeO
     if len(p) > _MOST_POINTS:
         chosen = np.random.default_rng(seed).permutation(len(p))[:_MOST_POINTS]
         p, q = p[chosen], q[chosen]
-    starts = Rotation.random(_STARTS, rng=np.random.default_rng(seed)).as_matrix()
-    starts[0] = np.eye(3)
+    starts = np.concatenate((np.eye(3)[None], spread_rotations(_STARTS - 1)))
     bases, size = _best_bases(starts, p, q)
     chosen = np.argsort(size)[:_REFINED]
     chosen = np.unique(np.append(chosen, 0))
@@ -89,6 +88,24 @@ def orient_pair(first: Array, second: Array, *, seed: int = 0) -> list[RelativeO
             break
     distinct.sort(key=lambda o: o.error)
     return distinct
+
+
+def spread_rotations(count: int) -> Array:
+    """Return (count, 3, 3) rotations spread evenly over all of them.
+
+    A spiral on the unit quaternions with the angles of Alexa (2022), "Super-Fibonacci spirals",
+    section 4: the same for everybody, and without the gaps of random ones.
+    """
+    s = np.arange(count) + 0.5
+    inner, outer = np.sqrt(s / count), np.sqrt(1.0 - s / count)
+    alpha, beta = 2.0 * np.pi * s / np.sqrt(2.0), 2.0 * np.pi * s / _SECOND_ANGLE
+    x, y = inner * np.sin(alpha), inner * np.cos(alpha)
+    z, w = outer * np.sin(beta), outer * np.cos(beta)
+    out = np.empty((count, 3, 3))
+    out[:, 0] = np.stack((1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)), 1)
+    out[:, 1] = np.stack((2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)), 1)
+    out[:, 2] = np.stack((2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)), 1)
+    return out
 
 
 def _best_bases(rotations: Array, p: Array, q: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.cluster import Cluster
-from anaplot.bundle.relative import orient_pair
+from anaplot.bundle.relative import orient_pair, spread_rotations
 from anaplot.bundle.resection import resect, three_point_resection
 from anaplot.bundle.similarity import (
     Similarity,
@@ -144,7 +144,7 @@ def test_good_orientations_are_used_and_wild_ones_are_not_believed() -> None:
 @settings(max_examples=40)
 def test_three_points_and_resection(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    rotation = Rotation.random(rng=rng).as_matrix()
+    rotation = Rotation.from_quat(rng.normal(size=4)).as_matrix()
     centre = rng.normal(size=3) * 50.0
     xy = rng.uniform(-70.0, 70.0, (12, 2))
     rays = np.column_stack((xy, np.full(12, -100.0)))
@@ -202,7 +202,7 @@ def test_relative_orientation_in_any_attitude(seed: int) -> None:
 @settings(max_examples=30)
 def test_similarity(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    rotation = Rotation.random(rng=rng).as_matrix()
+    rotation = Rotation.from_quat(rng.normal(size=4)).as_matrix()
     scale, shift = rng.uniform(0.1, 50.0), rng.normal(size=3) * 100.0
     source = rng.normal(size=(9, 3))
     target = scale * source @ rotation.T + shift
@@ -248,7 +248,11 @@ def test_strips_that_share_a_line_of_points_look_the_same_way(seed: int, noise: 
 
     first, second = strip(0), strip(1)
     second.transform(
-        Similarity(rng.uniform(0.5, 2.0), Rotation.random(random_state=seed).as_matrix(), x[:3])
+        Similarity(
+            rng.uniform(0.5, 2.0),
+            Rotation.from_quat(np.random.default_rng(seed).normal(size=4)).as_matrix(),
+            x[:3],
+        )
     )
     assert not first.join(second)
     assert first.join(second, hinged=True)
@@ -280,3 +284,14 @@ def test_images_turned_at_random_in_declared_strips() -> None:
         s, c = np.sin(kappa[r.photo]), np.cos(kappa[r.photo])
         rows.append(replace(r, x=c * r.x - s * r.y, y=s * r.x + c * r.y))
     converges_to_the_truth(scene, replace(scene.block, image_points=tuple(rows)))
+
+
+def test_rotations_are_spread_over_all_of_them() -> None:
+    spread = spread_rotations(600)
+    np.testing.assert_allclose(spread @ spread.transpose(0, 2, 1), [np.eye(3)] * 600, atol=1e-14)
+    assert (np.linalg.det(spread) > 0.0).all()
+    anywhere = Rotation.from_quat(np.random.default_rng(0).normal(size=(4000, 4))).as_matrix()
+    trace = np.einsum("aij,bij->ab", spread, anywhere).max(axis=0)
+    nearest = np.degrees(np.arccos((trace - 1.0) / 2.0))
+    # 600 random ones leave gaps of 35 degrees
+    assert nearest.max() < 28.0
