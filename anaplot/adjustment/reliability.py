@@ -159,7 +159,8 @@ def residual_correlations(q_vv: Array, r: Array) -> Array:
     """Return (n, n) rho_ij = q_ij / sqrt(q_ii q_jj); NaN in rows that cannot be tested."""
     diagonal = np.einsum("ii->i", q_vv)
     root = np.sqrt(np.where((r >= TESTABLE) & (diagonal > 0.0), diagonal, np.nan))
-    return q_vv / root[:, None] / root
+    out: Array = np.clip(q_vv / root[:, None] / root, -1.0, 1.0)
+    return out
 
 
 def critical_transfers(q_vv: Array, q_l: Array) -> list[tuple[int, int, float]]:

@@ -388,9 +388,10 @@ class AdjustedBlock:
         rho = _correlation(self.cofactors.shared)
         for i, j in np.argwhere(np.tril(np.abs(rho) > limit, -1)).tolist():
             found.append((shared[i], shared[j], float(rho[i, j])))
-        size = np.sqrt(np.einsum("nii->ni", self.cofactors.photos))
-        cross = self.cofactors.inverse.border / size[:, :, None]
-        cross = cross / np.sqrt(np.diag(self.cofactors.shared))
+        # what the datum holds is correlated with nothing
+        size = _sizes(np.einsum("nii->ni", self.cofactors.photos))
+        cross = self.cofactors.photos_shared / size[:, :, None]
+        cross = np.clip(cross / _sizes(np.diag(self.cofactors.shared)), -1.0, 1.0)
         for k, index, j in np.argwhere(np.abs(cross) > limit).tolist():
             found.append(
                 (
@@ -449,7 +450,7 @@ class AdjustedBlock:
         ]
         diagonal = np.diag(q)
         size = np.sqrt(np.where(diagonal > TESTABLE, diagonal, np.nan))
-        return labels, q / size[:, None] / size
+        return labels, np.clip(q / size[:, None] / size, -1.0, 1.0)
 
     def _exceeds(self, w: float | None) -> bool:
         return w is not None and self.critical is not None and abs(w) > self.critical
@@ -471,9 +472,14 @@ def _triple(values: Array) -> tuple[float, float, float]:
 
 
 def _correlation(q: Array) -> Array:
-    size = np.sqrt(np.diag(q))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.nan_to_num(q / size[:, None] / size)
+    size = _sizes(np.diag(q))
+    out: Array = np.clip(q / size[:, None] / size, -1.0, 1.0)
+    return out
+
+
+def _sizes(variances: Array) -> Array:
+    """Return standard deviations; infinite where there is no variance."""
+    return np.sqrt(np.where(variances > 0.0, variances, np.inf))
 
 
 def _standardized(v: Array, r: Array, sigma: float | None) -> Array:

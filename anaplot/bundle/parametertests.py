@@ -345,7 +345,7 @@ def _groups(
 
 def _correlations(q: Array) -> Array:
     scale = np.sqrt(np.diag(q))
-    out: Array = q / scale[:, None] / scale
+    out: Array = np.clip(q / scale[:, None] / scale, -1.0, 1.0)
     return out
 
 

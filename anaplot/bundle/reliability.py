@@ -27,6 +27,8 @@ __all__ = ["Cofactors", "DatumChange", "cofactor_column", "compute_cofactors"]
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+_ROUNDING = 1e-11  # variance after a change of datum over what it is the difference of
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DatumChange:
@@ -45,6 +47,29 @@ class DatumChange:
     held_photos: Array
     held_points: Array
 
+    def of_points(self, photos: Array, points: Array) -> Array:
+        """Return (p, 3, k) changes of points in this datum, from k changes of all unknowns.
+
+        Parameters
+        ----------
+        photos, points
+            (n, d, k) and (p, 3, k) in the datum of the solution.
+        """
+        moved = np.linalg.solve(self.defect, self.held(photos, points))
+        out: Array = points - np.einsum("nil,lk->nik", self.null_points, moved)
+        return out
+
+    def held(self, photos: Array, points: Array) -> Array:
+        """Return (7, k) what the held combinations make of k changes of the unknowns."""
+        out: Array = np.einsum("nil,nik->lk", self.held_photos, photos)
+        out += np.einsum("nil,nik->lk", self.held_points, points)
+        return out
+
+    @property
+    def defect(self) -> Array:
+        """(7, 7) D'G."""
+        return self.held(self.null_photos, self.null_points)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cofactors:
@@ -61,15 +86,20 @@ class Cofactors:
     response
         (m, 3, 2) change of the ray's own point per whitened error of x and y [m].
     points, photos
-        (p, 3, 3) [m^2] and (n, d, d) cofactors in the reported datum.
+        (p, 3, 3) [m^2] and (n, d, d) cofactors in the reported datum; rows and columns of what
+        the datum holds are zero.
     shared
         (g, g) of the shared additional parameters.
+    photos_shared
+        (n, d, g) between photos and shared additional parameters, in the reported datum.
     r_control
         (p, 3) redundancy numbers of weighted control; NaN where nothing is observed.
     r_photo
         (n, 6) of the priors of the photos; NaN where there are none.
     r_own, r_shared
         Of the priors on additional parameters; NaN without.
+    change
+        What leads to the reported datum; None where it is that of the solution.
     """
 
     normal: NormalEquations = field(repr=False)
@@ -81,10 +111,12 @@ class Cofactors:
     points: Array
     photos: Array
     shared: Array
+    photos_shared: Array
     r_control: Array
     r_photo: Array
     r_own: Array
     r_shared: Array
+    change: DatumChange | None = field(default=None, repr=False)
 
     def point_rays(self, point: int) -> tuple[Index, Array]:
         """Return the rays of a point and the (2k, 2k) whitened cofactors of their residuals."""
@@ -141,7 +173,7 @@ class Cofactors:
         else:
             value = float(self.column(*first)[second])
         size = float(self.r[first] * self.r[second])
-        return value / size**0.5 if size > 0.0 else float("nan")
+        return min(1.0, max(-1.0, value / size**0.5)) if size > 0.0 else float("nan")
 
 
 def cofactor_column(normal: NormalEquations, factor: Factor, ray: int, axis: int) -> Array:
@@ -280,9 +312,11 @@ def compute_cofactors(
         r_shared = np.where(
             linear.shared_weight > 0.0, 1.0 - np.diag(inverse.corner) * linear.shared_weight, np.nan
         )
-    photos = own
+    photos, beside_photos = own, inverse.border
     if change is not None:
-        photos, q_points, response = _changed(normal, factor, change, own, q_points, response)
+        photos, q_points, beside_photos, response = _changed(
+            normal, factor, change, own, q_points, beside_photos, response
+        )
     return Cofactors(
         normal,
         factor,
@@ -293,10 +327,12 @@ def compute_cofactors(
         q_points,
         photos,
         inverse.corner,
+        beside_photos,
         r_control,
         r_photo,
         r_own,
         r_shared,
+        change,
     )
 
 
@@ -316,26 +352,30 @@ def _changed(
     change: DatumChange,
     photos: Array,
     points: Array,
+    border: Array,
     response: Array,
-) -> tuple[Array, Array, Array]:
-    """S Q S' with S = I - G (D'G)^-1 D', and S times the response of a point to its rays."""
+) -> tuple[Array, Array, Array, Array]:
+    """S Q S' with S = I - G (D'G)^-1 D', of photos, of points and of photos with the parameters.
+
+    Also S times the response of a point to its rays. The datum moves no additional parameter:
+    their rows of G are zero.
+    """
     problem, linear = normal.problem, normal.linear
     shared = np.zeros((len(normal.corner), 7))
     e_photo, e_point, e_shared = normal.solve(
         factor, change.held_photos, change.held_points, shared
     )
-    dg = np.einsum("nik,nil->kl", change.held_photos, change.null_photos)
-    dg += np.einsum("nik,nil->kl", change.held_points, change.null_points)
-    middle = np.linalg.inv(dg)
-    inner = np.einsum("nik,nil->kl", change.held_photos, e_photo)
-    inner += np.einsum("nik,nil->kl", change.held_points, e_point)
-    spread = middle @ inner @ middle.T
+    middle = np.linalg.inv(change.defect)
+    spread = middle @ change.held(e_photo, e_point) @ middle.T
 
     def transformed(q: Array, null: Array, e: Array) -> Array:
         side = np.einsum("nik,kl,njl->nij", null, middle, e)
-        out: Array = q - side - side.transpose(0, 2, 1)
-        out += np.einsum("nik,kl,njl->nij", null, spread, null)
-        return out
+        moved = np.einsum("nik,kl,njl->nij", null, spread, null)
+        out: Array = q - side - side.transpose(0, 2, 1) + moved
+        # the variance of what the datum holds is zero but for the rounding of what cancels
+        whole = np.einsum("nii->ni", q) + np.einsum("nii->ni", moved)
+        free = np.einsum("nii->ni", out) > _ROUNDING * whole
+        return np.where(free[:, :, None] & free[:, None, :], out, 0.0)
 
     seen = np.matmul(linear.a, e_photo[problem.photo])
     seen += np.matmul(linear.b, e_point[problem.point])
@@ -343,8 +383,12 @@ def _changed(
         columns = normal.border_columns(problem.additional_group)
         seen += np.matmul(linear.h, e_shared[columns])
     shift = np.einsum("nik,kl,njl->nij", change.null_points[problem.point], middle, seen)
+    new_photos = transformed(photos, change.null_photos, e_photo)
+    new_border = border - np.einsum("nik,kl,gl->nig", change.null_photos, middle, e_shared)
+    held = np.einsum("nii->ni", new_photos) == 0.0
     return (
-        transformed(photos, change.null_photos, e_photo),
+        new_photos,
         transformed(points, change.null_points, e_point),
+        np.where(held[:, :, None], 0.0, new_border),
         response - shift,
     )

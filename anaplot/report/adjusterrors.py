@@ -389,6 +389,7 @@ def mark_rejected(
             # adjusted minus observed: the estimated error with the other sign
             row["v"] = None if one.error is None else -one.error
             row |= dict.fromkeys(("r", "w", "mdb"))
+            row |= dict.fromkeys(("largest_effect", "largest_effect_at", "standardized_effect"))
             if key == "control":
                 row["effect"] = None
             answer[key].append({**row, "flagged": False, "rejected": True})

@@ -6,6 +6,7 @@ from typing import Any
 
 from anaplot.bundle.accuse import accuse
 from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.externalreliability import UndetectedEffect, external_reliability
 from anaplot.bundle.rows import RayRow
 
 __all__ = ["adjust_json"]
@@ -20,7 +21,11 @@ def adjust_json(block: AdjustedBlock) -> Json:
     the contract: the test, the datum, priors, additional parameters, what is left out, remarks.
     """
     problem = block.problem
-    rays = {row.row: row for row in block.ray_rows()}
+    external = external_reliability(block)
+    rays = {
+        row.row: (row, effects)
+        for row, effects in zip(block.ray_rows(), external.rays, strict=True)
+    }
     indicators = block.indicators()
     sigma0 = block.sigma0
     out: Json = {
@@ -70,9 +75,10 @@ def adjust_json(block: AdjustedBlock) -> Json:
                 "w": row.w,
                 "mdb": row.mdb,
                 "effect": _list(row.effect_m),
+                **_effect(effect),
                 "flagged": row.flagged,
             }
-            for row in block.control_rows()
+            for row, effect in zip(block.control_rows(), external.control, strict=True)
         ],
         "check": [
             {"point": name, **dict(zip(("dX", "dY", "dZ"), difference, strict=True))}
@@ -95,9 +101,10 @@ def adjust_json(block: AdjustedBlock) -> Json:
                 "r": row.r,
                 "w": row.w,
                 "mdb": row.mdb,
+                **_effect(effect),
                 "flagged": row.flagged,
             }
-            for row in block.prior_rows()
+            for row, effect in zip(block.prior_rows(), external.priors, strict=True)
         ],
         "spurs": [
             {"photo": photo, "point": point, "axis": axis} for photo, point, axis in block.spurs()
@@ -122,12 +129,19 @@ def adjust_json(block: AdjustedBlock) -> Json:
     return out
 
 
-def _ray(row: RayRow | None, photo: str, point: str, model: str | None) -> Json:
+def _ray(
+    found: tuple[RayRow, tuple[UndetectedEffect | None, UndetectedEffect | None]] | None,
+    photo: str,
+    point: str,
+    model: str | None,
+) -> Json:
     """Return one image point; a row that takes no part has no numbers."""
     out: Json = {"photo": photo, "point": point, "model": model}
-    if row is None:
+    if found is None:
         names = ("vx_um", "vy_um", "rx", "ry", "wx", "wy", "mdb_x_um", "mdb_y_um")
-        return out | dict.fromkeys(names) | {"effect_x": None, "effect_y": None, "flagged": False}
+        out |= dict.fromkeys((*names, "effect_x", "effect_y"))
+        return out | _effect(None, "_x") | _effect(None, "_y") | {"flagged": False}
+    row, effects = found
     return out | {
         "vx_um": row.v_um[0],
         "vy_um": row.v_um[1],
@@ -139,7 +153,18 @@ def _ray(row: RayRow | None, photo: str, point: str, model: str | None) -> Json:
         "mdb_y_um": row.mdb_um[1],
         "effect_x": _list(row.effect_m[0]),
         "effect_y": _list(row.effect_m[1]),
+        **_effect(effects[0], "_x"),
+        **_effect(effects[1], "_y"),
         "flagged": row.flagged,
+    }
+
+
+def _effect(found: UndetectedEffect | None, axis: str = "") -> Json:
+    """Return the largest effect on a point [m], which point that is, and delta0 sqrt((1-r)/r)."""
+    return {
+        f"largest_effect{axis}": None if found is None else _list(found.effect_m),
+        f"largest_effect_at{axis}": None if found is None else found.point,
+        f"standardized_effect{axis}": None if found is None else found.standardized,
     }
 
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import degrees, hypot
 
 from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.accuse import accuse
 from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.externalreliability import (
+    MOST_RAYS,
+    ExternalReliability,
+    UndetectedEffect,
+    external_reliability,
+)
 from anaplot.report.columns import cell, column, counted
 from anaplot.report.printable import printable
 
@@ -26,9 +32,11 @@ def adjust_printout(block: AdjustedBlock) -> str:
     Angles in degrees, ground coordinates in metres, residuals in micrometres, effects on the
     ground in millimetres.
     """
+    external = external_reliability(block)
     lines = _summary(block)
-    lines += _photos(block) + _control(block) + _check(block) + _priors(block) + _parameters(block)
-    lines += _points(block) + _rays(block)
+    lines += _photos(block) + _control(block, external) + _check(block)
+    lines += _priors(block, external) + _parameters(block)
+    lines += _points(block) + _rays(block, external) + _legend(block)
     return "\n".join(lines)
 
 
@@ -138,18 +146,20 @@ def _photos(block: AdjustedBlock) -> list[str]:
     return [*lines, ""]
 
 
-def _control(block: AdjustedBlock) -> list[str]:
+def _control(block: AdjustedBlock, external: ExternalReliability) -> list[str]:
     rows = block.control_rows()
     if not rows:
         return []
     width = _width((row.point for row in rows), 7)
-    lines = [f"  {'CONTROL':<{width}}       v [m]     r       w   MDB [m]"]
+    at = _width_at(external.control)
+    lines = [f"  {'CONTROL':<{width}}       v [m]     r       w   MDB [m]{_effect_head(at)}"]
     lines += [
         (
             f"  {printable(row.point):<{width}} {row.axis}{cell(row.v, 4, 10)}{cell(row.r, 3, 6)}"
-            f"{cell(row.w, 2, 8)}{cell(row.mdb, 4, 10)}" + ("  << CHECK" if row.flagged else "")
-        )
-        for row in rows
+            f"{cell(row.w, 2, 8)}{cell(row.mdb, 4, 10)}{_effect_cells(effect, at)}"
+            + ("  << CHECK" if row.flagged else "")
+        ).rstrip()
+        for row, effect in zip(rows, external.control, strict=True)
     ]
     return [*lines, ""]
 
@@ -167,20 +177,24 @@ def _check(block: AdjustedBlock) -> list[str]:
     return [*lines, ""]
 
 
-def _priors(block: AdjustedBlock) -> list[str]:
+def _priors(block: AdjustedBlock, external: ExternalReliability) -> list[str]:
     rows = block.prior_rows()
     if not rows:
         return []
     width = _width(row.owner for row in rows)
     unit = {"X": "m", "Y": "m", "Z": "m", "omega": "rad", "phi": "rad", "kappa": "rad"}
-    lines = [f"  {'PRIOR':<{width}}                      v     r       w         MDB"]
+    at = _width_at(external.priors)
+    lines = [
+        f"  {'PRIOR':<{width}}                      v     r       w         MDB{_effect_head(at)}"
+    ]
     lines += [
         (
             f"  {printable(row.owner):<{width}} {row.unknown:<8} {unit.get(row.unknown, 'mm'):<3}"
             f"{cell(row.v, 6, 12)}{cell(row.r, 3, 6)}{cell(row.w, 2, 8)}{cell(row.mdb, 6, 12)}"
+            + _effect_cells(effect, at)
             + ("  << CHECK" if row.flagged else "")
-        )
-        for row in rows
+        ).rstrip()
+        for row, effect in zip(rows, external.priors, strict=True)
     ]
     return [*lines, ""]
 
@@ -221,15 +235,16 @@ def _points(block: AdjustedBlock) -> list[str]:
     return [*lines, ""]
 
 
-def _rays(block: AdjustedBlock) -> list[str]:
+def _rays(block: AdjustedBlock, external: ExternalReliability) -> list[str]:
     rows = list(block.ray_rows())
     photos = _width(row.photo for row in rows)
     points = _width(row.point for row in rows)
+    at = _width_at([effect for effects in external.rays for effect in effects])
     lines = [
-        f"  {'PHOTO':<{photos}} {'POINT':<{points}}      v [um]   RED-N       w  MDB [um]  "
-        "EFFECT [mm]"
+        f"  {'PHOTO':<{photos}} {'POINT':<{points}}      v [um]   RED-N       w  MDB [um]"
+        f"  EFFECT [mm]{_effect_head(at)}"
     ]
-    for row in rows:
+    for row, effects in zip(rows, external.rays, strict=True):
         for axis in (0, 1):
             effect = row.effect_m[axis]
             size = None if effect is None else hypot(*effect) * 1e3
@@ -243,7 +258,36 @@ def _rays(block: AdjustedBlock) -> list[str]:
                 (
                     f"  {printable(row.photo):<{photos}} {printable(row.point):<{points}}  "
                     f"{'xy'[axis]}{cell(row.v_um[axis], 1, 9)}{cell(r, 3, 8)}{cell(w, 2, 8)}"
-                    f"{cell(row.mdb_um[axis], 1, 10)}{cell(size, 2, 13)}  {verdict}"
+                    f"{cell(row.mdb_um[axis], 1, 10)}{cell(size, 2, 13)}"
+                    f"{_effect_cells(effects[axis], at)}  {verdict}"
                 ).rstrip()
             )
     return lines
+
+
+def _legend(block: AdjustedBlock) -> list[str]:
+    """Say what the columns of undetected errors mean."""
+    lines = [
+        "  an error as large as MDB moves the ray's own point by EFFECT, no point farther than AT",
+        "  by LARGEST, and no function of the unknowns by more than LENGTH of its deviations",
+    ]
+    if len(block.problem.photo) > MOST_RAYS:
+        lines.append(f"  (LARGEST is not looked for in blocks of more than {MOST_RAYS} rays)")
+    return ["", *lines]
+
+
+def _width_at(effects: Sequence[UndetectedEffect | None]) -> int:
+    names = [each.point for each in effects if each is not None and each.point is not None]
+    return _width((name for name in names), 2)
+
+
+def _effect_head(at: int) -> str:
+    return f"  LARGEST [mm]  {'AT':<{at}}  LENGTH"
+
+
+def _effect_cells(found: UndetectedEffect | None, at: int) -> str:
+    """Return what an undetected error does: the farthest point, and the standardized length."""
+    size = None if found is None or found.effect_m is None else hypot(*found.effect_m) * 1e3
+    point = "-" if found is None or found.point is None else printable(found.point)
+    length = None if found is None else found.standardized
+    return f"{cell(size, 2, 14)}  {point:<{at}}{cell(length, 2, 8)}"

@@ -7,58 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bundleblocks import aerial, cube
+from denseblock import dense, dense_inverse, held_inverse
 
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_bundle
 from anaplot.bundle.problem import make_problem
-
-
-def dense(block):
-    """Design of all observations (whitened), rows of image coordinates first."""
-    problem, linear = block.problem, block.cofactors.normal.linear
-    n, d, p = len(problem.photos), problem.per_photo, len(problem.points)
-    m, g = len(problem.photo), problem.in_border
-    u = n * d + 3 * p + g
-    rows = np.zeros((2 * m, u))
-    for ray in range(m):
-        photo, point = problem.photo[ray], problem.point[ray]
-        rows[2 * ray : 2 * ray + 2, photo * d : photo * d + d] = linear.a[ray]
-        at = n * d + 3 * point
-        rows[2 * ray : 2 * ray + 2, at : at + 3] = linear.b[ray]
-        q = linear.h.shape[2]
-        if q:
-            at = n * d + 3 * p + problem.additional_group[ray] * q
-            rows[2 * ray : 2 * ray + 2, at : at + q] = linear.h[ray]
-    parts = [rows]
-    control = np.zeros((3 * p, u))
-    control[np.arange(3 * p), n * d + np.arange(3 * p)] = np.sqrt(linear.point_weight.ravel())
-    prior = np.zeros((6 * n, u))
-    for k in range(n):
-        prior[6 * k : 6 * k + 6, k * d : k * d + d] = linear.photo_rows[k]
-    own = np.zeros((n * (d - 6), u))
-    for k in range(n):
-        index = np.arange(d - 6)
-        own[k * (d - 6) + index, k * d + 6 + index] = np.sqrt(linear.own_weight)
-    shared = np.zeros((g, u))
-    shared[np.arange(g), n * d + 3 * p + np.arange(g)] = np.sqrt(linear.shared_weight)
-    parts += [control, prior, own, shared]
-    free = np.ones(u, dtype=bool)
-    free[n * d : n * d + 3 * p] = ~problem.fixed.ravel()
-    return np.vstack(parts), free
-
-
-def dense_inverse(design, free, null=None):
-    u = design.shape[1]
-    scale = np.linalg.norm(design[:, free], axis=0)
-    normal = (design[:, free] / scale).T @ (design[:, free] / scale)
-    out = np.zeros((u, u))
-    if null is None:
-        inner = np.linalg.inv(normal)
-    else:
-        inner = np.linalg.pinv(normal, rcond=1e-11, hermitian=True)
-    out[np.ix_(free, free)] = inner / scale[:, None] / scale
-    return out
-
 
 CASES: dict[str, dict] = {
     "weighted control": {"scene": {"control_sigma": 0.05}},
@@ -155,19 +108,7 @@ def test_free_network_equals_the_pseudo_inverse_over_the_points() -> None:
     design, _ = dense(free)
     n, d, p = len(problem.photos), problem.per_photo, len(problem.points)
     # inner constraints over the points: border with G restricted to the points
-    from anaplot.bundle.datum import null_space
-
-    g_photo, g_point = null_space(problem, free.state)
-    whole = np.concatenate((g_photo.reshape(n * d, 7), g_point.reshape(3 * p, 7)))
-    held = whole.copy()
-    held[: n * d] = 0.0
-    assert np.abs(design @ whole).max() < 1e-6 * np.abs(design).max() * np.abs(whole).max()
-    scale = np.linalg.norm(design, axis=0)
-    normal = (design / scale).T @ (design / scale)
-    border = held / scale[:, None]
-    border /= np.linalg.norm(border, axis=0)
-    big = np.block([[normal, border], [border.T, np.zeros((7, 7))]])
-    q = np.linalg.inv(big)[:-7, :-7] / scale[:, None] / scale
+    q = held_inverse(free, design)
     for k in range(p):
         part = slice(n * d + 3 * k, n * d + 3 * k + 3)
         np.testing.assert_allclose(free.cofactors.points[k], q[part, part], atol=1e-8)

@@ -177,6 +177,43 @@ def test_the_text_says_everything(tmp_path: Path) -> None:
     assert len(got["additional"]["parameters"]) == 12
 
 
+@pytest.mark.parametrize("datum", ["control", "free", "minimal"])
+def test_every_correlation_is_one(tmp_path: Path, datum: str) -> None:
+    folder = write_block(tmp_path / "b")
+    asked = {"datum": datum, "additional": "physical", "additional_sigma_um": 50.0}
+    got = json.loads(run(folder, as_json=True, correlations=0.01, **asked)[1])
+    found: list[float] = []
+
+    def collect(value: object) -> None:
+        if isinstance(value, dict):
+            found.extend(v for k, v in value.items() if k == "correlation")
+            value = list(value.values())
+        for each in value if isinstance(value, list) else ():
+            collect(each)
+
+    collect(got)
+    assert len(found) > 10
+    assert all(-1.0 <= rho <= 1.0 for rho in found)
+
+
+def test_undetected_errors_at_control_move_other_points(tmp_path: Path) -> None:
+    folder = write_block(tmp_path / "b")
+    _, out, _ = run(folder)
+    assert "EFFECT [mm]  LARGEST [mm]  AT" in out
+    assert "no function of the unknowns by more than LENGTH of its deviations" in out
+    got = json.loads(run(folder, as_json=True)[1])
+    held = [r for r in got["image_points"] if r["point"] == "1" and r["rx"]]
+    assert held
+    for row in held:
+        assert row["effect_x"] == [0.0, 0.0, 0.0]  # control free of error stays where it is
+        assert row["largest_effect_at_x"] != "1"
+        assert math.hypot(*row["largest_effect_x"]) > 1e-3
+        length = math.sqrt((1.0 - row["rx"]) / row["rx"])
+        assert row["standardized_effect_x"] == pytest.approx(4.132 * length, rel=1e-3)
+    for row in got["priors"]:
+        assert row["largest_effect_at"] in {point["point"] for point in got["points"]}
+
+
 def test_a_row_that_takes_no_part_has_no_numbers(tmp_path: Path) -> None:
     folder = write_block(tmp_path / "b")
     with (folder / "image_points.csv").open("a") as file:
