@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.partners import likeliest
 from anaplot.adjustment.significance import critical_normal, critical_tau
-from anaplot.adjustment.ties import UNSURE, surest
 
 __all__ = ["BATCH_TESTS", "BatchRejections", "reject_stepwise", "standardized", "tau_statistics"]
 
@@ -68,6 +69,9 @@ def reject_stepwise(
 ) -> BatchRejections:
     """Reject the row with the largest statistic, run by run, until none exceeds its critical value.
 
+    Of rows that are hard to tell apart from it the likeliest goes (`partners`); every row is a
+    measurement of its own.
+
     Parameters
     ----------
     matrix
@@ -79,7 +83,7 @@ def reject_stepwise(
     alpha
         Significance number of the test of a single row.
     most
-        Largest number of rejections in a run; None for as many as the redundancy allows.
+        Largest number of rejections in a run; never more than half of the redundancy.
 
     Raises
     ------
@@ -97,7 +101,7 @@ def reject_stepwise(
     r = np.tile(np.diag(matrix), (runs, 1))
     vtpv = np.einsum("mn,mn->m", e, e)
     rejected = np.zeros((runs, n), dtype=bool)
-    steps = redundancy if most is None else min(most, redundancy)
+    steps = SearchSettings(most=most).room(redundancy)
     order = np.full((runs, steps), -1, dtype=np.intp)
     counts = np.zeros(runs, dtype=np.intp)
     active = np.arange(runs)
@@ -120,13 +124,13 @@ def reject_stepwise(
         active, row, stack = active[go], row[go], stack[go]
         if not len(active):
             break
-        unsure = np.flatnonzero(r[active, row] < UNSURE)
-        if len(unsure):
-            one = active[unsure]
-            columns = _columns(matrix, stack[unsure], row[unsure])
-            row[unsure] = surest(statistic[go][unsure], r[one], columns, row[unsure])
         here = np.arange(len(active))
         column = _columns(matrix, stack, row)
+        w = standardized(e[active], r[active])
+        chosen = likeliest(w, r[active], column, row)
+        other = np.flatnonzero(chosen != row)
+        column[other] = _columns(matrix, stack[other], chosen[other])
+        row = chosen
         column /= np.sqrt(column[here, row])[:, None]
         along = e[active, row] / column[here, row]
         e[active] -= along[:, None] * column

@@ -12,22 +12,41 @@ the row would be if it alone came back.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dtrtri
 
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import TESTABLE
 
-__all__ = ["Elimination", "NotSeparableError"]
+__all__ = ["Elimination", "NotSeparableError", "Returns"]
 
 Array = NDArray[np.float64]
 
 # R is known to about 1e-13; what is left of r after an elimination carries its rounding amplified
 _LOST = 1e-8
+_ROOM = 8  # rows out that there is place for at first
 
 
 class NotSeparableError(ValueError):
     """A row that cannot be left out: without the rows already out nothing checks it."""
+
+
+class Returns(NamedTuple):
+    """What each of k rows that are left out would do by coming back, alone.
+
+    Attributes
+    ----------
+    root
+        (k,) the w that the row then has; v'Pv rises by its square.
+    back
+        (k, n) e rises by `back * root`, r by `back^2`, column j of R by `back * back[j]`.
+    """
+
+    root: Array
+    back: Array
 
 
 class Elimination:
@@ -40,10 +59,10 @@ class Elimination:
 
     Notes
     -----
-    `e`, `r` and the columns given S are kept as a stack of orthogonalised columns, one rank-one
-    update for each row: c_k = column k given the rows before it, divided by the root of its own
-    r. Adding costs O(n |S|). Dropping the last row of the stack is free; dropping another one
-    rebuilds those after it.
+    `e`, `r` and the columns given S are kept by a stack of orthogonalised columns c_k = column k
+    given the rows before it, divided by the root of its own r: R[:, S] R_SS^-1 R[S, :] is the sum
+    of c_k c_k'. A row more or less costs O(n |S|): to drop one, plane rotations of the stack make
+    it the last (Golub and Van Loan, Matrix Computations, 6.5).
     """
 
     def __init__(self, system: ResidualSystem) -> None:
@@ -51,10 +70,15 @@ class Elimination:
         self._e0 = np.asarray(system.e, dtype=float)
         self._r0 = np.asarray(system.r, dtype=float)
         self._rows: list[int] = []
-        self._stack: list[Array] = []  # orthogonalised, scaled columns
-        self._along: list[float] = []  # the misclosure along each of them: w when it was added
+        self._room = np.empty((_ROOM, len(self._e0)))  # the stack, and place for more of it
+        self._along = np.empty(_ROOM)  # the misclosure along each of them
         self._e = self._e0.copy()
         self._r = self._r0.copy()
+
+    @property
+    def _stack(self) -> Array:
+        """(k, n) orthogonalised, scaled columns."""
+        return self._room[: len(self._rows)]
 
     @property
     def rows(self) -> tuple[int, ...]:
@@ -74,7 +98,8 @@ class Elimination:
     @property
     def vtpv(self) -> float:
         """The v'Pv of the remaining rows."""
-        return max(self.system.vtpv - float(np.dot(self._along, self._along)), 0.0)
+        along = self._along[: len(self._rows)]
+        return max(self.system.vtpv - float(along @ along), 0.0)
 
     @property
     def redundancy(self) -> int:
@@ -84,15 +109,13 @@ class Elimination:
     @property
     def log_determinant(self) -> float:
         """Natural logarithm of det(R_SS)."""
-        return float(
-            sum(2.0 * np.log(c[row]) for c, row in zip(self._stack, self._rows, strict=True))
-        )
+        return 2.0 * float(np.log(np.abs(np.diag(self.triangle()))).sum())
 
     def copy(self) -> Elimination:
         """Return an independent state with the same rows out."""
         other = Elimination(self.system)
-        other._rows, other._stack = list(self._rows), list(self._stack)
-        other._along = list(self._along)
+        other._rows = list(self._rows)
+        other._room, other._along = self._room.copy(), self._along.copy()
         other._e, other._r = self._e.copy(), self._r.copy()
         return other
 
@@ -120,9 +143,9 @@ class Elimination:
     def column(self, row: int) -> Array:
         """Return (n,) the column of R of a row, given S."""
         column = self.system.columns(np.array([row], dtype=np.intp))[:, 0].copy()
-        for c in self._stack:
-            column -= c * c[row]
-        column[self._rows] = 0.0
+        if self._rows:
+            column -= self._stack[:, row] @ self._stack
+            column[self._rows] = 0.0
         return column
 
     def correlations(self, row: int) -> Array:
@@ -150,9 +173,12 @@ class Elimination:
             raise NotSeparableError(f"row {row} cannot be left out as well")
         scaled = column / np.sqrt(own)
         along = float(self._e[row] / np.sqrt(own))
+        k = len(self._rows)
+        if k == len(self._along):
+            self._room = np.concatenate((self._room, np.empty_like(self._room)))
+            self._along = np.concatenate((self._along, np.empty(k)))
+        self._room[k], self._along[k] = scaled, along
         self._rows.append(row)
-        self._stack.append(scaled)
-        self._along.append(along)
         self._e -= scaled * along
         self._r = np.maximum(self._r - scaled * scaled, 0.0)
         self._e[self._rows] = 0.0
@@ -165,16 +191,24 @@ class Elimination:
         ------
         ValueError
             It is not left out.
-        NotSeparableError
-            The others are so nearly inseparable that rounding decides; S is as before.
         """
-        at = self._rows.index(row)
-        after = self._rows[at + 1 :]
-        try:
-            self._rebuild(at, after)
-        except NotSeparableError:
-            self._rebuild(at, [row, *after])
-            raise
+        at, last = self._rows.index(row), len(self._rows) - 1
+        stack, along = self._stack, self._along
+        order = [*range(at), *range(at + 1, last + 1)]
+        for k in range(at, last):
+            # without row `at` the triangle has one element above its diagonal: turned to zero
+            own, above = stack[k : k + 2, self._rows[order[k]]]
+            size = np.hypot(own, above)
+            c, s = own / size, above / size
+            turn = np.array([[c, s], [-s, c]])
+            stack[k : k + 2] = turn @ stack[k : k + 2]
+            along[k : k + 2] = turn @ along[k : k + 2]
+        self._rows.pop(at)
+        stack, along = stack[:last], along[:last]
+        self._e = self._e0 - along @ stack
+        self._r = np.maximum(self._r0 - np.einsum("kn,kn->n", stack, stack), 0.0)
+        self._e[self._rows] = 0.0
+        self._r[self._rows] = 0.0
 
     def swap(self, row: int, instead: int) -> None:
         """Bring `row` back and leave `instead` out.
@@ -184,63 +218,45 @@ class Elimination:
         ValueError
             `row` is not left out.
         NotSeparableError
-            `instead` cannot be; S is as before.
+            `instead` cannot be; the same rows are out as before.
         """
-        at = self._rows.index(row)
-        after = self._rows[at + 1 :]
+        self.drop(row)
         try:
-            self._rebuild(at, after)
             self.add(instead)
         except NotSeparableError:
-            self._rebuild(at, [row, *after])
-            raise
-
-    def _rebuild(self, at: int, rows: list[int]) -> None:
-        """Keep the stack below `at`, then leave `rows` out."""
-        del self._rows[at:], self._stack[at:], self._along[at:]
-        if self._stack:
-            stack = np.array(self._stack)
-            self._e = self._e0 - np.array(self._along) @ stack
-            self._r = np.maximum(self._r0 - np.einsum("ki,ki->i", stack, stack), 0.0)
-            self._e[self._rows] = 0.0
-            self._r[self._rows] = 0.0
-        else:
-            self._e, self._r = self._e0.copy(), self._r0.copy()
-        for row in rows:
             self.add(row)
+            raise
 
     def triangle(self) -> Array:
         """Return (k, k) lower triangle L with L L' = R_SS, in the order of `rows`."""
         if not self._rows:
             return np.zeros((0, 0))
-        return np.tril(np.array([c[self._rows] for c in self._stack]).T)
+        return np.tril(self._stack[:, self._rows].T)
 
-    def returns(self) -> tuple[Array, Array]:
+    def returns(self) -> Returns:
         """Say what each row of S would do by coming back, alone.
 
         With D = R_SS^-1 and B = R[:, S] D, the return of row j of S raises v'Pv by z_j^2 / D_jj,
         e by B[:, j] z_j / D_jj and r by B[:, j]^2 / D_jj.
-
-        Returns
-        -------
-        ndarray
-            (k,) increase of v'Pv, the square of the w that the row then has.
-        ndarray
-            (n, k) w of every other row then; NaN in S and where a row cannot be tested.
         """
-        k, n = len(self._rows), len(self._e)
+        k = len(self._rows)
         if not k:
-            return np.zeros(0), np.zeros((n, 0))
-        inverse = np.linalg.inv(self.triangle())
-        own = (inverse * inverse).sum(axis=0)
-        shift = np.array(self._stack).T @ (inverse / np.sqrt(own))
-        root = (inverse.T @ np.array(self._along)) / np.sqrt(own)
-        r = self._r[:, None] + shift * shift
-        good = r >= np.maximum(TESTABLE, _LOST * self._r0 * float(k > 1))[:, None]
-        good[self._rows] = False
-        w = np.full((n, k), np.nan)
-        np.divide(self._e[:, None] + shift * root, np.sqrt(r), out=w, where=good)
-        return root * root, w
+            return Returns(np.zeros(0), np.zeros((0, len(self._e))))
+        inverse = self._inverse()
+        size = np.sqrt((inverse * inverse).sum(axis=0))
+        inverse /= size
+        return Returns(inverse.T @ self._along[:k], inverse.T @ self._stack)
+
+    def given_back(self, back: Array, root: float) -> tuple[Array, Array]:
+        """Return (n,) w and (n,) r of all rows when one of S comes back, see `Returns`.
+
+        w is NaN in the rest of S and where a row cannot be tested.
+        """
+        e, r = self._e + back * root, self._r + back * back
+        limit = np.maximum(TESTABLE, _LOST * self._r0 if len(self._rows) > 1 else 0.0)
+        w = np.full(len(e), np.nan)
+        np.divide(e, np.sqrt(r), out=w, where=r >= limit)
+        return w, r
 
     def estimates(self) -> tuple[Array, Array]:
         """Return (k,) estimated gross errors of S and (k,) their sigmas, in a-priori sigmas.
@@ -249,6 +265,11 @@ class Elimination:
         """
         if not self._rows:
             return np.zeros(0), np.zeros(0)
-        inverse = np.linalg.inv(self.triangle())
+        inverse = self._inverse()
         sigma = np.sqrt((inverse * inverse).sum(axis=0))
-        return inverse.T @ np.array(self._along), sigma
+        return inverse.T @ self._along[: len(self._rows)], sigma
+
+    def _inverse(self) -> Array:
+        """(k, k) inverse of the triangle."""
+        inverse, _ = dtrtri(self.triangle(), lower=1)
+        return np.asarray(inverse)

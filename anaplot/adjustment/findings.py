@@ -15,6 +15,7 @@ __all__ = [
     "AtEnd",
     "Findings",
     "HardToTell",
+    "Kind",
     "ModelValues",
     "PairOdds",
     "Rejection",
@@ -25,6 +26,9 @@ __all__ = [
 Array = NDArray[np.float64]
 
 Action = Literal["add", "drop", "swap", "reject", "reweight"]
+
+Kind = Literal["tau", "baarda"]
+"""Whether a test takes sigma as estimated or as known a priori."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,7 @@ class SearchSettings:
     partner
         Residual correlation from which two rows are hard to tell apart.
     most
-        Largest number of rows rejected; None: as many as leave one redundancy.
+        Largest number of rows rejected; None: half of the redundancy, see `room`.
     pairs
         Whether the odds over pairs of gross errors are computed.
 
@@ -65,6 +69,15 @@ class SearchSettings:
             raise ValueError(f"correlation {self.partner} must lie between 0 and 1")
         if self.most is not None and self.most < 0:
             raise ValueError(f"the largest number of rejected rows is {self.most}, less than none")
+
+    def room(self, redundancy: int) -> int:
+        """Return how many rows a strategy may reject at a redundancy.
+
+        Half of it: as many errors as that have other explanations as good, and a test that takes
+        its scale from what is left ends with next to nothing. One where there are two to spare.
+        """
+        half = min(max(redundancy // 2, 1), max(redundancy - 1, 0))
+        return half if self.most is None else min(half, self.most)
 
 
 class Step(NamedTuple):

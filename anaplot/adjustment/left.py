@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.residualsystem import ResidualSystem
 
-__all__ = ["Left"]
+__all__ = ["Left", "remaining", "spread"]
 
 Array = NDArray[np.float64]
 
@@ -73,3 +73,17 @@ class Left:
         for at, row in enumerate(rows.tolist()):
             out[at] = self._known[row]
         return out.T
+
+
+def remaining(n: int, left_out: Collection[int]) -> NDArray[np.intp]:
+    """Return the rows that are not left out."""
+    there = np.ones(n, dtype=bool)
+    there[list(left_out)] = False
+    return np.flatnonzero(there)
+
+
+def spread(values: Array, rows: NDArray[np.intp], n: int) -> Array:
+    """Return (n,) the values of some rows, zero in all others."""
+    out = np.zeros(n)
+    out[rows] = values
+    return out

@@ -3,13 +3,15 @@
 The objective is v'Pv of the rows that remain plus c^2 for each rejected one, c the two-sided
 critical value of alpha. A change of one row then obeys the w-test exactly: a row goes out when its
 w exceeds c, comes back when the w of its error estimate falls below c, and two rows are exchanged
-when that lowers v'Pv. With normal noise the penalty makes a row without error that is tested alone
-go out with probability alpha.
+when that lowers v'Pv; of partners that are hard to tell apart the likelier one goes (`partners`).
+With normal noise the penalty makes a row without error that is tested alone go out with probability
+alpha. A row that hardly shows its own error is not rejected by itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -17,56 +19,27 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Step
+from anaplot.adjustment.partners import EQUAL, WEAK, Proposals, likeliest
 from anaplot.adjustment.residualsystem import ResidualSystem
-from anaplot.adjustment.ties import EQUAL, UNSURE, surest
+from anaplot.adjustment.watch import Watch
 
-__all__ = ["largest", "search"]
+__all__ = ["search"]
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_Action = Literal["add", "drop", "swap"]
 
 _STARTS = 12
 _MOST_STEPS = 10_000
 
 
-def largest(size: Array, state: Elimination) -> int | None:
-    """Return the row to choose by its size given S; None when all sizes are NaN.
-
-    Parameters
-    ----------
-    size
-        (n,) abs(w) of the rows, or what stands for it; NaN: not to be chosen.
-    state
-        S.
-
-    Returns
-    -------
-    int or None
-        The row of the largest size, of equal ones the first. Where its w is known badly and others
-        cannot be told apart from it, the one of them with the largest redundancy number.
-    """
-    row = _first(size)
-    return None if row is None else _surest(np.isfinite(size), state, row)
-
-
-def _first(size: Array) -> int | None:
-    """Return the index of the largest value, of equal ones the first; None when all are NaN."""
-    if not np.isfinite(size).any():
-        return None
-    return int(np.argmax(size >= np.nanmax(size) * (1.0 - EQUAL)))
-
-
-def _surest(allowed: NDArray[np.bool_], state: Elimination, row: int) -> int:
-    """Return the row, or the partner that is to be chosen in its place."""
-    r = state.r
-    if r[row] >= UNSURE:
-        return row
-    size = np.where(allowed, np.abs(state.w), np.nan)
-    chosen = surest(size[None], r[None], state.column(row)[None], np.array([row], dtype=np.intp))
-    return int(chosen[0])
-
-
 def search(
-    system: ResidualSystem, critical: float, suspects: NDArray[np.bool_], most: int
+    system: ResidualSystem,
+    critical: float,
+    suspects: Bools,
+    most: int,
+    watch: Watch,
 ) -> tuple[Elimination, list[Step]]:
     """Search from no rejection, from the most conspicuous rows and pairs; the best set wins.
 
@@ -80,6 +53,8 @@ def search(
         (n,) rows that may be rejected.
     most
         Largest number rejected.
+    watch
+        Told how far it is; asked whether to end with the best so far.
 
     Returns
     -------
@@ -91,7 +66,8 @@ def search(
     root = Elimination(system)
     if most < 1:
         return root, []
-    best, steps = _descend(root.copy(), (), critical, suspects, most)
+    descent = _Descent(critical, suspects, most, Proposals(system.names), watch)
+    best, steps = descent.run(root.copy(), ())
     score = _objective(best, critical)
     if not best.rows:
         return best, steps
@@ -101,8 +77,11 @@ def search(
     if most > 1:
         starts += _pairs(root, order[: 4 * _STARTS])
     seen = {frozenset(best.rows)}
-    for start in starts:
-        other, taken = _descend(root.copy(), start, critical, suspects, most)
+    for number, start in enumerate(starts):
+        if watch.stopped:
+            break
+        watch("searching for the best set", number / len(starts))
+        other, taken = descent.run(root.copy(), start)
         if frozenset(other.rows) in seen:
             continue
         seen.add(frozenset(other.rows))
@@ -139,89 +118,105 @@ def _pairs(root: Elimination, rows: list[int]) -> list[tuple[int, ...]]:
     return [(rows[a[k]], rows[b[k]]) for k in chosen.tolist() if gain[k] > 0.0]
 
 
-def _descend(
-    state: Elimination,
-    start: Iterable[int],
-    critical: float,
-    suspects: NDArray[np.bool_],
-    most: int,
-) -> tuple[Elimination, list[Step]]:
-    """Take the start out, then the best of add, drop and swap until nothing lowers the objective.
+@dataclass(frozen=True, slots=True)
+class _Descent:
+    """The best of add, drop and swap until nothing lowers the objective."""
 
-    The objective falls with every step, so that no set comes twice.
-    """
-    steps: list[Step] = []
-    for first in start:
-        before = _objective(state, critical)
-        row = _surest(suspects, state, first)
-        try:
-            state.add(row)
-        except NotSeparableError:
-            continue
-        after = _objective(state, critical)
-        steps.append(Step("add", (row,), after - before, 0.0, before, after))
-    for _ in range(_MOST_STEPS):
-        step = _best_step(state, critical, suspects, most)
-        if step is None:
-            break
-        steps.append(step)
-    return state, steps
+    critical: float
+    suspects: Bools
+    most: int
+    proposals: Proposals
+    watch: Watch
 
-
-def _returns(state: Elimination) -> tuple[list[float], Array]:
-    own, w = state.returns()
-    return own.tolist(), np.abs(w).T
-
-
-def _instead(state: Elimination, row: int, other: int, suspects: NDArray[np.bool_]) -> int:
-    """Return what is to go out for a row of S, another or what is chosen in its place.
-
-    The row itself where that cannot be told apart from the other, and is known better.
-    """
-    if state.r[other] >= UNSURE:  # no less when the row is back
-        return other
-    without = state.copy()
-    try:
-        without.drop(row)
-    except NotSeparableError:
-        return other
-    return _surest(suspects, without, other)
-
-
-def _best_step(
-    state: Elimination, critical: float, suspects: NDArray[np.bool_], most: int
-) -> Step | None:
-    """Do the step that lowers the objective most."""
-    before = _objective(state, critical)
-    cost = critical**2
-    margin = EQUAL * max(1.0, state.system.vtpv)
-    change = -margin
-    rows: tuple[int, ...] = ()
-    action: Literal["add", "drop", "swap"] | None = None
-    w = np.where(suspects, np.abs(state.w), np.nan)
-    add = largest(w, state) if len(state.rows) < most else None
-    if add is not None and cost - w[add] ** 2 < change:
-        change, rows, action = cost - float(w[add]) ** 2, (add,), "add"
-    for row, own, then in zip(state.rows, *_returns(state), strict=True):
-        if own - cost < change:
-            change, rows, action = own - cost, (row,), "drop"
-        size = np.where(suspects, then, np.nan)
-        while (other := _first(size)) is not None and own - size[other] ** 2 < change:
-            chosen = _instead(state, row, other, suspects)
-            if chosen != row:
-                if own - size[chosen] ** 2 < change:
-                    change, rows, action = own - float(size[chosen]) ** 2, (chosen, row), "swap"
+    def run(self, state: Elimination, start: Iterable[int]) -> tuple[Elimination, list[Step]]:
+        """Take the start out, then go on; the objective falls, so that no set comes twice."""
+        steps: list[Step] = []
+        for first in start:
+            if not (state.testable(first) and len(state.rows) < self.most):
+                continue
+            rows = self.proposals.instead(first, self.suspects, self.suspects, state)
+            if rows and len(state.rows) + len(rows) <= self.most:
+                steps.append(self._do(state, "add", rows))
+        for _ in range(_MOST_STEPS):
+            found = None if self.watch.stopped else self._best(state)
+            if found is None:
                 break
-            size[other] = np.nan
-    try:
-        if action == "add":
-            state.add(rows[0])
-        elif action == "drop":
-            state.drop(rows[0])
-        elif action == "swap":
+            steps.append(self._do(state, *found))
+        return state, steps
+
+    def _do(self, state: Elimination, action: _Action, rows: tuple[int, ...]) -> Step:
+        before = _objective(state, self.critical)
+        if action == "swap":
             state.swap(rows[1], rows[0])
         else:
-            return None
-    except NotSeparableError:
+            for row in rows:
+                (state.add if action == "add" else state.drop)(row)
+        after = _objective(state, self.critical)
+        return Step(action, rows, after - before, 0.0, before, after)
+
+    def _best(self, state: Elimination) -> tuple[_Action, tuple[int, ...]] | None:
+        """Return the step that lowers the objective most; None when none does."""
+        cost = self.critical**2
+        change = -EQUAL * max(1.0, state.system.vtpv)
+        best: tuple[_Action, tuple[int, ...]] | None = None
+        w = np.where(self.suspects, np.abs(state.w), np.nan)
+        add = self.proposals.next(w, self.suspects, state) if len(state.rows) < self.most else ()
+        if add and len(state.rows) + len(add) <= self.most:
+            gain = self._gain(state, "add", add)
+            if gain < change:
+                change, best = gain, ("add", add)
+        together = self.proposals.together(state)
+        returns = state.returns()
+        for row, root, back in zip(state.rows, returns.root.tolist(), returns.back, strict=True):
+            own = root * root
+            unit = together[row]
+            if unit[1:]:
+                gain = self._gain(state, "drop", unit) if row == unit[0] else 0.0
+                if gain < change:
+                    change, best = gain, ("drop", unit)
+                continue
+            if own - cost < change:
+                change, best = own - cost, ("drop", unit)
+            other = self._instead(state, row, root, back, own - change)
+            if other is not None:
+                change, best = own - other[1], ("swap", (other[0], row))
+        return best
+
+    def _gain(self, state: Elimination, action: _Action, rows: tuple[int, ...]) -> float:
+        """Return what adding or dropping rows changes in the objective."""
+        if action == "add" and not rows[1:]:
+            return self.critical**2 - float(state.w[rows[0]]) ** 2
+        change = self._do(state.copy(), action, rows).statistic
+        return 0.0 if change is None else change
+
+    def _instead(
+        self, state: Elimination, row: int, root: float, back: Array, least: float
+    ) -> tuple[int, float] | None:
+        """Return what explains more than a row of S when that comes back, and its w^2.
+
+        None where nothing has a w^2 above `least`, or where the row is the likelier one of both.
+        """
+        w, r = state.given_back(back, root)
+        size = np.where(self.suspects & (r >= WEAK), w * w, -1.0)
+        size[row] = -1.0
+        size[np.isnan(size)] = -1.0
+        while size.max() > least:
+            other = int(np.argmax(size >= size.max() * (1.0 - EQUAL)))
+            column = state.column(other) + back * back[other]
+            allowed = np.where(self.suspects, w, np.nan)
+            allowed[row] = w[row]
+            at = np.array([other], dtype=np.intp)
+            chosen = int(likeliest(allowed[None], r[None], column[None], at)[0])
+            if chosen != row and size[chosen] > least and self._separable(state, row, chosen):
+                return chosen, float(size[chosen])
+            size[other] = -1.0
         return None
-    return Step(action, rows, change, 0.0, before, _objective(state, critical))
+
+    def _separable(self, state: Elimination, row: int, instead: int) -> bool:
+        """Whether a row can go out instead of another one."""
+        trial = state.copy()
+        try:
+            trial.swap(row, instead)
+        except NotSeparableError:
+            return False
+        return True

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.watch import Watch
 
 __all__ = ["SetOdds", "set_odds"]
 
@@ -75,6 +76,7 @@ def set_odds(
     steps: int = STEPS,
     seed: int = 0,
     widths: Array | None = None,
+    watch: Watch | None = None,
 ) -> SetOdds:
     """Weigh sets of gross errors against each other; sigma known.
 
@@ -95,6 +97,8 @@ def set_odds(
         Of the chain's generator.
     widths
         (n,) standard deviation of each row's error beforehand, in a-priori sigmas; None: 20.
+    watch
+        Told how far it is; asked whether to end with what has been visited.
 
     Raises
     ------
@@ -111,7 +115,11 @@ def set_odds(
     best: tuple[int, ...] = ()
     least = np.inf
     visited: set[frozenset[int]] = set()
+    seen = Watch() if watch is None else watch
     for step in range(steps):
+        if seen.stopped and total > 0.0:
+            break
+        seen("weighing sets of errors", step / steps)
         visited.add(frozenset(held))
         objective, rates = chain.ways(held)
         if objective < least:

@@ -8,6 +8,7 @@ from anaplot.bundle.accuse import accuse
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.externalreliability import UndetectedEffect, external_reliability
 from anaplot.bundle.rows import RayRow
+from anaplot.bundle.suspects import likeliest_suspects
 
 __all__ = ["adjust_json"]
 
@@ -108,6 +109,16 @@ def adjust_json(block: AdjustedBlock) -> Json:
         ],
         "spurs": [
             {"photo": photo, "point": point, "axis": axis} for photo, point, axis in block.spurs()
+        ],
+        "suspects": [
+            {
+                "point": one.point,
+                **one.where._asdict(),
+                "w": one.w,
+                "r": one.r,
+                "partners": [other._asdict() for other in one.partners],
+            }
+            for one in likeliest_suspects(block)
         ],
         "accused": {
             point: [ray._asdict() for ray in accuse(block, point)]

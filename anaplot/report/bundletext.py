@@ -14,6 +14,7 @@ from anaplot.bundle.externalreliability import (
     UndetectedEffect,
     external_reliability,
 )
+from anaplot.bundle.suspects import Coordinate, Suspect, likeliest_suspects
 from anaplot.report.columns import cell, column, counted
 from anaplot.report.printable import printable
 
@@ -71,21 +72,21 @@ def _summary(block: AdjustedBlock) -> list[str]:
     if out:
         lines.append(f"  {out} image coordinate{'s are' if out > 1 else ' is'} rejected")
     lines += [f"  note: {printable(remark)}" for remark in block.remarks]
-    suspects = block.suspects()
+    suspects = likeliest_suspects(block)
     if suspects:
-        first = suspects[0]
-        what = "image coordinate" if len(suspects) == 1 else "image coordinates"
+        first, flagged = suspects[0], int(block.flagged.sum())
         lines.append(
-            f"  {len(suspects)} {what} flagged; remeasure {printable(first[2])} in "
-            f"photo {printable(first[1])} ({first[3]}) first:"
+            f"  {counted(flagged, 'image coordinate')} flagged; remeasure {printable(first.point)} "
+            f"in {_photo(first.where)} ({first.where.axis}) first:"
         )
         lines += [
-            f"    photo {printable(photo)}  point {printable(point)}  {axis}  w {w:.2f}"
-            for w, photo, point, axis in suspects[:_MOST]
+            f"    {_photo(one.where)}  point {printable(one.point)}  {one.where.axis}  "
+            f"w {one.w:.2f}  r {one.r:.3f}{_alike(one)}"
+            for one in suspects[:_MOST]
         ]
         if len(suspects) > _MOST:
             lines.append(f"    and {len(suspects) - _MOST} more in the table")
-        lines += _accusations(block, list(dict.fromkeys(point for _, _, point, _ in suspects)))
+        lines += _accusations(block, list(dict.fromkeys(one.point for one in suspects)))
     elif block.critical is not None:
         lines.append("  no image coordinate is flagged")
     spurs = block.spurs()
@@ -97,6 +98,19 @@ def _summary(block: AdjustedBlock) -> list[str]:
         cells = [f"{printable(f)}:{printable(p)} {axis}" for f, p, axis in spurs[:_MOST]]
         lines.append("    " + ", ".join(cells) + (" ..." if len(spurs) > _MOST else ""))
     return [*lines, ""]
+
+
+def _photo(where: Coordinate) -> str:
+    inside = f" in {printable(where.model)}" if where.model is not None else ""
+    return f"photo {printable(where.photo)}{inside}"
+
+
+def _alike(suspect: Suspect) -> str:
+    """Name what is hard to tell apart from a suspect."""
+    if not suspect.partners:
+        return ""
+    cells = [f"{other.axis} of {_photo(other)}" for other in suspect.partners[:_MOST]]
+    return f"  (or {', '.join(cells)}: hard to tell apart)"
 
 
 def _global_test(block: AdjustedBlock) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from anaplot.bundle.live import LiveAnswer
+from anaplot.bundle.suspects import Coordinate, likeliest_suspects
 from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
 
 __all__ = ["view_of"]
@@ -62,6 +63,12 @@ def _suspects(
             FlaggedCoordinate(
                 row.photo, row.model, "xy"[axis], float(w[ray, axis]), float(r[ray, axis])
             )
+        )
+    first_of_all = {(one.point, one.where) for one in likeliest_suspects(adjusted)}
+    for point, coordinates in flagged.items():
+        # what stands for those that are hard to tell apart comes first
+        coordinates.sort(
+            key=lambda c: (point, Coordinate(c.photo, c.model, c.axis)) not in first_of_all
         )
     suspects = []
     for point, coordinates in flagged.items():

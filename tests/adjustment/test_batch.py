@@ -21,7 +21,7 @@ def residual_matrix(a):
 def one_by_one(a, errors, test, alpha):
     """Adjust again without the rejected rows, as often as something is rejected."""
     keep, order = list(range(N)), []
-    while len(keep) > U:
+    while len(keep) > U and len(order) < (N - U) // 2:
         r = residual_matrix(a[keep])
         e = r @ errors[keep]
         w = standardized(e, np.diag(r))

@@ -1,0 +1,268 @@
+"""Rows rejected and brought back one by one, or together, by a rule until it has nothing to say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.elimination import Elimination
+from anaplot.adjustment.findings import ModelValues, Step
+from anaplot.adjustment.partners import Proposals
+from anaplot.adjustment.reliability import beyond_model
+from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
+from anaplot.adjustment.watch import Watch
+
+__all__ = [
+    "NO_SIGMA",
+    "ModelRule",
+    "Rule",
+    "bring_back",
+    "rule_of",
+    "stepwise",
+]
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+NO_SIGMA = 1e-12
+"""sigma0 in a-priori sigmas below which residuals are rounding."""
+
+
+class _Test(NamedTuple):
+    """Sizes of all rows given S (a rejected one: of its error estimate), and their limits."""
+
+    size: Array
+    limit: Array
+
+
+Rule = Callable[[Elimination], _Test]
+"""What a strategy says of all rows, given those that are out."""
+
+
+def rule_of(strategy: str, alpha: float) -> Rule:
+    """Return the rule of a strategy, w with the a-priori sigma but for "tau" and "rms"."""
+    if strategy == "tau":
+        return _Tau(alpha)
+    if strategy == "rms":
+        return _Rms(alpha)
+    return _Normal(critical_normal(alpha))
+
+
+def _sizes(state: Elimination) -> Array:
+    """Return (n,) abs(w) given S, of a rejected row that of its error estimate; NaN: no test."""
+    size = np.abs(state.w)
+    if state.rows:
+        error, sigma = state.estimates()
+        size[list(state.rows)] = np.abs(error) / sigma
+    return size
+
+
+class _Normal:
+    """w against the normal distribution."""
+
+    def __init__(self, critical: float) -> None:
+        self._critical = critical
+
+    def __call__(self, state: Elimination) -> _Test:
+        size = _sizes(state)
+        return _Test(size, np.full(len(size), self._critical))
+
+
+class _Tau:
+    """w / sigma0 against Pope's tau; a rejected row is judged as if it alone were back."""
+
+    def __init__(self, alpha: float) -> None:
+        self._alpha = alpha
+
+    def __call__(self, state: Elimination) -> _Test:
+        w = _sizes(state)
+        f = state.redundancy
+        size = np.full(len(w), np.nan)
+        sigma = sqrt(state.vtpv / f) if f > 0 else 0.0
+        if sigma > NO_SIGMA:
+            size = w / sigma
+        limit = np.full(len(w), _or_none(critical_tau(self._alpha, f)))
+        out = list(state.rows)
+        if out:
+            back = np.sqrt((state.vtpv + w[out] ** 2) / (f + 1))
+            size[out] = w[out] / np.maximum(back, NO_SIGMA)
+            limit[out] = _or_none(critical_tau(self._alpha, f + 1))
+        return _Test(size, limit)
+
+
+class _Rms:
+    """abs(v) / rms(v) of all remaining rows; a rejected row as if it alone were back."""
+
+    def __init__(self, alpha: float) -> None:
+        self._alpha = alpha
+
+    def __call__(self, state: Elimination) -> _Test:
+        e = np.abs(state.e)
+        out = list(state.rows)
+        n, f = len(e) - len(out), state.redundancy
+        rms = sqrt(state.vtpv / n) if n > 0 else 0.0
+        size = np.full(len(e), np.nan)
+        testable = state.testable_rows
+        if rms > NO_SIGMA:
+            size[testable] = e[testable] / rms
+        limit = np.full(len(e), _or_none(critical_tau(self._alpha, f)))
+        if out:
+            error, sigma = state.estimates()
+            gain = (error / sigma) ** 2
+            back = np.sqrt((state.vtpv + gain) / (n + 1))
+            size[out] = np.abs(error) / sigma**2 / np.maximum(back, NO_SIGMA)
+            limit[out] = _or_none(critical_tau(self._alpha, f + 1))
+        return _Test(size, limit)
+
+
+class ModelRule:
+    """w by model values of sqrt(q_vv) where they leave no doubt, exact where they do."""
+
+    def __init__(self, alpha: float, models: Array, tolerance: float, rows: int) -> None:
+        if np.shape(models) != (rows,):
+            raise ValueError(f"{np.size(models)} model values for {rows} rows")
+        self._critical = critical_normal(alpha)
+        self._models, self._tolerance = models, tolerance
+        self._computed = self._decided = 0
+        self._wrong: tuple[tuple[int, ...], tuple[int, ...], int] | None = None
+
+    def __call__(self, state: Elimination) -> _Test:
+        """Return sizes and limits given the rows that are out."""
+        exact = _sizes(state)
+        size = exact.copy()
+        remaining = np.ones(len(size), dtype=bool)
+        remaining[list(state.rows)] = False
+        root = self._models
+        e = np.abs(state.e)
+        known = remaining & np.isfinite(root)
+        nothing = known & (root <= sqrt(TESTABLE))
+        known &= ~nothing
+        ratio = np.zeros(len(size))
+        np.divide(e, root, out=ratio, where=known)
+        above = known & (ratio > self._critical * (1.0 + self._tolerance))
+        below = known & (ratio < self._critical * (1.0 - self._tolerance))
+        sure = above | below
+        size[sure] = ratio[sure]
+        size[nothing] = np.nan
+        doubtful = remaining & ~sure & ~nothing
+        self._computed += int(doubtful.sum())
+        self._decided += int((sure | nothing).sum())
+        if self._wrong is None:
+            by_model, by_exact = size > self._critical, exact > self._critical
+            beyond = beyond_model(state.r, root, self._tolerance)
+            self._wrong = (
+                tuple(np.flatnonzero(by_exact & ~by_model).tolist()),
+                tuple(np.flatnonzero(by_model & ~by_exact).tolist()),
+                int(beyond.sum()),
+            )
+        return _Test(size, np.full(len(size), self._critical))
+
+    def values(self) -> ModelValues:
+        """Return what was decided without exact values, and what differs from them."""
+        accepted, rejected, beyond = ((), (), 0) if self._wrong is None else self._wrong
+        return ModelValues(self._computed, self._decided, accepted, rejected, beyond)
+
+
+def _or_none(critical: float | None) -> float:
+    return np.inf if critical is None else critical
+
+
+def stepwise(
+    system: ResidualSystem,
+    rule: Rule,
+    suspects: Bools,
+    most: int,
+    watch: Watch,
+    *,
+    together: bool,
+) -> tuple[Elimination, list[Step]]:
+    """Reject and bring back by a rule until it has nothing to say or a set comes again.
+
+    Parameters
+    ----------
+    system
+        All rows.
+    rule
+        Sizes and limits given the rows that are out.
+    suspects
+        (n,) rows that may be rejected.
+    most
+        Largest number of rows rejected.
+    watch
+        Told how far it is; asked whether to stop.
+    together
+        Whether all rows beyond the limit go at once, not the largest alone.
+    """
+    state, proposals = Elimination(system), Proposals(system.names)
+    steps: list[Step] = []
+    seen = {frozenset[int]()}
+    while not watch.stopped:
+        watch("rejecting", len(state.rows) / max(most, 1))
+        test = rule(state)
+        back = _first_back(state, test, proposals)
+        if back and frozenset(state.rows).difference(back) not in seen:
+            steps.append(_drop(state, back, test))
+            seen.add(frozenset(state.rows))
+            continue
+        with np.errstate(invalid="ignore"):
+            bad = suspects & (test.size > test.limit)
+        bad[list(state.rows)] = False
+        taken: list[int] = []
+        before = state.vtpv
+        while bad.any() and len(state.rows) < most:
+            rows = proposals.next(np.where(bad, test.size, np.nan), suspects, state)
+            if not rows or len(state.rows) + len(rows) > most:
+                break
+            for row in rows:
+                state.add(row)
+            taken += rows
+            if not together:
+                break
+            bad[taken] = False
+            bad &= state.testable_rows  # a partner of them has gone
+        if not taken:
+            break
+        limit = float(test.limit[taken[0]])
+        smallest = float(np.nanmin(test.size[taken]))
+        steps.append(Step("reject", tuple(taken), smallest, limit, before, state.vtpv))
+        if frozenset(state.rows) in seen:
+            break
+        seen.add(frozenset(state.rows))
+    return state, steps
+
+
+def bring_back(state: Elimination, rule: Rule, watch: Watch) -> list[Step]:
+    """Bring back the rows below their limit, the smallest first, until there is none."""
+    steps: list[Step] = []
+    proposals = Proposals(state.system.names)
+    while not watch.stopped:
+        test = rule(state)
+        back = _first_back(state, test, proposals)
+        if not back:
+            break
+        steps.append(_drop(state, back, test))
+    return steps
+
+
+def _first_back(state: Elimination, test: _Test, proposals: Proposals) -> tuple[int, ...]:
+    """Return the row of S with the smallest size below its limit, and what comes back with it."""
+    if not (test.size < test.limit)[list(state.rows)].any():
+        return ()
+    together = proposals.together(state)
+    small = [rows for rows in together.values() if all(test.size[k] < test.limit[k] for k in rows)]
+    return min(small, key=lambda rows: max(test.size[list(rows)]), default=())
+
+
+def _drop(state: Elimination, rows: tuple[int, ...], test: _Test) -> Step:
+    """Bring rows back; the largest of them decided."""
+    before = state.vtpv
+    largest = max(rows, key=lambda row: float(test.size[row]))
+    for row in rows:
+        state.drop(row)
+    size, limit = float(test.size[largest]), float(test.limit[largest])
+    return Step("drop", rows, size, limit, before, state.vtpv)

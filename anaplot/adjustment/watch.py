@@ -1,0 +1,35 @@
+"""How a long computation tells how far it is, and is asked to come to an end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+__all__ = ["Watch"]
+
+
+class Watch:
+    """Told of the progress of a computation, and asked by it whether to stop.
+
+    Parameters
+    ----------
+    progress
+        Called with what is being done and the fraction of it (0 to 1); None: nobody looks.
+
+    Attributes
+    ----------
+    stopped
+        Whether the computation is to end with the best that it has.
+    """
+
+    def __init__(self, progress: Callable[[str, float], None] | None = None) -> None:
+        self._progress = progress
+        self.stopped = False
+
+    def __call__(self, what: str, fraction: float) -> None:
+        """Say what is being done and how much of it is done."""
+        if self._progress is not None:
+            self._progress(what, fraction)
+
+    def stop(self) -> None:
+        """Ask for the end."""
+        self.stopped = True
