@@ -20,6 +20,7 @@ from anaplot.exchange.journalread import (
     SESSIONS,
     FileScan,
     Recovered,
+    event_of,
     events_of,
     read_journal,
     scan_folder,
@@ -41,6 +42,7 @@ __all__ = [
     "JournalError",
     "Record",
     "Recovered",
+    "event_of",
     "events_of",
     "read_journal",
 ]

@@ -31,6 +31,7 @@ __all__ = [
     "Recovered",
     "Scan",
     "Tail",
+    "event_of",
     "events_of",
     "read_journal",
     "scan_folder",
@@ -144,6 +145,20 @@ def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
     return Recovered(scan.records, tuple(remarks))
 
 
+def event_of(record: Record) -> Event:
+    """Return the session event that a record is.
+
+    Raises
+    ------
+    InputError
+        It is no such event, with file and line.
+    """
+    try:
+        return event_from_payload(record.kind, record.payload)
+    except InputError as error:
+        raise InputError(f"{record.file} line {record.line}: {error}") from None
+
+
 def events_of(records: Iterable[Record]) -> tuple[Event, ...]:
     """Return the session events among records, in order; other kinds of records are passed over.
 
@@ -152,15 +167,7 @@ def events_of(records: Iterable[Record]) -> tuple[Event, ...]:
     InputError
         A record of an event's kind that is no such event, with file and line.
     """
-    events: list[Event] = []
-    for record in records:
-        if record.kind not in EVENT_KINDS:
-            continue
-        try:
-            events.append(event_from_payload(record.kind, record.payload))
-        except InputError as error:
-            raise InputError(f"{record.file} line {record.line}: {error}") from None
-    return tuple(events)
+    return tuple(event_of(record) for record in records if record.kind in EVENT_KINDS)
 
 
 def scan_folder(folder: Path, keep: Keep | None) -> Scan:

@@ -7,6 +7,7 @@ import re
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 from anaplot.errors import InputError
@@ -136,12 +137,17 @@ def decode_line(raw: bytes, file: str, line: int, keep: Keep | None = None) -> t
     body = raw[: tail.start()]
     if zlib.crc32(body) != int(tail[1], 16):
         raise DamagedLineError("the checksum does not agree")
+    time = head[2].decode("ascii")
+    try:
+        datetime.fromisoformat(time)
+    except ValueError:
+        raise DamagedLineError("a time that does not exist") from None
     kind = head[3].decode("ascii")
     wanted = keep is None or keep(kind)
     return (
         Record(
             seq=int(head[1]),
-            time=head[2].decode("ascii"),
+            time=time,
             kind=kind,
             payload=_payload(body) if wanted else {},
             file=file,

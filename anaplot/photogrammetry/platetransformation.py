@@ -10,7 +10,7 @@ the plate lies in its holder; then
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, isfinite, pi, sin
+from math import atan2, cos, hypot, pi, sin
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -46,6 +46,7 @@ TITLES: dict[str, str] = {
 }
 """What a person calls them."""
 
+_LARGEST = 1e15  # of a number in a transformation: no product of them overflows
 _STEPS = 50
 _CLOSED = 1e-12  # between a given image place and that of its inverse, relative
 
@@ -142,8 +143,9 @@ class PlateTransformation:
 
     def __post_init__(self) -> None:
         numbers = (*self.frame[0], *self.frame[1], *self.numerator[0], *self.numerator[1])
-        if not all(isfinite(number) for number in (*numbers, *self.denominator)):
-            raise ValueError("a transformation of numbers that are not finite")
+        # a comparison that what is not a number fails too
+        if not all(abs(number) <= _LARGEST for number in (*numbers, *self.denominator)):
+            raise ValueError("a transformation of numbers that are not finite, or far too large")
         (_, a, b), (_, c, d) = self.frame
         if not abs(a * d - b * c) > 1e-12 * (hypot(a, b) * hypot(c, d)):
             raise ValueError("a transformation that folds the plate into a line")

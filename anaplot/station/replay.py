@@ -10,15 +10,15 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blocktoml import parse_block_toml
-from anaplot.exchange.eventcodec import event_from_payload
-from anaplot.exchange.journal import Record, read_journal
+from anaplot.exchange.journal import Record, event_of, read_journal
+from anaplot.exchange.wording import quoted
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.profile import load_profile
@@ -35,6 +35,15 @@ from anaplot.session.events import (
 from anaplot.session.innerwork import InnerOutlook
 from anaplot.session.state import EventRefusedError, SessionState, apply, start
 from anaplot.session.workflow import Outlook, outlook
+from anaplot.station.payloads import (
+    Heard,
+    Opened,
+    heard_in,
+    inner_table_of,
+    opened_by,
+    refusal,
+    table_of,
+)
 from anaplot.station.plates import Plates, image_of, plates_of
 from anaplot.station.tables import inner_table_difference, table_difference
 
@@ -118,14 +127,15 @@ def recorded_block(session: Path, records: Iterable[Record]) -> Block:
         Neither is there, or it is wrong.
     """
     for record in records:
-        text = record.payload.get("block_toml") if record.kind in ("header", "opened") else None
-        if isinstance(text, str):
-            found = record.payload.get("camera_files")
-            files = found.items() if isinstance(found, dict) else ()
-            cameras = {str(file): str(camera) for file, camera in files}
-            return parse_block_toml(text, Path(record.file), cameras)
         if record.kind not in ("header", "opened"):
             break
+        said = opened_by(record)
+        if said.block_toml is not None:
+            place = Path(record.file).with_name("block.toml")
+            try:
+                return parse_block_toml(said.block_toml, place, said.camera_files)
+            except InputError as error:
+                raise refusal(record, str(error)) from None
     folder = session if session.is_dir() else session.parent
     if folder.name == "sessions":
         folder = folder.parent
@@ -196,11 +206,11 @@ def replay(
         difference: str | None = None
         compared = False
         if record.kind in ("header", "opened"):
-            difference = line.opened(record.payload)
+            difference = line.opened(opened_by(record))
         elif record.kind == "traffic":
-            line.traffic(record.payload)
+            line.traffic(record)
         elif record.kind in EVENT_KINDS:
-            event = event_from_payload(record.kind, record.payload)
+            event = event_of(record)
             if isinstance(event, PointMeasured | FiducialMeasured | MonoMeasured):
                 difference = line.check(event, plates_of(state))
             try:
@@ -212,12 +222,12 @@ def replay(
             view = outlook(state)
         elif record.kind == "table":
             compared = True
-            difference = table_difference(record.payload, view.solution)
+            difference = table_difference(table_of(record), view.solution)
         elif record.kind == "inner-table":
             compared = True
             inner = view.inner
             difference = inner_table_difference(
-                record.payload,
+                inner_table_of(record),
                 None if inner is None else inner.state,
                 None if inner is None else inner.solution,
             )
@@ -242,50 +252,60 @@ class _Line:
         self._records: deque[PlotterRecord] = deque(maxlen=_REMEMBERED)
         self.position: Position | None = None
 
-    def opened(self, header: dict[str, Any] | Any) -> str | None:
+    def opened(self, said: Opened) -> str | None:
         """Begin with a fresh decoder, as the link did."""
         self._decoder = None
         self._records.clear()
-        name = header.get("profile")
-        if not isinstance(name, str):
+        if said.profile is None:
             return None
+        name = quoted(said.profile)
         try:
-            profile = load_profile(name)
+            profile = load_profile(said.profile)
         except AnaplotError as error:
             return f"profile {name}: {error}"
         self._decoder = Decoder(profile)
-        if header.get("profile_sha256") != profile.sha256:
+        if said.profile_sha256 != profile.sha256:
             return f"profile {name} is not the one that the session was recorded with"
         return None
 
-    def traffic(self, payload: dict[str, Any] | Any) -> None:
-        """Feed recorded bytes to the decoder."""
+    def traffic(self, record: Record) -> None:
+        """Feed recorded bytes to the decoder; raises InputError for what no line has said."""
+        heard = heard_in(record)
         decoder = self._decoder
         if decoder is None:
             return
-        for item in payload.get("items", ()):
-            kind, link, text, when = item
-            if kind == "in":
-                for reading in decoder.feed(text.encode("latin-1"), when, link):
-                    if isinstance(reading, PlotterRecord):
-                        self._records.append(reading)
-                        self.position = reading.position
-                    elif isinstance(reading, Position):
-                        self.position = reading
-            elif kind == "out":
-                decoder.sent(text.encode("latin-1"), link)
-            elif kind == "decoder":
-                self._tell(decoder, link, text, when)
+        for item in heard:
+            if item.kind == "decoder":
+                self._tell(decoder, item, record)
+            elif item.kind in ("in", "out"):
+                _check_link(decoder, item.name, record)
+                if item.kind == "out":
+                    decoder.sent(item.data, item.name)
+                else:
+                    self._hear(decoder, item)
+
+    def _hear(self, decoder: Decoder, item: Heard) -> None:
+        for reading in decoder.feed(item.data, item.when, item.name):
+            if isinstance(reading, PlotterRecord):
+                self._records.append(reading)
+                self.position = reading.position
+            elif isinstance(reading, Position):
+                self.position = reading
 
     @staticmethod
-    def _tell(decoder: Decoder, kind: str, text: str, when: float) -> None:
-        if kind == "press":
-            decoder.press(text, when)
-        elif kind == "reopen":
-            decoder.reopen(text or None)
-        elif kind == "reference":
-            decoder.reference(Position(*map(float, text.split())))
-        elif kind == "confirm":
+    def _tell(decoder: Decoder, item: Heard, record: Record) -> None:
+        if item.name == "press":
+            decoder.press(item.text, item.when)
+        elif item.name == "reopen":
+            if item.text:
+                _check_link(decoder, item.text, record)
+            decoder.reopen(item.text or None)
+        elif item.name == "reference":
+            try:
+                decoder.reference(item.position())
+            except InputError as error:
+                raise refusal(record, str(error)) from None
+        elif item.name == "confirm":
             decoder.confirm_reference()
 
     def check(
@@ -303,6 +323,11 @@ class _Line:
             else f"point {event.point}"
         )
         return f"{name}: the recorded bytes do not say what was measured"
+
+
+def _check_link(decoder: Decoder, link: str, record: Record) -> None:
+    if link not in decoder.profile.links:
+        raise refusal(record, f"profile {decoder.profile.id} has no link {quoted(link)}")
 
 
 def _says(

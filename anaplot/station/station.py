@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 from anaplot.errors import AnaplotError, InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block, write_image_points
-from anaplot.exchange.journal import Journal, JournalError, events_of
+from anaplot.exchange.journal import Journal, JournalError, event_of
 from anaplot.orientation.model import warm_up
 from anaplot.orientation.patterns import pattern
 from anaplot.orientation.results import TableRow
@@ -172,12 +172,13 @@ class Station:
             self._state = start(self._block)
             self._of_session: set[str] = set()
             pointed: Counter[tuple[str, str, str]] = Counter()
-            for number, event in enumerate(events_of(recovered.records), 1):
+            for record in recovered.records:
+                event = event_of(record)
                 try:
                     self._state = apply(self._state, event)
                 except EventRefusedError as error:
                     raise InputError(
-                        f"{folder}: event {number} of the journal does not fit block.toml: {error}"
+                        f"{record.file} line {record.line}: does not fit block.toml: {error}"
                     ) from error
                 if isinstance(event, ModelAccepted):
                     self._of_session.add(f"{event.left}/{event.right}")

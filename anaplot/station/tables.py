@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import isclose
 from typing import Any, NamedTuple
 
+from anaplot.exchange.wording import plain
 from anaplot.orientation.results import ModelSolution, TableRow
 from anaplot.photogrammetry.inner import InnerOrientation, InnerRow
 from anaplot.session.innerstate import InnerState
+from anaplot.station.payloads import RecordedInnerTable, RecordedTable, Value
 
 __all__ = ["inner_table_difference", "inner_table_payload", "table_difference", "table_payload"]
 
@@ -44,42 +46,44 @@ def inner_table_payload(inner: InnerState, solution: InnerOrientation) -> dict[s
     }
 
 
-def table_difference(payload: Mapping[str, Any], solution: ModelSolution | None) -> str | None:
+def table_difference(recorded: RecordedTable, solution: ModelSolution | None) -> str | None:
     """Compare a recorded table with the one computed now; None when they agree."""
-    name = f"model {payload.get('model')}"
-    if solution is None or solution.name != payload.get("model"):
+    name = f"model {plain(recorded.model)}"
+    if solution is None or solution.name != recorded.model:
         return f"{name}: there is a recorded table, but none is computed now"
-    return _difference(payload, _Table(name, solution.sigma0_um, solution.table))
+    return _difference(recorded, _Table(name, solution.sigma0_um, solution.table))
 
 
 def inner_table_difference(
-    payload: Mapping[str, Any], inner: InnerState | None, solution: InnerOrientation | None
+    recorded: RecordedInnerTable, inner: InnerState | None, solution: InnerOrientation | None
 ) -> str | None:
     """Compare a recorded inner orientation with the one computed now; None when they agree."""
-    name = f"photo {payload.get('photo')} ({payload.get('side')})"
+    name = f"photo {recorded.photo} ({recorded.side})"
     if inner is None or solution is None or inner.name != name:
-        return f"{name}: there is a recorded inner orientation, but none is computed now"
-    if payload.get("transformation") != solution.kind:
-        return f"{name}: {solution.kind} instead of {payload.get('transformation')}"
-    return _difference(payload, _Table(name, solution.sigma0_um, solution.rows))
+        return f"{plain(name)}: there is a recorded inner orientation, but none is computed now"
+    if recorded.transformation != solution.kind:
+        return f"{plain(name)}: {solution.kind} instead of {plain(recorded.transformation)}"
+    return _difference(recorded, _Table(plain(name), solution.sigma0_um, solution.rows))
 
 
-def _difference(payload: Mapping[str, Any], table: _Table) -> str | None:
-    if not _same(payload.get("sigma0_um"), table.sigma0_um):
-        return f"{table.name}: sigma0 {table.sigma0_um} instead of {payload.get('sigma0_um')}"
-    rows = payload.get("rows", [])
-    if len(rows) != len(table.rows):
-        return f"{table.name}: {len(table.rows)} rows instead of {len(rows)}"
-    for recorded, row in zip(rows, table.rows, strict=True):
-        if len(recorded) != len(row):
-            return f"{table.name}: rows of {len(recorded)} values instead of {len(row)}"
-        for name, was, now in zip(row._fields, recorded, row, strict=True):
+def _difference(recorded: RecordedTable | RecordedInnerTable, table: _Table) -> str | None:
+    if not _same(recorded.sigma0_um, table.sigma0_um):
+        return f"{table.name}: sigma0 {table.sigma0_um} instead of {recorded.sigma0_um}"
+    if len(recorded.rows) != len(table.rows):
+        return f"{table.name}: {len(table.rows)} rows instead of {len(recorded.rows)}"
+    for values, row in zip(recorded.rows, table.rows, strict=True):
+        if len(values) != len(row):
+            return f"{table.name}: rows of {len(values)} values instead of {len(row)}"
+        for name, was, now in zip(row._fields, values, row, strict=True):
             if not _same(was, now):
-                return f"{table.name}, row {row.key[0]} {row.axis}: {name} {now} instead of {was}"
+                where = plain(f"{table.name}, row {row.key[0]} {row.axis}")
+                return f"{where}: {name} {now} instead of {plain(str(was))}"
     return None
 
 
-def _same(was: object, now: object) -> bool:
-    if isinstance(was, float | int) and isinstance(now, float | int) and not isinstance(now, bool):
+def _same(was: Value, now: Value) -> bool:
+    if isinstance(was, bool) or isinstance(now, bool):
+        return was is now
+    if isinstance(was, float) and isinstance(now, float | int):
         return isclose(was, now, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE_UM)
     return was == now

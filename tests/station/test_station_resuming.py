@@ -213,7 +213,7 @@ def test_a_journal_that_does_not_fit_the_block(bench: Bench) -> None:
     station.close()
     toml = bench.folder / "block.toml"
     toml.write_text(toml.read_text().replace('"101", "102", "103"', '"103", "102", "101"'))
-    with pytest.raises(InputError, match=r"event 1 of the journal does not fit block\.toml"):
+    with pytest.raises(InputError, match=r"0001\.jsonl line 3: does not fit block\.toml"):
         Station(bench.folder)
 
 
