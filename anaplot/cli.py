@@ -596,12 +596,15 @@ def _add_compare_arguments(parser: Any) -> None:
         type=_significance,
         default=0.05,
         metavar="ALPHA",
-        help="significance of the global test and of every family of single tests, default 0.05",
+        help="significance of the global test, of every family of single tests, and of all of "
+        "them together (ANYTHING MOVED), default 0.05",
     )
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the displacements as CSV")
     parser.add_argument(
-        "--fail-on-flag", action="store_true", help="exit with 1 when something has moved"
+        "--fail-on-flag",
+        action="store_true",
+        help="exit with 1 when anything has moved: without movement with the probability ALPHA",
     )
 
 
@@ -678,7 +681,9 @@ def _parser() -> _Parser:
     bridge.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
     bridge.add_argument("--json", action="store_true", help="print JSON for programs")
     bridge.add_argument(
-        "--fail-on-flag", action="store_true", help="exit with 1 when a row is flagged"
+        "--fail-on-flag",
+        action="store_true",
+        help="exit with 1 when a row is flagged; of n good ones alpha n are, alpha of [test]",
     )
     bridge.add_argument(
         "--errors",
@@ -706,7 +711,10 @@ def _parser() -> _Parser:
     adjust.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
     adjust.add_argument("--json", action="store_true", help="print JSON for programs")
     adjust.add_argument(
-        "--fail-on-flag", action="store_true", help="exit with 1 when an observation is flagged"
+        "--fail-on-flag",
+        action="store_true",
+        help="exit with 1 when an observation is flagged; of n good ones alpha n are, alpha of "
+        "[test]",
     )
     adjust.add_argument(
         "--datum",

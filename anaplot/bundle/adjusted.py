@@ -110,6 +110,16 @@ class AdjustedBlock:
         """Whether any observation exceeds the critical value."""
         return len(self.flagged_observations()) > 0
 
+    @property
+    def flagged_by_chance(self) -> float:
+        """Number of observations that are flagged in the mean if none has a gross error."""
+        r = self.cofactors
+        tested = sum(
+            int(np.count_nonzero(each >= TESTABLE))
+            for each in (r.r, r.r_control, r.r_photo, r.r_own, r.r_shared)
+        )
+        return 0.0 if self.critical is None else self.problem.test.alpha * tested
+
     def flagged_observations(self) -> list[tuple[float, str, str]]:
         """Return (abs(w), what, kind) of all that exceed the critical value, the worst first.
 
@@ -139,7 +149,9 @@ class AdjustedBlock:
         """Return Baarda's global test of sigma0^2 that is consistent with the single tests.
 
         The same power at the same noncentrality (1968; Gruen 1978, eq. 18 and 19): its alpha
-        grows with the redundancy. None without redundancy, or with a power below alpha.
+        grows with the redundancy, beyond one half in large blocks. It compares designs; as an
+        alarm it cries in that share of the blocks without any error. None without redundancy, or
+        with a power below alpha.
         """
         test = self.problem.test
         if self.redundancy < 1 or not test.alpha < test.power:

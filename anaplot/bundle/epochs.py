@@ -330,17 +330,12 @@ def _doubts(block: AdjustedBlock, without: bool) -> list[str]:
     flagged = block.flagged_observations()
     if flagged:
         size, what, kind = flagged[0]
-        which = f"1 observation flagged, {what}" if len(flagged) == 1 else (
-            f"{len(flagged)} observations flagged, the largest {what}"
+        chance = f"(by chance about {block.flagged_by_chance:.1f})"
+        which = f"1 observation flagged {chance}, {what}" if len(flagged) == 1 else (
+            f"{len(flagged)} observations flagged {chance}, the largest {what}"
         )  # fmt: skip
         more = "" if len(flagged) == 1 else "; adjust --errors names what else is wrong"
         out.append(f"{which} (w {size:.1f}){by_itself}: {_REMEDY[kind]}{more}")
-    test = block.global_test()
-    if test is not None and block.sigma0 is not None and block.sigma0**2 > test.critical:
-        out.append(
-            f"its global test is rejected{by_itself}: sigma0^2 {block.sigma0**2:.3f} "
-            f"against {test.critical:.3f} (alpha {test.alpha:.3f}, consistent with single tests)"
-        )
     return out
 
 

@@ -19,6 +19,7 @@ from anaplot.adjustment.hypothesis import (
     DependentConditionsError,
     bonferroni_alpha,
     critical_f,
+    f_test,
     quadratic_form,
     scheffe_factor,
 )
@@ -30,6 +31,7 @@ __all__ = [
     "CoordinateMove",
     "EpochTests",
     "Located",
+    "Overall",
     "PointMove",
     "VarianceRatio",
     "epoch_tests",
@@ -139,6 +141,30 @@ class VarianceRatio(NamedTuple):
     significance: float
 
 
+class Overall(NamedTuple):
+    """Whether anything has moved: all families of tests together, at one level.
+
+    Attributes
+    ----------
+    families
+        Names of the families that could be tested.
+    significance
+        Smallest probability of a family, times their number (Bonferroni): if nothing has moved it
+        is below alpha with a probability of alpha at most, however the families hang together.
+    alpha
+        Of all families together.
+    """
+
+    families: tuple[str, ...]
+    significance: float
+    alpha: float
+
+    @property
+    def rejected(self) -> bool:
+        """Whether something has moved."""
+        return self.significance < self.alpha
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class EpochTests:
     """The tested displacements.
@@ -179,11 +205,28 @@ class EpochTests:
     remarks: tuple[str, ...]
 
     @property
+    def overall(self) -> Overall | None:
+        """All families at one level; None where nothing can be tested."""
+        families = {
+            "all points": [self.everything],
+            "stable points": [self.agreement],
+            "points": [p.verdict for p in self.points],
+            "coordinates": [c.verdict for p in self.points for c in p.coordinates],
+        }
+        smallest: dict[str, float] = {}
+        for name, verdicts in families.items():
+            tests = [v.decisive for v in verdicts if v is not None and v.decisive is not None]
+            if tests:
+                smallest[name] = len(tests) * min(test.significance for test in tests)
+        if not smallest:
+            return None
+        significance = min(1.0, len(smallest) * min(smallest.values()))
+        return Overall(tuple(smallest), significance, self.alpha)
+
+    @property
     def any_moved(self) -> bool:
-        """Whether a displacement is found: of all points, one, a coordinate, or stable points."""
-        verdicts = [self.everything, self.agreement, *(p.verdict for p in self.points)]
-        verdicts += [c.verdict for p in self.points for c in p.coordinates]
-        return any(v is not None and bool(v.rejected) for v in verdicts)
+        """Whether something has moved, with the probability of alpha at most if nothing has."""
+        return self.overall is not None and self.overall.rejected
 
 
 def epoch_tests(
@@ -196,7 +239,8 @@ def epoch_tests(
     found
         Displacements and their covariance matrix.
     alpha
-        Significance of the global test and of each family of single tests.
+        Significance of the global test, of each family of single tests, and of all of them
+        together in `EpochTests.overall`; also of the test of sigma0 of each epoch by itself.
     power
         That smallest detectable displacements refer to; None: that of the first epoch.
 
@@ -220,7 +264,7 @@ def epoch_tests(
     agreement = _agreement_test(found, variance, alpha)
     located: tuple[Located, ...] = ()
     located_stable: tuple[Located, ...] = ()
-    remarks = list(found.remarks)
+    remarks = [*found.remarks, *_doubtful_epochs(found, alpha)]
     if found.agreement is not None and agreement is not None and agreement.rejected:
         located_stable = _located_stable(found, found.agreement, agreement)
         most = ", ".join(step.point for step in located_stable[:8])
@@ -455,6 +499,26 @@ def _search(
 def _inverse(core: Array) -> Array:
     # a direction in which the others leave a stable point open is none in which it can be seen
     return np.asarray(np.linalg.pinv(core, rcond=1e-9, hermitian=True))
+
+
+def _doubtful_epochs(found: EpochDifferences, alpha: float) -> list[str]:
+    """Name the epochs whose sigma0 by itself is too large for its a-priori value."""
+    by_itself = (
+        " (by itself, without additional parameters)"
+        if found.joint and found.own_parameters is not None
+        else ""
+    )
+    out = []
+    for number, (vtpv, redundancy) in enumerate(found.alone, start=1):
+        if redundancy < 1:
+            continue
+        test = f_test(vtpv, redundancy, alpha=alpha)
+        if test.rejected:
+            out.append(
+                f"epoch {number}: its global test is rejected{by_itself}: sigma0^2 "
+                f"{test.statistic:.3f} against {test.critical:.3f} (alpha {alpha:g})"
+            )
+    return out
 
 
 def _ratio(found: EpochDifferences) -> VarianceRatio | None:

@@ -40,6 +40,7 @@ def adjust_json(block: AdjustedBlock) -> Json:
             "alpha": problem.test.alpha,
             "power": problem.test.power,
             "critical": block.critical,
+            "flagged_by_chance": block.flagged_by_chance,
         },
         "global_test": _global_test(block),
         "datum": {"kind": problem.datum, "defect": problem.defect},

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import degrees, hypot
 
+from anaplot.adjustment.hypothesis import critical_f
 from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.accuse import accuse
 from anaplot.bundle.adjusted import AdjustedBlock
@@ -20,6 +21,7 @@ from anaplot.report.printable import printable
 
 __all__ = ["adjust_printout"]
 
+_ALARM = 0.05  # significance of a test of sigma0 as an alarm
 _MOST = 30  # of flagged rows, spurs and correlations in the summary; the tables hold them all
 
 
@@ -63,7 +65,8 @@ def _summary(block: AdjustedBlock) -> list[str]:
         + (f" (rank defect {problem.defect} of the datum)" if problem.defect else ""),
         f"  sigma0 {sigma0}{um}, a priori 1 ({problem.block.precision.image_um:g} um); "
         f"{counted(block.convergence.iterations, 'iteration')}, {block.convergence.damped} damped",
-        f"  test {test.kind}, alpha {test.alpha:g}, critical value {critical}",
+        f"  test {test.kind}, alpha {test.alpha:g}, critical value {critical}; of good observations"
+        f" about {block.flagged_by_chance:.1f} are flagged",
         *_global_test(block),
         f"  reliability  RI x {i.ri_x:.3f}  y {i.ri_y:.3f}  all {i.ri:.3f}",
         f"  accuracy     AI X {i.ai_x:.4f}  Y {i.ai_y:.4f}  Z {i.ai_z:.4f}  all {i.ai:.4f} m",
@@ -121,7 +124,9 @@ def _global_test(block: AdjustedBlock) -> list[str]:
     return [
         f"  global test consistent with alpha {block.problem.test.alpha:g} and power "
         f"{found.power:g}: alpha {found.alpha:.3f}, sigma0^2 {block.sigma0**2:.3f} against "
-        f"{found.critical:.3f}"
+        f"{found.critical:.3f}",
+        f"    (no alarm: {100.0 * found.alpha:.0f} % of such blocks without any error exceed it; "
+        f"at {_ALARM:g} the limit is {critical_f(_ALARM, block.redundancy):.3f})",
     ]
 
 

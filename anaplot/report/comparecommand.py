@@ -38,7 +38,7 @@ def run_compare(options: argparse.Namespace) -> int:
     Returns
     -------
     int
-        0, or 1 with `--fail-on-flag` when a displacement is significant.
+        0, or 1 with `--fail-on-flag` when something has moved, all tests together at `--alpha`.
 
     Raises
     ------
@@ -126,6 +126,7 @@ def compare_json(found: EpochTests) -> Json:
         "variance_ratio": None if found.variance is None else found.variance._asdict(),
         "all": verdict_json(found.everything),
         "agreement": verdict_json(found.agreement),
+        "overall": _overall_json(found),
         "located": [step._asdict() for step in found.located],
         "points": [_point_json(p) for p in found.points],
         "only_first": list(differences.only_first),
@@ -134,6 +135,13 @@ def compare_json(found: EpochTests) -> Json:
         "flagged": list(differences.flagged),
         "remarks": list(found.remarks),
     }
+
+
+def _overall_json(found: EpochTests) -> Json | None:
+    overall = found.overall
+    if overall is None:
+        return None
+    return {**overall._asdict(), "families": list(overall.families), "rejected": overall.rejected}
 
 
 def _point_json(p: PointMove) -> Json:
@@ -241,8 +249,26 @@ def compare_printout(found: EpochTests) -> str:
     lines += [
         "  P of each point by itself; marked (B Bonferroni, S Scheffe) what exceeds the limit for",
         f"  {points}, or all coordinates, together at alpha {found.alpha:g}",
+        *_conclusion(found),
     ]
     return "\n".join(lines)
+
+
+def _conclusion(found: EpochTests) -> list[str]:
+    """Return the one verdict that `--fail-on-flag` goes by."""
+    overall = found.overall
+    if overall is None:
+        return []
+    count = len(overall.families)
+    if count > 1:
+        families = f"{count} families ({', '.join(overall.families)}) together at"
+    else:
+        families = f"{overall.families[0]} at"
+    return [
+        "",
+        f"  ANYTHING MOVED: {'yes' if overall.rejected else 'no'}, P "
+        f"{probability(overall.significance)}; {families} alpha {overall.alpha:g}",
+    ]
 
 
 def _explained(located: tuple[Located, ...]) -> list[str]:

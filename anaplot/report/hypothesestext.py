@@ -48,7 +48,8 @@ def hypotheses_printout(found: BlockHypotheses) -> str:
         f"HYPOTHESES  alpha {found.settings.alpha:g} for every global test and for every family of "
         f"single tests; detectable with power {found.settings.power:g}"
     )
-    return "\n".join([head, *lines])
+    together = "  each by itself: that one of several is rejected by chance is more probable"
+    return "\n".join([head, together, *lines])
 
 
 def probability(value: float) -> str:

@@ -37,8 +37,8 @@ The transformation is chosen from the data at hand: three fiducials Helmert, fou
 bilinear, distances only a two-parameter similarity. NAME is one of distances, scales, helmert,
 affine, bilinear, projective. RESID is adjusted minus measured, along the image's axes.
 
-exit codes: 1 with --fail-on-flag when a row is flagged or sigma0 exceeds its limit, 2 bad input,
-4 not computable
+exit codes: 1 with --fail-on-flag when a row is flagged or sigma0 exceeds its limit (n good rows:
+with the probability alpha (n + 1) at most, alpha of [test]), 2 bad input, 4 not computable
 
 example: anaplot inner fiducials.toml --transformation affine
 """

@@ -291,6 +291,62 @@ def test_null_rate_is_alpha(kind, options) -> None:
     assert single < alpha * runs + room
 
 
+@pytest.mark.parametrize("stable", [False, True])
+@pytest.mark.parametrize("test", [None, BAARDA])
+def test_all_families_together_keep_one_level(stable, test) -> None:
+    runs, alpha = 800, 0.05
+    names = stable_names() if stable else ()
+    found = compare_epochs(
+        epoch(11, test=test), epoch(12, test=test), stable=names, points=("p7", "p8", "p9")
+    )
+    rng = np.random.default_rng(1978)
+    root = np.linalg.cholesky(found.cofactors)
+    moved = apart = 0
+    for _ in range(runs):
+        # without movement: displacements and what is left of v'Pv know nothing of each other
+        conditions = 0 if found.agreement is None else found.agreement.dimension
+        agree = float(rng.chisquare(conditions)) if conditions else 0.0
+        left = float(rng.chisquare(found.redundancy - conditions))
+        fresh = replace(
+            found,
+            d=root @ rng.normal(size=len(root)),
+            vtpv=left + agree,
+            agreement=found.agreement and replace(found.agreement, square=agree),
+        )
+        tested = epoch_tests(fresh, alpha=alpha)
+        assert tested.overall is not None
+        families = tested.overall.families
+        assert families == (
+            ("all points", "stable points", "points", "coordinates")
+            if stable
+            else ("all points", "points", "coordinates")
+        )
+        moved += tested.any_moved
+        verdicts = [tested.everything, tested.agreement, *(p.verdict for p in tested.points)]
+        verdicts += [c.verdict for p in tested.points for c in p.coordinates]
+        apart += any(v is not None and v.rejected for v in verdicts)
+    # Bonferroni: alpha at most, and at least what one family has of it; 3.3 deviations
+    assert moved <= alpha * runs + 3.3 * np.sqrt(runs * alpha * (1.0 - alpha))
+    share = alpha / len(families)
+    assert moved >= share * runs - 3.3 * np.sqrt(runs * share * (1.0 - share))
+    # one family after the other at alpha is no level for all of them
+    assert apart > alpha * runs + 3.3 * np.sqrt(runs * alpha * (1.0 - alpha))
+
+
+@pytest.mark.parametrize("alpha", [0.01, 0.05])
+def test_an_epoch_is_doubted_at_the_level_asked_for(alpha) -> None:
+    found = compare_epochs(epoch(11), epoch(12), points=("p8",))
+    rng = np.random.default_rng(7)
+    (_, f), (_, g) = found.alone
+    runs, doubted = 800, 0
+    for _ in range(runs):
+        alone = ((float(rng.chisquare(f)), f), (float(rng.chisquare(g)), g))
+        tested = epoch_tests(replace(found, alone=alone), alpha=alpha)
+        doubted += sum("its global test is rejected" in remark for remark in tested.remarks)
+    # binomial: within 3.3 deviations
+    assert abs(doubted - 2 * runs * alpha) < 3.3 * np.sqrt(2 * runs * alpha * (1.0 - alpha))
+
+
 def test_stable_points_that_have_moved_are_named_and_refute_the_datum() -> None:
     first, second = epoch(11), epoch(12, moved={"p16": (0.0, 0.5, 0.0)})
     for separate in (False, True):
@@ -323,14 +379,15 @@ def test_epochs_with_gross_errors_are_named() -> None:
     assert found.flagged[1] > 0
     wrong = f"x of point {rows[7].point} in photo {rows[7].photo}"
     assert any(r.startswith("epoch 2: ") and wrong in r and "--errors" in r for r in found.remarks)
-    assert any("its global test is rejected: " in r for r in found.remarks)
+    doubts = epoch_tests(found).remarks
+    assert any(r.startswith("epoch 2: its global test is rejected: ") for r in doubts)
     extra = compare_epochs(
         first,
         replace(second, image_points=tuple(rows)),
         additional=additional_parameters("ebner", 1.0),
         points=("p8",),
     )
-    assert any("by itself, without additional" in r for r in extra.remarks)
+    assert sum("by itself, without additional" in r for r in epoch_tests(extra).remarks) == 2
 
 
 def test_joint_warnings_are_told_whatever_names_they_hold() -> None:

@@ -173,6 +173,22 @@ def test_the_power_is_that_of_the_block(tmp_path: Path, capsys) -> None:
         assert "block.toml" in error
 
 
+def test_the_exit_code_of_compare_is_its_conclusion(tmp_path: Path, capsys) -> None:
+    first = write(tmp_path / "a", strip(kind="baarda"))
+    second = write(tmp_path / "b", strip(planted=0.03, kind="baarda"))
+    for other, moved in ((first, False), (second, True)):
+        call = ["compare", str(first), str(other), "--fail-on-flag", "--separate"]
+        assert cli.main([*call, "--json"]) == int(moved)
+        overall = json.loads(capsys.readouterr().out)["overall"]
+        assert overall["families"] == ["all points", "points", "coordinates"]
+        assert overall["rejected"] is moved
+        assert (overall["significance"] < overall["alpha"]) is moved
+        assert cli.main(call) == int(moved)
+        text = capsys.readouterr().out
+        assert f"ANYTHING MOVED: {'yes' if moved else 'no'}, P " in text
+        assert "3 families (all points, points, coordinates) together at alpha 0.05" in text
+
+
 def test_a_probability_of_nothing_is_a_bound() -> None:
     assert [probability(p) for p in (0.5, 2e-7, 0.0)] == ["0.5000", "2e-07", "<1e-300"]
 
