@@ -9,35 +9,26 @@ from dataclasses import dataclass
 
 from anaplot.errors import InputError
 from anaplot.plotter.framing import Framer
+from anaplot.plotter.numbering import Numbering
+from anaplot.plotter.poller import Poller
+from anaplot.plotter.presses import Presses
 from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
-from anaplot.plotter.schema import AxisFormat, Footswitch, Profile, RecordFormat
+from anaplot.plotter.readout import Gatherer, ReadOut
+from anaplot.plotter.refusal import RefusedError
+from anaplot.plotter.schema import Footswitch, Profile, RecordFormat
 from anaplot.plotter.text import safe_text
+from anaplot.plotter.values import axis_number, whole_number
 
 __all__ = [
+    "RULES",
     "UNREFERENCED",
     "Decoder",
     "check_examples",
 ]
 
-PRESS_TIMEOUT = 1.0
-MAX_NUMBER = 999_999
-_DECIMAL = re.compile(rb"([-+]?) {0,30}(\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})")
-_INTEGER = re.compile(rb"[-+]?\d{1,15}")
-_HEX = re.compile(rb"[0-9A-Fa-f]{1,14}")
+RULES = 2
+"""By which a decoder decides today what is a measurement; 1 are those of version 0.1."""
 UNREFERENCED = "the counters are unreferenced since the line was lost: measure a reference again"
-
-
-class _RefusedError(Exception):
-    """A record is no valid reading; the message is the reason."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Press:
-    """A switch that waits for a position measured after it was pressed."""
-
-    switch: str
-    when: float
-    cycle: int
 
 
 @dataclass(slots=True)
@@ -56,6 +47,9 @@ class Decoder:
     ----------
     profile
         The device.
+    rules
+        By which it decides what is a measurement: `RULES`, or those by which a session was
+        recorded.
 
     Notes
     -----
@@ -63,22 +57,26 @@ class Decoder:
     a recorded session fed to a new decoder gives the same readings.
     """
 
-    def __init__(self, profile: Profile) -> None:
+    def __init__(self, profile: Profile, *, rules: int = RULES) -> None:
+        if not 1 <= rules <= RULES:
+            raise InputError(f"the rules {rules} of a newer version are not known here")
+        strict = rules > 1
         self._profile = profile
+        self._poller = Poller(profile.poll) if profile.poll is not None and strict else None
+        self._gatherer = Gatherer(len(profile.axes), profile.stage.within)
+        self._presses = Presses(profile.poll, strict=strict)
+        self._numbering = Numbering(incremental=profile.incremental, strict=strict)
+        self._now = math.inf  # unknown: a request sent then does not grow old
         self._framers = {name: Framer(profile.framing) for name in profile.links}
         self._names = tuple(profile.axes)
         self._values: dict[str, float] = {}
-        self._fresh: dict[str, float] = {}
         self._checksummed: set[str] = set()
         self._confirming: dict[tuple[str, str], _Confirming] = {}
         self._pressed: dict[str, bool] = {}
-        self._pending: list[_Press] = []
         self._cycle = 0
         self._last_byte = dict.fromkeys(profile.links, 0.0)
-        self._number: int | None = None
         self._notes: list[Reading] = []
         self._understood_records = dict.fromkeys(profile.links, 0)
-        self._understood_positions = dict.fromkeys(profile.links, 0)
         self._pressed_for_each = any(
             switch.source == "every" for switch in profile.footswitches.values()
         )
@@ -118,10 +116,13 @@ class Decoder:
         """
         name = link if link is not None else self._profile.default_link
         framer = self._framers[name]
+        self._now = now
         if data:
             self._let_go(name, now - self._last_byte[name])
             self._last_byte[name] = now
-        readings: list[Reading] = list(self._expire_presses(now))
+            if self._poller is not None:
+                self._poller.bytes_came(now)
+        readings: list[Reading] = list(self._presses.expire(now))
         for frame in framer.feed(data, now):
             if isinstance(frame, Refused):
                 readings.append(frame)
@@ -142,10 +143,11 @@ class Decoder:
         list of Reading
             Refusals.
         """
+        self._now = now
         readings: list[Reading] = []
         for framer in self._framers.values():
             readings.extend(framer.expire(now))
-        readings.extend(self._expire_presses(now))
+        readings.extend(self._presses.expire(now))
         return readings
 
     def press(self, switch: str, now: float) -> None:
@@ -163,14 +165,14 @@ class Decoder:
         now
             When [s].
         """
-        self._pending = [press for press in self._pending if press.switch != switch]
-        self._pending.append(_Press(switch, now, self._cycle))
+        self._now = now
+        self._presses.press(switch, now)
 
-    def sent(self, data: bytes, link: str | None = None) -> None:
+    def sent(self, data: bytes, link: str | None = None, now: float | None = None) -> None:
         """Take notice of what the host sent: a request begins a new cycle.
 
         A position is made of answers of one cycle only. The request on the first of the polled
-        links counts.
+        links counts for all.
 
         Parameters
         ----------
@@ -178,22 +180,38 @@ class Decoder:
             Bytes sent.
         link
             Where; the profile's first link by default.
+        now
+            When [s]; by default the latest time that the decoder was given.
         """
+        self._now = self._now if now is None else now
         poll = self._profile.poll
         name = link if link is not None else self._profile.default_link
         if poll is not None and data == poll.request and name == poll.links[0]:
-            self._fresh.clear()
             self._cycle += 1
+            self._gatherer.begun()
+            self._presses.begun(self._cycle)
+            if self._poller is not None:
+                self._poller.sent(name, self._now)
 
-    def heard(self, link: str) -> tuple[int, int]:
-        """Return how many records, and how many positions among them, were understood.
+    @property
+    def poller(self) -> Poller | None:
+        """When to ask a device that is asked; None for another, and by former rules."""
+        return self._poller
+
+    @property
+    def waiting(self) -> bool:
+        """Whether something waits for the next read-out."""
+        return self._presses.waiting
+
+    def heard(self, link: str) -> int:
+        """Return how many records were understood.
 
         Parameters
         ----------
         link
             Where.
         """
-        return self._understood_records[link], self._understood_positions[link]
+        return self._understood_records[link]
 
     def reopen(self, link: str | None = None) -> None:
         """Start afresh after a link was lost: nothing begun before it counts.
@@ -206,11 +224,13 @@ class Decoder:
         for name in self._framers if link is None else (link,):
             self._framers[name].reset()
             self._checksummed.discard(name)
-        self._fresh.clear()
+        self._gatherer.forget()
         self._confirming.clear()
         self._pressed.clear()
-        self._pending.clear()
-        self._number = None
+        self._presses.forget()
+        self._numbering.forget()
+        if self._poller is not None:
+            self._poller.restart()
         if self._profile.incremental:
             self._referenced = False
             self._raw_plate = None
@@ -352,21 +372,14 @@ class Decoder:
                 if match is not None:
                     readings = self._understood(record, match, frame, now, link)
                     return [*self._notes, *readings]
-            raise _RefusedError(f"no record of {self._profile.id}")
-        except _RefusedError as refusal:
+            raise RefusedError(f"no record of {self._profile.id}")
+        except RefusedError as refusal:
             self._framers[link].lose_sync()
             return [*self._notes, *self._refuse(frame, str(refusal))]
 
     def _refuse(self, frame: bytes, reason: str) -> list[Reading]:
         """Refuse a record; a press that waited for it is refused with it."""
-        readings: list[Reading] = [Refused(frame, reason)]
-        if self._pending:
-            readings.extend(
-                Refused(b"", f"{safe_text(press.switch, 40)} was not recorded: {reason}")
-                for press in self._pending
-            )
-            self._pending.clear()
-        return readings
+        return [Refused(frame, reason), *self._presses.refuse(reason)]
 
     def _verified(self, frame: bytes, link: str) -> bytes:
         """Return the record without its checksum."""
@@ -377,10 +390,10 @@ class Decoder:
         payload, digits = bare[:-3], bare[-3:]
         if len(digits) < 3 or digits[:1] != checksum.marker:
             if checksum.required or link in self._checksummed:
-                raise _RefusedError("the checksum is missing")
+                raise RefusedError("the checksum is missing")
             return bare
         if checksum.marker + digits[1:].upper() != checksum.digits(payload):
-            raise _RefusedError("the checksum is wrong")
+            raise RefusedError("the checksum is wrong")
         self._checksummed.add(link)
         return payload
 
@@ -388,8 +401,7 @@ class Decoder:
         self, record: RecordFormat, match: re.Match[bytes], frame: bytes, now: float, link: str
     ) -> list[Reading]:
         self._understood_records[link] += 1
-        if record.kind == "position":
-            self._understood_positions[link] += 1
+        cycle = self._answered(link, now) if record.kind == "position" else None
         if record.kind == "ignore":
             return []
         if record.kind == "fault":
@@ -402,7 +414,7 @@ class Decoder:
         if record.kind == "record":
             # the number counts even when the record is refused for what it says
             switch = self._switch_of(record, match)
-            number = self._numbered(match)
+            number = self._numbered(match, now)
         self._check_faults(record, match)
         values = self._axis_values(record, match, link)
         if record.kind == "in-position":
@@ -413,7 +425,23 @@ class Decoder:
                 return [Record(self._reading(values), switch, number)]
             self.press(switch, now)
             return []
-        return self._positioned(record, match, values, now)
+        return self._positioned(record, match, values, cycle, now)
+
+    def _answered(self, link: str, now: float) -> int | None:
+        """Return the cycle to which a position belongs; None when nobody asked for it."""
+        poll = self._profile.poll
+        if poll is None:
+            return None
+        if self._poller is None:
+            return self._cycle
+        if link not in poll.links:
+            # it speaks by itself: what comes now may have been under way when the cycle began
+            return self._cycle - 1
+        request = self._poller.answered(link, now)
+        if request is None:
+            self._notes += self._presses.refuse("a position came that was not asked for")
+            return None
+        return request.cycle
 
     def _confirmed(self, record: RecordFormat, frame: bytes, now: float, link: str) -> bool:
         if record.confirm == 1:
@@ -426,7 +454,7 @@ class Decoder:
         if begun.frame != frame:
             self._confirming[key] = _Confirming(frame, 1, now)
             if self._pressed_for_each:
-                raise _RefusedError("differs from the one before it: press again")
+                raise RefusedError("differs from the one before it: press again")
             return False
         begun.count += 1
         begun.last = now
@@ -440,7 +468,7 @@ class Decoder:
         for group, meanings in record.faults.items():
             value = match.group(group)
             if value is not None and value in meanings:
-                raise _RefusedError(meanings[value])
+                raise RefusedError(meanings[value])
 
     def _axis_values(
         self, record: RecordFormat, match: re.Match[bytes], link: str
@@ -449,7 +477,7 @@ class Decoder:
         if record.units is not None:
             unit = match.group(record.unit_group) or b""
             if unit not in record.units:
-                raise _RefusedError(f'unknown unit "{safe_text(unit, 20)}"')
+                raise RefusedError(f'unknown unit "{safe_text(unit, 20)}"')
             factor = record.units[unit]
         values: dict[str, float] = {}
         for axis in self._profile.axes.values():
@@ -457,10 +485,10 @@ class Decoder:
                 continue
             raw = match.group(axis.group)
             if raw is None:
-                raise _RefusedError(f"axis {axis.name} has no value")
-            value = _number(raw, axis) * factor * axis.scale * axis.direction
+                raise RefusedError(f"axis {axis.name} has no value")
+            value = axis_number(raw, axis) * factor * axis.scale * axis.direction
             if not axis.low <= value <= axis.high:
-                raise _RefusedError(
+                raise RefusedError(
                     f"axis {axis.name} at {value:.4f} mm is outside its range "
                     f"{axis.low:g} to {axis.high:g} mm"
                 )
@@ -472,14 +500,14 @@ class Decoder:
 
         Raises
         ------
-        _RefusedError
+        RefusedError
             When the counters' origin is not known.
         """
         self._values.update(values)
         self._raw_plate = self._profile.stage.to_plate(tuple(values[name] for name in self._names))
         self._heard_positions += 1
         if not self._referenced:
-            raise _RefusedError(UNREFERENCED)
+            raise RefusedError(UNREFERENCED)
         return self._position(
             tuple(raw + shift for raw, shift in zip(self._raw_plate, self._shift, strict=True))
         )
@@ -496,31 +524,18 @@ class Decoder:
             return (position.xl, position.yl)
         return (position.xl, position.yl, position.xr, position.yr)
 
-    def _numbered(self, match: re.Match[bytes]) -> int | None:
+    def _numbered(self, match: re.Match[bytes], now: float) -> int | None:
         """Return the device's own number; one that came before is refused, a gap is told."""
         if "number" not in match.re.groupindex or match.group("number") is None:
             return None
-        text = match.group("number").strip()
-        if not _INTEGER.fullmatch(text):
-            raise _RefusedError("the record's number is none")
-        number = int(text)
-        last = self._number
-        if last is not None:
-            if number == last or (number < last and number != 1 and last < MAX_NUMBER):
-                raise _RefusedError(f"record {number} came twice")
-            if number <= 1 < last:
-                if last < MAX_NUMBER and self._profile.incremental:
-                    self._number = number
-                    self._referenced = False
-                    self._notes.append(Fault("restarted", "the device has restarted"))
-            elif number > last + 1:
-                missing = (
-                    f"record {last + 1}"
-                    if number == last + 2
-                    else f"records {last + 1} to {number - 1}"
-                )
-                self._notes.append(Fault("missing", f"{missing} did not arrive"))
-        self._number = number
+        number = whole_number(match.group("number"))
+        if number is None:
+            raise RefusedError("the record's number is none")
+        fault = self._numbering.take(number, match.group(0))
+        if fault is not None:
+            self._notes.append(fault)
+            if fault.code == "restarted":
+                self._referenced = False
         return number
 
     def _switch_of(self, record: RecordFormat, match: re.Match[bytes]) -> str:
@@ -530,34 +545,27 @@ class Decoder:
                 continue
             if not switch.group or match.group(switch.group) == switch.value:
                 return switch.name
-        raise _RefusedError("no footswitch of the profile")
+        raise RefusedError("no footswitch of the profile")
 
     def _positioned(
         self,
         record: RecordFormat,
         match: re.Match[bytes],
         values: dict[str, float],
+        cycle: int | None,
         now: float,
     ) -> list[Reading]:
         self._values.update(values)
-        within = self._profile.stage.within
-        self._fresh = {name: when for name, when in self._fresh.items() if now - when <= within}
-        self._fresh.update(dict.fromkeys(values, now))
-        if len(self._fresh) < len(self._names):
+        complete = self._gatherer.add(values, cycle, now)
+        if complete is None:
             return []
-        self._fresh.clear()
-        position = self._reading(self._values)
-        readings: list[Reading] = [position]
-        for switch in self._profile.footswitches.values():
-            if switch.source == "every" or self._held(switch, record, match):
-                readings.append(Record(position, switch.name))
-        asked = self._profile.poll is not None
-        if not asked:
-            self._cycle += 1
-        due = [press for press in self._pending if self._cycle - press.cycle > (not asked)]
-        readings += [Record(position, press.switch) for press in due]
-        self._pending = [press for press in self._pending if press not in due]
-        return readings
+        readout = ReadOut(complete, self._reading(complete), now, cycle)
+        pressed = [
+            switch.name
+            for switch in self._profile.footswitches.values()
+            if switch.source == "every" or self._held(switch, record, match)
+        ]
+        return [readout.position, *self._presses.read(readout, pressed)]
 
     def _held(self, switch: Footswitch, record: RecordFormat, match: re.Match[bytes]) -> bool:
         """Say whether a switch told within a position counts as pressed now."""
@@ -577,42 +585,6 @@ class Decoder:
                 and link in self._profile.records[switch.record].links
             ):
                 self._pressed[switch.name] = False
-
-    def _expire_presses(self, now: float) -> list[Refused]:
-        refused = [
-            Refused(
-                b"", f"{safe_text(press.switch, 40)} was not recorded: no position came after it"
-            )
-            for press in self._pending
-            if now - press.when > PRESS_TIMEOUT
-        ]
-        if refused:
-            self._pending = [press for press in self._pending if now - press.when <= PRESS_TIMEOUT]
-        return refused
-
-
-def _number(raw: bytes, axis: AxisFormat) -> float:
-    """Return the value of a group in the device's units."""
-    encoding = axis.encoding
-    if encoding == "decimal":
-        match = _DECIMAL.fullmatch(raw.strip(b" "))
-        if match is None:
-            raise _RefusedError(f'axis {axis.name}: "{safe_text(raw, 30)}" is not a number')
-        value = float(match.group(2))
-        return -value if match.group(1) == b"-" else value
-    if encoding in ("integer", "hex"):
-        pattern = _INTEGER if encoding == "integer" else _HEX
-        if pattern.fullmatch(raw) is None:
-            raise _RefusedError(f'axis {axis.name}: "{safe_text(raw, 30)}" is not a number')
-        return float(int(raw, 10 if encoding == "integer" else 16))
-    if len(raw) > 8:
-        raise _RefusedError(f"axis {axis.name}: more than 8 bytes")
-    if encoding in ("bits6", "bits7"):
-        bits = 6 if encoding == "bits6" else 7
-        mask = (1 << bits) - 1
-        return float(sum((byte & mask) << (bits * at) for at, byte in enumerate(raw)))
-    order = "little" if encoding == "int-le" else "big"
-    return float(int.from_bytes(raw, order, signed=True))  # type: ignore[arg-type]
 
 
 def check_examples(profile: Profile) -> list[str]:

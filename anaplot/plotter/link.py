@@ -11,7 +11,7 @@ from typing import Literal
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.readings import InPosition, Position, Reading, Record
-from anaplot.plotter.schema import Footswitch, Poll, Profile
+from anaplot.plotter.schema import Footswitch, Profile
 from anaplot.plotter.serialport import SerialPort, find_port, identity_of
 from anaplot.plotter.text import safe_text
 
@@ -25,8 +25,6 @@ _TICK = 0.1
 _MODEM_TICK = 0.01
 _BACK_OFF = (0.25, 0.5, 1.0, 2.0, 4.0)
 _JOIN = 10.0
-_QUIET = 0.1
-_PATIENCE = 4.0
 # worst first: several ports are as good as the worst of them
 _ORDER: tuple[LinkState, ...] = ("lost", "reconnecting", "silent", "opening", "live")
 
@@ -87,10 +85,6 @@ class Link:
         self._state: LinkState = "closed"
         self._detail = ""
         self._latest: tuple[Position, float] | None = None
-        self._asked: float | None = None
-        self._answered: set[str] = set()
-        self._urgent = False
-        self._last_byte = 0.0
         self._event_time = 0.0
 
     # -- life -----------------------------------------------------------------------------
@@ -117,7 +111,6 @@ class Link:
             self._stop = threading.Event()
             self._decoder = Decoder(self._profile)
             self._latest = None
-            self._asked = None
             if not referenced:
                 self._note("reopen", "")
                 self._decoder.reopen()
@@ -135,7 +128,6 @@ class Link:
         now = self._clock()
         with self._lock:
             self._lines = lines
-            self._last_byte = now
             for line in lines.values():
                 line.opened(now)
         for line in lines.values():
@@ -259,16 +251,15 @@ class Link:
             When the request cannot be sent.
         """
         self._usable(self._profile.default_link)
-        poll = self._profile.poll
-        if poll is None:
-            return
         with self._lock:
-            if self._missing(poll):
-                self._urgent = True
+            poller = self._decoder.poller
+            if poller is None:
                 return
-            lines = self._mark_request(self._clock())
+            poller.urge()
+            now = self._clock()
+            lines = [] if poller.wait(now) > 0.0 else self._begin_cycle(now)
         for line in lines:
-            line.port.write(poll.request)
+            self._ask(line)
 
     def record(self, switch: str = "key") -> None:
         """Record the next position, as if a footswitch had been pressed now.
@@ -382,44 +373,32 @@ class Link:
         self._note("press", switch)
         self._decoder.press(switch, now)
 
-    def _mark_request(self, now: float) -> list[_Line]:
+    def _begin_cycle(self, now: float) -> list[_Line]:
         """Begin a cycle; return the ports on which the request is to be written.
 
         The request is told and the decoder knows of it before any answer can be decoded; the
         writing itself, which may wait, is left to the caller and outside of the lock.
         """
-        poll = self._profile.poll
-        if poll is None:
+        poll, poller = self._profile.poll, self._decoder.poller
+        if poll is None or poller is None:
             return []
         with self._lock:
-            self._asked = now
-            self._answered = set()
-            self._urgent = False
+            poller.begin(now)
             lines = [self._lines[name] for name in poll.links if name in self._lines]
             usable = [line for line in lines if line.state not in ("lost", "reconnecting")]
             for line in usable:
-                self._tell_sent(line.name, poll.request)
+                self._tell_sent(line.name, poll.request, now)
             return usable
 
-    def _tell_sent(self, name: str, data: bytes) -> None:
+    def _ask(self, line: _Line) -> None:
+        if self._profile.poll is not None:
+            line.port.write(self._profile.poll.request)
+
+    def _tell_sent(self, name: str, data: bytes, now: float) -> None:
+        self._event_time = now
         if self._on_traffic is not None:
             self._on_traffic("out", name, data)
-        self._decoder.sent(data, name)
-
-    @property
-    def overdue(self) -> bool:
-        """Whether the last request has waited for its answer for longer than the device takes."""
-        poll = self._profile.poll
-        if poll is None:
-            return False
-        with self._lock:
-            if self._asked is None or not self._missing(poll):
-                return False
-            return self._clock() >= self._asked + poll.timeout
-
-    def _missing(self, poll: Poll) -> set[str]:
-        """Return the links that still owe an answer to the last request."""
-        return set() if self._asked is None else set(poll.links) - self._answered
+        self._decoder.sent(data, name, now)
 
     def poll_if_due(self) -> float:
         """Send the next request when its time has come.
@@ -429,31 +408,29 @@ class Link:
         float
             Seconds until the next one may be due.
         """
-        poll = self._profile.poll
-        if poll is None:
-            return _TICK
         with self._lock:
+            poller = self._decoder.poller
+            if poller is None:
+                return _TICK
+            if self._decoder.waiting:
+                poller.urge()
             now = self._clock()
-            if self._asked is not None:
-                missing = self._missing(poll)
-                wait = max(poll.timeout, poll.period) if missing else poll.period
-                remaining = self._asked + wait - now
-                if missing:
-                    # a late answer must not be taken for the answer to the next request: the
-                    # line has to be quiet first, but nobody waits for ever
-                    quiet = self._last_byte + max(_QUIET, self._profile.framing.gap or 0.0) - now
-                    patience = self._asked + _PATIENCE * wait - now
-                    remaining = max(remaining, min(quiet, patience))
-                elif self._urgent:
-                    remaining = 0.0
-                if remaining > 0:
-                    return min(remaining, _TICK)
-            lines = self._mark_request(now)
+            wait = poller.wait(now)
+            if wait > 0.0:
+                return min(wait, _TICK)
+            lines = self._begin_cycle(now)
+            wait = poller.wait(now)
         for line in lines:
             # a port that does not take the request gives no answer: its reader says so
             with contextlib.suppress(LinkError):
-                line.port.write(poll.request)
-        return min(poll.period, _TICK)
+                self._ask(line)
+        return min(wait, _TICK)
+
+    @property
+    def settling(self) -> bool:
+        """Whether the device is not asked until late answers have come."""
+        with self._lock:
+            return self._decoder.poller is not None and self._decoder.poller.settling
 
     def received(self, line: _Line, data: bytes) -> None:
         """Take bytes from a port, decode them and tell."""
@@ -461,14 +438,10 @@ class Link:
             now = self._event_time = self._clock()
             if self._on_traffic is not None:
                 self._on_traffic("in", line.name, data)
-            self._last_byte = now
             before = self._decoder.heard(line.name)
             readings = self._decoder.feed(data, now, line.name)
-            records, positions = self._decoder.heard(line.name)
-            if records > before[0]:
+            if self._decoder.heard(line.name) > before:
                 line.heard_at(now)
-            if positions > before[1]:
-                self._answered.add(line.name)
             self._tell(readings, now)
 
     def tick(self) -> None:
@@ -481,19 +454,19 @@ class Link:
         """Take a modem line's footswitch."""
         with self._lock:
             self._press(switch)
-            self._urgent = True
+            if self._decoder.poller is not None:
+                self._decoder.poller.urge()
 
     def reopened(self, name: str) -> None:
         """Start the decoder afresh after a port came back."""
         with self._lock:
             self._note("reopen", name)
             self._decoder.reopen(name)
-            self._asked = None
 
     def about_to_send(self, name: str, data: bytes) -> None:
         """Tell what is about to be sent."""
         with self._lock:
-            self._tell_sent(name, data)
+            self._tell_sent(name, data, self._clock())
 
     def _tell(self, readings: list[Reading], now: float) -> None:
         for reading in readings:
@@ -610,9 +583,6 @@ class _Line:
 
     def _read_until_lost(self) -> None:
         while not self.link.stopping.is_set():
-            if self.link.overdue and (late := self.port.read(0.0)):
-                # come while nobody looked: the next request must not take it for its own answer
-                self.link.received(self, late)
             wait = self.link.poll_if_due()
             if self._switches:
                 wait = min(wait, _MODEM_TICK)
@@ -631,6 +601,9 @@ class _Line:
         limit = self._limit()
         if limit is None:
             return
+        if self.link.settling:
+            # it is not asked, so that it need not answer
+            self._heard = self.link.now()
         quiet = self.link.now() - self._heard
         if quiet >= limit:
             where = safe_text(self.address, 60)

@@ -34,7 +34,13 @@ from anaplot.plotter.template import Template, TemplateError, parse_template
 from anaplot.plotter.text import safe_text
 from anaplot.plotter.tomltable import TomlTable, nearest, parse_toml
 
-__all__ = ["MAX_PROFILE_BYTES", "find_profiles", "load_profile", "parse_profile"]
+__all__ = [
+    "MAX_PROFILE_BYTES",
+    "find_profiles",
+    "load_profile",
+    "parse_profile",
+    "recorded_profile",
+]
 
 MAX_PROFILE_BYTES = 65536
 MAX_RECORD_BYTES = 1024
@@ -160,16 +166,47 @@ def parse_profile(raw: bytes, name: str) -> Profile:
     """
     if len(raw) > MAX_PROFILE_BYTES:
         raise InputError(f"{name}: larger than {MAX_PROFILE_BYTES} bytes")
-    return _Loader(parse_toml(raw, name), name, hashlib.sha256(raw).hexdigest()).load()
+    return _Loader(parse_toml(raw, name), name, raw).load()
+
+
+def recorded_profile(name: str, sha256: str | None, text: str | None) -> Profile:
+    """Return the profile with which a session was recorded.
+
+    Parameters
+    ----------
+    name, sha256
+        Of the profile, as the session says.
+    text
+        The profile itself, where the session has it; older sessions name it only, and it is
+        looked for among the profiles of today and the former ones that come with the program.
+
+    Returns
+    -------
+    Profile
+        That profile, or the one that has its name today: compare `Profile.sha256`.
+
+    Raises
+    ------
+    InputError
+        When there is none of that name, or the text is not a valid profile.
+    """
+    if text is not None:
+        return parse_profile(text.encode(), f"recorded profile {safe_text(name, 60)}")
+    if _NAME.fullmatch(name):
+        for file in sorted((profile_folders()[-1] / "former").glob(f"{name}.*.toml")):
+            former = load_profile(file)
+            if former.sha256 == sha256:
+                return former
+    return load_profile(name)
 
 
 class _Loader:
     """Reads the tables in the order in which they depend on each other."""
 
-    def __init__(self, root: TomlTable, name: str, digest: str) -> None:
+    def __init__(self, root: TomlTable, name: str, raw: bytes) -> None:
         self._root = root
         self._name = name
-        self._digest = digest
+        self._raw = raw
 
     def load(self) -> Profile:
         root = self._root
@@ -218,7 +255,8 @@ class _Loader:
             drive=drive,
             simulate=simulate,
             examples=examples,
-            sha256=self._digest,
+            text=self._raw.decode(),
+            sha256=hashlib.sha256(self._raw).hexdigest(),
             origin=self._name,
         )
 
@@ -308,11 +346,13 @@ class _Loader:
         request = table.octets("request", limit=80)
         if not request:
             table.fail("must not be empty", "request")
+        timeout = table.number("timeout", 0.5, low=0.001, high=60.0)
         poll = Poll(
             request=request,
             links=self._some_links(table, "links"),
-            timeout=table.number("timeout", 0.5, low=0.001, high=60.0),
+            timeout=timeout,
             period=table.number("period", 0.04, low=0.001, high=60.0),
+            latency=table.number("latency", max(5.0, 2 * timeout), low=timeout, high=600.0),
         )
         table.done()
         return poll

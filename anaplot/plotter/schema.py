@@ -133,15 +133,18 @@ class Poll:
     links
         Where they are sent.
     timeout
-        An answer later than this [s] counts as missing.
+        After this time [s] without an answer the next request is sent.
     period
         Smallest time [s] between requests.
+    latency
+        No answer comes later than this [s] after its request.
     """
 
     request: bytes
     links: tuple[str, ...]
     timeout: float = 0.5
     period: float = 0.04
+    latency: float = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -428,6 +431,8 @@ class Profile:
         The other tables; None where the instrument has none.
     examples
         Checked by `check_examples`.
+    text
+        The file, as it stands.
     sha256
         Of the file, hexadecimal.
     origin
@@ -449,6 +454,7 @@ class Profile:
     drive: Drive | None
     simulate: Simulate
     examples: tuple[Example, ...]
+    text: str
     sha256: str
     origin: str
 

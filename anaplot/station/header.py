@@ -7,6 +7,7 @@ from typing import Any
 
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml
 from anaplot.photogrammetry.block import Block
+from anaplot.plotter.decoder import RULES
 from anaplot.station.plotting import Plotting
 
 __all__ = ["session_header"]
@@ -33,6 +34,9 @@ def session_header(
         header |= {
             "profile": profile.id,
             "profile_sha256": profile.sha256,
+            # a replay needs the profile and the rules of the day, not those it meets
+            "profile_text": profile.text,
+            "rules": RULES,
             # where a simulated device is found says nothing, another time it is elsewhere
             "port": "simulated" if plotting.simulated else plotting.port,
             "links": {name: asdict(line) for name, line in profile.links.items()},

@@ -28,6 +28,8 @@ __all__ = [
     "table_of",
 ]
 
+_FIRST_RULES = 1  # of headers that do not say
+
 Value = str | float | bool | None
 """One value of a recorded table's row."""
 
@@ -44,12 +46,18 @@ class Opened:
         The texts of its camera files, by their names.
     profile, profile_sha256
         The device profile's name and the digest of its file; None without an instrument.
+    profile_text
+        The profile itself; None in sessions of version 0.1.
+    rules
+        By which the decoder decided what is a measurement, see `anaplot.plotter.decoder.RULES`.
     """
 
     block_toml: str | None
     camera_files: Mapping[str, str]
     profile: str | None
     profile_sha256: str | None
+    profile_text: str | None
+    rules: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,11 +137,16 @@ def opened_by(record: Record) -> Opened:
     files = record.payload.get("camera_files", {})
     if not isinstance(files, dict) or not all(isinstance(text, str) for text in files.values()):
         raise refusal(record, "camera_files must be texts by their names")
+    rules = record.payload.get("rules", _FIRST_RULES)
+    if isinstance(rules, bool) or not isinstance(rules, int):
+        raise refusal(record, f"rules must be a number, not {describe_type(rules)}")
     return Opened(
         block_toml=_text_or_none(record, "block_toml"),
         camera_files=files,
         profile=_text_or_none(record, "profile"),
         profile_sha256=_text_or_none(record, "profile_sha256"),
+        profile_text=_text_or_none(record, "profile_text"),
+        rules=rules,
     )
 
 

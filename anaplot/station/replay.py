@@ -21,7 +21,7 @@ from anaplot.exchange.journal import Record, event_of, read_journal
 from anaplot.exchange.wording import quoted
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import Decoder
-from anaplot.plotter.profile import load_profile
+from anaplot.plotter.profile import recorded_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.readings import Record as PlotterRecord
 from anaplot.session.events import (
@@ -260,10 +260,10 @@ class _Line:
             return None
         name = quoted(said.profile)
         try:
-            profile = load_profile(said.profile)
+            profile = recorded_profile(said.profile, said.profile_sha256, said.profile_text)
+            self._decoder = Decoder(profile, rules=said.rules)
         except AnaplotError as error:
             return f"profile {name}: {error}"
-        self._decoder = Decoder(profile)
         if said.profile_sha256 != profile.sha256:
             return f"profile {name} is not the one that the session was recorded with"
         return None
@@ -280,7 +280,7 @@ class _Line:
             elif item.kind in ("in", "out"):
                 _check_link(decoder, item.name, record)
                 if item.kind == "out":
-                    decoder.sent(item.data, item.name)
+                    decoder.sent(item.data, item.name, item.when)
                 else:
                     self._hear(decoder, item)
 

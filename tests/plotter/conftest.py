@@ -131,25 +131,19 @@ class Bench:
     decoder: Decoder
     now: float = 0.0
     step: float = 0.004
-    asked: float | None = None
-    answered: set[str] = field(default_factory=set)
-    last_byte: float = -1.0
     readings: list[Reading] = field(default_factory=list)
     settled: deque[HandSettled] = field(default_factory=deque)
     presses: int = 0
 
     def tick(self) -> None:
-        poll = self.profile.poll
-        if poll is not None:
-            missing = set(poll.links) - self.answered
-            wait = max(poll.timeout, poll.period) if missing else poll.period
-            quiet = not missing or self.now - self.last_byte >= 0.1
-            patience = self.asked is not None and self.now - self.asked >= 4 * wait
-            if self.asked is None or (self.now - self.asked >= wait and (quiet or patience)):
-                self.asked = self.now
-                self.answered = set()
+        poll, poller = self.profile.poll, self.decoder.poller
+        if poll is not None and poller is not None:
+            if self.decoder.waiting:
+                poller.urge()
+            if poller.wait(self.now) <= 0.0:
+                poller.begin(self.now)
                 for name in poll.links:
-                    self.decoder.sent(poll.request, name)
+                    self.decoder.sent(poll.request, name, self.now)
                     self.simulator.receive(poll.request, name)
         self.simulator.advance(self.step)
         self.now += self.step
@@ -159,11 +153,7 @@ class Bench:
             if not data:
                 continue
             heard_any = True
-            self.last_byte = self.now
-            before = self.decoder.heard(name)[1]
             self.readings += self.decoder.feed(data, self.now, name)
-            if self.decoder.heard(name)[1] > before:
-                self.answered.add(name)
         if not heard_any:
             self.readings += self.decoder.tick(self.now)
 

@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import itertools
 import os
+import select
 import socket
 import threading
+import time
 import tty
 from types import SimpleNamespace
 
@@ -461,6 +463,80 @@ def test_an_answer_that_came_while_nobody_looked_is_not_that_to_the_next_request
         go_on.set()
         os.close(master)
         os.close(slave)
+
+
+class LateCounter:
+    """A counter on a pseudo-terminal, behind something that delays what it says."""
+
+    def __init__(self, delays: list[float], usual: float) -> None:
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        self._slave = slave
+        self.port = os.ttyname(slave)
+        self.x = 0
+        self._delays = delays
+        self._usual = usual
+        self._coming: list[tuple[float, bytes]] = []
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            ready, _, _ = select.select([self.master], [], [], 0.005)
+            now = time.monotonic()
+            for _ in os.read(self.master, 64) if ready else b"":
+                delay = self._delays.pop(0) if self._delays else self._usual
+                when = max([now + delay, *(item[0] for item in self._coming)])
+                self._coming.append((when, b"%04d %04d\n" % (self.x, self.x)))
+            while self._coming and self._coming[0][0] <= now:
+                os.write(self.master, self._coming.pop(0)[1])
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        os.close(self.master)
+        os.close(self._slave)
+
+
+LATE = (
+    ASKED.replace("\\d)", "\\d{4})")
+    .replace("[0.0, 9.0]", "[0.0, 9999.0]")
+    .replace('"1 2\\n"', '"0001 0002\\n"')
+    .replace("timeout = 0.2", "timeout = 0.1\nlatency = 2.0")
+)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no pseudo-terminals there")
+@pytest.mark.parametrize(
+    ("delays", "usual"),
+    [([0.0] * 5 + [0.45], 0.0), ([], 0.15), ([0.3, 0.0] * 40, 0.02)],
+    ids=["one hiccup", "always late", "every other one"],
+)
+def test_no_press_is_recorded_with_a_late_answer(delays, usual, heard):
+    """Every place is another one; whatever is recorded is where the counter stood at the press."""
+    device = LateCounter(delays, usual)
+    try:
+        with Link(
+            parse_profile(LATE.encode(), "late.toml"), device.port, **heard.callbacks
+        ) as link:
+            heard.wait_state("live")
+            for _ in range(12):
+                device.x += 10
+                start = len(heard.readings)
+                link.record()
+                heard.wait(
+                    lambda start=start: any(
+                        isinstance(r, Record) or "key was not" in getattr(r, "reason", "")
+                        for r in heard.readings[start:]
+                    )
+                )
+                assert {r.position.xl for r in heard.of(Record)} <= set(range(0, 130, 10))
+                fresh = [r for r in heard.readings[start:] if isinstance(r, Record)]
+                assert all(record.position.xl == device.x for record in fresh)
+            assert len(heard.of(Record)) >= 6
+    finally:
+        device.close()
 
 
 @pytest.mark.filterwarnings("ignore:setDaemon")

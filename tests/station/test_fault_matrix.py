@@ -29,9 +29,23 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(automatic, "_PATIENCE", 0.3)
 
 
-def the_scene(profile: str) -> tuple[Scene, str]:
+@pytest.fixture(scope="session")
+def quick_profile(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
+    """Profiles whose answers are not waited for as long as at a real instrument."""
+    folder = tmp_path_factory.mktemp("profiles")
+
+    def path(profile: str) -> str:
+        text = load_profile(profile).text
+        file = folder / f"{profile}.toml"
+        file.write_text(text.replace("[poll]\n", "[poll]\nlatency = 0.6\n"))
+        return str(file)
+
+    return path
+
+
+def the_scene(profile: str) -> Scene:
     # the tablet's steps are coarse
-    return scene(image_um=130.0 if profile == TABLET else 5.0), profile
+    return scene(image_um=130.0 if profile == TABLET else 5.0)
 
 
 def the_pattern(profile: str) -> str:
@@ -40,11 +54,17 @@ def the_pattern(profile: str) -> str:
 
 
 @pytest.fixture(scope="session")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
+def undisturbed(tmp_path_factory: pytest.TempPathFactory, quick_profile):  # type: ignore[no-untyped-def]
     @lru_cache
     def tables(profile: str) -> Tables:
         folder = tmp_path_factory.mktemp("calm") / "block"
-        job = run_job(folder, *the_scene(profile), pattern=the_pattern(profile), mistakes=MISTAKE)
+        job = run_job(
+            folder,
+            the_scene(profile),
+            quick_profile(profile),
+            pattern=the_pattern(profile),
+            mistakes=MISTAKE,
+        )
         told = [text for severity, text in job.notices if severity in ("warning", "error")]
         # a stream is joined in the middle of a record
         assert all("flagged" in text or text == "line: the start was missed" for text in told)
@@ -64,11 +84,16 @@ def faultless_apart_from_what_was_told(job: Job, expected: Tables, folder: Path)
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_strip_measured_through_a_fault(
-    fault: str, profile: str, tmp_path: Path, undisturbed
+    fault: str, profile: str, tmp_path: Path, undisturbed, quick_profile
 ) -> None:  # type: ignore[no-untyped-def]
     folder = tmp_path / "block"
     job = run_job(
-        folder, *the_scene(profile), fault=fault, pattern=the_pattern(profile), mistakes=MISTAKE
+        folder,
+        the_scene(profile),
+        quick_profile(profile),
+        fault=fault,
+        pattern=the_pattern(profile),
+        mistakes=MISTAKE,
     )
     assert job.injected == 2
     faultless_apart_from_what_was_told(job, undisturbed(profile), folder)
@@ -81,7 +106,7 @@ def test_a_strip_measured_through_a_fault(
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_a_strip_over_a_bad_line(profile: str, tmp_path: Path, undisturbed) -> None:  # type: ignore[no-untyped-def]
+def test_a_strip_over_a_bad_line(profile: str, tmp_path: Path, undisturbed, quick_profile) -> None:  # type: ignore[no-untyped-def]
     folder = tmp_path / "block"
     rates = dict.fromkeys(FRAME_FAULTS, 0.02)
     if any(record.confirm > 1 for record in load_profile(profile).records.values()):
@@ -89,6 +114,11 @@ def test_a_strip_over_a_bad_line(profile: str, tmp_path: Path, undisturbed) -> N
         # can tell them apart
         del rates["duplicate"]
     job = run_job(
-        folder, *the_scene(profile), rates=rates, pattern=the_pattern(profile), mistakes=MISTAKE
+        folder,
+        the_scene(profile),
+        quick_profile(profile),
+        rates=rates,
+        pattern=the_pattern(profile),
+        mistakes=MISTAKE,
     )
     faultless_apart_from_what_was_told(job, undisturbed(profile), folder)
