@@ -1,14 +1,19 @@
-"""What every test process needs: one thread of linear algebra, steady examples, interrupts.
+"""What every test process needs: one thread of linear algebra, steady examples, lanes, interrupts.
 
 Several test processes share the processors, so that no example may be judged by its time. The same
 examples are tried every time; others with `pytest --hypothesis-profile explore`. A command started
 in the background is told to ignore interrupts, and hands that on to every process it starts, also
 to those that a test interrupts.
+
+The fast lane (`-m "not slow"`) has the mathematics, the session and the codecs. Rooms that wait for
+terminals, lines and commands are slow as wholes, but for what is marked `smoke`.
 """
 
 import os
 import signal
+from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # before anything imports numpy, which reads them once
@@ -22,3 +27,14 @@ _patient = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("steady", _patient, derandomize=True)
 settings.register_profile("explore", _patient, print_blob=True)
 settings.load_profile("steady")
+
+_SLOW_ROOMS = {"console", "report", "station"}
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest takes out what -m does not want
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    here = Path(__file__).parent
+    for item in items:
+        slow = item.path.relative_to(here).parts[0] in _SLOW_ROOMS
+        if slow and item.get_closest_marker("smoke") is None:
+            item.add_marker(pytest.mark.slow)

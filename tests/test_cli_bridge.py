@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from clibench import TIMEOUT, anaplot, command, contents, environment, make_block, one_line
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def block(tmp_path: Path) -> Path:

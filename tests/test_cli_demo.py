@@ -13,6 +13,8 @@ from clibench import TIMEOUT, anaplot, command, environment, one_line
 
 from anaplot.exchange.blockfolder import read_block
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_demo_tells_its_story() -> None:
     result = anaplot("demo", "--auto", "--models", "2")

@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from clibench import anaplot
 
 from anaplot.exchange.blockfolder import read_block
+
+pytestmark = pytest.mark.slow
 
 
 def test_the_demo_with_fiducials_tells_its_story(tmp_path: Path) -> None:

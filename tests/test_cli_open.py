@@ -9,6 +9,8 @@ from clibench import anaplot, contents, make_block, one_line
 
 from anaplot.exchange.journal import Journal
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def block(tmp_path: Path) -> Path:

@@ -17,6 +17,8 @@ from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.report import planpattern
 
+pytestmark = pytest.mark.slow
+
 PATTERN = ("plan", "pattern", "6")
 BUFFERED = {"PYTHONUNBUFFERED": ""}
 posix = pytest.mark.skipif(sys.platform == "win32", reason="a shell closes the streams")

@@ -15,6 +15,8 @@ from clibench import TIMEOUT, environment
 
 import anaplot
 
+pytestmark = pytest.mark.slow
+
 
 def python(code: str) -> str:
     result = subprocess.run(

@@ -41,6 +41,7 @@ rows = st.permutations(range(N))
 ratios = st.sampled_from([3e-4, 1e-3, 3e-3, 0.03, 0.09])
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), rows, ratios)
 @pytest.mark.parametrize("strategy", [name for name in STRATEGIES if name != "modified"])
 def test_the_row_that_hardly_shows_its_error_is_never_rejected(
@@ -75,6 +76,7 @@ def test_many_runs_at_once_choose_as_one_by_one(strategy: str) -> None:
             one.add(row)
 
 
+@pytest.mark.slow
 def test_a_single_error_is_found_in_its_row_or_in_a_better_partner() -> None:
     """Without noise nothing is larger than the row in error, but what cannot be told from it."""
     for seed in range(100):

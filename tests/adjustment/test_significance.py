@@ -70,7 +70,8 @@ def test_noncentrality_refuses_impossible_powers(power):
 @pytest.mark.parametrize("f", [2, 3, 5, 8, 12, 100])
 def test_tau_power_is_that_of_the_noncentral_t(f):
     t = stats.t.isf(0.0005, f - 1)
-    expected = stats.nct.sf(t, f - 1, 4.132) + stats.nct.cdf(-t, f - 1, 4.132)
+    with np.errstate(divide="ignore"):  # on the way to the right value, with scipy before 1.12
+        expected = stats.nct.sf(t, f - 1, 4.132) + stats.nct.cdf(-t, f - 1, 4.132)
     assert tau_power(4.132, 0.001, f) == pytest.approx(expected, rel=1e-8)
     assert tau_power(4.132, 0.001, f) < 0.80
 
@@ -98,15 +99,12 @@ def test_tau_power_where_the_noncentral_t_has_none():
 @pytest.mark.parametrize("f", [2, 3, 4, 5, 8, 12, 30, 100, 500])
 def test_tau_power_is_finite_and_grows_with_the_error(f):
     for alpha in (1e-5, 0.001, 0.05):
-        t = -special.stdtrit(f - 1.0, alpha / 2.0)
         before = 0.0
         for delta in range(61):
             power = tau_power(float(delta), alpha, f)
             assert before - 1e-12 <= power <= 1.0
-            formula = 1.0 - special.nctdtr(f - 1.0, delta, t) + special.nctdtr(f - 1.0, delta, -t)
-            assert np.isnan(formula) or power == pytest.approx(formula, abs=1e-8)
             before = power
-        for delta in (0.0, 0.7, 6.7, 17.0, 60.0):
+        for delta in (0.0, 0.7, 2.0, 4.1, 6.7, 11.0, 17.0, 30.0, 60.0):
             expected = tau_power_over_the_tested_row(delta, alpha, f)
             assert tau_power(delta, alpha, f) == pytest.approx(expected, abs=1e-8)
 

@@ -115,7 +115,8 @@ def test_weights_from_columns_are_those_of_a_new_adjustment(seed: int) -> None:
     weights = np.where(rng.random(15) < 0.5, 1.0, rng.uniform(0.001, 1.0, 15))
     x = np.linalg.solve(design.T @ (weights[:, None] * design), design.T @ (weights * misclosures))
     sign = np.sign(
-        system.e[0] * (misclosures - design @ np.linalg.lstsq(design, misclosures)[0])[0]
+        system.e[0]
+        * (misclosures - design @ np.linalg.lstsq(design, misclosures, rcond=None)[0])[0]
     )
     found = weighted_misclosures(system, weights)
     assert sign * found == pytest.approx(misclosures - design @ x, abs=1e-7)

@@ -80,6 +80,7 @@ def test_priors_alone_are_a_datum() -> None:
     assert len(adjusted.prior_rows()) == 3 * 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", "ABCDE")
 def test_close_range_from_control_and_from_nothing(version) -> None:
     scene = cube(version, noise_um=5.0)
@@ -112,6 +113,7 @@ def ring(photos: int, *, flat: bool = False, points: int = 40, seed: int = 3):
     return make_scene(stations, at, c=50.0, control=control, noise_um=5.0, seed=seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [{"photos": 8}, {"photos": 4}, {"photos": 6, "flat": True}, {"photos": 3, "points": 12}],
@@ -266,6 +268,7 @@ def thinned(scene, share: float, seed: int):
     return scene.with_rows([r for r in scene.block.image_points if rng.random() > share])
 
 
+@pytest.mark.slow
 def test_difficult_blocks() -> None:
     # nearly flat object, control nearly on a line
     converges_to_the_truth(ring(6, flat=True, points=30, seed=1))
@@ -275,6 +278,7 @@ def test_difficult_blocks() -> None:
     converges_to_the_truth(scene, replace(scene.block, strips=()))
 
 
+@pytest.mark.slow
 def test_images_turned_at_random_in_declared_strips() -> None:
     scene = aerial(3, 4, per_base=2, noise_um=5.0, seed=2, tilt=0.03)
     rng = np.random.default_rng(2)

@@ -19,6 +19,8 @@ from anaplot.bundle.residuals import block_residuals
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import ControlPoint
 
+pytestmark = pytest.mark.slow
+
 ALPHA = SearchSettings(alpha=0.001)
 
 

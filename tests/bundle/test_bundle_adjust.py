@@ -14,6 +14,8 @@ from anaplot.bundle.problem import make_problem
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Photo, TestSettings
 
+pytestmark = pytest.mark.slow
+
 
 def test_counting() -> None:
     scene = aerial(2, 3, noise_um=5.0, control_sigma=0.0)

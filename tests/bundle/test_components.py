@@ -14,6 +14,8 @@ from anaplot.bundle.components import block_components
 from anaplot.errors import InputError
 from anaplot.report.componentstext import components_json, components_printout
 
+pytestmark = pytest.mark.slow
+
 
 def noisy(sigma_x, sigma_y, *, seed=0, **options):
     """Return an adjusted block of a-priori sigma 5 um whose x and y have other ones [um]."""

@@ -20,6 +20,8 @@ from anaplot.exchange.blockfolder import write_control, write_image_points, writ
 from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.planning.blockplan import BlockPlan, plan_block
 
+pytestmark = pytest.mark.slow
+
 WRONG = ("202", "05-05")
 
 

@@ -26,6 +26,8 @@ from anaplot.exchange.blockfolder import write_new_block
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, TestSettings
 from anaplot.report.comparecommand import compare_printout
 
+pytestmark = pytest.mark.slow
+
 BAARDA = TestSettings(kind="baarda")
 
 

@@ -15,6 +15,8 @@ from anaplot.photogrammetry.block import Strip, TestSettings
 from anaplot.planning.networkplan import CUBE_VERSIONS
 from anaplot.report.bundlecontract import adjust_json
 
+pytestmark = pytest.mark.slow
+
 # n, u, r, AI X Y Z T [mm] (worked out; A's printed 1.17 and .57 are slips), RI x y T (printed)
 TABLE_2 = {
     "A": (108, 69, 39, (0.257, 1.286, 0.258, 0.600), (0.19, 0.53, 0.36)),

@@ -23,6 +23,8 @@ from anaplot.bundle.verdict import HypothesisSettings, Variance
 from anaplot.photogrammetry.block import ControlPoint, TestSettings
 from anaplot.report.hypothesestext import hypotheses_printout
 
+pytestmark = pytest.mark.slow
+
 
 def dense(block):
     """Whitened design of all rows and its unknowns: photos, free coordinates, shared parameters."""

@@ -18,6 +18,8 @@ from anaplot.bundle.problem import Datum
 from anaplot.bundle.verdict import HypothesisSettings
 from anaplot.photogrammetry.block import Block, ControlPoint
 
+pytestmark = pytest.mark.slow
+
 PLACES = {
     "utm": np.array([500_000.0, 5_400_000.0, 300.0]),
     "geocentric": np.array([4_177_000.0, 855_000.0, 4_728_000.0]),

@@ -15,6 +15,8 @@ from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
 
+pytestmark = pytest.mark.slow
+
 HALF = 114.0
 BASE, LINE, HEIGHT = 920.0, 1600.0, 1524.0
 

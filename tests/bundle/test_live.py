@@ -23,6 +23,7 @@ def agree(first, second) -> None:
         assert row.r == pytest.approx(other.r, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_block_grows_photo_by_photo() -> None:
     scene = aerial(2, 4, per_base=2, noise_um=5.0)
     whole = scene.block

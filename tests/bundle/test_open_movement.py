@@ -21,6 +21,8 @@ from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
 
+pytestmark = pytest.mark.slow
+
 TURNING = r"not determined: photos 201, 202, 203, 204, 205: their common points .* movement open"
 
 

@@ -24,6 +24,8 @@ from anaplot.exchange.blockfolder import write_control, write_image_points, writ
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
 
+pytestmark = pytest.mark.slow
+
 ALPHA = SearchSettings(alpha=0.001)
 
 

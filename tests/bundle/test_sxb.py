@@ -28,7 +28,10 @@ FOLDER = next(
     ),
     None,
 )
-pytestmark = pytest.mark.skipif(FOLDER is None, reason="the data of sxb is not here")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(FOLDER is None, reason="the data of sxb is not here"),
+]
 
 NAMES = {"1": "8811", "2": "8936", "3": "8937", "4": "8938", "5": "9111"}
 # omega, phi, kappa [deg], X, Y, Z [m] and their deviations

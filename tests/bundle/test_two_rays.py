@@ -15,6 +15,8 @@ from anaplot.bundle.suspects import likeliest_suspects
 from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 
+pytestmark = pytest.mark.slow
+
 WRONG = "13"
 
 

@@ -67,6 +67,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     return Folder(tmp_path_factory.mktemp("damage") / "block")
 
 
+@pytest.mark.slow
 def test_cut_at_every_byte_the_whole_lines_remain(folder):
     lines = journal_lines(4)
     data = b"".join(lines)
@@ -91,6 +92,7 @@ def test_cut_at_every_byte_the_whole_lines_remain(folder):
         assert aside == (data[ends[good] : length] if torn else None)
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_is_noticed(folder):
     lines = journal_lines(4)
     data = b"".join(lines)

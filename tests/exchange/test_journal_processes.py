@@ -76,7 +76,10 @@ def running(script: str, block: Path) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX"),
+]
 
 
 @pytest.fixture

@@ -17,6 +17,8 @@ from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.photogrammetry.block import Precision
 from anaplot.report.modelerrors import errors_json, errors_printout
 
+pytestmark = pytest.mark.slow
+
 KNOWN_SIGMA = ("baarda", "modified", "huber", "danish", "search", "odds")
 
 
@@ -117,6 +119,7 @@ def test_two_interchanged_points_are_found_with_their_evidence(strategy: str) ->
     assert len(cleaned.residuals.keys) == len(pair.points)
 
 
+@pytest.mark.slow
 def test_rows_that_a_strategy_cannot_cope_with_are_held_and_said_so() -> None:
     """Ten thousand sigmas in two points are more than one re-weighting can tell from the others."""
     held = 0

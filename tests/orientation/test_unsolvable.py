@@ -208,6 +208,7 @@ def test_one_point_so_wrong_that_no_solution_exists_is_named_or_shows_as_the_wor
     assert named > 4
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(
     st.integers(0, 10**6),

@@ -9,6 +9,8 @@ from anaplot.planning.bayesblock import bayes_block
 from anaplot.planning.bayesscenarios import noise_within_three, scenarios
 from anaplot.planning.montecarlo import simulate
 
+pytestmark = pytest.mark.slow
+
 GROUPS = {scenario.name: scenario for scenario in scenarios()}
 
 

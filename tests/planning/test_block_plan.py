@@ -25,6 +25,7 @@ from anaplot.planning.blockplan import (
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     st.integers(1, 4),

@@ -9,6 +9,8 @@ from anaplot.planning.blockscenarios import gruen_matrix, scenarios
 from anaplot.planning.linearrows import residual_matrix
 from anaplot.planning.montecarlo import figures, simulate
 
+pytestmark = pytest.mark.slow
+
 NAMED = {scenario.name: scenario for scenario in scenarios()}
 
 

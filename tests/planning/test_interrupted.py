@@ -102,7 +102,10 @@ def job(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path, Path]]:
         process.communicate()
 
 
-pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc"),
+]
 
 
 def workers(seen: Path) -> list[int]:

@@ -35,6 +35,7 @@ from anaplot.planning.scenarios import scenarios
 SMALL = OneError("small", "6/3", chunk=50, runs=220)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [2, 3])
 def test_the_number_of_processes_does_not_matter(processes: int) -> None:
     one = simulate(SMALL, seed=3)
@@ -302,6 +303,7 @@ def test_the_command_refuses_by_name(capsys: pytest.CaptureFixture[str]) -> None
     assert "size-models" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_lines_fit_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", "simulate", "--list"]) == 0
     for name in (*scenarios(), "cube:E", "9/3"):
@@ -311,6 +313,7 @@ def test_lines_fit_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
 
 
+@pytest.mark.slow
 def test_sizes_in_bridged_strips() -> None:
     scenario = scenarios()["size-strips"]
     tally = simulate(scenario, runs=300, seed=2, methods=("baarda",))

@@ -18,6 +18,8 @@ from anaplot.report import csvoutput
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.ownplaces import RowName, rows_in
 
+pytestmark = pytest.mark.slow
+
 # a table's header may have blanks
 NETWORK = """
 format = 1

@@ -19,6 +19,8 @@ from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position, Refused
 from anaplot.plotter.schema import LineSettings
 
+pytestmark = pytest.mark.slow
+
 PLAIN = LineSettings("main")
 EVEN = LineSettings("main", bytesize=7, parity="even")
 POINTS = ["101", "103", "105", "107"]

@@ -22,7 +22,7 @@ from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refuse
 from anaplot.plotter.server import SimulatorServer
 from anaplot.plotter.simulator import Hand, SimulatedPlotter
 
-pytestmark = pytest.mark.usefixtures("nothing_left")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]
 FAST = (0.02,)
 
 

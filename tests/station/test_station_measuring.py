@@ -15,7 +15,7 @@ from anaplot.session.models import solve
 from anaplot.station.station import Station
 
 
-@pytest.mark.parametrize("tcp", [False, True])
+@pytest.mark.parametrize("tcp", [pytest.param(False, marks=pytest.mark.smoke), True])
 def test_a_model_is_measured_by_commands(bench: Bench, tcp: bool) -> None:
     station, watch = bench.open(tcp=tcp)
     assert station.snapshot().link.simulated

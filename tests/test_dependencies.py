@@ -1,0 +1,32 @@
+"""What is tested against is what pyproject.toml states."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def pins(name: str) -> dict[str, list[str]]:
+    """Versions pinned in a file of constraints, in its order."""
+    found: dict[str, list[str]] = {}
+    for line in (ROOT / ".ci" / name).read_text().splitlines():
+        if line and not line.startswith("#"):
+            package, version = line.split(";")[0].strip().split("==")
+            found.setdefault(package, []).append(version)
+    return found
+
+
+def test_the_lowest_that_are_tested_are_the_bounds() -> None:
+    bounds = dict(re.split(">=|==", one) for one in PROJECT["dependencies"])
+    assert {package: versions[0] for package, versions in pins("lowest.txt").items()} == bounds
+
+
+def test_the_known_set_has_the_tools_of_the_extra() -> None:
+    tools = dict(one.split("==") for one in PROJECT["optional-dependencies"]["test"])
+    known = pins("known.txt")
+    assert {tool: known[tool] for tool in tools} == {t: [v] for t, v in tools.items()}
+    assert known.keys() >= {"numpy", "scipy", "textual", "pyserial"}
