@@ -12,6 +12,8 @@ from anaplot.bundle.adjusted import AdjustedBlock
 
 __all__ = ["AccusedRay", "accuse"]
 
+_ALL = 1e-12  # share of the sum of squares that is rounding
+
 
 class AccusedRay(NamedTuple):
     """A ray of a point and how probable it is that this one is wrong.
@@ -38,7 +40,9 @@ def accuse(block: AdjustedBlock, point: str) -> tuple[AccusedRay, ...]:
 
     An error of a ray is normal in x and in y, 20 standard deviations wide (conventions, Odds); with
     the eigenvalues q of its 2 x 2 cofactors of residuals and z the residuals along the axes,
-    log BF = sum (-log(1 + g) / 2 + z^2 / q g / (1 + g) / 2), g = 400 q.
+    log BF = sum (-log(1 + g) / 2 + z^2 / q g / (1 + g) / 2), g = 400 q, where sigma is known;
+    where it is estimated from f redundancies, sum (-log(1 + g) / 2) - f / 2 log(1 - sum (z^2 / q
+    g / (1 + g)) / f).
 
     Raises
     ------
@@ -48,6 +52,8 @@ def accuse(block: AdjustedBlock, point: str) -> tuple[AccusedRay, ...]:
     problem = block.problem
     rays, q = block.cofactors.point_rays(problem.points.index(point))
     sigma = block.sigma if block.sigma is not None and block.sigma > 0.0 else 1.0
+    f = block.redundancy
+    estimated = problem.test.kind == "tau" and block.sigma is not None and block.sigma > 0.0
     statistics: list[float | None] = []
     logs = []
     for k, ray in enumerate(rays.tolist()):
@@ -61,7 +67,11 @@ def accuse(block: AdjustedBlock, point: str) -> tuple[AccusedRay, ...]:
         g = ERROR_PRIOR_SIGMAS**2 * values[good]
         size = z[good] ** 2 / values[good]
         statistics.append(float(size.sum()))
-        logs.append(float((-0.5 * np.log1p(g) + 0.5 * size * g / (1.0 + g)).sum()))
+        explained = float((size * g / (1.0 + g)).sum())
+        if estimated:
+            # the sum of squares that an error here would leave; more than all cannot be explained
+            explained = -f * float(np.log1p(-min(explained / f, 1.0 - _ALL)))
+        logs.append(0.5 * (explained - float(np.log1p(g).sum())))
     weights = np.exp(np.array(logs) - max(logs))
     weights /= weights.sum()
     found = [

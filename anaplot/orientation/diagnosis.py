@@ -6,6 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from anaplot.adjustment.oddswords import odds_in_words
+from anaplot.adjustment.oddswords import to_one as _to_one
 from anaplot.adjustment.reliability import (
     HARD_TO_TELL,
     critical_transfers,
@@ -149,7 +151,7 @@ def _advice(
             shows[row.point] = max(shows.get(row.point, 0.0), row.sigf or 0.0)
         # where odds have run out of digits the significance tells who comes second
         rival = max(others, key=lambda name: (others[name], shows[name]))
-        sentence += f": {_to_one(points[accused], others[rival])} over {rival}"
+        sentence += f": {odds_in_words(points, accused, rival)}"
     out.insert(0, sentence)
     if axis == "x":
         out.insert(
@@ -167,16 +169,3 @@ def _advice(
     if none > points[accused]:
         out.append(f"no gross error at all: {_to_one(none, points[accused])} over {accused}")
     return tuple(out)
-
-
-def _to_one(more: float, less: float) -> str:
-    if less <= 0.0 or more / less >= 1000.0:
-        return "more than 1000 to 1"
-    ratio = more / less
-    if ratio < 1.0:
-        return f"1 to {_number(1.0 / ratio)}"
-    return f"{_number(ratio)} to 1"
-
-
-def _number(ratio: float) -> str:
-    return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:.0f}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from anaplot.adjustment.oddswords import odds_in_words, to_one
 from anaplot.photogrammetry.innerresults import InnerOrientation, InnerRow
 from anaplot.photogrammetry.platetransformation import TITLES, TransformationName
 
@@ -53,7 +54,7 @@ def _what_to_measure(inner: InnerOrientation) -> list[str]:
                 )
         if inner.none > chances[row.fiducial]:
             out.append(
-                f"no gross error at all: {_to_one(inner.none, chances[row.fiducial])} over "
+                f"no gross error at all: {to_one(inner.none, chances[row.fiducial])} over "
                 f"{row.fiducial}"
             )
     elif inner.refused and inner.sigma0_um is not None:
@@ -104,7 +105,7 @@ def _by_fiducial(inner: InnerOrientation) -> dict[str, float]:
 def _odds(row: InnerRow, chances: dict[str, float]) -> str:
     others = {name: p for name, p in chances.items() if name != row.fiducial}
     rival = max(others, key=others.__getitem__)
-    return f": {_to_one(chances[row.fiducial], others[rival])} over {rival}"
+    return f": {odds_in_words(chances, row.fiducial, rival)}"
 
 
 def _all(names: list[str]) -> str:
@@ -116,16 +117,3 @@ _WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
 
 def _number_word(count: int) -> str:
     return _WORDS[count] if count < len(_WORDS) else str(count)
-
-
-def _to_one(more: float, less: float) -> str:
-    if less <= 0.0 or more / less >= 1000.0:
-        return "more than 1000 to 1"
-    ratio = more / less
-    if ratio < 1.0:
-        return f"1 to {_rounded(1.0 / ratio)}"
-    return f"{_rounded(ratio)} to 1"
-
-
-def _rounded(ratio: float) -> str:
-    return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:.0f}"

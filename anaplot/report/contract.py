@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.results import ModelSolution, TableRow
 from anaplot.orientation.strip import BridgedStrip
 from anaplot.report.innercontract import photo_json
@@ -56,7 +57,20 @@ def model_json(model: ModelSolution) -> Json:
         ],
         "ties": list(model.ties),
         "condition": model.condition,
+        "odds": _odds_json(model),
         "remarks": list(model.remarks),
+    }
+
+
+def _odds_json(model: ModelSolution) -> Json:
+    """Return the probabilities of no gross error, and of one in each row."""
+    diagnosis = diagnose(model)
+    return {
+        "none": diagnosis.none,
+        "rows": [
+            {"point": row.point, "axis": row.axis, "probability": row.probability}
+            for row in diagnosis.rows
+        ],
     }
 
 

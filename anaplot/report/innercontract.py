@@ -75,6 +75,7 @@ def photo_json(photo: str, inner: InnerOrientation) -> Json:
             }
             for row in inner.rows
         ],
+        "odds": {"none": inner.none},
         "partners": [
             {"first": list(p.first), "second": list(p.second), "correlation": p.correlation}
             for p in inner.partners

@@ -215,3 +215,42 @@ def test_table_2_of_the_paper_obeys_expd_and_sigf():
     s = standardize(table, kind="baarda", alpha=0.001, apriori=sigma)
     # r is printed with two digits: up to half a unit of its last one, 4 percent of sqrt(0.07)
     assert s.ratio == pytest.approx(printed, rel=0.045, abs=0.006)
+
+
+@pytest.mark.parametrize("kind", ["tau", "baarda"])
+def test_odds_are_right_as_often_as_they_say(kind) -> None:
+    rng = np.random.default_rng(20)
+    n, u, runs = 11, 6, 6000
+    design = rng.normal(size=(n, u))
+    q_l = np.where(np.arange(n) < 7, 2.0, 1.0)
+    white = design / np.sqrt(q_l)[:, None]
+    residual = np.eye(n) - white @ np.linalg.inv(white.T @ white) @ white.T
+    r = np.diag(residual).copy()
+    wrong = rng.integers(n, size=runs)
+    wrong[rng.random(runs) < 0.9] = -1
+    noise = 3.7 * rng.normal(size=(runs, n))
+    noise[wrong >= 0, wrong[wrong >= 0]] += 3.7 * 20.0 * rng.normal(size=int((wrong >= 0).sum()))
+    v = noise @ residual
+    sigma = 3.7 if kind == "baarda" else np.sqrt((v * v).sum(axis=1, keepdims=True) / (n - u))
+    ratio = np.abs(v) / (sigma * np.sqrt(r))
+    claimed, truth, pairs, firsts = [], [], [], []
+    for k in range(runs):
+        odds = error_odds(r, ratio[k], n - u, kind)
+        claimed.append([*odds.rows.tolist(), odds.none])
+        truth.append([*(wrong[k] == np.arange(n)).tolist(), wrong[k] < 0])
+        second, first = np.argsort(odds.rows)[-2:].tolist()
+        if wrong[k] in (first, second):
+            pairs.append(odds.rows[first] / (odds.rows[first] + odds.rows[second]))
+            firsts.append(wrong[k] == first)
+    p, hit = np.array(claimed), np.array(truth)
+    # what is chosen by the data alone is right as often as it says: 3.3 deviations
+    best = np.arange(runs), np.argmax(p[:, :n], axis=1)
+    for some in (p[:, n] < 0.5, p[best] > 0.5, p[best] < 0.3):
+        mine = p[best][some]
+        assert len(mine) > 100
+        room = 3.3 * np.sqrt(np.sum(mine * (1.0 - mine)))
+        assert abs(np.sum(hit[best][some] - mine)) < room
+    none = p[:, n]
+    assert abs(np.sum(hit[:, n] - none)) < 3.3 * np.sqrt(np.sum(none * (1.0 - none)))
+    said, right = np.array(pairs), np.array(firsts)
+    assert abs(np.sum(right - said)) < 3.3 * np.sqrt(np.sum(said * (1.0 - said)))

@@ -81,7 +81,7 @@ def test_a_wrong_y_is_named_with_its_odds_over_the_next_point(test):
     assert " to 1 over " in d.advice[0]
     odds = point_odds(d.rows)
     assert max(odds, key=odds.__getitem__) == "2c"
-    rival = d.advice[0].rsplit(" ", 1)[1]
+    rival = d.advice[0].split(" over ")[1].split(",")[0]
     assert odds[rival] == max(p for name, p in odds.items() if name != "2c")
     assert sum(odds.values()) + d.none == pytest.approx(1.0)
 

@@ -71,6 +71,10 @@ def test_keys_and_units():
     }  # fmt: skip
     for model, solution in zip(strip["models"], bridged.models, strict=True):
         assert keys <= set(model)
+        odds = model["odds"]
+        assert [(r["point"], r["axis"]) for r in odds["rows"]] == [r.key for r in solution.table]
+        total = odds["none"] + sum(r["probability"] for r in odds["rows"])
+        assert total == pytest.approx(1.0)
         assert set(model["rotation"]) == {"omega", "phi", "kappa"}
         assert model["test"] == {
             "kind": "tau",
