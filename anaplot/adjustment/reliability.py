@@ -84,6 +84,8 @@ def standardize(
     kind: Literal["tau", "baarda"],
     alpha: float,
     apriori: float,
+    cofactors: Array | None = None,
+    vtpv: float | None = None,
 ) -> Standardized:
     """Standardize the residuals: Baarda's w with the a-priori sigma, Pope's tau with the estimated.
 
@@ -97,15 +99,20 @@ def standardize(
         Two-sided significance of one row.
     apriori
         A-priori standard deviation of unit weight, in the unit of the residuals.
+    cofactors, vtpv
+        (n,) diagonal of the residuals' cofactors, and v'Pv by their inverse; None: as the weights
+        of the adjustment have them.
     """
     f = adjustment.redundancy
+    q_v = adjustment.q_v if cofactors is None else cofactors
+    square = adjustment.vtpv if vtpv is None else vtpv
     if kind == "tau":
-        sigma, critical = adjustment.sigma0, critical_tau(alpha, f)
+        sigma, critical = sqrt(square / f) if f > 0 else None, critical_tau(alpha, f)
     else:
         sigma, critical = apriori, critical_normal(alpha) if f > 0 else None
     if sigma is None:
         return Standardized(kind, alpha, critical, None, None, None)
-    expected = sigma * np.sqrt(adjustment.q_v)
+    expected = sigma * np.sqrt(q_v)
     testable = (adjustment.r >= TESTABLE) & (expected > 0.0)
     # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
     ratio = np.full(len(expected), np.nan)
@@ -163,13 +170,13 @@ def residual_correlations(q_vv: Array, r: Array) -> Array:
     return out
 
 
-def critical_transfers(q_vv: Array, q_l: Array) -> list[tuple[int, int, float]]:
+def critical_transfers(influence: Array) -> list[tuple[int, int, float]]:
     """Return (i, j, (Q_vv P)_ji) wherever an error in i shows at least as large in j.
 
+    Column i of `influence`, (n, n) Q_vv P, is what a unit error in row i does to every residual:
     abs((Q_vv P)_ji) >= (Q_vv P)_ii - 1e-9 (Kratky and El-Hakim 1983, heavy arrows of Figure 2).
     Rows that cannot be tested are sources of nothing that could be compared and are left out.
     """
-    influence = q_vv / q_l  # column i: what a unit error in row i does to every residual
     own = np.einsum("ii->i", influence)
     critical = (np.abs(influence) >= own - 1e-9) & (own >= TESTABLE)
     np.einsum("ii->i", critical)[:] = False

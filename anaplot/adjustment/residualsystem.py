@@ -4,6 +4,10 @@ With every observation divided by its a-priori standard deviation, e = R (l - l0
 misclosures left and R = Q_vv P is symmetric and idempotent. An error of size z in row i changes e
 by column i of R times z, so that every question about rejected rows is answered by those columns
 alone (Gruen 1980, eq. 12 to 17; exact for a linear model).
+
+Of correlated observations, e = P v and R = P Q_vv P, each row in units of its standard deviation
+given the others, 1 / sqrt(p_ii): what an error changes, and the covariance of e, is R again, though
+it is not idempotent, and v'Pv no longer e'e.
 """
 
 from __future__ import annotations
@@ -43,7 +47,7 @@ class ResidualSystem(Protocol):
 
     @property
     def vtpv(self) -> float:
-        """e'e, over all rows (also over those that are never suspected)."""
+        """v'Pv, over all rows (also over those that are never suspected); e'e if uncorrelated."""
         ...
 
     @property

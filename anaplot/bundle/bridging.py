@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +118,10 @@ def _model(
         {n: (p.x, p.y) for n, p in points_of(rows.get(photo, ()), photo, name).items()}
         for photo in photos
     )
+    precision = block.precision
+    if precision.tie_variance == "exact":
+        # the same orientation, without statistics that nobody looks at
+        precision = replace(precision, tie_variance="propagated")
     allowed = 2 + len(left) // 10
     while True:
         pair = stereopair(
@@ -128,7 +133,7 @@ def _model(
             base=strip.base,
         )
         try:
-            model = orient(pair, block.precision, block.test)
+            model = orient(pair, precision, block.test)
         except WrongPointsError as error:
             if allowed <= 0:
                 return None

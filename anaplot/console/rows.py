@@ -70,8 +70,10 @@ class ShownRow:
             return "next" if self.expected else "pending"
         if self.row is None:
             return "measured"
+        if self.accused:
+            return "<< REMEASURE"
         if self.row.flagged:
-            return "<< REMEASURE" if self.accused else "< flagged"
+            return "< flagged"
         if self.row.redn < _NOT_TESTABLE:
             return "not testable"
         return "ok" if self.row.sigf is not None else "no check"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import cast
+from typing import cast, get_args
 
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import (
@@ -148,7 +148,7 @@ def _precision(table: TomlTable) -> Precision:
         image_um=table.positive("image_um", default.image_um),
         tie_variance=cast(
             TieVariance,
-            table.choice("tie_variance", ("paper", "propagated"), default.tie_variance),
+            table.choice("tie_variance", get_args(TieVariance), default.tie_variance),
         ),
         control_m=control_m,
     )

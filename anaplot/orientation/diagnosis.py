@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from anaplot.adjustment.reliability import (
     smallest_detectable_errors,
     undetected_effects,
 )
-from anaplot.adjustment.significance import noncentrality, tau_power
+from anaplot.adjustment.significance import TESTABLE, noncentrality, tau_power
+from anaplot.orientation.residuals import residual_system
 from anaplot.orientation.results import (
     Diagnosis,
     ModelSolution,
@@ -27,6 +28,8 @@ from anaplot.orientation.results import (
 )
 
 __all__ = ["HARD_TO_TELL", "diagnose", "point_odds"]
+
+Key = tuple[str, str]
 
 _SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may hide behind it
 
@@ -47,16 +50,21 @@ def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
     table = solution.table
     r = np.array([row.redn for row in table])
     ratio = np.array([np.nan if row.sigf is None else row.sigf for row in table])
+    apparent = solution.apparent_q_l
     detectable = smallest_detectable_errors(
-        r, solution.q_l, apriori=solution.apriori_um, alpha=solution.test.alpha, power=power
+        r, apparent, apriori=solution.apriori_um, alpha=solution.test.alpha, power=power
     )
     odds = error_odds(
-        r,
+        # g = 400 q_l r^2 / q_vv, which is 400 r but for "exact"
+        r if solution.exact is None else solution.q_l * r / apparent,
         None if solution.redundancy < 1 else ratio,
         solution.redundancy,
         solution.test.kind,
     )
-    effects = undetected_effects(r, alpha=solution.test.alpha, power=power)
+    if solution.exact is None:
+        effects = undetected_effects(r, alpha=solution.test.alpha, power=power)
+    else:
+        effects = detectable / solution.apriori_um * solution.exact.effects
     rows = tuple(
         RowDiagnosis(
             row.point, row.axis, None if nabla != nabla else nabla, p, None if e != e else e
@@ -67,8 +75,7 @@ def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
     )
     keys = [row.key for row in table]
     transfers = tuple(
-        Transfer(keys[i], keys[j], value)
-        for i, j, value in critical_transfers(solution.q_vv, solution.q_l)
+        Transfer(keys[i], keys[j], value) for i, j, value in critical_transfers(solution.influence)
     )
     correlation = residual_correlations(solution.q_vv, r)
     first, second = np.nonzero(np.triu(np.abs(correlation) >= HARD_TO_TELL, 1))
@@ -76,32 +83,94 @@ def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
         Partner(keys[i], keys[j], float(correlation[i, j]))
         for i, j in zip(first.tolist(), second.tolist(), strict=True)
     )
-    suspects = _suspects(solution, rows)
+    evidence = _evidence(solution, rows, odds.none)
+    suspects = _suspects(solution, evidence)
     return Diagnosis(
         rows=rows,
         none=odds.none,
         transfers=transfers,
         partners=partners,
-        advice=_advice(solution, rows, suspects, partners, odds.none),
+        advice=_advice(solution, evidence, suspects, partners),
         suspects=suspects,
         power=_real_power(solution, power),
     )
 
 
-def _suspects(
-    solution: ModelSolution, rows: tuple[RowDiagnosis, ...]
-) -> tuple[tuple[str, Literal["x", "y"]], ...]:
-    """Rows to doubt, the most probably wrong first: of outliers, then flagged ones."""
-    points = point_odds(rows)
-    chance = {(row.point, row.axis): row.probability for row in rows}
+class _Evidence(NamedTuple):
+    """By what the rows to doubt are ordered.
 
-    def order(row: TableRow) -> tuple[bool, float, float, float]:
+    Attributes
+    ----------
+    chance
+        Probability of each row (point, axis) that it holds the one gross error.
+    size
+        Its significance; 0 where it cannot be tested.
+    points
+        Probability of each point.
+    none
+        Probability that there is no gross error.
+    """
+
+    chance: dict[Key, float]
+    size: dict[Key, float]
+    points: dict[str, float]
+    none: float
+
+
+def _evidence(solution: ModelSolution, rows: tuple[RowDiagnosis, ...], none: float) -> _Evidence:
+    """Return what the table says; under "exact", what the weight Sigma_F^-1 makes of it.
+
+    In a table of correlated rows an error may show larger in another row than in its own.
+    """
+    if solution.exact is None or solution.redundancy < 1:
+        chance: dict[Key, float] = {(row.point, row.axis): row.probability for row in rows}
+        size: dict[Key, float] = {row.key: row.sigf or 0.0 for row in solution.table}
+        return _Evidence(chance, size, point_odds(rows), none)
+    system = residual_system(solution)
+    w = np.full(len(system.e), np.nan)
+    np.divide(np.abs(system.e), np.sqrt(system.r), out=w, where=system.r >= TESTABLE)
+    if solution.test.kind == "tau" and system.vtpv > 0.0:
+        w /= np.sqrt(system.vtpv / system.redundancy)
+    odds = error_odds(system.r, w, system.redundancy, solution.test.kind)
+    keys = [row.key for row in solution.table]
+    points: dict[str, float] = {}
+    for (point, _), chance_of in zip(keys, odds.rows.tolist(), strict=True):
+        points[point] = points.get(point, 0.0) + chance_of
+    return _Evidence(
+        dict(zip(keys, odds.rows.tolist(), strict=True)),
+        dict(zip(keys, np.nan_to_num(w).tolist(), strict=True)),
+        points,
+        odds.none,
+    )
+
+
+def _suspects(
+    solution: ModelSolution, evidence: _Evidence
+) -> tuple[tuple[str, Literal["x", "y"]], ...]:
+    """Rows to doubt, the most probably wrong first: of outliers, then flagged ones.
+
+    Under "exact" one that is not flagged may be why others are, and the significance by the weight
+    Sigma_F^-1 decides: without noise that of an error is the largest in its own row.
+    """
+    exact = solution.exact is not None
+
+    def order(row: TableRow) -> tuple[bool, float, float, float, float]:
         # odds saturate when errors are large; the significance then decides
         outlying = row.point in solution.outliers
-        sigf = row.sigf or 0.0
-        return not outlying, -points[row.point], -chance[row.point, row.axis], -sigf
+        points, chance = evidence.points[row.point], evidence.chance[row.key]
+        size = evidence.size[row.key]
+        first = float(f"{size:.9g}") if exact else 0.0  # what differs by rounding is equal
+        return not outlying, -first, -points, -chance, -size
 
     doubted = [row for row in solution.table if row.flagged or row.point in solution.outliers]
+    critical = solution.test.critical
+    if doubted and exact and critical is not None:
+        there = {row.key for row in doubted}
+        doubted += [
+            row
+            for row in solution.table
+            if row.key not in there and evidence.size[row.key] > critical
+        ]
     return tuple((row.point, row.axis) for row in sorted(doubted, key=order))
 
 
@@ -123,10 +192,9 @@ def point_odds(rows: tuple[RowDiagnosis, ...]) -> dict[str, float]:
 
 def _advice(
     solution: ModelSolution,
-    rows: tuple[RowDiagnosis, ...],
+    evidence: _Evidence,
     suspects: tuple[tuple[str, Literal["x", "y"]], ...],
     partners: tuple[Partner, ...],
-    none: float,
 ) -> tuple[str, ...]:
     out = list(solution.remarks)
     if not suspects:
@@ -139,7 +207,7 @@ def _advice(
         elif solution.redundancy > 1:
             out.append("nothing is flagged")
         return tuple(out)
-    points = point_odds(rows)
+    points = evidence.points
     accused, axis = suspects[0]
     others = {name: p for name, p in points.items() if name != accused}
     sentence = f"remeasure {accused} ({axis})"
@@ -147,8 +215,8 @@ def _advice(
         sentence += ": without it all other points agree"
     elif others:
         shows: dict[str, float] = {}
-        for row in solution.table:
-            shows[row.point] = max(shows.get(row.point, 0.0), row.sigf or 0.0)
+        for (point, _), size in evidence.size.items():
+            shows[point] = max(shows.get(point, 0.0), size)
         # where odds have run out of digits the significance tells who comes second
         rival = max(others, key=lambda name: (others[name], shows[name]))
         sentence += f": {odds_in_words(points, accused, rival)}"
@@ -166,6 +234,7 @@ def _advice(
                 f"{accused} {axis} and {other[0]} {other[1]} are hard to tell apart "
                 f"(correlation {partner.correlation:.2f})"
             )
-    if none > points[accused]:
-        out.append(f"no gross error at all: {_to_one(none, points[accused])} over {accused}")
+    if evidence.none > points[accused]:
+        to_one = _to_one(evidence.none, points[accused])
+        out.append(f"no gross error at all: {to_one} over {accused}")
     return tuple(out)

@@ -343,8 +343,8 @@ class _Search:
         *,
         settled: bool = False,
     ) -> _End:
-        e = residual_system(solution).e
-        score = float(e @ e) + critical_normal(self.settings.alpha) ** 2 * len(out)
+        left = residual_system(solution).vtpv
+        score = left + critical_normal(self.settings.alpha) ** 2 * len(out)
         refused = tuple(barred.items())
         passes = (*before, found)
         return _End(solution, out, residuals, passes, refused, settled, score, self.held)

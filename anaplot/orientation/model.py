@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, sqrt
 from typing import Literal
 
 import numpy as np
@@ -22,6 +22,7 @@ from anaplot.orientation.solver import (
     iterate,
     vertical_start,
 )
+from anaplot.orientation.tieerrors import exact_statistics
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
@@ -110,17 +111,28 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
             f"model {pair.name}: {len(behind)} of {len(points)} points would lie behind a photo; "
             "are the photos interchanged, or is one mirrored?"
         )
-    used = standardize(adjusted, kind=test.kind, alpha=test.alpha, apriori=apriori_mm)
+    exact = None
+    if precision.tie_variance == "exact":
+        exact = exact_statistics(pair, conditions, state, design, adjusted.q_vv)
+    vtpv = adjusted.vtpv if exact is None else float(adjusted.w @ exact.weight @ adjusted.w)
+    used = standardize(
+        adjusted,
+        kind=test.kind,
+        alpha=test.alpha,
+        apriori=apriori_mm,
+        cofactors=None if exact is None else np.diag(exact.residuals),
+        vtpv=vtpv,
+    )
     table = _table(pair, conditions, adjusted, used)
-    sigma0 = adjusted.sigma0
+    f = adjusted.redundancy
     return ModelSolution(
         left=pair.left,
         right=pair.right,
         centre=tuple(pair.fixed.centre.tolist()),
         base=(state.bx, state.bx * state.beta_y, state.bx * state.beta_z),
         rotation=(omega, phi, kappa),
-        sigma0_um=None if sigma0 is None else sigma0 * 1e3,
-        redundancy=adjusted.redundancy,
+        sigma0_um=sqrt(vtpv / f) * 1e3 if f > 0 else None,
+        redundancy=f,
         iterations=solution.iterations,
         test=AppliedTest(test.kind, test.alpha, used.critical),
         table=table,
@@ -132,9 +144,10 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         outliers=suspects,
         remarks=_remarks(adjusted, behind),
         q_l=q_l,
-        q_vv=adjusted.q_vv,
-        q_gg=adjusted.q_xx,
+        q_vv=adjusted.q_vv if exact is None else exact.residuals,
+        q_gg=adjusted.q_xx if exact is None else exact.unknowns,
         unknowns=unknowns,
+        exact=exact,
     )
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from anaplot.errors import NotComputableError
 from anaplot.orientation.patterns import ideal_model
+from anaplot.orientation.residuals import residual_system
 from anaplot.orientation.results import ModelSolution
 
 __all__ = ["ideal_roots"]
@@ -55,5 +56,11 @@ def ideal_roots(solution: ModelSolution, keys: Sequence[tuple[str, str]] | None 
         )
     except NotComputableError:
         return np.full(len(rows), np.nan)
-    redundancy = {row.key: max(row.redn, 0.0) for row in ideal.table}
+    redundancy = dict(
+        zip(
+            (row.key for row in ideal.table),
+            np.maximum(residual_system(ideal).r, 0.0).tolist(),
+            strict=True,
+        )
+    )
     return np.sqrt([redundancy[key] for key in rows])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LeftPhoto", "Stereopair"]
+__all__ = ["LeftPhoto", "Stereopair", "TieErrors"]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,25 @@ class LeftPhoto:
 
     centre: Array = field(default_factory=lambda: np.zeros(3))
     rotation: Array = field(default_factory=lambda: np.eye(3))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TieErrors:
+    """How the points of a model err, as seen from its right photo; units of sigma0^2.
+
+    Attributes
+    ----------
+    points
+        n names.
+    covariance
+        (3n, 3n) C of their coordinates [mm^2 for a sigma0 of 1 mm]; NaN where a point has none.
+    with_right
+        (3n, 2n) D, covariance with the coordinates of their right rays.
+    """
+
+    points: tuple[str, ...]
+    covariance: Array = field(repr=False)
+    with_right: Array = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +72,10 @@ class Stereopair:
         Nominal magnitude of a first model's bx [mm]; None for the mean x-parallax.
     off
         Rows (point, axis) switched off by the operator.
+    tie_errors
+        How the preceding model's points err; None where it was not asked for.
+    once
+        Points whose left ray is the preceding model's right one: measured once for both.
     """
 
     left: str
@@ -67,6 +90,8 @@ class Stereopair:
     preceding_bx: float | None = None
     base: float | None = None
     off: frozenset[tuple[str, str]] = frozenset()
+    tie_errors: TieErrors | None = None
+    once: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:

@@ -9,23 +9,26 @@ code that computes measured models.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from math import hypot
 from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 
 from anaplot.errors import InputError
 from anaplot.orientation.model import orient
-from anaplot.orientation.pair import Stereopair
+from anaplot.orientation.pair import Stereopair, TieErrors
 from anaplot.orientation.results import ModelSolution
-from anaplot.photogrammetry.block import Precision, TestSettings
+from anaplot.orientation.solver import State
+from anaplot.orientation.tieerrors import stationary_errors
+from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 
 __all__ = ["PATTERNS", "Pattern", "ideal_model", "mirror", "pattern", "trace_in_bases"]
 
 _COLUMN = {"1": 0, "2": 0, "3": 0, "7": 1, "8": 1, "9": 1, "4": 2, "5": 2, "6": 2}
 _LINE = {"1": 1, "7": 1, "4": 1, "2": 0, "8": 0, "5": 0, "3": -1, "9": -1, "6": -1}
+_SET = 0.05  # bases: how far from its place a point is set by hand
 _MIRRORED = {"4": "1", "5": "2", "6": "3"}
 
 
@@ -78,7 +81,7 @@ class Pattern:
         base: float,
         d: float,
         c: float,
-        tie_variance: Literal["paper", "propagated"] = "paper",
+        tie_variance: TieVariance = "paper",
     ) -> ModelSolution:
         """Orient the ideal model: vertical photos, equal bases, flat ground, coincident twins.
 
@@ -89,7 +92,7 @@ class Pattern:
         c
             Camera constant [mm].
         tie_variance
-            Cofactor of the x rows: "paper" or "propagated".
+            Cofactor of the x rows: "paper", "propagated" or "exact".
 
         Raises
         ------
@@ -105,7 +108,7 @@ class Pattern:
         base: float,
         d: float,
         c: float,
-        tie_variance: Literal["paper", "propagated"] = "paper",
+        tie_variance: TieVariance = "paper",
     ) -> dict[tuple[str, str], float]:
         """Return the redundancy number of every row (label, axis) of the ideal model."""
         return {row.key: row.redn for row in self.ideal(base, d, c, tie_variance).table}
@@ -115,7 +118,7 @@ class Pattern:
         base: float,
         d: float,
         c: float,
-        tie_variance: Literal["paper", "propagated"] = "paper",
+        tie_variance: TieVariance = "paper",
     ) -> float:
         """Return the trace of Q_gg of the ideal model, coordinates in units of the base."""
         return trace_in_bases(self.ideal(base, d, c, tie_variance), base)
@@ -126,7 +129,7 @@ def ideal_model(
     ties: tuple[str, ...],
     base: float,
     c: float,
-    tie_variance: Literal["paper", "propagated"] = "paper",
+    tie_variance: TieVariance = "paper",
     off: frozenset[tuple[str, str]] = frozenset(),
 ) -> ModelSolution:
     """Orient a model of vertical photos and flat ground.
@@ -140,7 +143,7 @@ def ideal_model(
     base, c
         Base at photo scale and camera constant [mm].
     tie_variance
-        Cofactor of the x rows: "paper" or "propagated".
+        Cofactor of the x rows: "paper", "propagated" or "exact".
     off
         Rows (label, axis) that are left out.
 
@@ -163,7 +166,32 @@ def ideal_model(
         base=base,
         off=off,
     )
+    if tie_variance == "exact" and ties:
+        pair = replace(pair, tie_errors=_in_a_strip(pair, base))
     return orient(pair, Precision(tie_variance=tie_variance), TestSettings(kind="baarda"))
+
+
+def _in_a_strip(pair: Stereopair, base: float) -> TieErrors:
+    """Return how the ties of an ideal model err in a long strip of such models.
+
+    A tie was the point one base further on in the preceding model: the nearest one there, up to
+    `_SET` bases away, each for one tie. Where there is none, that model had a point more.
+    """
+    names, xl = list(pair.points), pair.xl.tolist()
+    free = dict(zip(names, xl, strict=True))
+    onward: dict[str, str] = {}
+    for tie, (x, y, _) in (pair.ties or {}).items():
+        away = {name: hypot(px - x - base, py - y) for name, (px, py) in free.items()}
+        nearest = min(away, key=away.__getitem__, default="")
+        if not nearest or away[nearest] > _SET * base:
+            nearest = f"{tie}, next"
+            names.append(nearest)
+            xl.append((x + base, y))
+        free.pop(nearest, None)
+        onward[tie] = nearest
+    left = np.array(xl)
+    model = replace(pair, points=tuple(names), xl=left, xr=left - [base, 0.0])
+    return stationary_errors(model, State(base, 0.0, 0.0, np.eye(3)), onward)
 
 
 def trace_in_bases(solution: ModelSolution, base: float) -> float:

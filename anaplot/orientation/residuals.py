@@ -11,6 +11,7 @@ from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.solver import Conditions, State
+from anaplot.orientation.tieerrors import misclosure_covariance, residual_weight
 from anaplot.photogrammetry.block import Precision
 from anaplot.photogrammetry.rotation import rotation_matrix
 
@@ -31,7 +32,7 @@ class ModelResiduals:
     system
         Their residual system.
     unit_um
-        (n,) a-priori standard deviation of each row [um].
+        (n,) a-priori standard deviation of each row [um]; of correlated rows, given the others.
     """
 
     keys: tuple[Key, ...]
@@ -40,7 +41,19 @@ class ModelResiduals:
 
 
 def residual_system(solution: ModelSolution) -> DenseResiduals:
-    """See an oriented model, with the rows that it has, from the side of its residuals."""
+    """See an oriented model, with the rows that it has, from the side of its residuals.
+
+    By the weights of its solution; under "exact" by the weight Sigma_F^-1, which makes the most
+    of rows that are correlated: an error then shows nowhere larger than in its own row.
+    """
+    if solution.exact is not None:
+        return _correlated(
+            tuple(row.key for row in solution.table),
+            np.array([row.parx_um for row in solution.table]) / solution.apriori_um,
+            solution.exact.weight,
+            solution.redundancy,
+            _units(solution.exact.misclosures),
+        )
     root = np.sqrt(solution.q_l)
     parallax = np.array([row.parx_um for row in solution.table])
     e = parallax / (solution.apriori_um * root)
@@ -80,12 +93,24 @@ def residuals_at(pair: Stereopair, precision: Precision, solution: ModelSolution
     keys += [(points[k], "x") for k in conditions.x_index]
     usable = np.asarray(np.isfinite(rows).all(axis=0))
     rows = rows[:, usable]
+    kept = tuple(key for key, good in zip(keys, usable.tolist(), strict=True) if good)
     design = rows[conditions.unknown_rows()]
+    root = np.sqrt(conditions.cofactors(bx)[usable])
+    if precision.tie_variance == "exact":
+        sigma = misclosure_covariance(pair, conditions, state)[np.ix_(usable, usable)]
+        unit = _units(sigma)
+        system = _correlated(
+            kept,
+            rows[6] * root / (precision.image_um * 1e-3),
+            residual_weight(sigma, (design * root).T),
+            rows.shape[1] - len(design),
+            unit,
+        )
+        return ModelResiduals(kept, system, precision.image_um * unit)
     design = design / np.linalg.norm(design, axis=1, keepdims=True)
     q, _ = np.linalg.qr(design.T)
     matrix = np.eye(rows.shape[1]) - q @ q.T
     e = matrix @ (rows[6] / (precision.image_um * 1e-3))
-    kept = tuple(key for key, good in zip(keys, usable.tolist(), strict=True) if good)
     system = DenseResiduals(
         kept,
         e,
@@ -94,5 +119,43 @@ def residuals_at(pair: Stereopair, precision: Precision, solution: ModelSolution
         rows.shape[1] - len(design),
         matrix,
     )
-    unit = precision.image_um * np.sqrt(conditions.cofactors(bx)[usable])
-    return ModelResiduals(kept, system, unit)
+    return ModelResiduals(kept, system, precision.image_um * root)
+
+
+def _units(sigma: Array) -> Array:
+    """Return (n,) standard deviations of correlated rows, each given all others.
+
+    In these units redundancy numbers of correlated rows lie between 0 and 1, and a misclosure
+    left is the deviation from what the other rows let one expect.
+    """
+    return np.asarray(1.0 / np.sqrt(np.diag(np.linalg.inv(sigma))))
+
+
+def _correlated(
+    keys: tuple[Key, ...], misclosures: Array, weight: Array, redundancy: int, unit: Array
+) -> DenseResiduals:
+    """Return the residual system of rows with W = Sigma^-1 - Sigma^-1 B N^-1 B' Sigma^-1.
+
+    Parameters
+    ----------
+    keys
+        n rows.
+    misclosures
+        (n,) at any unknowns, in units of sigma0.
+    weight
+        (n, n) W in these units.
+    redundancy
+        Its rank.
+    unit
+        (n,) unit of each row, in units of sigma0.
+    """
+    left = weight @ misclosures
+    matrix = weight * (unit[:, None] * unit)
+    return DenseResiduals(
+        keys,
+        left * unit,
+        np.maximum(np.diag(matrix), 0.0),
+        float(misclosures @ left),
+        redundancy,
+        matrix,
+    )

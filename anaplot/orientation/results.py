@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import AppliedTest
+from anaplot.adjustment.significance import TESTABLE
+from anaplot.orientation.tieerrors import ExactStatistics
+from anaplot.photogrammetry.block import TieVariance
 
 __all__ = [
     "AppliedTest",
@@ -95,7 +98,7 @@ class ModelSolution:
     apriori_um
         A-priori sigma0 [um].
     tie_variance
-        "paper" or "propagated".
+        "paper", "propagated" or "exact".
     outliers
         Points without which all others agree, where they pull the orientation so far away that
         the table alone would mislead.
@@ -109,6 +112,8 @@ class ModelSolution:
         (u, u) cofactors of the unknowns in the order of `unknowns`.
     unknowns
         Names of the unknowns.
+    exact
+        What `tie_variance` "exact" adds; None otherwise. `q_vv` is then S, and sigma0 by v'S+v.
     """
 
     left: str
@@ -125,18 +130,35 @@ class ModelSolution:
     ties: tuple[str, ...]
     condition: float
     apriori_um: float
-    tie_variance: Literal["paper", "propagated"]
+    tie_variance: TieVariance
     outliers: tuple[str, ...]
     remarks: tuple[str, ...]
     q_l: NDArray[np.float64] = field(repr=False)
     q_vv: NDArray[np.float64] = field(repr=False)
     q_gg: NDArray[np.float64] = field(repr=False)
     unknowns: tuple[str, ...]
+    exact: ExactStatistics | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:
         """'left/right'."""
         return f"{self.left}/{self.right}"
+
+    @property
+    def influence(self) -> NDArray[np.float64]:
+        """(n, n) Q_vv P: column i is what a unit error in row i does to every parallax."""
+        return self.q_vv / self.q_l if self.exact is None else self.exact.influence
+
+    @property
+    def apparent_q_l(self) -> NDArray[np.float64]:
+        """(n,) cofactors with which a row's residual has r times the row's variance.
+
+        Those of the rows, but for "exact": q_vv / r, NaN where a row cannot be tested.
+        """
+        if self.exact is None:
+            return self.q_l
+        r = np.array([row.redn for row in self.table])
+        return np.diag(self.q_vv) / np.where(r >= TESTABLE, r, np.nan)
 
     @property
     def flagged(self) -> tuple[TableRow, ...]:
@@ -202,7 +224,8 @@ class Diagnosis:
     advice
         Sentences: what to do next, the most useful first.
     suspects
-        (point, axis) of flagged rows, the most probable first.
+        (point, axis) of flagged rows, the most probable first; under "exact" also of rows that
+        are not flagged but may be why others are.
     power
         Power that the applied test really has against errors of the size `mdb_um`; under "tau"
         with few redundancies less than was asked. None where there is no test.

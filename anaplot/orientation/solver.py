@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 from math import atan2, cos, hypot, inf, log1p, sin, sqrt
 from statistics import median
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.errors import NotComputableError
 from anaplot.orientation.pair import Stereopair
+from anaplot.photogrammetry.block import TieVariance
 from anaplot.photogrammetry.conditions import coefficients, products
 from anaplot.photogrammetry.intersection import Intersection, intersect
 from anaplot.photogrammetry.rotation import turn
@@ -56,11 +57,12 @@ _ORIGIN = np.zeros(3)
 _TURNED = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-def tie_cofactor(ratio: float, tie_variance: Literal["paper", "propagated"]) -> float:
+def tie_cofactor(ratio: float, tie_variance: TieVariance) -> float:
     """Return the cofactor of an x row; `ratio` is new bx / old bx.
 
     "paper" takes the ties' model coordinates as free of error: 1. "propagated" adds what the
-    image errors of the preceding model contribute: 1 + (1 + k)^2 + k^2, 6 for equal bases.
+    image errors of the preceding model contribute: 1 + (1 + k)^2 + k^2, 6 for equal bases; "exact"
+    has the same weights.
     """
     if tie_variance == "paper":
         return 1.0
@@ -110,7 +112,7 @@ class Conditions:
     pair
         The measurements.
     tie_variance
-        Cofactor of x rows: "paper" or "propagated".
+        Cofactor of x rows, see `tie_cofactor`.
 
     Attributes
     ----------
@@ -120,9 +122,7 @@ class Conditions:
         (3, n) left rays in the strip system and right rays in the image system.
     """
 
-    def __init__(
-        self, pair: Stereopair, tie_variance: Literal["paper", "propagated"] = "paper"
-    ) -> None:
+    def __init__(self, pair: Stereopair, tie_variance: TieVariance = "paper") -> None:
         points, off, ties = pair.points, pair.off, pair.ties or {}
         self.tie_variance = tie_variance
         self.preceding_bx = pair.preceding_bx

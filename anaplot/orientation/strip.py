@@ -11,9 +11,9 @@ from anaplot.errors import NotComputableError
 from anaplot.orientation.model import orient
 from anaplot.orientation.pair import LeftPhoto, Stereopair
 from anaplot.orientation.results import ModelSolution
-from anaplot.photogrammetry.block import Block, Camera, Strip
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo
+from anaplot.photogrammetry.selection import measured_once, model_name, points_of, rows_by_photo
 
 __all__ = ["BridgedStrip", "bridge", "bridge_strip", "pooled_sigma_um", "stereopair"]
 
@@ -48,6 +48,7 @@ def stereopair(
     preceding: ModelSolution | None,
     base: float | None = None,
     off: frozenset[tuple[str, str]] = frozenset(),
+    once: frozenset[str] = frozenset(),
 ) -> Stereopair:
     """Put together what a model is computed from.
 
@@ -66,16 +67,20 @@ def stereopair(
         Nominal base of a first model [mm].
     off
         Rows (point, axis) switched off.
+    once
+        Points whose left ray is the right one of the preceding model, measured once for both.
     """
     common = tuple(point for point in left if point in right)
     fixed = LeftPhoto()
     ties = None
     preceding_bx = None
+    tie_errors = None
     if preceding is not None:
         centre = np.array(_centre_of(preceding))
         fixed = LeftPhoto(centre, rotation_matrix(*preceding.rotation))
         ties = {p.point: (p.X, p.Y, p.Z) for p in preceding.points if np.isfinite(p.Z)}
         preceding_bx = preceding.base[0]
+        tie_errors = None if preceding.exact is None else preceding.exact.ties
     return Stereopair(
         left=photos[0],
         right=photos[1],
@@ -89,6 +94,8 @@ def stereopair(
         preceding_bx=preceding_bx,
         base=base,
         off=off,
+        tie_errors=tie_errors,
+        once=once,
     )
 
 
@@ -111,22 +118,21 @@ def bridge_strip(
     """
     models: list[ModelSolution] = []
     rows = rows_by_photo(block.image_points)
+    before: Mapping[str, ImagePoint] = {}
     for photos in strip.models():
-        measured = [
-            {
-                name: (p.x, p.y)
-                for name, p in points_of(rows.get(photo, ()), photo, model_name(*photos)).items()
-            }
-            for photo in photos
-        ]
+        left, right = (
+            points_of(rows.get(photo, ()), photo, model_name(*photos)) for photo in photos
+        )
         pair = stereopair(
             photos,
-            measured[0],
-            measured[1],
+            {name: (p.x, p.y) for name, p in left.items()},
+            {name: (p.x, p.y) for name, p in right.items()},
             (block.camera_of(photos[0]), block.camera_of(photos[1])),
             preceding=models[-1] if models else None,
             base=strip.base,
+            once=measured_once(before, left),
         )
+        before = right
         try:
             models.append(orient(pair, block.precision, block.test) if form is None else form(pair))
         except NotComputableError as error:

@@ -20,7 +20,7 @@ __all__ = [
     "TieVariance",
 ]
 
-TieVariance = Literal["paper", "propagated"]
+TieVariance = Literal["paper", "propagated", "exact"]
 TestKind = Literal["tau", "baarda"]
 
 
@@ -159,7 +159,8 @@ class Precision:
     image_um
         A-priori sigma0 [um]: the standard deviation of an image x coordinate.
     tie_variance
-        "paper": model coordinates of ties count as free of error; "propagated": they do not.
+        "paper": model coordinates of ties count as free of error; "propagated": they do not;
+        "exact": neither, and tests know how the errors of ties are correlated.
     control_m
         Standard deviation [m] of control coordinates that state none.
     """

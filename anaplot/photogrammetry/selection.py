@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from anaplot.photogrammetry.block import ImagePoint
 
-__all__ = ["model_name", "points_of", "rows_by_photo"]
+__all__ = ["measured_once", "model_name", "points_of", "rows_by_photo"]
 
 
 def model_name(left: str, right: str) -> str:
@@ -53,3 +53,16 @@ def points_of(image_points: Iterable[ImagePoint], photo: str, model: str) -> dic
         elif row.model is None and row.point not in selected:
             selected[row.point] = row
     return selected
+
+
+def measured_once(
+    before: Mapping[str, ImagePoint], now: Mapping[str, ImagePoint]
+) -> frozenset[str]:
+    """Return the points of a photo whose row serves two models.
+
+    Parameters
+    ----------
+    before, now
+        Rows of the photo by point, as `points_of` selects them for either model.
+    """
+    return frozenset(point for point, row in now.items() if before.get(point) is row)

@@ -16,8 +16,10 @@ _PER_LINE = 6
 
 def verdict(row: TableRow, accused: tuple[str, str] | None) -> str:
     """Return what a row's test says, in a word; `accused` is the row most probably wrong."""
+    if row.key == accused:
+        return "<< REMEASURE"
     if row.flagged:
-        return "<< REMEASURE" if row.key == accused else "< flagged"
+        return "< flagged"
     if row.sigf is None:
         return "not testable"
     return ""
@@ -31,7 +33,7 @@ def table_lines(table: Iterable[TableRow], suspects: Sequence[tuple[str, str]] =
     table
         The rows.
     suspects
-        Flagged rows, the most probably wrong first.
+        Rows to doubt, the most probably wrong first.
     """
     accused = suspects[0] if suspects else None
     rows = list(table)

@@ -37,18 +37,27 @@ def solve(state: SessionState, model: ModelState) -> ModelSolution:
     """
     block = state.block
     base = next(s.base for s in block.strips if s.id == model.strip)
+    settings = (block.precision, block.test)
+    before: ModelState | None = None
     solution: ModelSolution | None = None
-    for before in preceding_models(state, model):
-        solution = _solve(before, _cameras(block, before), base, solution, *_settings(block))
-    return _solve(model, _cameras(block, model), base, solution, *_settings(block))
+    for one in preceding_models(state, model):
+        once = _measured_once(before, one)
+        solution = _solve(one, _cameras(block, one), base, solution, once, *settings)
+        before = one
+    once = _measured_once(before, model)
+    return _solve(model, _cameras(block, model), base, solution, once, *settings)
+
+
+def _measured_once(before: ModelState | None, model: ModelState) -> frozenset[str]:
+    """Return the points whose left rays a model in a mono comparator took over."""
+    if before is None or not model.mono:
+        return frozenset()
+    right = {(m.point, m.xr, m.yr) for m in before.used}
+    return frozenset(m.point for m in model.used if (m.point, m.xl, m.yl) in right)
 
 
 def _cameras(block: Block, model: ModelState) -> tuple[Camera, Camera]:
     return block.camera_of(model.left), block.camera_of(model.right)
-
-
-def _settings(block: Block) -> tuple[Precision, TestSettings]:
-    return block.precision, block.test
 
 
 # Keyed by the preceding solution itself, which is remembered too: a chain, without recursion.
@@ -58,6 +67,7 @@ def _solve(
     cameras: tuple[Camera, Camera],
     base: float | None,
     preceding: ModelSolution | None,
+    once: frozenset[str],
     precision: Precision,
     test: TestSettings,
 ) -> ModelSolution:
@@ -70,6 +80,7 @@ def _solve(
         preceding=preceding,
         base=base,
         off=frozenset((point, axis) for point, axis in model.off),
+        once=once,
     )
     return orient(pair, precision, test)
 

@@ -73,7 +73,7 @@ def test_a_row_without_redundancy_is_not_testable():
     assert np.isnan(rho[0]).all()
     assert np.isnan(rho[:, 0]).all()
     assert rho[1, 2] == pytest.approx(-1.0 / 5.0)
-    assert all(0 not in (i, j) for i, j, _ in critical_transfers(a.q_vv, a.q_l))
+    assert all(0 not in (i, j) for i, j, _ in critical_transfers(a.q_vv / a.q_l))
     odds = error_odds(a.r, s.ratio, a.redundancy, "baarda")
     assert odds.rows[0] / odds.none == pytest.approx(0.1 / 7 / 0.9)  # its prior, unmoved
 
@@ -119,7 +119,7 @@ def test_transfers_by_definition():
             for j in range(9)
             if i != j and abs(influence[j, i]) >= influence[i, i] - 1e-9
         ]
-        found = critical_transfers(a.q_vv, a.q_l)
+        found = critical_transfers(a.q_vv / a.q_l)
         assert [(i, j) for i, j, _ in found] == expected
         for i, j, value in found:
             assert value == pytest.approx(influence[j, i])

@@ -15,6 +15,7 @@ from anaplot.photogrammetry.rotation import rotation_matrix
 
 PAPER = Precision(5.0, "paper")
 PROPAGATED = Precision(5.0, "propagated")
+EXACT = Precision(5.0, "exact")
 TAU = TestSettings("tau", 0.001, 0.80)
 BAARDA = TestSettings("baarda", 0.001, 0.80)
 

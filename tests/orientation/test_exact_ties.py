@@ -1,0 +1,334 @@
+"""tie_variance = "exact" against numerical derivatives of the whole chain of models."""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import pytest
+from flightscene import (
+    BAARDA,
+    EXACT,
+    PROPAGATED,
+    TAU,
+    Flight,
+    fly,
+    ideal_pair,
+    pair_of,
+    spoiled,
+)
+
+from anaplot.adjustment.significance import noncentrality
+from anaplot.orientation.diagnosis import diagnose
+from anaplot.orientation.model import orient
+from anaplot.orientation.patterns import pattern
+from anaplot.orientation.residuals import residual_system
+from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.strip import bridge_strip, pooled_sigma_um, stereopair
+from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
+from anaplot.photogrammetry.rotation import rotation_matrix
+
+MODELS = 3
+STEP = 0.02  # mm
+# central differences of sixth order
+STENCIL = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A strip: what is measured in each model, every photo once or in each of its models."""
+
+    flight: Flight
+    points: tuple[tuple[str, ...], ...]
+    once: bool
+
+    @staticmethod
+    def flown(seed: int, columns: str, *, once: bool) -> "Chain":
+        flight = fly(seed, photos=MODELS + 1, tilt=6.0, kappa=25.0)
+        points = []
+        for k in range(MODELS):
+            under = [f"{k}{p}" for p in columns] + [f"{k + 1}{p}" for p in columns]
+            points.append((*under, f"{k}ma", f"{k}mc") if "b" not in columns else tuple(under))
+        return Chain(flight, tuple(points), once)
+
+    def measured(self) -> list[np.ndarray]:
+        """(n, 4) xl, yl, xr, yr of every model."""
+        images = self.flight.images
+        return [
+            np.array([images[k][p] + images[k + 1][p] for p in self.points[k]])
+            for k in range(MODELS)
+        ]
+
+    def again(self, k: int) -> frozenset[str]:
+        """Points of model k whose right ray is the left one of the next model."""
+        if not self.once or not 0 <= k < MODELS - 1:
+            return frozenset()
+        return frozenset(self.points[k]) & frozenset(self.points[k + 1])
+
+    def oriented(self, measured, precision, start=0, before=None) -> list[ModelSolution]:
+        models = [] if before is None else [before]
+        for k in range(start, MODELS):
+            left, right = ({p: (at[j], at[j + 1]) for p, at in zip(
+                self.points[k], measured[k].tolist(), strict=True)} for j in (0, 2))  # fmt: skip
+            pair = stereopair(
+                (str(k), str(k + 1)),
+                left,
+                right,
+                (self.flight.cameras[k], self.flight.cameras[k + 1]),
+                preceding=models[-1] if models else None,
+                base=70.0,
+                once=self.again(k - 1),
+            )
+            models.append(orient(pair, precision, BAARDA))
+        return models
+
+
+def seen_from_right(model: ModelSolution) -> np.ndarray:
+    points = np.array([p[1:] for p in model.points])
+    centre = np.add(model.centre, model.base)
+    return ((points - centre) @ rotation_matrix(*model.rotation)).ravel()
+
+
+def shown(model: ModelSolution) -> np.ndarray:
+    parallaxes = [row.parx_um * 1e-3 for row in model.table]
+    return np.array([*seen_from_right(model), *parallaxes, np.linalg.norm(model.base)])
+
+
+def derivatives(chain: Chain):
+    """Jacobian of the last model's points, parallaxes and unknowns by every measurement."""
+    measured = chain.measured()
+    clean = chain.oriented(measured, PROPAGATED)
+    columns, keys = [], []
+    for k in range(MODELS):
+        for i, point in enumerate(chain.points[k]):
+            for j in range(4):
+                if j < 2 and point in chain.again(k - 1):
+                    continue  # moved with the right ray of the model before
+                slope = 0.0
+                for times, weight in STENCIL:
+                    for sign in (1.0, -1.0):
+                        moved = [m.copy() for m in measured]
+                        moved[k][i, j] += sign * times * STEP
+                        if j >= 2 and point in chain.again(k):
+                            at = chain.points[k + 1].index(point), j - 2
+                            moved[k + 1][at] = moved[k][i, j]
+                        last = chain.oriented(moved, PROPAGATED, k, clean[k - 1] if k else None)[-1]
+                        slope = slope + sign * weight * shown(last) / STEP
+                columns.append(slope)
+                keys.append((k, point, j))
+    return np.array(columns).T, keys
+
+
+CHAINS = [
+    Chain.flown(3, "acd", once=False),
+    Chain.flown(3, "acd", once=True),
+    Chain.flown(8, "abcde", once=True),
+]
+
+
+@pytest.mark.parametrize("chain", CHAINS, ids=["each anew", "once", "once, five ties"])
+def test_covariances_are_those_of_the_whole_chain(chain):
+    jacobian, keys = derivatives(chain)
+    model = chain.oriented(chain.measured(), EXACT)[-1]
+    n = len(model.points)
+    points, parallaxes, length = jacobian[: 3 * n], jacobian[3 * n : -1], jacobian[-1]
+    ties = model.exact.ties
+
+    def agree(found, expected):
+        assert np.abs(found - expected).max() < 2e-9 * np.abs(expected).max()
+
+    agree(ties.covariance, points @ points.T)
+    right = [keys.index((MODELS - 1, p.point, j)) for p in model.points for j in (2, 3)]
+    agree(ties.with_right, points[:, right])
+    agree(model.q_vv, parallaxes @ parallaxes.T)
+    # the unknowns are those of the right photo with the left one held: their axes are not the
+    # strip's, but a length is the same in all
+    b, size = np.array(model.base), np.linalg.norm(model.base)
+    by_unknowns = np.array([size / b[0], b[0] * b[1] / size, b[0] * b[2] / size])
+    agree(by_unknowns @ model.q_gg[:3, :3] @ by_unknowns, length @ length)
+
+
+def noisy_models(columns="acd", *, seed=5, precision=EXACT, test=BAARDA):
+    """Three models of a tilted strip with noise, and the pair of the last."""
+    flight = fly(seed, photos=4, tilt=4.0, kappa=10.0, noise=0.005)
+    models = []
+    for k in range(3):
+        points = [f"{i}{p}" for i in (k, k + 1) for p in columns]
+        pair = pair_of(flight, k, models[-1] if models else None, points=points, base=70.0)
+        models.append(orient(pair, precision, test))
+    return models, pair
+
+
+def test_weights_and_solution_are_those_of_propagated():
+    exact, _ = noisy_models()
+    plain, _ = noisy_models(precision=PROPAGATED)
+    for one, other in zip(exact, plain, strict=True):
+        assert one.base == other.base
+        assert one.rotation == other.rotation
+        assert one.points == other.points
+        assert [(r.key, r.redn, r.parx_um) for r in one.table] == [
+            (r.key, r.redn, r.parx_um) for r in other.table
+        ]
+        assert sum(row.redn for row in one.table) == pytest.approx(one.redundancy, abs=1e-9)
+    assert [row.expd_um for row in exact[2].table] != [row.expd_um for row in plain[2].table]
+    assert diagnose(exact[2]).transfers == diagnose(plain[2]).transfers
+
+
+@pytest.mark.parametrize("test", [BAARDA, TAU])
+def test_what_the_table_says_follows_from_s(test):
+    models, _ = noisy_models(test=test)
+    for model in models:
+        f, s = model.redundancy, model.q_vv
+        v = np.array([row.parx_um for row in model.table]) / model.apriori_um
+        r = np.array([row.redn for row in model.table])
+        singular = np.linalg.svd(s, compute_uv=False)
+        assert singular[f - 1] > 1e-6 * singular[0] > 1e3 * singular[f : f + 1].sum()
+        square = float(v @ np.linalg.pinv(s, rcond=1e-9) @ v)
+        assert model.sigma0_um == pytest.approx(model.apriori_um * (square / f) ** 0.5)
+        sigma = model.apriori_um if test.kind == "baarda" else model.sigma0_um
+        assert [row.expd_um for row in model.table] == pytest.approx(sigma * np.sqrt(np.diag(s)))
+        assert [row.sigf for row in model.table] == pytest.approx(
+            [abs(row.parx_um) / row.expd_um for row in model.table]
+        )
+        told = diagnose(model)
+        delta = noncentrality(test.alpha, 0.80)
+        assert [row.mdb_um for row in told.rows] == pytest.approx(
+            delta * model.apriori_um * np.sqrt(np.diag(s)) / r
+        )
+    total = sum(model.redundancy * model.sigma0_um**2 for model in models)
+    count = sum(model.redundancy for model in models)
+    assert pooled_sigma_um(tuple(models)) == pytest.approx((total / count) ** 0.5)
+
+
+def test_a_first_model_of_vertical_photos_is_as_without_ties():
+    """There F_p is y'' - y', the x coordinates do not enter: S is Q_vv."""
+    pair = ideal_pair("13")
+    exact, plain = orient(pair, EXACT, BAARDA), orient(pair, PROPAGATED, BAARDA)
+    assert exact.q_vv == pytest.approx(plain.q_vv, abs=1e-12)
+    assert exact.q_gg == pytest.approx(plain.q_gg, rel=1e-9, abs=1e-12)
+    assert [row.effect for row in diagnose(exact).rows] == pytest.approx(
+        [row.effect for row in diagnose(plain).rows]
+    )
+
+
+def level_strip(name, count):
+    """The last model, and its pair, of a strip of vertical photos, ties under the right one."""
+    places, ties = pattern(name).positions(90.0, 100.0), pattern(name).ties
+    camera = fly(1).cameras[0]
+    model = pair = None
+    for k in range(count):
+        names = {label: f"{k}-{label}" for label in places}
+        if k:
+            names.update({tie: f"{k - 1}-{int(tie[0]) + 3}{tie[1:]}" for tie in ties})
+        left = {names[label]: xy for label, xy in places.items()}
+        right = {point: (x - 90.0, y) for point, (x, y) in left.items()}
+        pair = stereopair((str(k), str(k + 1)), left, right, (camera, camera),
+                          preceding=model, base=90.0)  # fmt: skip
+        model = orient(pair, EXACT, BAARDA)
+    return model, pair
+
+
+def test_an_undetected_error_moves_no_function_of_the_unknowns_further_than_its_effect():
+    # vertical photos: an error of the image is one of its row alone
+    _, pair = level_strip("9/3", 3)
+    model = orient(pair, EXACT, BAARDA)
+    step = 1e-4
+
+    def unknowns(point, axis, size):
+        found = orient(spoiled(pair, point, axis, size), EXACT, BAARDA)
+        bx, by, bz = found.base
+        return np.array([bx, by / bx, bz / bx, *found.rotation[::-1]])
+
+    root = np.linalg.cholesky(model.q_gg)
+    function = np.random.default_rng(3).standard_normal(6)
+    for row in diagnose(model).rows:
+        change = unknowns(row.point, row.axis, step) - unknowns(row.point, row.axis, -step)
+        moved = np.linalg.solve(root, change / (2.0 * step)) * row.mdb_um / model.apriori_um
+        assert row.effect == pytest.approx(np.linalg.norm(moved), rel=1e-3)
+        assert abs(function @ moved) <= row.effect * np.linalg.norm(function) * 1.001
+
+
+def test_correlated_ties_make_x_rows_vary_more_than_their_weights_say():
+    """The reason for the choice: with three ties by more than a quarter of the variance."""
+    for name, most in (("6/3", 1.29), ("9/3", 1.27), ("13/5", 1.12)):
+        exact = pattern(name).ideal(90.0, 100.0, 152.0, "exact")
+        plain = pattern(name).ideal(90.0, 100.0, 152.0, "propagated")
+        ratio = np.diag(exact.q_vv) / np.diag(plain.q_vv)
+        assert ratio.min() == pytest.approx(1.0, abs=0.01)
+        assert ratio.max() == pytest.approx(most, abs=0.01)
+
+
+@pytest.mark.parametrize("name", ["6/3", "9/3", "10/5", "13/3", "15/5"])
+def test_the_stationary_state_is_that_of_a_long_strip(name):
+    model, pair = level_strip(name, 12)
+    found = pattern(name).ideal(90.0, 100.0, pair.c_left, "exact")
+    assert found.q_vv == pytest.approx(model.q_vv, abs=1e-8)
+
+
+def test_ties_without_their_covariance_are_refused():
+    with pytest.raises(ValueError, match="without their covariance"):
+        orient(ideal_pair("6/3"), EXACT, BAARDA)
+
+
+def test_by_the_weight_of_the_misclosures_an_error_shows_largest_in_its_own_row():
+    elsewhere = 0
+    for seed in range(8):
+        models, _ = noisy_models(seed=seed)
+        model = models[-1]
+        system = residual_system(model)
+        w = np.abs(system.matrix) / np.sqrt(system.r)[:, None]
+        assert (w.max(axis=0) <= np.diag(w) * (1.0 + 1e-9)).all()
+        table = np.abs(model.influence) / np.sqrt(np.diag(model.q_vv))[:, None]
+        elsewhere += int((table.argmax(axis=0) != np.arange(len(table))).sum())
+    assert elsewhere >= 8  # in the table it does not: about one in five
+
+
+def test_the_advice_names_the_erroneous_row_where_the_largest_sigf_stands_elsewhere():
+    elsewhere = 0
+    for seed in range(6):
+        flight = fly(seed, photos=4, tilt=2.0, kappa=0.0)
+        before = None
+        for k in range(3):
+            points = [f"{i}{p}" for i in (k, k + 1) for p in "acd"]
+            pair = pair_of(flight, k, before, points=points, base=70.0)
+            before = orient(pair, EXACT, BAARDA)
+        for row in before.table:
+            wrong = orient(spoiled(pair, row.point, row.axis, 0.15), EXACT, BAARDA)
+            suspects = diagnose(wrong).suspects
+            if not suspects:
+                continue  # nothing is flagged
+            largest = max(wrong.table, key=lambda one: one.sigf or 0.0)
+            elsewhere += largest.key != row.key
+            assert suspects[0] == row.key
+            assert diagnose(wrong).advice[0].startswith(f"remeasure {row.point} ({row.axis})")
+    assert elsewhere >= 6
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_row_that_serves_two_models_counts_as_one_measurement(again):
+    """The same numbers, pointed once or twice: only the file's rows tell, and EXPD differs."""
+    chain = Chain.flown(8, "abcde", once=not again)
+    rows = []
+    seen = set()
+    for k in range(MODELS):
+        for photo, point in product((k, k + 1), chain.points[k]):
+            x, y = chain.flight.images[photo][point]
+            if again:
+                rows.append(ImagePoint(str(photo), point, x, y, model=f"{k}/{k + 1}"))
+            elif (photo, point) not in seen:
+                rows.append(ImagePoint(str(photo), point, x, y))
+            seen.add((photo, point))
+    names = tuple(str(k) for k in range(MODELS + 1))
+    block = Block(
+        name="strip",
+        precision=EXACT,
+        test=BAARDA,
+        cameras=tuple(chain.flight.cameras),
+        photos=tuple(Photo(name, name) for name in names),
+        strips=(Strip("1", names, 70.0),),
+        image_points=tuple(rows),
+    )
+    models = bridge_strip(block, block.strips[0]).models
+    expected = chain.oriented(chain.measured(), EXACT)
+    for model, other in zip(models, expected, strict=True):
+        by_name = {row.key: row.expd_um for row in other.table}
+        assert {row.key: row.expd_um for row in model.table} == pytest.approx(by_name, rel=1e-9)
