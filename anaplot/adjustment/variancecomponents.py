@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from anaplot.errors import InputError
 
 __all__ = [
+    "CONFIDENCE",
     "LEAST_REDUNDANCY",
     "GroupSums",
     "VarianceComponent",
@@ -36,10 +37,14 @@ __all__ = [
 Array = NDArray[np.float64]
 State = Literal["estimated", "undetermined", "vanishing"]
 
+CONFIDENCE = 0.95
+"""Probability with which an interval holds the true factor."""
+
 LEAST_REDUNDANCY = 0.5
 """Redundancy below which a group says nothing about its own variance: its factor is held."""
 _STEP = 1e-3  # of ln s^2, where redundancies are differentiated
 _APART = 1e-6  # smallest eigenvalue of S, scaled to a unit diagonal, that tells groups apart
+_NO_END = 1e-12  # estimate over the upper limit of an interval below which it has no end
 _VANISHING = 1e-8  # factor below which nothing is left of a group's variance
 
 
@@ -94,6 +99,27 @@ class VarianceComponent:
     def sigma_factor(self) -> float:
         """Factor of the a-priori standard deviation."""
         return sqrt(self.factor)
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Confidence interval (95 %) of the factor; None where it has no standard deviation.
+
+        None also where the group says so little that the interval has no end.
+
+        A group alone has r s^2 / sigma^2 distributed as chi-square; among others it is as good as
+        one with 2 factor^2 / deviation^2 degrees of freedom. Symmetric intervals of few degrees
+        hold the true value far less often than they say.
+        """
+        from scipy.special import chdtri
+
+        if self.deviation is None:
+            return None
+        degrees = 2.0 * (self.factor / self.deviation) ** 2
+        tail = 0.5 * (1.0 - CONFIDENCE)
+        above, below = chdtri(degrees, [tail, 1.0 - tail]).tolist()
+        if not below > _NO_END * degrees:
+            return None
+        return degrees * self.factor / above, degrees * self.factor / below
 
 
 @dataclass(frozen=True, slots=True)

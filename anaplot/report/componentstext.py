@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Any
 
+from anaplot.adjustment.variancecomponents import VarianceComponent
 from anaplot.bundle.components import BlockComponents, ComponentSigma
-from anaplot.report.columns import counted
+from anaplot.report.columns import cell, counted
 from anaplot.report.printable import printable
 
 __all__ = ["components_json", "components_printout"]
@@ -17,8 +19,8 @@ def components_json(found: BlockComponents) -> Json:
     """Return the JSON value of the key "components".
 
     Each group has its number of observations, its share of the redundancy, the factor of its
-    a-priori variance with its standard deviation (null when it is held), and both standard
-    deviations where one number says them.
+    a-priori variance with its standard deviation and its 95 % confidence interval (null when it is
+    held), and both standard deviations where one number says them.
     """
     variances = found.variances
     return {
@@ -33,7 +35,9 @@ def components_json(found: BlockComponents) -> Json:
                 "vtpv": c.vtpv,
                 "variance_factor": c.factor,
                 "s_variance_factor": c.deviation,
+                "variance_factor_interval": None if c.interval is None else list(c.interval),
                 "sigma_factor": c.sigma_factor,
+                "sigma_factor_interval": _roots(c),
                 "state": c.state,
                 "sigma_apriori": None if sigma is None else sigma.apriori,
                 "sigma": None if sigma is None else sigma.estimated,
@@ -51,19 +55,28 @@ def components_printout(found: BlockComponents) -> str:
     width = max([5, *(len(printable(c.name)) for c in variances.components)])
     lines = [
         f"VARIANCE COMPONENTS, by {found.grouping}; {counted(variances.iterations, 'adjustment')}",
-        f"  {'group':<{width}}  {'n':>6}  {'r':>9}  {'s/s0':>7}  {'s^2/s0^2':>9}  {'+-':>7}  "
+        f"  {'group':<{width}}  {'n':>6}  {'r':>9}  {'s^2/s0^2':>9}  {'s/s0':>7}  from, to (95 %)  "
         f"{'a priori':>12}  {'estimated':>12}",
     ]
     for c, sigma in zip(variances.components, found.sigmas, strict=True):
         nothing = "-" if c.state == "estimated" else "held"
-        deviation = f"{nothing:>7}" if c.deviation is None else f"{c.deviation:7.3f}"
+        roots = _roots(c)
+        within = f"{nothing:>15}"
+        if roots is not None:
+            within = cell(roots[0], 3, 7) + cell(roots[1], 3, 8)
         lines.append(
             f"  {printable(c.name):<{width}}  {c.observations:6d}  {c.redundancy:9.2f}  "
-            f"{c.sigma_factor:7.3f}  {c.factor:9.3f}  {deviation}  {_sigma(sigma, 0)}  "
+            f"{c.factor:9.3f}  {c.sigma_factor:7.3f}  {within}  {_sigma(sigma, 0)}  "
             f"{_sigma(sigma, 1)}"
         )
     lines += [f"  note: {printable(remark)}" for remark in found.remarks()]
     return "\n".join(lines)
+
+
+def _roots(component: VarianceComponent) -> list[float] | None:
+    """Return the confidence interval of the factor of the standard deviation."""
+    interval = component.interval
+    return None if interval is None else [sqrt(limit) for limit in interval]
 
 
 def _sigma(sigma: ComponentSigma | None, which: int) -> str:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy import stats
 
 from anaplot.adjustment.prior import LinearSystem, separate_estimate
 from anaplot.adjustment.variancecomponents import (
     GroupSums,
+    VarianceComponent,
     estimate_components,
     helmert_factors,
 )
@@ -217,3 +221,43 @@ def test_singular_helmert_equations_and_a_negative_estimate():
 def test_groups_are_needed():
     with pytest.raises(InputError, match="groups"):
         estimate_components([], [], lambda f: GroupSums(f, f))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "unknowns", "truth"),
+    [((6,), 3, (1.0,)), ((8, 8), 4, (1.0, 1.0)), ((6, 30), 4, (9.0, 1.0))],
+)
+def test_intervals_hold_the_truth_as_often_as_they_say(sizes, unknowns, truth):
+    rng = np.random.default_rng(1979)
+    group = np.repeat(np.arange(len(sizes)), sizes)
+    a = rng.normal(size=(len(group), unknowns))
+    runs, held, symmetric, intervals = 400, 0, 0, 0
+    for _ in range(runs):
+        observed = rng.normal(size=len(group)) * np.sqrt(np.array(truth)[group])
+        found = estimate_components(
+            "ab"[: len(sizes)], sizes, linear(a, observed, group, len(sizes))
+        )
+        for c, true in zip(found.components, truth, strict=True):
+            if c.interval is None:
+                assert c.deviation is None
+                continue
+            low, high = c.interval
+            assert low < c.factor < high
+            intervals += 1
+            held += low < true < high
+            symmetric += abs(c.factor - true) < 1.96 * c.deviation
+    # 3.3 deviations of a binomial number; 0.01 for groups that are not quite one chi-square each
+    room = 3.3 * np.sqrt(intervals * 0.95 * 0.05)
+    assert abs(held - 0.95 * intervals) < room + 0.01 * intervals
+    # what a standard deviation to both sides gives
+    assert symmetric < 0.95 * intervals - room
+
+
+def test_an_interval_of_one_group_is_that_of_chi_square():
+    component = VarianceComponent("a", 12, 8.0, 8.0, 2.0, 2.0 * np.sqrt(2.0 / 8.0), "estimated")
+    low, high = component.interval
+    assert stats.chi2.sf(8.0 * 2.0 / low, 8) == pytest.approx(0.025)
+    assert stats.chi2.cdf(8.0 * 2.0 / high, 8) == pytest.approx(0.025)
+    assert replace(component, deviation=None).interval is None
+    # nearly nothing is known: no end, and no number that would stand for it
+    assert replace(component, deviation=2000.0).interval is None

@@ -41,8 +41,14 @@ def test_axes_find_both_sigmas(folder: Path, capsys) -> None:
     found = components(capsys, "adjust", str(folder), "--components")
     assert found["image x"]["variance_factor"] == pytest.approx(4.0, rel=0.25)
     assert found["image y"]["variance_factor"] == pytest.approx(0.25, rel=0.25)
+    for row, sigma in ((found["image x"], 2.0), (found["image y"], 0.5)):
+        low, high = row["sigma_factor_interval"]
+        assert low < sigma < high
+        assert row["variance_factor_interval"] == pytest.approx([low**2, high**2])
     assert main(["adjust", str(folder), "--components", "strips"]) == 0
-    assert "VARIANCE COMPONENTS, by strips" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "VARIANCE COMPONENTS, by strips" in text
+    assert "from, to (95 %)" in text
 
 
 def test_operators_come_from_a_file(folder: Path, tmp_path: Path, capsys) -> None:
