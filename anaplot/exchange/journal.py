@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import stat
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -26,6 +27,7 @@ from anaplot.exchange.journalread import (
     scan_folder,
 )
 from anaplot.exchange.lockfile import FolderLock
+from anaplot.exchange.ownfile import check_own, is_same, open_own
 from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
     JournalError,
@@ -128,8 +130,9 @@ class Journal:
         Raises
         ------
         InputError
-            The block is open elsewhere, the journal is damaged anywhere but in its last line or
-            was written by a newer version (nothing is changed then), or it cannot be written.
+            The block is open elsewhere, the journal is damaged where it was on disk already, is
+            not what it seems (a link, a pipe) or was written by a newer version (nothing is
+            changed then), or it cannot be written.
         """
         for key in header:
             if key in _HEADER_KEYS:
@@ -139,6 +142,8 @@ class Journal:
         lock = FolderLock(sessions / "lock")
         journal = cls(sessions, header, clock, roll_bytes, lock)
         try:
+            _check_files(sessions)
+            _sync_entries(folder)
             scan = scan_folder(sessions, keep)
             remarks = [*scan.remarks, *journal._begin(scan.files)]
         except BaseException:
@@ -211,13 +216,16 @@ class Journal:
             if end.size >= self._roll_bytes:
                 end = self._roll(end)
             stamp = self._stamp()
+            batch = tuple(records)
+            if not batch:
+                return end.seq
             data = bytearray()
             seq = end.seq
-            for kind, payload in records:
+            for kind, payload in batch:
                 seq += 1
-                data += encode_line(seq, stamp, kind, payload)
-            if seq == end.seq:
-                return seq
+                # What comes last is told to be on disk: with all before it.
+                last = durable and seq == end.seq + len(batch)
+                data += encode_line(seq, stamp, kind, payload, last)
             self._put(end, bytes(data), seq, durable)
             return seq
 
@@ -266,14 +274,14 @@ class Journal:
             self._roll(end)
         else:
             kind = "opened" if size else "header"
-            line = encode_line(end.seq + 1, self._stamp(), kind, self._header)
+            line = encode_line(end.seq + 1, self._stamp(), kind, self._header, durable=True)
             self._put(end, line, end.seq + 1, durable=True)
         return remarks
 
     def _new_file(self, number: int, seq: int) -> _Place:
         """Return a new file that holds its header, on disk; there is none after an error."""
-        path = self._folder / f"{number:04d}.jsonl"
-        line = encode_line(seq + 1, self._stamp(), "header", self._header)
+        path = self._file(number)
+        line = encode_line(seq + 1, self._stamp(), "header", self._header, durable=True)
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | _BINARY
         try:
             descriptor = os.open(path, flags, 0o666)
@@ -349,6 +357,25 @@ class Journal:
             raise self._refusal(end, "the file was removed")
         if status.st_size != end.size:
             raise self._refusal(end, "the file was changed by another program")
+        if not is_same(end.path, end.descriptor):
+            raise self._refusal(end, "the file was moved away")
+        self._check_lock(end)
+
+    def _check_lock(self, end: _Place) -> None:
+        """Refuse records when the lock's file was removed and another anaplot came in."""
+        try:
+            if self._lock.check():
+                return
+        except InputError as error:
+            self._unusable = f"the lock was removed ({error})"
+        else:
+            if not os.path.lexists(self._file(int(end.path.stem) + 1)):
+                return
+            self._unusable = "the lock was removed, and another anaplot has written"
+        raise self._refusal(end, f"{self._unusable}; the block must be opened again")
+
+    def _file(self, number: int) -> Path:
+        return self._folder / f"{number:04d}.jsonl"
 
     def _refusal(self, end: _Place, why: str) -> JournalError:
         return JournalError(f"{place(end.path)}: record refused: {why}")
@@ -376,33 +403,55 @@ class Journal:
 
 def _make_sessions(sessions: Path) -> None:
     try:
-        if not sessions.is_dir():
+        if not os.path.lexists(sessions):
             sessions.mkdir()
-            sync_folder(sessions.parent)
+        if not stat.S_ISDIR(sessions.lstat().st_mode):
+            raise InputError(f"{place(sessions)}: not a folder of its own (a file or a link)")
     except (OSError, ValueError) as error:
         raise InputError(f"{place(sessions)}: cannot be made: {reason(error)}") from error
+
+
+def _sync_entries(folder: Path) -> None:
+    """Bring the folder `sessions` itself to disk, which the one who made it may not have done."""
+    try:
+        sync_folder(folder)
+    except OSError as error:
+        raise InputError(f"{place(folder)}: cannot be brought to disk: {reason(error)}") from error
+
+
+def _check_files(sessions: Path) -> None:
+    """Refuse journal files that are links, or no files."""
+    try:
+        for path in sorted(sessions.glob("*.jsonl")):
+            check_own(path)
+    except OSError as error:
+        raise InputError(f"{place(sessions)}: cannot be read: {reason(error)}") from error
 
 
 def _mended(last: FileScan) -> tuple[int, int, list[str]]:
     """Open the last file for appending, cut behind its good lines; also its size and remarks."""
     try:
-        descriptor = os.open(last.path, os.O_RDWR | os.O_APPEND | _BINARY)
+        descriptor = open_own(last.path, os.O_RDWR | os.O_APPEND)
         try:
             size, remarks = last.good_bytes, []
+            if os.fstat(descriptor).st_size != last.total_bytes:
+                raise InputError(f"{place(last.path)}: was changed while it was opened")
             if last.tail is not None:
                 aside = _set_aside(descriptor, last)
                 os.ftruncate(descriptor, size)
-                os.fsync(descriptor)
                 remarks.append(
-                    f"{place(last.path, last.tail.line)}: {last.tail.why}: moved to {aside.name}"
+                    f"{place(last.path, last.tail.line)}: {last.tail}: moved to {aside.name}"
                 )
             elif last.lacks_end:
                 write_all(descriptor, b"\n")
-                os.fsync(descriptor)
                 size += 1
                 remarks.append(f"{place(last.path)}: the end of the last line was missing: added")
             elif size == 0:
                 remarks.append(f"{place(last.path)}: was empty: begun anew")
+            # Also when nothing was mended: what was read may be in memory only, and its name too,
+            # when the one who wrote it was killed.
+            os.fsync(descriptor)
+            sync_folder(last.path.parent)
         except BaseException:
             os.close(descriptor)
             raise

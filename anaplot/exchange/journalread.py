@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
@@ -42,7 +43,8 @@ SESSIONS = "sessions"
 MAX_FILE_BYTES = 256_000_000
 """Largest file that is read: four times the length at which the next one is begun."""
 
-_FILE_NAME = re.compile(r"([0-9]{4,9})\.jsonl")
+_BEGINNING = b'{"seq":'
+_FILE_NAME = re.compile(r"([0-9]{4,99})\.jsonl")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +65,28 @@ class Recovered:
 
 @dataclass(frozen=True, slots=True)
 class Tail:
-    """The last line of the last file, which is not a whole record: where it begins, and why."""
+    """What a power cut or a killed writer left behind the good lines of the last file.
+
+    Attributes
+    ----------
+    line
+        Where it begins.
+    why
+        What is wrong with the line there.
+    whole
+        How many whole records stand behind that line, of which nobody was told that they are
+        on disk.
+    """
 
     line: int
     why: str
+    whole: int
+
+    def __str__(self) -> str:
+        behind = {0: "", 1: ", and with it 1 whole record that was never confirmed"}
+        return self.why + behind.get(
+            self.whole, f", and with it {self.whole} whole records that were never confirmed"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +139,8 @@ def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
     Raises
     ------
     InputError
-        There is no journal, it is damaged anywhere but in its last line, a record is missing,
-        or a newer version wrote it; with file and line.
+        There is no journal, it is damaged where it was on disk already, a record or a file is
+        missing, or a newer version wrote it; with file and line.
     """
     try:
         folder = path / SESSIONS if (path / SESSIONS).is_dir() else path
@@ -141,7 +161,7 @@ def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
     remarks = list(scan.remarks)
     last = scan.files[-1]
     if last.tail is not None:
-        remarks.append(f"{place(last.path, last.tail.line)}: {last.tail.why}: left out")
+        remarks.append(f"{place(last.path, last.tail.line)}: {last.tail}: left out")
     return Recovered(scan.records, tuple(remarks))
 
 
@@ -194,11 +214,19 @@ def scan_folder(folder: Path, keep: Keep | None) -> Scan:
     records: list[Record] = []
     last_number = max(numbered, default=0)
     seq = 0
-    for number in sorted(numbered):
+    for expected, number in enumerate(sorted(numbered), 1):
+        if number != expected:
+            missing = place(folder / f"{expected:04d}.jsonl")
+            raise InputError(f"{missing}: is missing, but there is {numbered[number]}")
         reader = _FileReader(folder / numbered[number], seq, keep, records)
         files.append(reader.scan(is_last=number == last_number))
         seq = files[-1].last_seq
     return Scan(tuple(files), tuple(records), tuple(remarks))
+
+
+def _nothing(kind: str) -> bool:
+    """Want no payload."""
+    return False
 
 
 class _FileReader:
@@ -250,9 +278,9 @@ class _FileReader:
                 claimed = claimed_format(raw) if line == 1 else None
                 if claimed is not None:
                     self._check_format(claimed, line)
-                if not is_last or self._goes_on(file, raw, size - good):
-                    raise self._fail(line, f"damaged: {damage}; nothing was changed") from None
-                tail, lacks_end = Tail(line, str(damage)), False
+                if not is_last:
+                    raise self._damaged(line, damage) from None
+                tail, lacks_end = self._tail(file, raw, line, size - good, damage), False
                 break
             self._check(record)
             self._seq = record.seq
@@ -288,14 +316,71 @@ class _FileReader:
                 f"{JOURNAL_FORMAT}",
             )
 
-    @staticmethod
-    def _goes_on(file: BinaryIO, raw: bytes, left: int) -> bool:
-        """Return whether another line follows the one just read, the first of so many bytes."""
+    def _tail(
+        self, file: BinaryIO, raw: bytes, line: int, left: int, damage: DamagedLineError
+    ) -> Tail:
+        """Return what follows the good lines, when nobody was told that it is on disk.
+
+        Records are written one behind the other, each after the one before was acknowledged. A
+        record that says that it is durable is therefore on disk, with all before it, when
+        anything stands behind it. When it is the last, a power cut may have come before it was
+        acknowledged: such a cut leaves zeros, where another damage leaves other bytes.
+        Records of older versions do not say it and count as durable. A line that was changed,
+        neither torn nor zeros, is damage whatever whole record stands behind it.
+
+        Parameters
+        ----------
+        file, raw, line
+            The file, and the first line that is no record, just read from it; its number.
+        left
+            Length of the file from the beginning of that line.
+        damage
+            What is wrong with it.
+        """
+        if line == 1 and not (raw.startswith((_BEGINNING, b"\0")) or _BEGINNING.startswith(raw)):
+            raise self._fail(line, "not a journal: left as it is")
         left -= len(raw)
-        while raw and not raw.endswith(b"\n"):
+        whole, zeros, changed = 0, True, False
+        for number in count(line):
+            raw, left, has_zeros = self._to_its_end(file, raw, left)
+            record = self._record(raw, number)
+            if isinstance(record, DamagedLineError):
+                zeros = zeros and has_zeros
+                changed = changed or (record.changed and not has_zeros)
+                # The beginning of a line may be zeros, and a record stand whole behind them.
+                record = self._record(raw.rpartition(b"\0")[2], number)
+            if isinstance(record, Record):
+                whole += 1
+                known = record.durable is not False and (left > 0 or not zeros)
+                if known or changed:
+                    raise self._damaged(line, damage)
+            if left <= 0:
+                break
             raw = file.readline(min(MAX_LINE, left))
             left -= len(raw)
-        return left > 0
+        return Tail(line, str(damage), whole)
+
+    def _record(self, raw: bytes, line: int) -> Record | DamagedLineError:
+        try:
+            return decode_line(raw.removesuffix(b"\n"), self._name, line, _nothing)[0]
+        except DamagedLineError as error:
+            return error
+
+    @staticmethod
+    def _to_its_end(file: BinaryIO, raw: bytes, left: int) -> tuple[bytes, int, bool]:
+        """Read a line to its end; return its last bytes, what is left, and whether it has zeros."""
+        zeros = b"\0" in raw
+        while left > 0 and not raw.endswith(b"\n"):
+            more = file.readline(min(MAX_LINE, left))
+            if not more:
+                return raw, 0, zeros  # shorter than it was
+            left -= len(more)
+            zeros = zeros or b"\0" in more
+            raw = (raw + more)[-MAX_LINE:]
+        return raw, left, zeros
+
+    def _damaged(self, line: int, damage: DamagedLineError) -> InputError:
+        return self._fail(line, f"damaged: {damage}; nothing was changed")
 
     def _fail(self, line: int, message: str) -> InputError:
         return InputError(f"{self._name} line {line}: {message}")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import platform
 import re
 import sys
 from pathlib import Path
 
 from anaplot.errors import InputError
+from anaplot.exchange.ownfile import is_same, open_own
 from anaplot.exchange.wholefile import write_all
-from anaplot.exchange.wording import place, reason
+from anaplot.exchange.wording import place, plain, reason
 
 if sys.platform == "win32":
     import msvcrt
@@ -20,45 +22,52 @@ else:
 __all__ = ["FolderLock"]
 
 _FAR = 1 << 30  # Windows locks bytes, also against reading: one that the file does not have
+_TRIES = 5
 
 
 class FolderLock:
     """A held lock.
 
     The file stays where it is when the lock is released: removing it would let two processes
-    lock two files of the same name.
+    lock two files of the same name. Where somebody else removes it, `check` notices.
 
     Parameters
     ----------
     path
-        The lock file, made when it does not exist; the holder's process number is written into it.
+        The lock file, made when it does not exist; the holder's process number and the name of
+        its host are written into it.
 
     Raises
     ------
     InputError
-        Somebody else holds it, this process included, or it cannot be made.
+        Somebody else holds it, this process included, it is no file of its own, or it cannot be
+        made.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        try:
-            self._descriptor: int | None = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        except OSError as error:
-            raise InputError(f"{place(path)}: cannot be written: {reason(error)}") from error
-        try:
-            self._take(self._descriptor)
-            os.ftruncate(self._descriptor, 0)
-            write_all(self._descriptor, f"{os.getpid()}\n".encode())
-        except BlockingIOError:
-            holder = self._holder(self._descriptor)
-            os.close(self._descriptor)
-            raise InputError(
-                f"{place(path.parent.parent)}: the block is open in another anaplot "
-                f"(process {holder})"
-            ) from None
-        except OSError as error:
-            os.close(self._descriptor)
-            raise InputError(f"{place(path)}: cannot be locked: {reason(error)}") from error
+        self._descriptor: int | None = self._taken()
+
+    def check(self) -> bool:
+        """Make sure that the lock is still held, after its file was removed or replaced too.
+
+        Returns
+        -------
+        bool
+            Whether it is the lock that was taken before; False when it had to be taken anew.
+
+        Raises
+        ------
+        InputError
+            Somebody else has taken it meanwhile, or it cannot be made again.
+        """
+        held = self._descriptor
+        if held is not None and is_same(self._path, held):
+            return True
+        self._descriptor = self._taken()
+        if held is not None:
+            os.close(held)
+        return False
 
     def release(self) -> None:
         """Give the lock back; a second call does nothing."""
@@ -73,14 +82,50 @@ class FolderLock:
         finally:
             os.close(descriptor)
 
+    def _taken(self) -> int:
+        """Return the descriptor of the locked file."""
+        for _ in range(_TRIES):
+            try:
+                descriptor = open_own(self._path, os.O_RDWR | os.O_CREAT)
+            except (OSError, ValueError) as error:
+                raise InputError(
+                    f"{place(self._path)}: cannot be written: {reason(error)}"
+                ) from error
+            try:
+                self._take(descriptor)
+                if is_same(self._path, descriptor):
+                    os.ftruncate(descriptor, 0)
+                    write_all(descriptor, f"{os.getpid()} {_host()}\n".encode())
+                    return descriptor
+            except BlockingIOError:
+                holder = self._holder(descriptor)
+                os.close(descriptor)
+                raise InputError(
+                    f"{place(self._path.parent.parent)}: the block is open in another anaplot "
+                    f"({holder})"
+                ) from None
+            except OSError as error:
+                os.close(descriptor)
+                raise InputError(
+                    f"{place(self._path)}: cannot be locked: {reason(error)}"
+                ) from error
+            # Removed between the opening and the locking: a lock that others do not see.
+            os.close(descriptor)
+        raise InputError(f"{place(self._path)}: cannot be locked: it is removed again and again")
+
     @staticmethod
     def _holder(descriptor: int) -> str:
+        """Return who holds the lock, as its file says."""
         try:
             os.lseek(descriptor, 0, os.SEEK_SET)
-            match = re.match(rb"[0-9]{1,10}", os.read(descriptor, 16))
+            match = re.match(rb"([0-9]{1,10})(?: (\S{1,255}))?", os.read(descriptor, 300))
         except OSError:
             match = None
-        return match.group().decode("ascii") if match else "not known"
+        if match is None:
+            return "process not known"
+        process = match[1].decode("ascii")
+        host = "" if match[2] is None else f" on {plain(match[2].decode('utf-8', 'replace'))}"
+        return f"process {process}{host}"
 
     if sys.platform == "win32":
 
@@ -109,3 +154,8 @@ class FolderLock:
         def _give_back(descriptor: int) -> None:
             # Explicitly: a child that inherited the descriptor must not keep the block locked.
             fcntl.flock(descriptor, fcntl.LOCK_UN)
+
+
+def _host() -> str:
+    """Return this computer's name in the network, without blanks."""
+    return "".join(platform.node().split()) or "unknown"

@@ -34,11 +34,11 @@ Keep = Callable[[str], bool]
 """Says of a kind of record whether its payload is wanted."""
 
 _KIND = re.compile(r"[a-z][a-z0-9-]{0,39}")
-_RESERVED = frozenset(("seq", "t", "kind", "crc"))
+_RESERVED = frozenset(("seq", "t", "kind", "durable", "crc"))
 _HEAD = re.compile(
     rb'\{"seq":([1-9][0-9]{0,14}),'
     rb'"t":"([0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}\.[0-9]{3}Z)",'
-    rb'"kind":"([a-z][a-z0-9-]{0,39})"'
+    rb'"kind":"([a-z][a-z0-9-]{0,39})"(?:,"durable":(true|false))?'
 )
 _TAIL = re.compile(rb',"crc":"([0-9a-f]{8})"\}')
 _TAIL_LENGTH = len(',"crc":"01234567"}')
@@ -49,7 +49,17 @@ class JournalError(InputError):
 
 
 class DamagedLineError(Exception):
-    """A line is not what was written; the text says why."""
+    """A line is not what was written; the text says why.
+
+    Attributes
+    ----------
+    changed
+        It has the form of a record: not torn off, but changed.
+    """
+
+    def __init__(self, why: str, *, changed: bool = True) -> None:
+        super().__init__(why)
+        self.changed = changed
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +78,9 @@ class Record:
         The other keys of its JSON object.
     file, line
         Where it stands.
+    durable
+        Whether the writer was told only when it was on disk, with all before it; None where the
+        line does not say it, as in journals of older versions.
     """
 
     seq: int
@@ -76,12 +89,15 @@ class Record:
     payload: Mapping[str, Any] = field(repr=False)
     file: str
     line: int
+    durable: bool | None = None
 
 
-def encode_line(seq: int, time: str, kind: str, payload: Mapping[str, Any]) -> bytes:
+def encode_line(
+    seq: int, time: str, kind: str, payload: Mapping[str, Any], durable: bool | None = None
+) -> bytes:
     """Return a record as one line of ASCII, its end included.
 
-    The checksum is the CRC-32 of all bytes before `,"crc"`.
+    The checksum is the CRC-32 of all bytes before `,"crc"`. What is None is left out.
 
     Raises
     ------
@@ -93,7 +109,8 @@ def encode_line(seq: int, time: str, kind: str, payload: Mapping[str, Any]) -> b
     for key in payload:
         if not isinstance(key, str) or key in _RESERVED:
             raise JournalError(f"record {quoted(kind)} refused: bad key {quoted(str(key))}")
-    record = {"seq": seq, "t": time, "kind": kind, **payload}
+    said = {} if durable is None else {"durable": durable}
+    record = {"seq": seq, "t": time, "kind": kind, **said, **payload}
     try:
         text = json.dumps(record, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     except (TypeError, ValueError, RecursionError) as error:
@@ -133,7 +150,7 @@ def decode_line(raw: bytes, file: str, line: int, keep: Keep | None = None) -> t
     tail = _TAIL.fullmatch(raw, max(len(raw) - _TAIL_LENGTH, 0))
     head = _HEAD.match(raw)
     if tail is None or head is None:
-        raise DamagedLineError("not a complete record")
+        raise DamagedLineError("not a complete record", changed=False)
     body = raw[: tail.start()]
     if zlib.crc32(body) != int(tail[1], 16):
         raise DamagedLineError("the checksum does not agree")
@@ -152,6 +169,7 @@ def decode_line(raw: bytes, file: str, line: int, keep: Keep | None = None) -> t
             payload=_payload(body) if wanted else {},
             file=file,
             line=line,
+            durable=None if head[4] is None else head[4] == b"true",
         ),
         wanted,
     )

@@ -84,7 +84,7 @@ def test_twenty_gigabytes_of_zeros_are_refused_by_their_size(reader, tmp_path):
 def test_a_device_is_refused(reader, tmp_path):
     link = tmp_path / "device.toml"
     link.symlink_to("/dev/zero")
-    with pytest.raises(InputError, match="not a regular file"):
+    with pytest.raises(InputError, match=r"not a regular file|a link to another file"):
         reader(link)
 
 
@@ -126,13 +126,9 @@ def test_the_limit_itself_is_read(tmp_path):
 MEMORY = """
 import resource, sys
 from pathlib import Path
-from anaplot.errors import InputError
 resource.setrlimit(resource.RLIMIT_AS, (400_000_000,) * 2)
 from anaplot.exchange.journal import read_journal
-try:
-    read_journal(Path(sys.argv[1]))
-except InputError as error:
-    print(error)
+print(*read_journal(Path(sys.argv[1])).remarks)
 """
 
 
@@ -149,4 +145,4 @@ def test_a_journal_of_one_long_line_takes_little_memory(tmp_path):
         env={**os.environ, "PYTHONPATH": str(Path(anaplot.__file__).parents[1])},
         check=True,
     )
-    assert "0001.jsonl line 1: " in result.stdout
+    assert "0001.jsonl line 1: not a complete record: left out" in result.stdout

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import platform
 import re
 import threading
 import zlib
@@ -52,6 +53,7 @@ def test_a_new_journal_begins_with_its_header(block):
         "seq": 1,
         "t": "2001-09-09T01:46:40.123Z",
         "kind": "header",
+        "durable": True,
         "program": "anaplot",
         "version": anaplot.__version__,
         "format": 1,
@@ -67,6 +69,8 @@ def test_every_line_carries_sequence_number_and_checksum(block):
         assert journal.append_event(measured(7)) == 5
     raw = (block / "sessions" / "0001.jsonl").read_bytes()
     assert all(32 <= byte < 127 or byte == 10 for byte in raw)
+    flags = [json.loads(line)["durable"] for line in raw.splitlines()]
+    assert flags == [True, False, False, True, True]
     for number, line in enumerate(raw.splitlines(), start=1):
         body, crc = line.split(b',"crc":')
         assert crc == b'"%08x"}' % zlib.crc32(body)
@@ -159,6 +163,7 @@ def test_a_clock_that_makes_no_sense_refuses_the_record(block):
         ("a" * 41, {}, "bad kind"),
         ("a", {"seq": 1}, "bad key 'seq'"),
         ("a", {"crc": "x"}, "bad key 'crc'"),
+        ("a", {"durable": True}, "bad key 'durable'"),
         ("a", {1: "x"}, "bad key '1'"),
         ("a", {"x": float("nan")}, "refused"),
         ("a", {"x": b"bytes"}, "refused"),
@@ -182,7 +187,7 @@ def test_the_longest_line_is_written_and_read(block):
         text = "y" * (recordline.MAX_LINE - empty)
         assert journal.append("a", {"x": text}, durable=True) == 3
         with pytest.raises(JournalError):
-            journal.append("a", {"x": text + "y"}, durable=True)
+            journal.append("a", {"x": text + "y"}, durable=False)
         journal.append("b", {}, durable=True)
     assert read_journal(block).records[2].payload == {"x": text}
     assert len(read_journal(block).records) == 4
@@ -200,20 +205,22 @@ json_values = st.recursive(
     max_leaves=8,
 )
 payloads = st.dictionaries(
-    st.text(max_size=6).filter(lambda key: key not in ("seq", "t", "kind", "crc")),
+    st.text(max_size=6).filter(lambda key: key not in ("seq", "t", "kind", "durable", "crc")),
     json_values,
     max_size=4,
 )
 
 
-@given(st.integers(1, 10**15 - 1), payloads)
-def test_a_line_is_read_back_exactly(seq, payload):
-    line = recordline.encode_line(seq, "2026-01-01T00:00:00.000Z", "a-1", payload)
+@given(st.integers(1, 10**15 - 1), payloads, st.sampled_from([None, True, False]))
+def test_a_line_is_read_back_exactly(seq, payload, durable):
+    line = recordline.encode_line(seq, "2026-01-01T00:00:00.000Z", "a-1", payload, durable)
     assert line.endswith(b"\n")
     assert line.count(b"\n") == 1
     record, wanted = recordline.decode_line(line[:-1], "f", 3)
     assert wanted
-    assert record == recordline.Record(seq, "2026-01-01T00:00:00.000Z", "a-1", payload, "f", 3)
+    assert record == recordline.Record(
+        seq, "2026-01-01T00:00:00.000Z", "a-1", payload, "f", 3, durable
+    )
 
 
 @given(payloads, st.data())
@@ -236,7 +243,8 @@ def test_a_second_journal_on_the_block_is_refused_until_the_first_is_closed(bloc
     with pytest.raises(InputError) as caught:
         Journal.open(block, HEADER)
     assert str(caught.value) == (
-        f"{block}: the block is open in another anaplot (process {os.getpid()})"
+        f"{block}: the block is open in another anaplot "
+        f"(process {os.getpid()} on {platform.node()})"
     )
     assert first.append("a", {}, durable=True) == 2
     assert len(read_journal(block).records) == 2
@@ -271,7 +279,7 @@ def test_a_block_that_is_not_there_or_not_writable(block, tmp_path, monkeypatch)
     with pytest.raises(InputError, match=r"cannot be made|cannot be read"):
         Journal.open(Path("a\0b"), HEADER)
     (block / "sessions").write_text("")
-    with pytest.raises(InputError, match="sessions: cannot be made: File exists"):
+    with pytest.raises(InputError, match="sessions: not a folder of its own"):
         Journal.open(block, HEADER)
     (block / "sessions").unlink()
     read_only = OSError(errno.EROFS, os.strerror(errno.EROFS))

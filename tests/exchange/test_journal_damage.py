@@ -47,6 +47,13 @@ def assert_one_safe_line(error: InputError) -> None:
     assert str(error).isprintable()
 
 
+@pytest.fixture(autouse=True)
+def no_waiting_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Journals are opened by the hundred here, and read again by the same system."""
+    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
+    monkeypatch.setattr(os, "fdatasync", lambda descriptor: None, raising=False)
+
+
 class Folder:
     """A block folder whose journal is written anew for every case."""
 
@@ -212,7 +219,7 @@ def test_a_long_torn_tail_is_one_line_and_kept_whole(folder):
         journal.close()
         assert plain(recovered.records) == expected(2)
         assert contents(folder.path)["0001.jsonl.torn-1"] == tail
-        folder.put(f0001=good + tail + b"\nmore")
+        folder.put(f0001=good + tail + b"\n" + b"".join(journal_lines(4)[2:]))
         with pytest.raises(InputError, match="line 3: damaged"):
             Journal.open(folder.path, {})
 
@@ -253,7 +260,7 @@ def test_whole_lines_that_do_not_belong_are_never_cut_off(folder, lines, words):
 def test_a_missing_file_is_noticed(folder):
     third = b"".join(journal_lines(3, first=8))
     folder.put(f0001=b"".join(journal_lines(4)), f0003=third)
-    with pytest.raises(InputError, match=r"0003\.jsonl line 1: record 8 where 5 should follow"):
+    with pytest.raises(InputError, match=r"0002\.jsonl: is missing, but there is 0003\.jsonl"):
         read_journal(folder.path)
 
 
@@ -299,7 +306,7 @@ def test_a_tail_that_cannot_be_set_aside_stays_where_it_is(folder, monkeypatch, 
     with monkeypatch.context() as patch:
         patch.setattr(os, "open", watched_open)
         patch.setattr(os, call, fail)
-        with pytest.raises(InputError, match=r"0001\.jsonl: cannot be written: No space"):
+        with pytest.raises(InputError, match=r"(0001\.jsonl|block): cannot be .*: No space"):
             Journal.open(folder.path, {})
     after = contents(folder.path)
     assert after.pop("0001.jsonl") == data

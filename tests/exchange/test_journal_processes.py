@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -17,6 +18,8 @@ from anaplot.errors import InputError
 from anaplot.exchange.journal import Journal, events_of, read_journal
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(anaplot.__file__).parents[1])}
+
+HOST = platform.node()
 
 HOLD = """
 import sys
@@ -95,7 +98,9 @@ def test_two_processes_contend_and_the_holder_is_named(block):
         assert holder.stdout.readline() == "held 0\n"
         with pytest.raises(InputError) as caught:
             Journal.open(block, {})
-        assert f"the block is open in another anaplot (process {holder.pid})" in str(caught.value)
+        assert f"the block is open in another anaplot (process {holder.pid} on {HOST})" in str(
+            caught.value
+        )
         second = subprocess.run(
             [sys.executable, "-c", HOLD, str(block)],
             stdin=subprocess.DEVNULL,
@@ -105,7 +110,7 @@ def test_two_processes_contend_and_the_holder_is_named(block):
             check=False,
         )
         assert second.returncode != 0
-        assert f"(process {holder.pid})" in second.stderr
+        assert f"(process {holder.pid} on {HOST})" in second.stderr
         # Reading needs no lock.
         assert len(read_journal(block).records) == 1
         output, _ = holder.communicate()
@@ -121,7 +126,7 @@ def test_a_dead_holder_holds_nothing(block):
         assert holder.stdout.readline() == "held 0\n"
         holder.kill()
         assert holder.wait() == -signal.SIGKILL
-    assert (block / "sessions" / "lock").read_text() == f"{holder.pid}\n"
+    assert (block / "sessions" / "lock").read_text() == f"{holder.pid} {HOST}\n"
     Journal.open(block, {})[0].close()
 
 
