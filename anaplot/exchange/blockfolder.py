@@ -15,13 +15,19 @@ from anaplot.exchange.controlcsv import format_control, parse_control
 from anaplot.exchange.csvtable import MAX_CSV_BYTES
 from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
 from anaplot.exchange.inputfile import read_text
-from anaplot.exchange.wholefile import create_whole, replace_whole
+from anaplot.exchange.wholefile import (
+    clear_left_over,
+    create_whole,
+    make_folder,
+    replace_whole,
+)
 from anaplot.exchange.wording import place, reason
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 
 __all__ = [
     "block_files",
     "check_for_bridge",
+    "clear_image_points",
     "read_block",
     "write_block_toml",
     "write_control",
@@ -81,6 +87,11 @@ def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> None:
     replace_whole(path, _bounded(path, format_image_points(points).encode(), MAX_CSV_BYTES))
 
 
+def clear_image_points(folder: Path) -> None:
+    """Remove what a killed session left beside image_points.csv; only under the block's lock."""
+    clear_left_over(folder / IMAGE_POINTS_CSV)
+
+
 def write_control(folder: Path, control: Iterable[ControlPoint]) -> None:
     """Write a new control.csv.
 
@@ -111,7 +122,7 @@ def write_block_toml(folder: Path, block: Block) -> None:
     path = folder / BLOCK_TOML
     text = format_block_toml(block)
     parse_block_toml(text, path)
-    _make(folder)
+    make_folder(folder)
     create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
 
 
@@ -139,24 +150,17 @@ def write_new_block(folder: Path, block: Block) -> None:
     if os.path.lexists(path):
         raise InputError(f"{place(path)}: exists already and is not overwritten")
     parse_block_toml(format_block_toml(block), path, camera_texts(block))
-    _make(folder)
+    make_folder(folder)
     for camera in block.cameras:
         if camera.file is None or camera.calibration is None or Path(camera.file).is_absolute():
             continue
         target = folder / camera.file
         if not os.path.lexists(target):
-            _make(target.parent)
+            make_folder(target.parent)
             write_camera(target, camera.calibration)
         elif read_camera(target) != camera.calibration:
             raise InputError(f"{place(target)}: exists already and says something else")
     write_block_toml(folder, block)
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{place(folder)}: cannot be made: {reason(error)}") from error
 
 
 def _bounded(path: Path, data: bytes, max_bytes: int) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import secrets
 import stat
 import sys
@@ -13,7 +14,16 @@ from pathlib import Path
 from anaplot.errors import InputError
 from anaplot.exchange.wording import place, reason
 
-__all__ = ["create_whole", "replace_whole", "sync_folder", "write_all"]
+__all__ = [
+    "clear_left_over",
+    "create_whole",
+    "make_folder",
+    "replace_whole",
+    "sync_folder",
+    "write_all",
+]
+
+_RANDOM_BYTES = 6
 
 
 def replace_whole(path: Path, data: bytes) -> None:
@@ -45,6 +55,43 @@ def create_whole(path: Path, data: bytes) -> None:
     _write_aside(path, data, may_replace=False)
 
 
+def clear_left_over(path: Path) -> None:
+    """Remove what a writer of this file left beside it when it was killed.
+
+    To be called only by the one who alone may write the file: under the block's lock. What cannot
+    be removed stays.
+    """
+    name = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{{2 * _RANDOM_BYTES}}}\.tmp")
+    with contextlib.suppress(OSError):
+        for entry in list(os.scandir(path.parent)):
+            if name.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
+                with contextlib.suppress(OSError):
+                    Path(entry).unlink()
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those around it that do not exist, each with its name on disk.
+
+    Raises
+    ------
+    InputError
+        It cannot be made, or there is a file of that name.
+    """
+    try:
+        missing = []
+        at = folder
+        while not at.is_dir():
+            missing.append(at)
+            if at.parent == at:
+                break
+            at = at.parent
+        for path in reversed(missing):
+            path.mkdir(exist_ok=True)
+            sync_folder(path.parent)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place(folder)}: cannot be made: {reason(error)}") from error
+
+
 def write_all(descriptor: int, data: bytes) -> None:
     """Write all of data; raises OSError."""
     view = memoryview(data)
@@ -67,7 +114,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def _write_aside(path: Path, data: bytes, *, may_replace: bool) -> None:
-    aside = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
+    aside = path.with_name(f".{path.name}.{secrets.token_hex(_RANDOM_BYTES)}.tmp")
     try:
         try:
             _write_synced(aside, data, like=path if may_replace else None)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from anaplot.errors import AnaplotError, InputError, NotComputableError
-from anaplot.exchange.blockfolder import read_block, write_image_points
+from anaplot.exchange.blockfolder import clear_image_points, read_block, write_image_points
 from anaplot.exchange.journal import Journal, JournalError, event_of
 from anaplot.orientation.model import warm_up
 from anaplot.orientation.patterns import pattern
@@ -168,6 +168,7 @@ class Station:
                 keep=lambda kind: kind in EVENT_KINDS,
             )
             undo.callback(self._journal.close)
+            clear_image_points(folder)
             self._recorder = Recorder(self._journal, time.monotonic)
             self._state = start(self._block)
             self._of_session: set[str] = set()

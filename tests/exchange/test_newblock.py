@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import read_block, write_new_block
+from anaplot.exchange import wholefile
+from anaplot.exchange.blockfolder import clear_image_points, read_block, write_new_block
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_block_toml
 from anaplot.exchange.camerafile import write_camera
+from anaplot.exchange.wholefile import make_folder
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.planning.syntheticcamera import SYNTHETIC_CAMERA_FILE, with_calibration
@@ -65,3 +67,45 @@ def test_camera_files_given_as_text_are_not_looked_for(tmp_path: Path, block: Bl
     broken = {SYNTHETIC_CAMERA_FILE: files[SYNTHETIC_CAMERA_FILE].replace("c =", "cc =")}
     with pytest.raises(InputError, match=r"camera\.toml"):
         parse_block_toml(text, tmp_path / "block.toml", broken)
+
+
+def test_every_folder_made_for_a_new_block_has_its_name_on_disk(tmp_path, monkeypatch):
+    synced: list[Path] = []
+
+    def noted(folder: Path) -> None:
+        synced.append(folder)
+        assert all(path.exists() for path in synced)
+
+    monkeypatch.setattr(wholefile, "sync_folder", noted)
+    make_folder(tmp_path / "year" / "flight" / "block")
+    assert synced == [tmp_path, tmp_path / "year", tmp_path / "year" / "flight"]
+    make_folder(tmp_path / "year" / "flight" / "block")
+    assert len(synced) == 3
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(InputError, match="cannot be made: File exists"):
+        make_folder(tmp_path / "file" / "block")
+
+
+def test_what_a_killed_writer_left_is_cleared_and_nothing_else(tmp_path):
+    path = tmp_path / "image_points.csv"
+    kept = [
+        path,
+        tmp_path / ".image_points.csv.tmp",
+        tmp_path / ".image_points.csv.0123456789ab.tmp.old",
+        tmp_path / ".image_points.csv.0123456789AB.tmp",
+        tmp_path / ".image_pointsxcsv.0123456789ab.tmp",
+        tmp_path / ".block.toml.0123456789ab.tmp",
+        tmp_path / "image_points.csv.0123456789ab.tmp",
+    ]
+    for file in kept:
+        file.write_bytes(b"kept")
+    folder = tmp_path / ".image_points.csv.aaaaaaaaaaaa.tmp"
+    folder.mkdir()
+    link = tmp_path / ".image_points.csv.bbbbbbbbbbbb.tmp"
+    link.symlink_to(path)
+    before = set(tmp_path.iterdir())
+    for name in ("0123456789ab", "ffffffffffff"):
+        (tmp_path / f".image_points.csv.{name}.tmp").write_bytes(b"half")
+    clear_image_points(tmp_path)
+    assert set(tmp_path.iterdir()) == before
+    clear_image_points(tmp_path / "nowhere")

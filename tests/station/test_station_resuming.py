@@ -240,6 +240,18 @@ def test_two_stations_on_one_block(bench: Bench) -> None:
     bench.open()
 
 
+def test_what_a_killed_session_left_is_cleared_under_the_lock(bench: Bench) -> None:
+    left = bench.folder / ".image_points.csv.0123456789ab.tmp"
+    station, _ = bench.open()
+    left.write_bytes(b"half")
+    with pytest.raises(InputError, match="open in another anaplot"):
+        Station(bench.folder)
+    assert left.exists()
+    station.close()
+    bench.open()
+    assert not left.exists()
+
+
 def test_a_demo_is_not_written_over_another(tmp_path: Path) -> None:
     demo = Demo.make(1, 1)
     demo.write(tmp_path)
