@@ -55,9 +55,10 @@ def _bridge(options: argparse.Namespace) -> int:
             fail_on_flag=options.fail_on_flag,
             partner=options.partner,
             pairs=options.pairs,
+            as_given=options.as_given,
         )
-    if options.partner is not None or options.pairs:
-        raise InputError("--partner and --pairs go with --errors")
+    if options.partner is not None or options.pairs or options.as_given:
+        raise InputError("--partner, --pairs and --as-given go with --errors")
     strips = tuple(bridge_strip(block, strip) for strip in block.strips)
     if options.json:
         print(json.dumps(bridge_json(strips), indent=1, allow_nan=False))
@@ -102,6 +103,7 @@ def _adjust(options: argparse.Namespace) -> int:
         errors=options.errors,
         partner=options.partner,
         pairs=options.pairs,
+        as_given=options.as_given,
         control_last=options.control_last,
         components=options.components,
         operators=options.operators,
@@ -700,6 +702,11 @@ def _parser() -> _Parser:
         "tell apart, default 0.9",
     )
     bridge.add_argument(
+        "--as-given",
+        action="store_true",
+        help="with --errors: clean also where the residuals say that image_um cannot be right",
+    )
+    bridge.add_argument(
         "--pairs", action="store_true", help="with --errors: add the odds over two gross errors"
     )
     adjust = command(
@@ -779,6 +786,11 @@ def _parser() -> _Parser:
         metavar="LIMIT",
         help="with --errors: correlation of residuals from which two observations are named as "
         "hard to tell apart, default 0.9",
+    )
+    adjust.add_argument(
+        "--as-given",
+        action="store_true",
+        help="with --errors: clean also where the residuals say that image_um cannot be right",
     )
     adjust.add_argument(
         "--pairs",

@@ -335,7 +335,9 @@ def test_errors_are_taken_out_before_the_next_model(block: Path) -> None:
         for row in errors["rejected"]:
             (why, *_) = [e for e in errors["evidence"] if e["point"] == row["point"]]
             assert why["statistic"] > why["critical"]
-    one_line(anaplot("bridge", block, "--pairs"), 2, "--partner and --pairs go with --errors")
+    one_line(
+        anaplot("bridge", block, "--pairs"), 2, "--partner, --pairs and --as-given go with --errors"
+    )
     modified = anaplot("bridge", block, "--errors", "modified", "--json")
     first = strict(modified.stdout)["strips"][0]["models"][0]["errors"]
     assert first["model_values"]["decided"] > 0

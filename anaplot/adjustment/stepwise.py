@@ -18,6 +18,7 @@ from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_
 from anaplot.adjustment.watch import Watch
 
 __all__ = [
+    "MODEL_TOLERANCE",
     "NO_SIGMA",
     "ModelRule",
     "Rule",
@@ -28,6 +29,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+MODEL_TOLERANCE = 0.25
+"""k_q of modified snooping, the share by which an exact sqrt(q_vv) may differ from its model."""
 
 NO_SIGMA = 1e-12
 """sigma0 in a-priori sigmas below which residuals are rounding."""

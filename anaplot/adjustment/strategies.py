@@ -58,6 +58,7 @@ from anaplot.adjustment.search import search
 from anaplot.adjustment.setodds import set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 from anaplot.adjustment.stepwise import (
+    MODEL_TOLERANCE,
     NO_SIGMA,
     ModelRule,
     bring_back,
@@ -104,7 +105,7 @@ def find_gross_errors(
     settings: SearchSettings | None = None,
     *,
     models: Array | None = None,
-    tolerance: float = 0.25,
+    tolerance: float = MODEL_TOLERANCE,
     suspects: Bools | None = None,
     left_out: Collection[int] = (),
     watch: Watch | None = None,

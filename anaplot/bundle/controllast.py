@@ -7,12 +7,12 @@ then judges the control (the Bayesian paper's step-by-step technique).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.watch import Watch
 from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.datum import priors_hold
@@ -55,7 +55,8 @@ def clean_control_last(
     settings: SearchSettings | None = None,
     *,
     additional: AdditionalParameters | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    as_given: bool = False,
+    watch: Watch | None = None,
 ) -> ControlLast:
     """Clean the image coordinates without control, then bring the control in and clean that.
 
@@ -67,8 +68,8 @@ def clean_control_last(
         As `block_gross_errors` has them.
     additional
         Additional parameters, in both steps.
-    progress
-        Called with what is being done and the fraction of it.
+    as_given, watch
+        As `block_gross_errors` has them.
 
     Raises
     ------
@@ -92,7 +93,9 @@ def clean_control_last(
             f"block {block.name}: no control with standard deviations that could be brought in"
         )
     bare = replace(block, control=tuple(replace(c, use="off") for c in block.control))
-    images, datum = _without_control(bare, strategy, settings, additional, progress)
+    images, datum = _without_control(
+        bare, strategy, settings, additional, as_given=as_given, watch=watch
+    )
     wrong = np.argwhere(images.block.rejected)
     source = images.block.problem.source
     out = {(int(source[ray]), axis) for ray, axis in wrong.tolist()}
@@ -105,7 +108,9 @@ def clean_control_last(
     if datum == "priors":
         # a prior rejected without control stays so
         problem = _with_priors_of(problem, images.block.problem)
-    control = block_gross_errors(problem, strategy, settings, control_only=True, progress=progress)
+    control = block_gross_errors(
+        problem, strategy, settings, control_only=True, as_given=as_given, watch=watch
+    )
     return ControlLast(images, control, datum)
 
 
@@ -124,7 +129,9 @@ def _without_control(
     strategy: str,
     settings: SearchSettings | None,
     additional: AdditionalParameters | None,
-    progress: Callable[[str, float], None] | None,
+    *,
+    as_given: bool,
+    watch: Watch | None,
 ) -> tuple[BlockFindings, str]:
     """Clean in the datum of the priors, or free where they do not hold one."""
     problem = make_problem(bare, additional=additional)
@@ -133,6 +140,7 @@ def _without_control(
         problem = make_problem(bare, datum="free", additional=additional)
         datum, how = "free", "as a free network"
     try:
-        return block_gross_errors(problem, strategy, settings, progress=progress), datum
+        found = block_gross_errors(problem, strategy, settings, as_given=as_given, watch=watch)
     except NotComputableError as error:
         raise NotComputableError(f"without control, {how}: {error}") from error
+    return found, datum

@@ -7,29 +7,36 @@ the others. A single coordinate is rejected alone; the other coordinate of its r
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.cleaning import Cleaning, End, Solved, best_of
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
-from anaplot.adjustment.significance import critical_normal
-from anaplot.adjustment.strategies import (
-    MOST_ROWS_OF_PAIRS,
-    STRATEGIES,
-    find_gross_errors,
-    findings_at,
-    pair_odds,
-    sigma_of,
+from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds
+from anaplot.adjustment.partners import WEAK
+from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.scale import (
+    LARGEST,
+    LEAST_REDUNDANCY,
+    Apriori,
+    robust_scale,
+    scale_error,
 )
+from anaplot.adjustment.significance import critical_normal
+from anaplot.adjustment.strategies import STRATEGIES, sigma_of
+from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.datum import anchor, check_datum
 from anaplot.bundle.factor import NotPositiveError
+from anaplot.bundle.groundchange import GroundChange, ground_change
 from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum
 from anaplot.bundle.normal import NormalEquations, PointError, State, Structure, linearise
 from anaplot.bundle.openmovement import undetermined
@@ -37,7 +44,7 @@ from anaplot.bundle.problem import Problem, make_problem
 from anaplot.bundle.rescue import Fitting, adjust_what_fits, minimum_of_what_fits
 from anaplot.bundle.residuals import BlockResiduals, ObservationName, Unit, block_residuals
 from anaplot.bundle.robust import robust_state
-from anaplot.bundle.snooping import PAPER_TOLERANCE, classify, estimate_models
+from anaplot.bundle.snooping import classify, estimate_models
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -52,11 +59,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
-_MOST_PASSES = 30  # that ended in a minimum
-_MOST_REFUSED = 100
-_MOST_WILD = 5  # proposed sets without which there is no minimum either
 MOST_ROWS_OF_COLUMNS = 20_000
 """Observations of a block in which columns of R are held for a good part of them."""
 
@@ -101,6 +104,8 @@ class RejectedObservation(NamedTuple):
         When it was rejected.
     weight
         Factor of its weight at the end of a re-weighting; None without one.
+    partners
+        Observations that are kept and were hard to tell apart from it when it went.
     """
 
     name: ObservationName
@@ -114,6 +119,7 @@ class RejectedObservation(NamedTuple):
     r: float | None
     redundancy_number: float
     weight: float | None
+    partners: tuple[ObservationName, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,6 +165,11 @@ class BlockFindings:
         return None if self.begun.left_out else self.begun.block
 
     @property
+    def ground(self) -> GroundChange | None:
+        """What it did to the points; None where there is no solution with all observations."""
+        return None if self.first is None else ground_change(self.first, self.block)
+
+    @property
     def findings(self) -> Findings:
         """The findings that hold."""
         return self.passes[-1]
@@ -186,6 +197,11 @@ class BlockFindings:
                     r if np.isfinite(r) else None,
                     row.redundancy_number,
                     None if weights is None else float(weights[row.row]),
+                    tuple(
+                        system.names[pair.kept]
+                        for pair in found.hard_to_tell
+                        if pair.rejected == row.row
+                    ),
                 )
             )
         return tuple(out)
@@ -302,7 +318,8 @@ def block_gross_errors(
     settings: SearchSettings | None = None,
     *,
     control_only: bool = False,
-    progress: Progress | None = None,
+    as_given: bool = False,
+    watch: Watch | None = None,
 ) -> BlockFindings:
     """Search a block for gross errors, adjust it without them, and search again until it stands.
 
@@ -317,13 +334,18 @@ def block_gross_errors(
         Significance, limits; None: alpha and power of the block's test.
     control_only
         Suspect control and priors alone; image coordinates rejected in the block stay rejected.
-    progress
-        Called with what is being done and the fraction of it.
+    as_given
+        Search also where the residuals say that the a-priori sigma cannot be right.
+    watch
+        Told what is being done and how much of it; where it asks for the end, the best set of
+        observations that was found so far is left out.
 
     Raises
     ------
     InputError
         Odds over pairs, re-weighting or odds of too many observations.
+    ScaleError
+        The a-priori sigma cannot be right, and the strategy tests by it.
     NotComputableError
         The block cannot be adjusted, with all observations or at all.
     ValueError
@@ -357,207 +379,117 @@ def block_gross_errors(
     begun = (
         Fitting(block, (), "")
         if isinstance(block, AdjustedBlock)
-        else adjust_what_fits(problem, progress=progress)
+        else adjust_what_fits(problem, progress=watch)
     )
     first = begun.block
     held = frozenset[int]()
     if control_only and problem.rejected is not None:
         held = frozenset(np.flatnonzero(problem.rejected).tolist())
-    search = _Search(
-        every, first.cofactors.normal.structure, strategy, used, progress, held, control_only
+    watch = Watch() if watch is None else watch
+    subject = _Rows(every, first.cofactors.normal.structure, watch, control_only=control_only)
+    cleaning = Cleaning(
+        subject,
+        strategy,
+        replace(used, pairs=False),
+        watch,
+        as_given,
     )
     # the first adjustment is the minimum without what is held, unless it lacks something else
     complete = not begun.left_out and (problem.rejected is None or control_only)
-    end = search.best_end(first, held if complete else None)
+    end = _best_end(cleaning, subject, first, held, complete=complete)
+    system, out = end.system, frozenset(subject.rows[name] for name in end.held)
+    assert isinstance(system, BlockResiduals)
     findings = end.passes[-1]
     if used.pairs:
-        odds = pair_odds(end.system, kind=sigma_of(strategy), left_out=end.held)
+        odds = pair_odds(system, kind=sigma_of(strategy), left_out=out)
         findings = replace(findings, pair_odds=odds)
-    cleaned = first
-    if end.found is not None:
-        cleaned = evaluate(without(end.system, frozenset(findings.rows) | end.held), end.found)
+    cleaned, found = first, end.solved.solution.found
+    if found is not None:
+        cleaned = evaluate(without(system, frozenset(findings.rows) | out), found)
     return BlockFindings(
         cleaned,
         begun,
-        end.system,
+        system,
         (*end.passes[:-1], findings),
-        end.refused,
+        tuple(Refused(refused.name, refused.reason) for refused in end.refused),
         (*findings.remarks, *end.remarks),
         used,
         held,
-        end.held - held,
+        out - held,
     )
 
 
-class _End(NamedTuple):
-    """Where a search came to its end; no minimum when nothing changed."""
+class _Place(NamedTuple):
+    """Where a block lies; the minimum that was found, None where it was given."""
 
+    state: State
     found: Found | None
-    system: BlockResiduals
-    passes: tuple[Findings, ...]
-    refused: tuple[Refused, ...]
-    remarks: tuple[str, ...]
-    score: float
-    held: frozenset[int]
-    settled: bool
-
-    def fits(self, problem: Problem) -> bool:
-        """Whether it is no torn minimum any more."""
-        return self.score <= _TORN**2 * max(problem.redundancy, 1)
 
 
-class _Tried(NamedTuple):
-    """A set of rejected rows: its minimum, and what proposed it."""
-
-    found: Found | None
-    system: BlockResiduals
-    findings: Findings
-    score: float
+_Names = frozenset[ObservationName]
+_Solved = Solved[_Place, ObservationName]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Search:
-    """Passes over a block, all with the same strategy."""
+class _Rows:
+    """A block as it is cleaned; see `Relinearised`."""
 
-    problem: Problem
-    structure: Structure
-    strategy: str
-    settings: SearchSettings
-    progress: Progress | None
-    held: frozenset[int] = frozenset()
-    control_only: bool = False
+    def __init__(
+        self,
+        problem: Problem,
+        structure: Structure,
+        watch: Watch,
+        *,
+        control_only: bool,
+    ) -> None:
+        self.problem, self.structure = problem, structure
+        self._watch, self._control_only = watch, control_only
+        self._system: BlockResiduals | None = None
+        name, um = problem.block.name, problem.block.precision.image_um
+        self.apriori = Apriori(f"block {name}", "image_um", um, "um")
 
-    def best_end(self, first: AdjustedBlock, rows: frozenset[int] | None) -> _End:
-        """Search from the first adjustment, and from a robust one where that is torn.
-
-        Where no set that is found can be left out, what fits nowhere stays out for good.
-        """
-        ends: list[_End] = []
-        failures: list[NotComputableError] = []
-        reduced = first.problem
-
-        def go_on(search: _Search, state: State, rows: frozenset[int] | None) -> None:
-            try:
-                ends.append(search.run(state, rows, first.vtpv))
-            except NotComputableError as error:
-                failures.append(error)
-
-        state = first.state
-        if first.sigma0 is not None and first.sigma0 > _TORN:
-            start = first.state if first.robust is None else first.robust
-            with suppress(np.linalg.LinAlgError):
-                least = minimum_of_what_fits(self.problem, self.structure, start)
-                if least is None:
-                    start = robust_state(self.problem, self.structure, start).state
-                else:
-                    reduced, start = least[0], least[1].state
-                state = start
-                go_on(self, state, None)
-        # a torn minimum is only gone on from where nothing better has come to an end
-        if not any(end.settled and end.fits(self.problem) for end in ends):
-            go_on(self, first.state, rows)
-        kept_out = _missing(self.problem, reduced) - self.held
-        if not ends and kept_out:
-            go_on(replace(self, held=self.held | kept_out), state, None)
-        if not ends:
-            raise failures[0]
-        return min(ends, key=lambda end: end.score)
-
-    def run(self, state: State, rows: frozenset[int] | None, vtpv: float) -> _End:
-        """Go on from a state, which may be the minimum without `rows` (none) and its v'Pv.
-
-        Raises
-        ------
-        NotComputableError
-            The block is not determined there, or without any set that was proposed.
-        """
-        cost = critical_normal(self.settings.alpha) ** 2
-        barred: dict[int, Refused] = {}
-        tried: dict[frozenset[int], _Tried] = {}
-        passes: list[Findings] = []
-        remarks: tuple[str, ...] = ()
-        at: _Tried | None = None
-        wild = 0
-        while True:
-            system, findings = self._pass(state, barred, len(passes) + 1)
-            passes.append(findings)
-            proposed = frozenset(findings.rows) | self.held
-            if proposed == rows:
-                found, score = None, vtpv + cost * len(proposed)
-                if at is not None:
-                    found, score = at.found, at.score
-                at = _Tried(found, system, findings, score)
-                break
-            if proposed in tried or len(tried) >= _MOST_PASSES or len(barred) > _MOST_REFUSED:
-                remarks = (
-                    f"the rejected observations did not settle in {len(passes)} passes: "
-                    "the best of the sets is kept",
-                )
-                at = min(tried.values(), key=lambda one: one.score, default=None)
-                if at is not None and at.found is not None:
-                    at = self._seen_at_its_end(at, at.found.state, len(passes) + 1)
-                break
-            try:
-                found = self._minimum(without(system, proposed), state)
-            except NotComputableError as error:
-                wild += isinstance(error, NoConvergenceError)
-                # what was checked least of all is what the block cannot do without
-                least = min(findings.rejected, key=lambda row: row.redundancy_number, default=None)
-                if least is None or wild > _MOST_WILD:
-                    raise
-                barred[least.row] = Refused(system.names[least.row], str(error))
-                continue
-            score = found.convergence.last + cost * len(proposed)
-            at = tried[proposed] = _Tried(found, system, findings, score)
-            rows, state = proposed, found.state
-        refused = tuple(barred.values())
-        if at is None:
-            raise NotComputableError(
-                f"block {self.problem.block.name}: nothing that {self.strategy} rejects can be "
-                f"left out: {refused[-1].reason}"
-            )
-        every = (*passes[:-1], at.findings)
-        settled = not remarks
-        return _End(at.found, at.system, every, refused, remarks, at.score, self.held, settled)
-
-    def _pass(
-        self, state: State, barred: dict[int, Refused], number: int
-    ) -> tuple[BlockResiduals, Findings]:
-        system = self._residuals(state, number)
-        suspects = np.ones(len(system.names), dtype=bool)
-        suspects[system.starts[2] :] = False
-        suspects[list(barred)] = False
-        suspects[: system.image_rows] &= not self.control_only
-        findings = find_gross_errors(
-            system,
-            self.strategy,
-            replace(self.settings, pairs=False),
-            models=model_values(system) if self.strategy == "modified" else None,
-            tolerance=PAPER_TOLERANCE,
-            suspects=suspects,
-            left_out=self.held,
-        )
-        return system, findings
-
-    def _residuals(self, state: State, number: int) -> BlockResiduals:
-        progress = self.progress
+    def residuals(self, at: _Place, number: int) -> BlockResiduals:
+        """Return all rows, linearised at a place."""
         label = f"gross errors, pass {number}"
         try:
-            return block_residuals(
+            self._system = block_residuals(
                 self.problem,
-                state,
+                at.state,
                 self.structure,
-                None if progress is None else (lambda f: progress(label, f)),
+                lambda fraction: self._watch(label, fraction),
             )
         except (PointError, NotPositiveError) as error:
-            raise self._open(self.problem, state, error) from error
+            raise self._open(self.problem, at.state, error) from error
+        return self._system
 
-    def _seen_at_its_end(self, tried: _Tried, state: State, number: int) -> _Tried:
-        """Say of a set, proposed elsewhere, what is true of it at the minimum without it."""
-        system = self._residuals(state, number)
-        settings = replace(self.settings, pairs=False)
-        findings = findings_at(tried.findings, system, settings, left_out=self.held)
-        return tried._replace(system=system, findings=findings)
+    @cached_property
+    def rows(self) -> dict[ObservationName, int]:
+        """Row of every name; the same in every linearisation."""
+        assert self._system is not None
+        return {name: row for row, name in enumerate(self._system.names)}
+
+    def without(self, out: _Names, near: _Place) -> _Solved:
+        """Adjust without some rows."""
+        assert self._system is not None
+        problem = without(self._system, frozenset(self.rows[name] for name in out))
+        found = self._minimum(problem, near.state)
+        return Solved(_Place(found.state, found), found.convergence.last)
+
+    def suspects(self, system: ResidualSystem) -> NDArray[np.bool_]:
+        """Return which rows may be rejected: priors of additional parameters never."""
+        assert isinstance(system, BlockResiduals)
+        allowed = np.ones(len(system.names), dtype=bool)
+        allowed[system.starts[2] :] = False
+        allowed[: system.image_rows] &= not self._control_only
+        return allowed
+
+    def model_values(self, system: ResidualSystem, at: _Place) -> Array:
+        """Return model values by the classes of 1980."""
+        assert isinstance(system, BlockResiduals)
+        return model_values(system)
+
+    def astray(self, error: NotComputableError) -> bool:
+        """Whether there was no minimum to be found."""
+        return isinstance(error, NoConvergenceError)
 
     def _minimum(self, problem: Problem, state: State) -> Found:
         linear = linearise(problem, state)
@@ -568,10 +500,83 @@ class _Search:
             NormalEquations(problem, self.structure, linear, 0.0, weights).factor()
         except (PointError, NotPositiveError) as error:
             raise self._open(problem, state, error) from error
-        return find_minimum(problem, state, self.structure, progress=self.progress)
+        return find_minimum(problem, state, self.structure, progress=self._watch)
 
     def _open(
         self, problem: Problem, state: State, error: PointError | NotPositiveError
     ) -> NotComputableError:
         tie = anchor(problem, state) if problem.defect else None
         return undetermined(problem, self.structure, linearise(problem, state), tie, error)
+
+
+def _check_scale_at(subject: _Rows, state: State, first: AdjustedBlock, alpha: float) -> None:
+    """Complain where most residuals at a robust state are too large: no few errors make them so.
+
+    Raises
+    ------
+    ScaleError
+        They are; see `adjustment.scale`.
+    """
+    problem = subject.problem
+    if problem.redundancy < LEAST_REDUNDANCY:
+        return
+    e = np.abs(linearise(problem, state).e.ravel())
+    # about what a row of the block keeps of its error
+    root = sqrt(problem.redundancy / problem.observations)
+    scale = robust_scale(e / root, np.ones(len(e)))
+    if scale is not None and scale > LARGEST:
+        r = first.cofactors.r
+        w = np.abs(first.v[r > WEAK]) / np.sqrt(r[r > WEAK])
+        raise scale_error(subject.apriori, scale, float(w.max()) / critical_normal(alpha))
+
+
+def _best_end(
+    cleaning: Cleaning[_Place, ObservationName],
+    subject: _Rows,
+    first: AdjustedBlock,
+    held: frozenset[int],
+    *,
+    complete: bool,
+) -> End[_Place, ObservationName]:
+    """Search from the first adjustment, and from a robust one where that is torn.
+
+    Where no set that is found can be left out, what fits nowhere stays out for good. `held` are
+    rows that stay out; `complete`: the first adjustment lacks no others.
+    """
+    problem, structure = subject.problem, subject.structure
+    names = subject.residuals(_Place(first.state, None), 1).names
+    fixed = _Names(names[row] for row in held)
+    ends: list[End[_Place, ObservationName]] = []
+    failures: list[NotComputableError] = []
+    reduced = first.problem
+
+    def go_on(state: State, known: _Solved | None, out: _Names) -> None:
+        try:
+            ends.append(cleaning.run(_Place(state, None), known, out))
+        except NotComputableError as error:
+            failures.append(error)
+
+    state = first.state
+    known: _Solved | None = Solved(_Place(state, None), first.vtpv) if complete else None
+    if first.sigma0 is not None and first.sigma0 > _TORN:
+        start = first.state if first.robust is None else first.robust
+        with suppress(np.linalg.LinAlgError):
+            least = minimum_of_what_fits(problem, structure, start)
+            if least is None:
+                start = robust_state(problem, structure, start).state
+            else:
+                reduced, start = least[0], least[1].state
+            state = start
+            if not cleaning.as_given and sigma_of(cleaning.strategy) == "baarda":
+                _check_scale_at(subject, state, first, cleaning.settings.alpha)
+            go_on(state, None, fixed)
+    # a torn minimum is only gone on from where nothing better has come to an end
+    torn = _TORN**2 * max(problem.redundancy, 1)
+    if not any(end.settled and end.score <= torn for end in ends):
+        go_on(first.state, known, fixed)
+    kept_out = _missing(problem, reduced) - held
+    if not ends and kept_out:
+        go_on(state, None, fixed.union(names[row] for row in kept_out))
+    if not ends:
+        raise failures[0]
+    return best_of(ends)

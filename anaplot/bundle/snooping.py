@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import SPUR, beyond_model
 from anaplot.adjustment.significance import TESTABLE
+from anaplot.adjustment.stepwise import MODEL_TOLERANCE
 from anaplot.bundle.factor import Factor
 from anaplot.bundle.normal import NormalEquations
 from anaplot.bundle.problem import Problem
@@ -35,7 +36,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-PAPER_TOLERANCE = 0.25
+PAPER_TOLERANCE = MODEL_TOLERANCE
 """k_q of the paper: share by which an exact sqrt(q_vv) may differ from its model value."""
 
 

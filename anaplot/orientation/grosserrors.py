@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from anaplot.adjustment.cleaning import Cleaning, End, Solved, best_of
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
-from anaplot.adjustment.significance import critical_normal
-from anaplot.adjustment.strategies import find_gross_errors, findings_at
+from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.scale import Apriori
+from anaplot.adjustment.strategies import find_gross_errors
+from anaplot.adjustment.watch import Watch
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.modelvalues import ideal_roots
@@ -33,7 +36,6 @@ __all__ = [
 
 Key = tuple[str, str]
 
-_MOST_PASSES = 30
 _TORN = 4.0  # sigma0 from which a cleaned orientation is a second place to begin
 
 
@@ -165,20 +167,49 @@ def strategy_findings(
     )
 
 
-class _End(NamedTuple):
-    """A model without the rows that were proposed, and without those it has no orientation with.
+class _Rows:
+    """A model as it is cleaned; see `Relinearised`."""
 
-    `passes[-1]` proposed them, among `residuals`.
-    """
+    def __init__(self, pair: Stereopair, precision: Precision, test: TestSettings) -> None:
+        self._pair, self._precision, self._test = pair, precision, test
+        self.apriori = Apriori(f"model {pair.name}", "image_um", precision.image_um, "um")
 
-    solution: ModelSolution
-    out: tuple[Key, ...]
-    residuals: ModelResiduals
-    passes: tuple[Findings, ...]
-    refused: tuple[tuple[Key, str], ...]
-    settled: bool
-    score: float
-    held: frozenset[Key]
+    def residuals(self, at: ModelSolution, number: int) -> ModelResiduals:
+        """Return all rows, linearised at an orientation."""
+        return residuals_at(self._pair, self._precision, at)
+
+    def without(
+        self, out: frozenset[Key], near: ModelSolution | None
+    ) -> Solved[ModelSolution, Key]:
+        """Orient without some rows, and without those of points that allow no orientation."""
+        gone = sorted(out)
+        also: list[Key] = []
+        while True:
+            off = self._pair.off.union(gone, also)
+            try:
+                solution = orient(replace(self._pair, off=off), self._precision, self._test)
+            except WrongPointsError as error:
+                new = _rows_of(self._pair, error.suspects[:1], [*gone, *also])
+                if not new:
+                    raise
+            else:
+                new = _rows_of(self._pair, solution.outliers[:1], [*gone, *also])
+                if not new:
+                    return Solved(solution, residual_system(solution).vtpv, tuple(also))
+            also += new
+
+    def suspects(self, system: ResidualSystem) -> NDArray[np.bool_]:
+        """Return which rows may be rejected: all."""
+        return np.ones(len(system.names), dtype=bool)
+
+    def model_values(self, system: ResidualSystem, at: ModelSolution) -> NDArray[np.float64]:
+        """Return model values of the ideal model with the same points."""
+        assert isinstance(system, ModelResiduals)
+        return ideal_roots(at, system.keys)
+
+    def astray(self, error: NotComputableError) -> bool:
+        """Whether the iteration has lost its way: one that has none tries the next set."""
+        return False
 
 
 def model_gross_errors(
@@ -187,6 +218,9 @@ def model_gross_errors(
     test: TestSettings,
     strategy: str,
     settings: SearchSettings | None = None,
+    *,
+    as_given: bool = False,
+    watch: Watch | None = None,
 ) -> CleanedModel:
     """Orient a model, reject, orient again, and look at all rows again until the set repeats.
 
@@ -196,9 +230,15 @@ def model_gross_errors(
         As `orient` has them; rows that are off stay off and are not reported.
     strategy, settings
         As `find_gross_errors` has them; None: the significance of the test.
+    as_given
+        Search also where the residuals say that the a-priori sigma cannot be right.
+    watch
+        Told how far it is; where it asks for the end, the best so far is kept.
 
     Raises
     ------
+    ScaleError
+        The a-priori sigma cannot be right, and the strategy tests by it.
     NotComputableError
         The model cannot be oriented even so.
     ValueError
@@ -213,147 +253,58 @@ def model_gross_errors(
     come again without end are decided likewise.
     """
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
-    search = _Search(pair, precision, test, strategy, used)
-    begun, wild = _oriented(pair, precision, test, frozenset())
-    starts: list[tuple[_Search, ModelSolution, tuple[Key, ...] | None]] = [(search, begun, wild)]
-    sigma0 = begun.sigma0_um
-    if strategy != "search" and sigma0 is not None and sigma0 > _TORN * begun.apriori_um:
-        with suppress(NotComputableError):
-            clean = replace(search, strategy="search").run(begun, wild)
-            starts.append((search, clean.solution, None))
+    subject = _Rows(pair, precision, test)
+    watch = Watch() if watch is None else watch
+    cleaning = Cleaning(subject, strategy, used, watch, as_given)
+    begun = subject.without(frozenset(), None)
+    wild = begun.also
+    starts: list[tuple[ModelSolution, Solved[ModelSolution, Key] | None, frozenset[Key]]]
+    starts = [(begun.solution, begun, frozenset())]
+    sigma0 = begun.solution.sigma0_um
+    if strategy != "search" and sigma0 is not None and sigma0 > _TORN * precision.image_um:
+        with suppress(NotComputableError, NotSeparableError):
+            clean = replace(cleaning, strategy="search").run(begun.solution, begun)
+            starts.append((clean.solved.solution, None, frozenset()))
     if wild:
-        starts.append((replace(search, held=frozenset(wild)), begun, ()))
-    ends: list[_End] = []
+        starts.append((begun.solution, begun._replace(also=()), frozenset(wild)))
+    ends: list[End[ModelSolution, Key]] = []
     failures: list[NotComputableError | NotSeparableError] = []
-    for one, start, without in starts:
+    for start, known, held in starts:
         try:
-            ends.append(one.run(start, without))
+            ends.append(cleaning.run(start, known, held))
         except (NotComputableError, NotSeparableError) as error:
             failures.append(error)
+        if watch.stopped and ends:
+            break
     if not ends:
         raise failures[0]
-    end = min(ends, key=lambda one: round(one.score, 6))
-    remarks = list(end.passes[-1].remarks)
-    if not end.settled:
-        remarks.append(
-            f"the rejected rows did not settle in {len(end.passes) - 1} passes: the best of the "
-            "sets is kept"
-        )
+    end = best_of(ends)
+    system, solution = end.system, end.solved.solution
+    assert isinstance(system, ModelResiduals)
     return CleanedModel(
-        end.solution,
-        end.residuals,
+        solution,
+        system,
         end.passes,
-        _rejected(end.residuals, end.passes[-1], end.out),
+        _rejected(system, end.passes[-1], (*sorted(end.out), *end.solved.also)),
         wild,
-        end.refused,
-        tuple(remarks),
+        tuple((refused.name, refused.reason) for refused in end.refused),
+        (*end.passes[-1].remarks, *end.remarks),
         end.held,
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Search:
-    """Passes over a model, all with the same strategy."""
-
-    pair: Stereopair
-    precision: Precision
-    test: TestSettings
-    strategy: str
-    settings: SearchSettings
-    held: frozenset[Key] = frozenset()  # rows that are out and not looked at
-
-    def run(self, start: ModelSolution, wild: tuple[Key, ...] | None) -> _End:
-        """Go on from an orientation: the one without `wild` and what is held, or (None) any.
-
-        Raises
-        ------
-        NotComputableError
-            The model cannot be oriented without any of the sets that were proposed.
-        """
-        at = None if wild is None else self.held
-        oriented = {} if wild is None else {self.held: (start, (*sorted(self.held), *wild))}
-        proposals: dict[frozenset[Key], tuple[ModelResiduals, Findings]] = {}
-        passes: list[Findings] = []
-        barred: dict[Key, str] = {}
-        solution = start
-        while True:
-            residuals = residuals_at(self.pair, self.precision, solution)
-            found = self._pass(solution, residuals, barred)
-            passes.append(found)
-            keys = residuals.keys
-            proposed = frozenset(keys[row] for row in found.rows) | self.held
-            known = proposed in oriented and proposed in proposals
-            proposals[proposed] = (residuals, found)
-            if proposed == at:
-                return self._end(
-                    *oriented[proposed], residuals, found, passes[:-1], barred, settled=True
-                )
-            if known or len(passes) >= _MOST_PASSES:
-                ends = [
-                    self._end(*oriented[one], *self._there(oriented[one][0], *by), passes, barred)
-                    for one, by in proposals.items()
-                    if one in oriented
-                ]
-                if not ends:
-                    raise NotComputableError(next(iter(barred.values())))
-                return min(ends, key=lambda end: end.score)
-            try:
-                if proposed not in oriented:
-                    oriented[proposed] = _oriented(self.pair, self.precision, self.test, proposed)
-            except NotComputableError as error:
-                # what was checked least of all is what the orientation cannot do without
-                least = min(found.rejected, key=lambda row: row.redundancy_number, default=None)
-                if least is None:
-                    raise
-                barred[keys[least.row]] = str(error)
-                continue
-            at, solution = proposed, oriented[proposed][0]
-
-    def _pass(
-        self, solution: ModelSolution, residuals: ModelResiduals, barred: Container[Key]
-    ) -> Findings:
-        keys = residuals.keys
-        return find_gross_errors(
-            residuals.system,
-            self.strategy,
-            self.settings,
-            models=ideal_roots(solution, keys) if self.strategy == "modified" else None,
-            suspects=np.array([key not in barred for key in keys]),
-            left_out=[row for row, key in enumerate(keys) if key in self.held],
-        )
-
-    def _there(
-        self, solution: ModelSolution, residuals: ModelResiduals, found: Findings
-    ) -> tuple[ModelResiduals, Findings]:
-        """Say of a set, proposed elsewhere, what is true of it at the orientation without it."""
-        there = residuals_at(self.pair, self.precision, solution)
-        if there.keys != residuals.keys:
-            return residuals, found  # a tie that has lost its depth
-        held = [row for row, key in enumerate(there.keys) if key in self.held]
-        return there, findings_at(found, there.system, self.settings, left_out=held)
-
-    def _end(
-        self,
-        solution: ModelSolution,
-        out: tuple[Key, ...],
-        residuals: ModelResiduals,
-        found: Findings,
-        before: list[Findings],
-        barred: dict[Key, str],
-        *,
-        settled: bool = False,
-    ) -> _End:
-        left = residual_system(solution).vtpv
-        score = left + critical_normal(self.settings.alpha) ** 2 * len(out)
-        refused = tuple(barred.items())
-        passes = (*before, found)
-        return _End(solution, out, residuals, passes, refused, settled, score, self.held)
-
-
 def strip_gross_errors(
-    block: Block, strip: Strip, strategy: str, settings: SearchSettings | None = None
+    block: Block,
+    strip: Strip,
+    strategy: str,
+    settings: SearchSettings | None = None,
+    *,
+    as_given: bool = False,
+    watch: Watch | None = None,
 ) -> CleanedStrip:
     """Bridge a strip; every model loses its rejected rows before the next one is tied to it.
+
+    Parameters as `model_gross_errors` has them.
 
     Raises
     ------
@@ -363,7 +314,15 @@ def strip_gross_errors(
     cleaned: list[CleanedModel] = []
 
     def form(pair: Stereopair) -> ModelSolution:
-        model = model_gross_errors(pair, block.precision, block.test, strategy, settings)
+        model = model_gross_errors(
+            pair,
+            block.precision,
+            block.test,
+            strategy,
+            settings,
+            as_given=as_given,
+            watch=watch,
+        )
         cleaned.append(model)
         return model.solution
 
@@ -401,28 +360,6 @@ def _rejected(
             parx = redn * size
         rows.append(RejectedRow(*key, w, parx, redn, order, statistic, critical, size))
     return tuple(rows)
-
-
-def _oriented(
-    pair: Stereopair, precision: Precision, test: TestSettings, rejected: frozenset[Key]
-) -> tuple[ModelSolution, tuple[Key, ...]]:
-    """Orient without some rows, and without those of points that allow no orientation.
-
-    Those that are out are returned: the rejected ones first.
-    """
-    out = sorted(rejected)
-    while True:
-        try:
-            solution = orient(replace(pair, off=pair.off | set(out)), precision, test)
-        except WrongPointsError as error:
-            new = _rows_of(pair, error.suspects[:1], out)
-            if not new:
-                raise
-        else:
-            new = _rows_of(pair, solution.outliers[:1], out)
-            if not new:
-                return solution, tuple(out)
-        out += new
 
 
 def _rows_of(pair: Stereopair, points: tuple[str, ...], out: list[Key]) -> list[Key]:

@@ -23,7 +23,7 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelResiduals:
-    """Rows of a model, linearised at an orientation.
+    """Rows of a model, linearised at an orientation; a `ResidualSystem`.
 
     Attributes
     ----------
@@ -38,6 +38,35 @@ class ModelResiduals:
     keys: tuple[Key, ...]
     system: DenseResiduals = field(repr=False)
     unit_um: Array = field(repr=False)
+
+    @property
+    def names(self) -> tuple[Key, ...]:
+        """The keys."""
+        return self.keys
+
+    @property
+    def e(self) -> Array:
+        """(n,) misclosures left, in a-priori sigmas."""
+        return self.system.e
+
+    @property
+    def r(self) -> Array:
+        """(n,) redundancy numbers."""
+        return self.system.r
+
+    @property
+    def vtpv(self) -> float:
+        """The v'Pv of all rows."""
+        return self.system.vtpv
+
+    @property
+    def redundancy(self) -> int:
+        """Number of rows minus number of unknowns."""
+        return self.system.redundancy
+
+    def columns(self, rows: NDArray[np.intp]) -> Array:
+        """Return (n, k): the columns of R that belong to k rows."""
+        return self.system.columns(rows)
 
 
 def residual_system(solution: ModelSolution) -> DenseResiduals:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
+from anaplot.adjustment.watch import Watch
 from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.components import Grouping, block_components
@@ -33,6 +34,7 @@ from anaplot.report.correlations import (
     correlations_printout,
 )
 from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout
+from anaplot.report.interrupts import ending_early
 from anaplot.report.power import check_power
 from anaplot.report.progress import ProgressLine
 from anaplot.report.snoopingreport import snoop_block, snooping_json, snooping_printout
@@ -55,6 +57,7 @@ def run_adjust(
     errors: str | None = None,
     partner: float | None = None,
     pairs: bool = False,
+    as_given: bool = False,
     control_last: bool = False,
     components: Grouping | None = None,
     operators: Path | None = None,
@@ -93,6 +96,8 @@ def run_adjust(
         Residual correlation from which it calls two observations hard to tell apart.
     pairs
         Whether it adds the odds over pairs of gross errors.
+    as_given
+        Whether it cleans also where the a-priori sigma0 cannot be right.
     control_last
         Whether it cleans the image coordinates without control before control comes in.
     components
@@ -112,8 +117,8 @@ def run_adjust(
     AnaplotError
         Bad input or a block that cannot be computed; nothing is printed then.
     """
-    if errors is None and (partner is not None or pairs or control_last):
-        raise InputError("--partner, --pairs and --control-last go with --errors")
+    if errors is None and (partner is not None or pairs or control_last or as_given):
+        raise InputError("--partner, --pairs, --as-given and --control-last go with --errors")
     if control_last and datum != "control":
         raise InputError("--control-last brings control in: it goes with the datum of control")
     if (components == "operators") != (operators is not None):
@@ -126,18 +131,29 @@ def run_adjust(
     chosen = None
     if additional is not None:
         chosen = additional_parameters(additional, additional_sigma_um)
-    with ProgressLine(sys.stderr if err is None else err) as progress:
+    told = sys.stderr if err is None else err
+    with ProgressLine(told) as progress:
         cleaned = earlier = None
         if errors is None:
             adjusted = adjust_block(block, datum=datum, additional=chosen, progress=progress)
         elif control_last:
-            steps = clean_step_by_step(
-                block, errors, partner, pairs=pairs, additional=chosen, progress=progress
-            )
+            with ending_early(Watch(progress), told) as watch:
+                steps = clean_step_by_step(
+                    block,
+                    errors,
+                    partner,
+                    pairs=pairs,
+                    additional=chosen,
+                    as_given=as_given,
+                    watch=watch,
+                )
             earlier, cleaned, adjusted = steps, steps.control, steps.block
         else:
             problem = make_problem(block, datum=datum, additional=chosen)
-            cleaned = clean_block(problem, errors, partner, pairs=pairs, progress=progress)
+            with ending_early(Watch(progress), told) as watch:
+                cleaned = clean_block(
+                    problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch
+                )
             adjusted = cleaned.block
         progress("report", 0.0)
         snooped = snoop_block(adjusted, tolerance=tolerance) if snooping else None

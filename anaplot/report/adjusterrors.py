@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,11 @@ import numpy as np
 from anaplot.adjustment.findings import Step
 from anaplot.adjustment.reliability import Odds
 from anaplot.adjustment.strategies import deciding_critical, sigma_of
+from anaplot.adjustment.watch import Watch
 from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.controllast import ControlLast, clean_control_last
 from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
+from anaplot.bundle.groundchange import GroundChange
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.residuals import ObservationName
 from anaplot.photogrammetry.block import Block
@@ -43,7 +44,8 @@ def clean_block(
     partner: float | None = None,
     *,
     pairs: bool = False,
-    progress: Callable[[str, float], None] | None = None,
+    as_given: bool = False,
+    watch: Watch | None = None,
 ) -> BlockFindings:
     """Search a block for gross errors with the alpha and power of its test.
 
@@ -57,8 +59,8 @@ def clean_block(
         Residual correlation from which two observations are hard to tell apart; None: the default.
     pairs
         Whether the odds over pairs of gross errors are computed.
-    progress
-        Called with what is being done and the fraction of it.
+    as_given, watch
+        As `block_gross_errors` has them.
 
     Raises
     ------
@@ -69,7 +71,7 @@ def clean_block(
         strategy rejects.
     """
     settings = search_settings(problem.test, partner, pairs=pairs)
-    return block_gross_errors(problem, strategy, settings, progress=progress)
+    return block_gross_errors(problem, strategy, settings, as_given=as_given, watch=watch)
 
 
 def clean_step_by_step(
@@ -79,14 +81,17 @@ def clean_step_by_step(
     *,
     pairs: bool = False,
     additional: AdditionalParameters | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    as_given: bool = False,
+    watch: Watch | None = None,
 ) -> ControlLast:
     """Clean the image coordinates of a block without control, then the control.
 
     Parameters, units and errors as `clean_block` and `clean_control_last` have them.
     """
     settings = search_settings(block.test, partner, pairs=pairs)
-    return clean_control_last(block, strategy, settings, additional=additional, progress=progress)
+    return clean_control_last(
+        block, strategy, settings, additional=additional, as_given=as_given, watch=watch
+    )
 
 
 def _named(name: ObservationName) -> str:
@@ -100,6 +105,13 @@ def _named(name: ObservationName) -> str:
     if kind == "control":
         return f"control point {words[0]}  {words[1]}"
     return f"prior of {words[0]}  {words[1]}"
+
+
+def _short(name: ObservationName) -> str:
+    """Return a partner in words: its point is that of the row that it stands beside."""
+    if name[0] == "image":
+        return f"{name[4]} of photo {printable(str(name[1]))}"
+    return _named(name)
 
 
 def _name_json(name: ObservationName) -> Json:
@@ -133,6 +145,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
         lines += [_rejected_line(row, width, found.strategy) for row in rejected]
     else:
         lines.append("  nothing is rejected")
+    lines += _ground(cleaned)
     lines += _listed("rejected on the way, came back", [_named(name) for name in cleaned.came_back])
     lines += _listed(
         f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
@@ -188,6 +201,38 @@ def _before_and_after(cleaned: BlockFindings) -> list[str]:
     ]
 
 
+def _ground(cleaned: BlockFindings) -> list[str]:
+    """Say what the cleaning did to the points."""
+    change = cleaned.ground
+    if change is None or not cleaned.rejected:
+        return []
+    x, y, z = change.rms
+    return [
+        f"  on the ground: {printable(change.point)} moves most, {change.axis} by "
+        f"{change.change:.4f} m (rms of all points X {x:.4f}  Y {y:.4f}  Z {z:.4f}); the standard "
+        f"deviation of {change.sigma_axis} of {printable(change.sigma_point)} becomes "
+        f"{change.sigma_after:.4f} m, it was {change.sigma_before:.4f}"
+    ]
+
+
+def _ground_json(change: GroundChange | None) -> Json | None:
+    if change is None:
+        return None
+    x, y, z = change.rms
+    return {
+        "point": change.point,
+        "axis": change.axis,
+        "change_m": change.change,
+        "sigma_point": change.sigma_point,
+        "sigma_axis": change.sigma_axis,
+        "sigma_before_m": change.sigma_before,
+        "sigma_after_m": change.sigma_after,
+        "rms_X_m": x,
+        "rms_Y_m": y,
+        "rms_Z_m": z,
+    }
+
+
 def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
     scale, unit = _DIGITS[row.unit]
     error = None if row.error is None else row.error * scale
@@ -199,10 +244,11 @@ def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
         else:
             because = f"{_measure(strategy)} {row.statistic:.2f} above {row.critical:.2f}"
     weight = "" if row.weight is None else f", weight {row.weight:.2g}"
+    alike = f"; or {', or '.join(map(_short, row.partners[:_MOST]))}" if row.partners else ""
     return (
         f"  {column(row.order, 5)}  {_named(row.name):<{width}}  {cell(error, 1, 10)}"
         f"{cell(sigma, 1, 10)} {unit}{cell(row.w, 2, 11 - len(unit))}"
-        f"{cell(row.redundancy_number, 3, 8)}  {because}{weight}"
+        f"{cell(row.redundancy_number, 3, 8)}  {because}{weight}{alike}"
     ).rstrip()
 
 
@@ -300,9 +346,11 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
                 "r": row.r,
                 "redundancy_number": row.redundancy_number,
                 "weight": row.weight,
+                "partners": [_name_json(name) for name in row.partners],
             }
             for row in cleaned.rejected
         ],
+        "ground": _ground_json(cleaned.ground),
         "came_back": [_name_json(name) for name in cleaned.came_back],
         "hard_to_tell": [
             {"rejected": _name_json(names[a]), "kept": _name_json(names[b]), "correlation": rho}

@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.watch import Watch
 from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.grosserrors import CleanedModel, RejectedRow, strip_gross_errors
 from anaplot.orientation.strip import pooled_sigma_um
 from anaplot.photogrammetry.block import Block
 from anaplot.report.contract import bridge_json
+from anaplot.report.interrupts import ending_early
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
+from anaplot.report.progress import ProgressLine
 from anaplot.report.searchoptions import search_settings, sigma0_in_words
 from anaplot.report.text import model_printout
 
@@ -36,6 +39,7 @@ def run_bridge_errors(
     fail_on_flag: bool,
     partner: float | None = None,
     pairs: bool = False,
+    as_given: bool = False,
 ) -> int:
     """Bridge every strip with a strategy for gross errors and print it.
 
@@ -51,6 +55,8 @@ def run_bridge_errors(
         Residual correlation from which two rows are hard to tell apart; None: the default.
     pairs
         Whether the odds over pairs of gross errors are added.
+    as_given
+        Whether it cleans also where the a-priori sigma0 cannot be right.
 
     Returns
     -------
@@ -59,7 +65,14 @@ def run_bridge_errors(
         rows, else 0.
     """
     settings = search_settings(block.test, partner, pairs=pairs)
-    strips = [strip_gross_errors(block, strip, strategy, settings) for strip in block.strips]
+    with (
+        ProgressLine(sys.stderr) as progress,
+        ending_early(Watch(progress), sys.stderr) as watch,
+    ):
+        strips = [
+            strip_gross_errors(block, strip, strategy, settings, as_given=as_given, watch=watch)
+            for strip in block.strips
+        ]
     if as_json:
         answer = bridge_json(strip.bridged for strip in strips)
         for item, strip in zip(answer["strips"], strips, strict=True):

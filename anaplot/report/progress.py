@@ -10,6 +10,7 @@ __all__ = ["ProgressLine"]
 
 _FIRST = 1.0  # seconds before anything is shown
 _EVERY = 0.2
+_ESTIMATED = 2.0  # seconds of work before its end is estimated
 
 
 class ProgressLine:
@@ -28,18 +29,28 @@ class ProgressLine:
         self._watched = stream.isatty()
         self._next = time.monotonic() + _FIRST
         self._shown = 0
+        self._what, self._since = "", time.monotonic()
 
     def __call__(self, what: str, fraction: float) -> None:
         """Say what is being done and how much of it is done (0 to 1)."""
         now = time.monotonic()
+        if what != self._what:
+            self._what, self._since = what, now
         if not self._watched or now < self._next:
             return
         self._next = now + _EVERY
         share = f" {100.0 * fraction:3.0f} %" if fraction > 0.0 else ""
-        text = f"{what}{share}"
+        text = f"{what}{share}{self._left(now, fraction)}"
         self._stream.write("\r" + text.ljust(self._shown))
         self._stream.flush()
         self._shown = len(text)
+
+    def _left(self, now: float, fraction: float) -> str:
+        """Estimate what is left of the work by what has gone."""
+        gone = now - self._since
+        if gone < _ESTIMATED or not 0.02 < fraction < 1.0:
+            return ""
+        return f", about {gone * (1.0 - fraction) / fraction:.0f} s left"
 
     def __enter__(self) -> ProgressLine:
         return self

@@ -9,6 +9,7 @@ import pytest
 import test_sxb
 from bundleblocks import aerial
 
+from anaplot.adjustment import cleaning
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.bundle import grosserrors
@@ -93,7 +94,7 @@ def test_what_is_said_of_a_set_that_does_not_settle_is_true_where_the_block_lies
     monkeypatch,
 ) -> None:
     """Here every second pass may only reject another coordinate."""
-    real, calls = grosserrors.find_gross_errors, 0
+    real, calls = cleaning.find_gross_errors, 0
     scene = small()
     first, second = names(scene, PLACES[:1]), names(scene, PLACES[1:2])
 
@@ -103,7 +104,7 @@ def test_what_is_said_of_a_set_that_does_not_settle_is_true_where_the_block_lies
         allowed = first if calls % 2 else second
         return real(system, *args, suspects=np.array([n in allowed for n in system.names]), **more)
 
-    monkeypatch.setattr(grosserrors, "find_gross_errors", turning)
+    monkeypatch.setattr(cleaning, "find_gross_errors", turning)
     found = block_gross_errors(adjusted(plant(scene, PLACES[:2], 60.0)), "baarda", ALPHA)
     assert any("did not settle" in remark for remark in found.remarks)
     (gone,) = found.rejected
@@ -269,7 +270,6 @@ def test_errors_so_large_that_the_minimum_is_torn() -> None:
 
 
 def test_what_the_block_cannot_do_without_is_refused_by_name(monkeypatch) -> None:
-    from anaplot.bundle import grosserrors
     from anaplot.errors import NotComputableError
 
     scene = small()
@@ -322,7 +322,6 @@ def test_model_values_stand_for_image_coordinates_only() -> None:
 
 
 def test_blocks_too_large_for_columns_are_refused(monkeypatch) -> None:
-    from anaplot.bundle import grosserrors
 
     monkeypatch.setattr(grosserrors, "MOST_ROWS_OF_COLUMNS", 100)
     for strategy in ("huber", "danish", "odds"):

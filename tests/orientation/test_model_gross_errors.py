@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from flightscene import BAARDA, PAPER, PROPAGATED, TAU, fly, ideal_pair, pair_of, spoiled
 
+from anaplot.adjustment import cleaning
 from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.strategies import STRATEGIES
@@ -188,7 +189,7 @@ def test_what_is_said_of_a_set_that_does_not_settle_is_true_where_the_model_lies
     monkeypatch,
 ) -> None:
     """Here every second pass may only reject another point."""
-    real, calls = grosserrors.find_gross_errors, 0
+    real, calls = cleaning.find_gross_errors, 0
 
     def turning(system, *args, suspects, **more):
         nonlocal calls
@@ -198,7 +199,7 @@ def test_what_is_said_of_a_set_that_does_not_settle_is_true_where_the_model_lies
             system, *args, suspects=np.array([key == allowed for key in system.names]), **more
         )
 
-    monkeypatch.setattr(grosserrors, "find_gross_errors", turning)
+    monkeypatch.setattr(cleaning, "find_gross_errors", turning)
     pair = spoiled(spoiled(ideal_pair("13/5"), "8", "y", 2.0), "4", "y", -3.0)
     cleaned = model_gross_errors(pair, PAPER, BAARDA, "baarda", SearchSettings(partner=0.3))
     assert any("did not settle" in remark for remark in cleaned.remarks)

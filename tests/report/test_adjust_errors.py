@@ -164,7 +164,7 @@ def test_the_command_line(folder: Path, capsys) -> None:
         assert json.loads(capsys.readouterr().out)["errors"]["strategy"] == name
     assert cli.main(["adjust", str(folder), "--errors", "search", "--fail-on-flag"]) == 1
     assert cli.main(["adjust", str(folder), "--pairs"]) == 2
-    assert "--pairs and --control-last go with --errors" in capsys.readouterr().err
+    assert "--pairs, --as-given and --control-last go with --errors" in capsys.readouterr().err
     assert cli.main(["adjust", str(folder), "--errors", "modified", "--snooping"]) == 0
     text = capsys.readouterr().out
     assert "model values decided" in text
@@ -226,3 +226,51 @@ def test_columns_never_touch() -> None:
             large = usual._replace(order=123456, error=-size, sigma=-size, w=size)
             lines = [_rejected_line(one, 30, "search") for one in (usual, large)]
             assert words(lines[0]) == words(lines[1])
+
+
+def test_what_was_done_to_the_ground_is_said() -> None:
+    cleaned = clean_block(make_problem(make(error_mm=0.3)), "search")
+    first, block = cleaned.first, cleaned.block
+    assert first is not None
+    xyz = {row.point: np.array(row.xyz) for row in first.point_rows()}
+    moved = {row.point: np.array(row.xyz) - xyz[row.point] for row in block.point_rows()}
+    farthest = max(moved, key=lambda point: np.abs(moved[point]).max())
+    ground = block_errors_json(cleaned)["ground"]
+    assert ground["point"] == farthest == "p8"
+    assert ground["change_m"] == pytest.approx(moved["p8"]["XYZ".index(ground["axis"])], abs=1e-9)
+    assert ground["sigma_point"] == "p8"
+    assert ground["sigma_after_m"] > ground["sigma_before_m"] > 0.0
+    rms = np.sqrt(np.mean([m**2 for m in moved.values()], axis=0))
+    assert [ground[f"rms_{axis}_m"] for axis in "XYZ"] == pytest.approx(rms.tolist(), abs=1e-9)
+    text = block_errors_printout(cleaned)
+    assert f"p8 moves most, {ground['axis']} by {ground['change_m']:.4f} m" in text
+
+
+def test_partners_stand_beside_the_row() -> None:
+    """A point of two rays: which of the four coordinates is wrong nobody can say."""
+    block = make(error_mm=0.0)
+    rows = [r for r in block.image_points if r.point != "p8" or r.photo in ("10", "11")]
+    rows = [replace(r, y=r.y + 0.3) if (r.photo, r.point) == ("11", "p8") else r for r in rows]
+    cleaned = clean_block(make_problem(replace(block, image_points=tuple(rows))), "baarda")
+    (row,) = block_errors_json(cleaned)["rejected"]
+    assert (row["point"], row["axis"]) == ("p8", "y")
+    assert {(p["photo"], p["axis"]) for p in row["partners"]} == {
+        (photo, axis) for photo in ("10", "11") for axis in "xy"
+    } - {(row["photo"], "y")}
+    other = "10" if row["photo"] == "11" else "11"
+    assert f"or y of photo {other}" in block_errors_printout(cleaned)
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "search"])
+def test_a_sigma_far_from_the_truth_cleans_nothing(strategy: str, folder: Path, capsys) -> None:
+    toml = folder / "block.toml"
+    toml.write_text(toml.read_text().replace("image_um = 5.0", "image_um = 0.14"))
+    assert cli.main(["adjust", str(folder), "--errors", strategy]) == 4
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert "is image_um = 0.14 right?" in said.err
+    assert cli.main(["adjust", str(folder), "--errors", "tau"]) == 0
+    assert cli.main(["adjust", str(folder), "--errors", strategy, "--as-given"]) == 0
+    assert "half of the redundancy" in capsys.readouterr().out
+    assert cli.main(["adjust", str(folder), "--as-given"]) == 2

@@ -1,0 +1,330 @@
+"""Gross errors of what is not linear: reject, solve again, look at all rows again, until it stands.
+
+Every pass sees all rows, linearised where the solution lies without those that the pass before
+rejected: a rejected one can come back, and its estimated error is what it is off from all others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Generic, NamedTuple, Protocol, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.findings import Findings, SearchSettings
+from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.scale import Apriori, check_scale
+from anaplot.adjustment.significance import critical_normal
+from anaplot.adjustment.strategies import find_gross_errors, findings_at, sigma_of
+from anaplot.adjustment.watch import Watch
+from anaplot.errors import NotComputableError
+
+__all__ = ["Cleaning", "End", "Refused", "Relinearised", "Solved", "best_of"]
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+S = TypeVar("S")
+K = TypeVar("K", bound=Hashable)
+
+MOST_PASSES = 30
+"""Passes after which the best set that was met is kept."""
+
+_MOST_REFUSED = 100
+_INTERRUPTED = "the search was interrupted: the best found so far is kept"
+_MOST_ASTRAY = 5  # sets without which the iteration found no end either
+
+
+class Refused(NamedTuple, Generic[K]):
+    """A row that a strategy would reject, but without which there is no solution.
+
+    Attributes
+    ----------
+    name
+        The row.
+    reason
+        What would be left open.
+    """
+
+    name: K
+    reason: str
+
+
+class Solved(NamedTuple, Generic[S, K]):
+    """A solution without some rows.
+
+    Attributes
+    ----------
+    solution
+        Where it lies.
+    vtpv
+        The v'Pv of the rows that it has, in a-priori sigmas.
+    also
+        Names of further rows that had to be left out to find it.
+    """
+
+    solution: S
+    vtpv: float
+    also: tuple[K, ...] = ()
+
+
+class Relinearised(Protocol[S, K]):
+    """What is cleaned: a model, a block."""
+
+    @property
+    def apriori(self) -> Apriori:
+        """The a-priori sigma that all rows are weighted by."""
+        ...
+
+    def residuals(self, at: S, number: int) -> ResidualSystem:
+        """Return all rows, linearised at a solution.
+
+        Parameters
+        ----------
+        at
+            Where.
+        number
+            Of the pass, from 1.
+
+        Raises
+        ------
+        NotComputableError
+            Not all is determined there.
+        """
+        ...
+
+    def without(self, out: frozenset[K], near: S) -> Solved[S, K]:
+        """Solve without some rows, by their names, beginning at another solution.
+
+        Raises
+        ------
+        NotComputableError
+            There is no solution.
+        """
+        ...
+
+    def suspects(self, system: ResidualSystem) -> Bools:
+        """Return (n,) which rows may be rejected."""
+        ...
+
+    def model_values(self, system: ResidualSystem, at: S) -> Array:
+        """Return (n,) model values of sqrt(q_vv), see `find_gross_errors`."""
+        ...
+
+    def astray(self, error: NotComputableError) -> bool:
+        """Whether an error of `without` says that the iteration has lost its way."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class End(Generic[S, K]):
+    """Where the passes ended.
+
+    Attributes
+    ----------
+    solved
+        The solution without what is rejected; the start's where that stood.
+    system
+        All rows, linearised there.
+    out
+        Names of all that is out but what had to go in addition.
+    passes
+        What the strategy found in every pass; the last holds.
+    refused
+        What could not be left out.
+    score
+        v'Pv plus c^2 for every row that is out: less is better.
+    held
+        Rows that were out from the beginning and not looked at.
+    settled
+        Whether the last pass found what the one before had.
+    remarks
+        Sentences: what limited the passes.
+    """
+
+    solved: Solved[S, K]
+    system: ResidualSystem = field(repr=False)
+    out: frozenset[K]
+    passes: tuple[Findings, ...] = field(repr=False)
+    refused: tuple[Refused[K], ...]
+    score: float
+    held: frozenset[K]
+    settled: bool
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Cleaning(Generic[S, K]):
+    """Passes of one strategy.
+
+    Attributes
+    ----------
+    subject
+        What is cleaned.
+    strategy
+        One of `STRATEGIES`.
+    settings
+        Significance and limits.
+    watch
+        Told how far it is; where it asks for the end, the best so far is kept.
+    as_given
+        Clean also where the a-priori sigma cannot be right.
+    """
+
+    subject: Relinearised[S, K]
+    strategy: str
+    settings: SearchSettings
+    watch: Watch
+    as_given: bool = False
+
+    def run(
+        self,
+        start: S,
+        known: Solved[S, K] | None,
+        held: frozenset[K] = frozenset(),
+    ) -> End[S, K]:
+        """Go on from a solution until a set comes again.
+
+        Parameters
+        ----------
+        start
+            Where the first pass looks from.
+        known
+            The solution without `held` alone, if the start is that; None: it is any place.
+        held
+            Names of rows that are out and not looked at.
+
+        Raises
+        ------
+        ScaleError
+            The a-priori sigma cannot be right.
+        NotComputableError
+            There is no solution without any of the sets that were proposed.
+        """
+        solved: dict[frozenset[K], Solved[S, K]] = {} if known is None else {held: known}
+        proposals: dict[frozenset[K], tuple[ResidualSystem, Findings]] = {}
+        passes: list[Findings] = []
+        barred: dict[K, str] = {}
+        at, place, astray = (None if known is None else held), start, 0
+        while True:
+            system = self.subject.residuals(place, len(passes) + 1)
+            if not passes and known is not None:
+                self._check_scale(system, None)
+            found = self._pass(system, place, barred, held)
+            passes.append(found)
+            names = _names(system, held)
+            proposed = frozenset(names[row] for row in found.rows) | held
+            again = proposed in solved and proposed in proposals
+            proposals[proposed] = system, found
+            if proposed == at:
+                self._check_scale(system, found)
+                return self._end(solved[proposed], proposed, system, passes, barred, held)
+            if again or len(passes) >= MOST_PASSES or len(barred) > _MOST_REFUSED:
+                return self._best(solved, proposals, passes, barred, held, "")
+            if proposed not in solved:
+                try:
+                    solved[proposed] = self.subject.without(proposed, place)
+                except NotComputableError as error:
+                    astray += self.subject.astray(error)
+                    # what was checked least of all is what the solution cannot do without
+                    least = min(found.rejected, key=lambda r: r.redundancy_number, default=None)
+                    if least is None or astray > _MOST_ASTRAY:
+                        raise
+                    barred[names[least.row]] = str(error)
+                    if not self.watch.stopped:
+                        continue
+            if self.watch.stopped:
+                return self._best(solved, proposals, passes, barred, held, _INTERRUPTED)
+            at, place = proposed, solved[proposed].solution
+
+    def _pass(
+        self,
+        system: ResidualSystem,
+        place: S,
+        barred: Collection[K],
+        held: frozenset[K],
+    ) -> Findings:
+        suspects = self.subject.suspects(system)
+        if barred:
+            suspects &= np.array([name not in barred for name in system.names])
+        modified = self.strategy == "modified"
+        return find_gross_errors(
+            system,
+            self.strategy,
+            self.settings,
+            models=self.subject.model_values(system, place) if modified else None,
+            suspects=suspects,
+            left_out=_rows(system, held),
+            watch=self.watch,
+        )
+
+    def _check_scale(self, system: ResidualSystem, found: Findings | None) -> None:
+        """Complain where the a-priori sigma cannot be right and the strategy tests by it."""
+        if not self.as_given and sigma_of(self.strategy) == "baarda":
+            check_scale(system, found, self.settings.alpha, self.subject.apriori)
+
+    def _best(
+        self,
+        solved: dict[frozenset[K], Solved[S, K]],
+        proposals: dict[frozenset[K], tuple[ResidualSystem, Findings]],
+        passes: list[Findings],
+        barred: dict[K, str],
+        held: frozenset[K],
+        why: str,
+    ) -> End[S, K]:
+        """Return the best of the sets that were met, seen from its own solution."""
+        cost = critical_normal(self.settings.alpha) ** 2
+        known = {out: one for out, one in solved.items() if out in proposals}
+        if not known:
+            raise NotComputableError(
+                f"{self.subject.apriori.of}: nothing that {self.strategy} rejects can be left out: "
+                f"{next(iter(barred.values()))}"
+            )
+        out = min(known, key=lambda one: known[one].vtpv + cost * _count(one, known[one]))
+        system, found = proposals[out]
+        there = self.subject.residuals(known[out].solution, len(passes) + 1)
+        if there.names == system.names:  # else a row is gone that the proposal speaks of
+            system = there
+            found = findings_at(found, there, self.settings, left_out=_rows(there, held))
+        if len(found.rows) >= self.settings.room(system.redundancy):
+            self._check_scale(system, found)
+        said = why or (
+            f"the rejected observations did not settle in {len(passes)} passes: the best of the "
+            "sets is kept"
+        )
+        end = self._end(known[out], out, system, [*passes, found], barred, held)
+        return replace(end, settled=False, remarks=(said,))
+
+    def _end(
+        self,
+        one: Solved[S, K],
+        out: frozenset[K],
+        system: ResidualSystem,
+        passes: list[Findings],
+        barred: dict[K, str],
+        held: frozenset[K],
+    ) -> End[S, K]:
+        score = one.vtpv + critical_normal(self.settings.alpha) ** 2 * _count(out, one)
+        refused = tuple(Refused(name, reason) for name, reason in barred.items())
+        stopped = self.watch.stopped
+        remarks = (_INTERRUPTED,) if stopped else ()
+        return End(one, system, out, tuple(passes), refused, score, held, not stopped, remarks)
+
+
+def best_of(ends: Collection[End[S, K]]) -> End[S, K]:
+    """Return the end of the smallest score, of equal ones the first."""
+    return min(ends, key=lambda end: round(end.score, 6))
+
+
+def _count(out: frozenset[K], one: Solved[S, K]) -> int:
+    return len(out.union(one.also))
+
+
+def _names(system: ResidualSystem, like: frozenset[K]) -> Sequence[K]:
+    """Return the names of the rows, of the subject's own type."""
+    return cast("Sequence[K]", system.names)
+
+
+def _rows(system: ResidualSystem, names: frozenset[K]) -> list[int]:
+    return [row for row, name in enumerate(system.names) if name in names] if names else []

@@ -1,0 +1,149 @@
+"""Whether the a-priori sigma can be right, judged by what most of the residuals say."""
+
+from __future__ import annotations
+
+from math import ceil, floor, log10
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from anaplot.adjustment.findings import Findings
+from anaplot.adjustment.partners import WEAK
+from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.significance import critical_normal
+from anaplot.errors import NotComputableError
+
+__all__ = [
+    "LARGEST",
+    "LEAST_REDUNDANCY",
+    "SMALLEST",
+    "Apriori",
+    "ScaleError",
+    "check_scale",
+    "robust_scale",
+    "scale_error",
+]
+
+Array = NDArray[np.float64]
+
+LARGEST, SMALLEST = 5.0, 0.2
+"""Robust scales beyond which the a-priori sigma is doubted."""
+
+LEAST_REDUNDANCY = 10
+"""Redundancy below which a few gross errors, or chance, explain as much."""
+
+_NO_NOISE = 1e-3  # scale of a simulation without noise
+
+
+class Apriori(NamedTuple):
+    """An a-priori sigma that a person has given.
+
+    Attributes
+    ----------
+    of
+        What is weighted by it: "block demo".
+    name, value, unit
+        How it is called, and its value: "image_um", 5.0, "um".
+    """
+
+    of: str
+    name: str
+    value: float
+    unit: str
+
+
+class ScaleError(NotComputableError):
+    """The a-priori sigma is far from what the residuals say: by it nothing can be cleaned."""
+
+
+def robust_scale(w: Array, r: Array, trimmed: float = 0.0) -> float | None:
+    """Return the median of abs(w) as an estimate of sigma0, in a-priori sigmas.
+
+    Parameters
+    ----------
+    w
+        (n,) standardized residuals; NaN: no test.
+    r
+        (n,) redundancy numbers; rows below .01 say nothing of themselves.
+    trimmed
+        Share of the rows, those with the largest abs(w), that are missing from `w`.
+
+    Returns
+    -------
+    float or None
+        Median over the one that a normal distribution has (.6745 where nothing is missing); None
+        without rows.
+    """
+    size = np.abs(w[np.isfinite(w) & (r > WEAK)])
+    if not len(size):
+        return None
+    return float(np.median(size) / ndtri(0.5 + (1.0 - trimmed) / 4.0))
+
+
+def check_scale(
+    system: ResidualSystem, found: Findings | None, alpha: float, apriori: Apriori
+) -> None:
+    """Complain where most residuals say that the a-priori sigma cannot be right.
+
+    Parameters
+    ----------
+    system
+        All rows.
+    found
+        What a strategy found: the rows that it leaves may not be too large. None: before any, when
+        all rows may not be too small; too large they are also by a single error.
+    alpha
+        Significance of one row.
+    apriori
+        What is doubted.
+
+    Raises
+    ------
+    ScaleError
+        The scale is above 5 or below 0.2. Never with a redundancy below 10, and not where there is
+        no noise at all.
+    """
+    if system.redundancy < LEAST_REDUNDANCY:
+        return
+    r = np.asarray(system.r, dtype=float)
+    w = np.full(len(r), np.nan)
+    good = r > WEAK
+    w[good] = np.asarray(system.e, dtype=float)[good] / np.sqrt(r[good])
+    if found is None:
+        scale = robust_scale(w, r)
+        if scale is not None and _NO_NOISE < scale < SMALLEST:
+            raise scale_error(apriori, scale, scale)
+        return
+    kept = found.at_end.w.copy()
+    kept[list(found.rows)] = np.nan
+    share = len(found.rows) / max(int(good.sum()), 1)
+    scale = robust_scale(kept, found.at_end.r, min(share, 0.9))
+    if scale is not None and scale > LARGEST:
+        raise scale_error(apriori, scale, float(np.nanmax(np.abs(w))) / critical_normal(alpha))
+
+
+def scale_error(apriori: Apriori, scale: float, fits: float) -> ScaleError:
+    """Return what is to be said of an a-priori sigma.
+
+    Parameters
+    ----------
+    apriori
+        What is doubted.
+    scale
+        Of the residuals, in units of it.
+    fits
+        The factor with which nothing is flagged.
+    """
+    return ScaleError(
+        f"{apriori.of}: most residuals are {scale:.2g} times what their standard deviations say: "
+        f"is {apriori.name} = {apriori.value:g} right? With {_up(fits * apriori.value)} "
+        f"{apriori.unit} nothing is flagged; --as-given cleans all the same"
+    )
+
+
+def _up(value: float) -> str:
+    """Return a value with two digits, rounded up."""
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return f"{ceil(value / unit) * unit:g}"
