@@ -170,6 +170,8 @@ def _replay(options: argparse.Namespace) -> int:
     from anaplot.station.rebuild import rebuild, session_solutions
     from anaplot.station.replay import replay_session
 
+    if options.salvage is not None:
+        return _salvage(options)
     if options.speed is not None or options.console:
         return _replay_watched(options)
     replayed = replay_session(options.session)
@@ -184,6 +186,23 @@ def _replay(options: argparse.Namespace) -> int:
         )
         return 0
     _print_solutions(session_solutions(replayed.state), replayed.block, options.json)
+    return 0
+
+
+def _salvage(options: argparse.Namespace) -> int:
+    from anaplot.report.salvagetext import salvage_json, salvage_text
+    from anaplot.station.salvage import salvage
+
+    others = {"--check": options.check, "--to": options.to, "--console": options.console}
+    others["--speed"] = options.speed
+    for name, value in others.items():
+        if value:
+            raise InputError(f"--salvage and {name} exclude each other")
+    salvaged = salvage(options.session, options.salvage)
+    if options.json:
+        print(json.dumps(salvage_json(salvaged), indent=1, allow_nan=False))
+    else:
+        print(salvage_text(salvaged, options.salvage))
     return 0
 
 
@@ -908,6 +927,12 @@ def _parser() -> _Parser:
     )
     replay.add_argument(
         "--to", type=Path, metavar="BLOCK", help="rebuild the block in a new folder"
+    )
+    replay.add_argument(
+        "--salvage",
+        type=Path,
+        metavar="BLOCK",
+        help="bring what can be read of a damaged session into a new block; say what is missing",
     )
     replay.add_argument("--json", action="store_true", help="print JSON for programs")
     replay.add_argument(

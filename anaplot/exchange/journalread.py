@@ -32,8 +32,11 @@ __all__ = [
     "Recovered",
     "Scan",
     "Tail",
+    "check_format",
     "event_of",
     "events_of",
+    "folder_of",
+    "numbered_files",
     "read_journal",
     "scan_folder",
 ]
@@ -142,22 +145,15 @@ def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
         There is no journal, it is damaged where it was on disk already, a record or a file is
         missing, or a newer version wrote it; with file and line.
     """
-    try:
-        folder = path / SESSIONS if (path / SESSIONS).is_dir() else path
-        is_folder = folder.is_dir()
-        is_file = not is_folder and path.exists()
-    except (OSError, ValueError) as error:
-        raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
-    if is_file:
+    folder = folder_of(path)
+    if folder is None:
         records: list[Record] = []
         file = _FileReader(path, None, keep, records).scan(is_last=True)
         scan = Scan((file,), tuple(records), ())
-    elif is_folder:
+    else:
         scan = scan_folder(folder, keep)
         if not scan.files:
             raise InputError(f"{place(folder)}: holds no journal (0001.jsonl)")
-    else:
-        raise InputError(f"{place(path)}: no such journal")
     remarks = list(scan.remarks)
     last = scan.files[-1]
     if last.tail is not None:
@@ -190,6 +186,48 @@ def events_of(records: Iterable[Record]) -> tuple[Event, ...]:
     return tuple(event_of(record) for record in records if record.kind in EVENT_KINDS)
 
 
+def folder_of(path: Path) -> Path | None:
+    """Return the folder of the journal that a path stands for; None for a single file.
+
+    Raises
+    ------
+    InputError
+        There is nothing of that name.
+    """
+    try:
+        folder = path / SESSIONS if (path / SESSIONS).is_dir() else path
+        if folder.is_dir():
+            return folder
+        if path.exists():
+            return None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
+    raise InputError(f"{place(path)}: no such journal")
+
+
+def numbered_files(folder: Path) -> tuple[dict[int, Path], tuple[str, ...]]:
+    """Return the files of a journal by their numbers, and remarks on others that look like them.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be read.
+    """
+    try:
+        names = sorted(entry.name for entry in folder.iterdir())
+    except OSError as error:
+        raise InputError(f"{place(folder)}: cannot be read: {reason(error)}") from error
+    numbered: dict[int, Path] = {}
+    remarks: list[str] = []
+    for name in names:
+        match = _FILE_NAME.fullmatch(name)
+        if match is not None and name == f"{int(match[1]):04d}.jsonl":
+            numbered[int(match[1])] = folder / name
+        elif name.endswith(".jsonl"):
+            remarks.append(f"{plain(str(folder / name))}: not a file of this journal, not read")
+    return numbered, tuple(remarks)
+
+
 def scan_folder(folder: Path, keep: Keep | None) -> Scan:
     """Verify all files of a journal in order.
 
@@ -198,18 +236,7 @@ def scan_folder(folder: Path, keep: Keep | None) -> Scan:
     InputError
         As `read_journal`, but that a folder without files is fine.
     """
-    try:
-        names = sorted(entry.name for entry in folder.iterdir())
-    except OSError as error:
-        raise InputError(f"{place(folder)}: cannot be read: {reason(error)}") from error
-    numbered: dict[int, str] = {}
-    remarks: list[str] = []
-    for name in names:
-        match = _FILE_NAME.fullmatch(name)
-        if match is not None and name == f"{int(match[1]):04d}.jsonl":
-            numbered[int(match[1])] = name
-        elif name.endswith(".jsonl"):
-            remarks.append(f"{plain(str(folder / name))}: not a file of this journal, not read")
+    numbered, remarks = numbered_files(folder)
     files: list[FileScan] = []
     records: list[Record] = []
     last_number = max(numbered, default=0)
@@ -217,11 +244,22 @@ def scan_folder(folder: Path, keep: Keep | None) -> Scan:
     for expected, number in enumerate(sorted(numbered), 1):
         if number != expected:
             missing = place(folder / f"{expected:04d}.jsonl")
-            raise InputError(f"{missing}: is missing, but there is {numbered[number]}")
-        reader = _FileReader(folder / numbered[number], seq, keep, records)
+            raise InputError(f"{missing}: is missing, but there is {numbered[number].name}")
+        reader = _FileReader(numbered[number], seq, keep, records)
         files.append(reader.scan(is_last=number == last_number))
         seq = files[-1].last_seq
-    return Scan(tuple(files), tuple(records), tuple(remarks))
+    return Scan(tuple(files), tuple(records), remarks)
+
+
+def check_format(number: object, file: str, line: int) -> None:
+    """Refuse a journal of a format that is not read; raises InputError."""
+    if not isinstance(number, int) or isinstance(number, bool) or number < JOURNAL_FORMAT:
+        raise InputError(f"{file} line {line}: not a journal of a known format")
+    if number > JOURNAL_FORMAT:
+        raise InputError(
+            f"{file} line {line}: written by a newer version of anaplot: this one reads journals "
+            f"of format {JOURNAL_FORMAT}"
+        )
 
 
 def _nothing(kind: str) -> bool:
@@ -277,7 +315,7 @@ class _FileReader:
             except DamagedLineError as damage:
                 claimed = claimed_format(raw) if line == 1 else None
                 if claimed is not None:
-                    self._check_format(claimed, line)
+                    check_format(claimed, self._name, line)
                 if not is_last:
                     raise self._damaged(line, damage) from None
                 tail, lacks_end = self._tail(file, raw, line, size - good, damage), False
@@ -300,20 +338,10 @@ class _FileReader:
         if record.line > 1 and record.kind == "header":
             raise self._fail(record.line, "a second header")
         if record.kind in ("header", "opened"):
-            self._check_format(record.payload.get("format", 0), record.line)
+            check_format(record.payload.get("format", 0), self._name, record.line)
         if self._seq is not None and record.seq != self._seq + 1:
             raise self._fail(
                 record.line, f"record {record.seq} where {self._seq + 1} should follow"
-            )
-
-    def _check_format(self, number: object, line: int) -> None:
-        if not isinstance(number, int) or isinstance(number, bool) or number < JOURNAL_FORMAT:
-            raise self._fail(line, "not a journal of a known format")
-        if number > JOURNAL_FORMAT:
-            raise self._fail(
-                line,
-                "written by a newer version of anaplot: this one reads journals of format "
-                f"{JOURNAL_FORMAT}",
             )
 
     def _tail(
@@ -380,7 +408,11 @@ class _FileReader:
         return raw, left, zeros
 
     def _damaged(self, line: int, damage: DamagedLineError) -> InputError:
-        return self._fail(line, f"damaged: {damage}; nothing was changed")
+        return self._fail(
+            line,
+            f"damaged: {damage}; nothing was changed "
+            "(anaplot replay --salvage brings over what can be read)",
+        )
 
     def _fail(self, line: int, message: str) -> InputError:
         return InputError(f"{self._name} line {line}: {message}")

@@ -1,0 +1,231 @@
+"""A new block from what can be read of a damaged journal, and what is missing in it.
+
+Where records are missing, those behind them may not fit any more. Little is assumed then, and all
+of it is said: a model is taken as accepted when the next one was begun; a tie whose measurement is
+lost becomes a new point; an undo that may have taken back something lost takes back nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from anaplot import __version__
+from anaplot.errors import InputError
+from anaplot.exchange.eventcodec import event_to_payload
+from anaplot.exchange.journal import Record, event_of
+from anaplot.exchange.journalread import SESSIONS
+from anaplot.exchange.recordline import JOURNAL_FORMAT, encode_line
+from anaplot.exchange.salvage import Gap, read_what_can_be_read
+from anaplot.exchange.wholefile import create_whole, make_folder
+from anaplot.exchange.wording import place, plain
+from anaplot.session.events import (
+    EVENT_KINDS,
+    Event,
+    ModelAccepted,
+    ModelChosen,
+    PlannedPoint,
+    PointAdded,
+    PointMeasured,
+    Resumed,
+    Suspended,
+    Undone,
+)
+from anaplot.session.state import EventRefusedError, SessionState, apply, start
+from anaplot.station.payloads import heard_in, inner_table_of, opened_by, table_of
+from anaplot.station.rebuild import rebuild
+from anaplot.station.replay import Replayed, recorded_block
+
+__all__ = ["Salvaged", "salvage"]
+
+_PARSERS = {
+    "header": opened_by,
+    "opened": opened_by,
+    "traffic": heard_in,
+    "table": table_of,
+    "inner-table": inner_table_of,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Salvaged:
+    """What was brought over.
+
+    Attributes
+    ----------
+    state
+        The session's state in the new block.
+    records
+        How many records were brought over.
+    gaps
+        What cannot be read.
+    left_out, assumed
+        Sentences, with file and line: what can be read and does not fit any more; what was put
+        in so that the rest fits.
+    """
+
+    state: SessionState
+    records: int
+    gaps: tuple[Gap, ...]
+    left_out: tuple[str, ...]
+    assumed: tuple[str, ...]
+
+
+def salvage(session: Path, folder: Path) -> Salvaged:
+    """Bring what can be read of a session into a new block, whose session goes on there.
+
+    Parameters
+    ----------
+    session
+        A journal file, a folder `sessions`, or a block folder; nothing in it is changed.
+    folder
+        The new block: block.toml, camera files, image_points.csv and `sessions`.
+
+    Raises
+    ------
+    InputError
+        Nothing can be read, nobody knows of which block it is, or the new one cannot be written.
+    """
+    sessions = folder / SESSIONS
+    if sessions.exists() or sessions.is_symlink():
+        raise InputError(f"{place(sessions)}: there is a session already")
+    readable = read_what_can_be_read(session)
+    headers = [r for records in readable.files for r in records if r.kind in ("header", "opened")]
+    block = recorded_block(session, headers)
+    fold = _Fold(start(block), readable.lost_before)
+    files = [fold.file(records) for records in readable.files if records]
+    rebuild(Replayed(block, fold.state, 0, 0, ()), folder)
+    make_folder(sessions)
+    for number, data in enumerate(files, 1):
+        create_whole(sessions / f"{number:04d}.jsonl", data)
+    return Salvaged(
+        fold.state, fold.brought, readable.gaps, tuple(fold.left_out), tuple(fold.assumed)
+    )
+
+
+class _Fold:
+    """The state while records come in, and the lines of the new journal.
+
+    Parameters
+    ----------
+    state
+        Before the first record.
+    lost_before
+        Sequence numbers of the records before which others are missing.
+    """
+
+    def __init__(self, state: SessionState, lost_before: frozenset[int]) -> None:
+        self.state = state
+        self.left_out: list[str] = []
+        self.assumed: list[str] = []
+        self.brought = 0
+        self._lost_before = lost_before
+        self._lost = False  # whether anything is missing so far
+        self._undoable = 0  # events since the last thing that is missing
+        self._seq = 0
+        self._header: Mapping[str, Any] = {
+            "program": "anaplot",
+            "version": __version__,
+            "format": JOURNAL_FORMAT,
+            "block": state.block.name,
+        }
+
+    def file(self, records: Iterable[Record]) -> bytes:
+        """Return the lines of a new file from the records of an old one."""
+        lines: list[bytes] = []
+        for record in records:
+            if record.seq in self._lost_before:
+                self._lost, self._undoable = True, 0
+            if not lines and record.kind != "header":
+                lines.append(self._line(record.time, "header", self._header))
+            lines.extend(self._taken(record, first=not lines))
+        return b"".join(lines)
+
+    def _line(self, time: str, kind: str, payload: Mapping[str, Any]) -> bytes:
+        # a file of the new journal is on disk whole before anything is written behind it
+        line = encode_line(self._seq + 1, time, kind, payload, durable=True)
+        self._seq += 1
+        return line
+
+    def _taken(self, record: Record, *, first: bool) -> list[bytes]:
+        """Return the lines that a record becomes."""
+        try:
+            if record.kind in EVENT_KINDS:
+                events = self._happened(record, event_of(record))
+                lines = [self._line(record.time, e.kind, event_to_payload(e)) for e in events]
+            else:
+                if record.kind == "header" and not first:
+                    raise InputError(f"{record.file} line {record.line}: a second header")
+                if record.kind in _PARSERS:
+                    _PARSERS[record.kind](record)
+                lines = [self._line(record.time, record.kind, record.payload)]
+        except InputError as error:
+            self.left_out.append(str(error))
+            return []
+        if record.kind in ("header", "opened"):
+            self._header = record.payload
+        self.brought += 1
+        return lines
+
+    def _happened(self, record: Record, event: Event) -> list[Event]:
+        """Let an event happen; return it, and before it what had to be assumed."""
+        where = f"{record.file} line {record.line}"
+        if isinstance(event, Undone) and self._lost:
+            if self._undoable == 0:
+                raise InputError(f"{where}: an undo, of what is missing perhaps")
+            self._undoable -= 1
+        events, words = self._fitting(event) if self._lost else ([event], [])
+        state = self.state
+        try:
+            for each in events:
+                state = apply(state, each)
+        except EventRefusedError as error:
+            if not isinstance(event, Suspended | Resumed):
+                self._lost, self._undoable = True, 0
+            raise InputError(f"{where}: {event.kind}: {error}") from None
+        self.state = state
+        if not isinstance(event, Suspended | Resumed | Undone):
+            self._undoable += 1
+        self.assumed += [f"{where}: {word}" for word in words]
+        return events
+
+    def _fitting(self, event: Event) -> tuple[list[Event], list[str]]:
+        """Return an event with what must have happened before it, and that in words."""
+        events: list[Event] = []
+        words: list[str] = []
+        current = self.state.current
+        if self.state.suspended and not isinstance(event, Resumed):
+            events.append(Resumed())
+            words.append("work was resumed")
+        if isinstance(event, ModelChosen):
+            models = self.state.models
+            if current is not None and (event.left, event.right) != current.photos:
+                events.append(ModelAccepted(*current.photos))
+                words.append(f"model {plain(current.name)} was accepted")
+                models = (*models, current)
+            before = next(
+                (m for m in models if (m.strip, m.right) == (event.strip, event.left)), None
+            )
+            known = set() if before is None else {m.point for m in before.used}
+            plan = tuple(_as_known(point, known) for point in event.plan)
+            changed = [p.point for p, q in zip(event.plan, plan, strict=True) if p != q]
+            if changed:
+                names = plain(", ".join(changed))
+                words.append(f"model {event.left}/{event.right}: no ties, but new points: {names}")
+                event = replace(event, plan=plan)
+        elif isinstance(event, PointMeasured) and current is not None and not current.mono:
+            here = (event.left, event.right) == current.photos
+            if here and current.planned(event.point) is None:
+                before = self.state.preceding(current.strip, current.left)
+                known = set() if before is None else {m.point for m in before.used}
+                at = PlannedPoint(event.point, "new", event.xl, event.yl, event.xr, event.yr)
+                events.append(PointAdded(_as_known(at, known)))
+                words.append(f"point {plain(event.point)} was added to model {current.name}")
+        return [*events, event], words
+
+
+def _as_known(point: PlannedPoint, known: set[str]) -> PlannedPoint:
+    """Return a planned point in the role that it can have: a tie is known before."""
+    return replace(point, role="tie" if point.point in known else "new")

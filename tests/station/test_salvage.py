@@ -1,0 +1,313 @@
+"""What can be read of a damaged session comes into a new block, and what is missing is said."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from anaplot.cli import main
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.journal import Journal, events_of, read_journal
+from anaplot.exchange.recordline import encode_line
+from anaplot.session.events import (
+    ModelAccepted,
+    ModelChosen,
+    PlannedPoint,
+    PointMeasured,
+    Resumed,
+    RowSwitched,
+    Suspended,
+    Undone,
+)
+from anaplot.session.state import fold, start
+from anaplot.station.replay import replay_session
+from anaplot.station.salvage import salvage
+from anaplot.station.station import Station
+
+CORPUS = Path(__file__).parents[1] / "sessions"
+SESSIONS = sorted(path.stem for path in CORPUS.glob("*.jsonl"))
+
+BLOCK = """\
+format = 1
+name = "b"
+[precision]
+image_um = 5.0
+[[camera]]
+id = "c"
+c = 150.0
+format = [230.0, 230.0]
+[[strip]]
+id = "1"
+photos = ["101", "102", "103"]
+base = 92.0
+[[photo]]
+id = "101"
+camera = "c"
+[[photo]]
+id = "102"
+camera = "c"
+[[photo]]
+id = "103"
+camera = "c"
+"""
+
+
+def planned(name: str, role: str = "new") -> PlannedPoint:
+    return PlannedPoint(name, role, 1.0, 2.0, -91.0, 2.0)  # type: ignore[arg-type]
+
+
+def measured(left: str, right: str, name: str) -> PointMeasured:
+    return PointMeasured(left, right, name, 1.0, 2.0, -91.0, 2.0, "key")
+
+
+def chosen(left: str, right: str, *points: PlannedPoint) -> ModelChosen:
+    return ModelChosen("1", left, right, points, False)
+
+
+FIRST = chosen("101", "102", planned("1"), planned("2"), planned("3"))
+SECOND = chosen("102", "103", planned("2", "tie"), planned("3", "tie"), planned("4"))
+ACCEPTED = ModelAccepted("101", "102")
+
+
+class Session:
+    """A block whose journal holds given events, one a line behind the header."""
+
+    def __init__(self, tmp_path: Path, *events) -> None:
+        self.folder = tmp_path / "block"
+        self.folder.mkdir()
+        (self.folder / "block.toml").write_text(BLOCK)
+        with Journal.open(self.folder, {"block_toml": BLOCK})[0] as journal:
+            for event in events:
+                journal.append_event(event)
+        self.path = self.folder / "sessions" / "0001.jsonl"
+        self.new = tmp_path / "new"
+
+    def damage(self, *events: int) -> None:
+        """Change a letter in the lines of these events, from 0."""
+        lines = self.path.read_bytes().splitlines(keepends=True)
+        for event in events:
+            lines[event + 1] = lines[event + 1].replace(b'"t":"20', b'"t":"19')
+        self.path.write_bytes(b"".join(lines))
+
+    def salvaged(self):
+        before = self.path.read_bytes()
+        with pytest.raises(InputError, match=r"damaged: .*--salvage"):
+            read_journal(self.folder)
+        out = salvage(self.folder, self.new)
+        assert self.path.read_bytes() == before
+        events = events_of(read_journal(self.new).records)
+        assert fold(start(read_block(self.new)), events) == out.state
+        return out
+
+
+@pytest.mark.parametrize("name", SESSIONS)
+def test_a_session_without_damage_comes_over_whole(name, tmp_path, capsys):
+    session, new = CORPUS / f"{name}.jsonl", tmp_path / "new"
+    assert main(["replay", str(session), "--salvage", str(new)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    if name == "torn-tail":
+        assert [line.partition(":")[0] for line in said[1:]] == ["missing"]
+    else:
+        assert said[1:] == ["nothing is missing"]
+    old, brought = read_journal(session).records, read_journal(new).records
+    assert [(r.seq, r.time, r.kind, r.payload) for r in brought] == [
+        (r.seq, r.time, r.kind, r.payload) for r in old
+    ]
+    was, now = replay_session(session), replay_session(new)
+    assert now.differences == ()
+    assert (now.state, now.tables, now.measurements) == (was.state, was.tables, was.measurements)
+
+
+def test_a_lost_measurement_is_told_and_the_rest_is_there(tmp_path, capsys):
+    points = [measured("101", "102", name) for name in "123"]
+    session = Session(tmp_path, FIRST, *points)
+    session.damage(2)
+    out = session.salvaged()
+    assert out.state.current is not None
+    assert [m.point for m in out.state.current.measured] == ["1", "3"]
+    assert [str(gap) for gap in out.gaps] == [
+        f"{session.path} line 4: the checksum does not agree: record 4 missing"
+    ]
+    assert (out.records, out.left_out, out.assumed) == (4, (), ())
+    # the session goes on there
+    station = Station(session.new)
+    station.close()
+    assert station.state.current == out.state.current
+    other = tmp_path / "other"
+    assert main(["replay", str(session.folder), "--salvage", str(other), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said == {
+        "records": 4,
+        "models": [],
+        "in_work": "101/102",
+        "missing": [
+            {
+                "file": str(session.path),
+                "first_line": 4,
+                "last_line": 4,
+                "first_seq": 4,
+                "last_seq": 4,
+                "why": "the checksum does not agree",
+            }
+        ],
+        "left_out": [],
+        "assumed": [],
+    }
+
+
+def test_a_model_that_is_not_known_to_be_accepted_was_when_the_next_was_begun(tmp_path):
+    first = [measured("101", "102", name) for name in "123"]
+    second = [measured("102", "103", name) for name in "24"]
+    session = Session(tmp_path, FIRST, *first, ACCEPTED, SECOND, *second)
+    session.damage(2, 4)  # point 2 and the acceptance
+    out = session.salvaged()
+    assert [m.name for m in out.state.models] == ["101/102"]
+    assert out.state.current is not None
+    assert [(p.point, p.role) for p in out.state.current.plan] == [
+        ("2", "new"),
+        ("3", "tie"),
+        ("4", "new"),
+    ]
+    assert [m.point for m in out.state.current.measured] == ["2", "4"]
+    assert [words.partition("line 7: ")[2] for words in out.assumed] == [
+        "model 101/102 was accepted",
+        "model 102/103: no ties, but new points: 2",
+    ]
+    assert [row.point for row in read_block(session.new).image_points if row.photo == "101"] == [
+        "1",
+        "3",
+    ]
+
+
+def test_an_undo_takes_back_nothing_that_may_be_another_thing(tmp_path):
+    one, two = measured("101", "102", "1"), measured("101", "102", "2")
+    session = Session(tmp_path, FIRST, one, two, Undone(), one, Undone())
+    session.damage(2)
+    out = session.salvaged()
+    assert out.state.current is not None
+    assert [m.point for m in out.state.current.measured] == ["1"]
+    assert out.state.current.measured[0].times == 1
+    assert [words.partition("line 5: ")[2] for words in out.left_out] == [
+        "an undo, of what is missing perhaps"
+    ]
+
+
+def test_what_rests_on_something_lost_is_left_out_or_assumed(tmp_path):
+    session = Session(
+        tmp_path,
+        FIRST,
+        measured("101", "102", "1"),
+        RowSwitched("1", None, False),
+        Suspended(),
+        Resumed(),
+        measured("101", "102", "2"),
+        measured("101", "102", "3"),
+    )
+    session.damage(1, 4)
+    out = session.salvaged()
+    assert out.state.current is not None
+    assert [m.point for m in out.state.current.measured] == ["2", "3"]
+    assert not out.state.suspended
+    assert [words.partition("line 4: ")[2] for words in out.left_out] == [
+        "row-switched: point 1 is not measured in model 101/102"
+    ]
+    assert [words.partition("line 7: ")[2] for words in out.assumed] == ["work was resumed"]
+
+
+def test_a_point_whose_plan_is_lost_was_planned(tmp_path):
+    session = Session(tmp_path, FIRST)
+    with Journal.open(session.folder, {})[0] as journal:  # line 3: opened
+        journal.append("point-added", {"planned": {"lost": True}}, durable=True)
+        journal.append_event(measured("101", "102", "7"))
+    out = salvage(session.folder, session.new)
+    assert out.state.current is not None
+    assert [m.point for m in out.state.current.measured] == []
+    assert len(out.left_out) == 2
+    session.new = tmp_path / "newer"
+    session.damage(2)
+    out = session.salvaged()
+    assert out.state.current is not None
+    assert [m.point for m in out.state.current.measured] == ["7"]
+    assert out.assumed[0].endswith("line 5: point 7 was added to model 101/102")
+
+
+@pytest.mark.parametrize("line", [0, 1, 20, 55])
+@pytest.mark.parametrize("damage", ["zeros", "cut", "letters"])
+def test_damage_anywhere_in_a_recorded_session(tmp_path, line, damage):
+    lines = (CORPUS / "changes.jsonl").read_bytes().splitlines(keepends=True)
+    block = tmp_path / "old"
+    sessions = block / "sessions"
+    sessions.mkdir(parents=True)
+    whole = salvage(CORPUS / "changes.jsonl", tmp_path / "whole")
+    (block / "block.toml").write_bytes((tmp_path / "whole" / "block.toml").read_bytes())
+    for camera in (tmp_path / "whole").glob("*.toml"):
+        (block / camera.name).write_bytes(camera.read_bytes())
+    lines[line] = {
+        "zeros": b"\0" * len(lines[line]),
+        "cut": b"",
+        "letters": lines[line][:40] + b"\x1b[2J\xff" + lines[line][40:],
+    }[damage]
+    (sessions / "0001.jsonl").write_bytes(b"".join(lines))
+    out = salvage(block, tmp_path / "new")
+    assert len(out.gaps) == 1
+    assert (out.gaps[0].first_seq, out.gaps[0].last_seq) == (line + 1, line + 1)
+    assert str(out.gaps[0]).isprintable()
+    # what is not brought over is told: line by line
+    assert out.records == len(lines) - 1 - len(out.left_out)
+    assert whole.records >= out.records
+    assert fold(
+        start(read_block(tmp_path / "new")), events_of(read_journal(tmp_path / "new").records)
+    )
+    Station(tmp_path / "new").close()
+
+
+def test_a_missing_file_and_a_second_one_that_is_damaged(tmp_path):
+    folder = tmp_path / "block"
+    folder.mkdir()
+    (folder / "block.toml").write_text(BLOCK)
+    with Journal.open(folder, {"block_toml": BLOCK}, roll_bytes=1)[0] as journal:
+        for event in (FIRST, *(measured("101", "102", name) for name in "123")):
+            journal.append_event(event)
+    sessions = folder / "sessions"
+    (sessions / "0003.jsonl").unlink()
+    damaged = sessions / "0004.jsonl"
+    damaged.write_bytes(damaged.read_bytes().replace(b'"kind":"header"', b'"kind":"headex"'))
+    out = salvage(folder, tmp_path / "new")
+    assert [str(gap).removeprefix(f"{sessions}/") for gap in out.gaps] == [
+        "0003.jsonl: the file is missing",
+        "0004.jsonl line 1: the checksum does not agree: records 4 to 6 missing",
+    ]
+    assert out.state.current is not None
+    assert [m.point for m in out.state.current.measured] == ["2", "3"]
+    new = read_journal(tmp_path / "new").records
+    assert [r.seq for r in new] == list(range(1, len(new) + 1))
+
+
+def test_records_that_come_twice_are_taken_once(tmp_path):
+    session = Session(tmp_path, FIRST, measured("101", "102", "1"))
+    session.path.write_bytes(session.path.read_bytes() * 2)
+    out = salvage(session.folder, session.new)
+    assert out.records == 3
+    assert [gap.why for gap in out.gaps] == ["record 1 where 4 should follow"]
+
+
+def test_what_cannot_be_salvaged(tmp_path, capsys):
+    with pytest.raises(InputError, match="no such journal"):
+        salvage(tmp_path / "nowhere", tmp_path / "new")
+    (tmp_path / "junk.jsonl").write_bytes(b"\0" * 3_000_000 + b"\nmore\n")
+    with pytest.raises(InputError, match="no record of a journal can be read"):
+        salvage(tmp_path / "junk.jsonl", tmp_path / "new")
+    line = encode_line(1, "2026-01-01T00:00:00.000Z", "header", {"format": 2})
+    (tmp_path / "newer.jsonl").write_bytes(line + b"junk\n")
+    with pytest.raises(InputError, match="written by a newer version"):
+        salvage(tmp_path / "newer.jsonl", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    session = Session(tmp_path, FIRST)
+    with pytest.raises(InputError, match="there is a session already"):
+        salvage(session.folder, session.folder)
+    old, new = str(session.folder), str(session.new)
+    assert main(["replay", old, "--salvage", new, "--check"]) == 2
+    assert "--salvage and --check exclude each other" in capsys.readouterr().err
