@@ -442,7 +442,10 @@ def _add_simulate(parts: Any) -> None:
         "and of the axes",
     )
     simulate.add_argument(
-        "--alpha", type=_significance, metavar="ALPHA", help="of a single row, default 0.001"
+        "--alpha",
+        type=_significance,
+        metavar="ALPHA",
+        help="of a single row, default 0.001; for named scenarios too",
     )
     simulate.add_argument("--list", action="store_true", help="name the scenarios")
     simulate.add_argument(

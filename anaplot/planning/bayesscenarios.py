@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.planning.bayesblock import BayesBlock, bayes_block
+from anaplot.planning.levels import LEVEL
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, Quantity, out_of
-from anaplot.planning.rejections import rejected_rows
+from anaplot.planning.rejections import SURE, rejected_rows
 
 __all__ = ["BayesScenario", "noise_within_three", "scenarios"]
 
@@ -47,6 +48,8 @@ class BayesScenario:
         Their size [sigma].
     prior_variance
         Of every unknown [m^2].
+    alpha
+        Significance of a single row.
     """
 
     name: str
@@ -58,6 +61,7 @@ class BayesScenario:
     methods: tuple[str, ...] = METHODS
     runs: int = 100
     chunk: int = 10
+    alpha: float = LEVEL
 
     @property
     def case(self) -> str:
@@ -110,10 +114,11 @@ class _BayesTrial:
 
     def _found(self, errors: Array, methods: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
         rest = [method for method in methods if method != "rms"]
-        found = rejected_rows(self._block.residuals(errors), rest)
+        alpha = self._scenario.alpha
+        found = rejected_rows(self._block.residuals(errors), rest, alpha)
         if "rms" in methods:
             n, u = self._block.design.shape
-            found |= rejected_rows(self._block.residuals(errors, n - u), ["rms"])
+            found |= rejected_rows(self._block.residuals(errors, n - u), ["rms"], alpha)
         return found
 
     def remarks(self) -> tuple[str, ...]:
@@ -128,6 +133,7 @@ class _BayesTrial:
             "partner whose residual correlates by more than 0.99",
             "wrong beside a partner: a row whose residual correlates above "
             f"{HARD_TO_TELL:g} with that of a planted error that was missed",
+            SURE,
         )
 
 
@@ -162,7 +168,7 @@ def scenarios() -> tuple[Scenario, ...]:
                     number,
                     size_um / _SIGMA_UM,
                     prior,
-                    _INDEPENDENT if (number, size_um) == (10, 90) else {},
+                    _INDEPENDENT if (group, letter) == ("G3", "C") else {},
                 )
             )
     return tuple(out)
@@ -175,3 +181,4 @@ _INDEPENDENT: dict[Key, float] = {
     ("10 of 18 sigma", "search", "right"): 4.6,
     ("10 of 18 sigma", "search", "wrong"): 3.0,
 }
+"""Found independently with priors of 10 m^2."""

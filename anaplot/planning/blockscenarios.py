@@ -21,10 +21,11 @@ from anaplot.adjustment.significance import (
     noncentrality,
     tau_power,
 )
+from anaplot.planning.levels import LEVEL
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of, share
-from anaplot.planning.rejections import rejected_rows
+from anaplot.planning.rejections import SURE, rejected_rows
 
 __all__ = ["BlockErrorsScenario", "BlockSizeScenario", "gruen_matrix", "scenarios"]
 
@@ -82,22 +83,23 @@ class BlockSizeScenario:
     methods: tuple[str, ...] = ("baarda", "tau")
     runs: int = 5000
     chunk: int = 500
+    alphas: tuple[float, ...] = _ALPHAS
 
     def prepare(self) -> _SizeTrial:
         """Linearise the block."""
-        return _SizeTrial(gruen_matrix())
+        return _SizeTrial(self.alphas, gruen_matrix())
 
 
 class _SizeTrial:
-    def __init__(self, matrix: Array) -> None:
-        self._matrix = matrix
+    def __init__(self, alphas: tuple[float, ...], matrix: Array) -> None:
+        self._alphas, self._matrix = alphas, matrix
         self._r = np.diag(matrix)
         self._testable = np.flatnonzero(self._r > 1e-6)
 
     def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
         """Say what is counted."""
         out: dict[Key, Quantity] = {}
-        for alpha in _ALPHAS:
+        for alpha in self._alphas:
             for method in methods:
                 out[_clean(alpha), method, "share of rows flagged"] = share(len(self._testable))
                 out[_least(alpha), method, "row flagged"] = YES_OR_NO
@@ -113,7 +115,7 @@ class _SizeTrial:
         rows = rng.choice(self._testable, runs)
         signs = rng.choice((-1.0, 1.0), runs)
         one = np.arange(runs)
-        for alpha in _ALPHAS:
+        for alpha in self._alphas:
             least = smallest_detectable_errors(
                 r, np.ones(n), apriori=1.0, alpha=alpha, power=_POWER
             )
@@ -176,6 +178,8 @@ class BlockErrorsScenario:
         Size of the errors [sigma].
     numbers
         How many are planted, one case each.
+    alpha
+        Significance of a single row.
     """
 
     name: str
@@ -186,6 +190,7 @@ class BlockErrorsScenario:
     methods: tuple[str, ...] = _STRATEGIES
     runs: int = 50
     chunk: int = 5
+    alpha: float = LEVEL
 
     def prepare(self) -> _ErrorsTrial:
         """Linearise the block."""
@@ -218,7 +223,8 @@ class _ErrorsTrial:
                 errors = rng.normal(size=n)
                 planted = set(rng.choice(n, number, replace=False).tolist())
                 errors[list(planted)] += self._scenario.size * rng.choice((-1.0, 1.0), number)
-                for method, rows in rejected_rows(self._system(errors), methods).items():
+                rejected = rejected_rows(self._system(errors), methods, self._scenario.alpha)
+                for method, rows in rejected.items():
                     found = set(rows)
                     right = len(planted & found)
                     counts[method][:, one] = right, len(found) - right, number - right
@@ -235,7 +241,7 @@ class _ErrorsTrial:
 
     def remarks(self) -> tuple[str, ...]:
         """Say what the block is."""
-        return _facts(self._matrix)
+        return (*_facts(self._matrix), SURE)
 
 
 def scenarios() -> tuple[Scenario, ...]:

@@ -22,6 +22,7 @@ from anaplot.adjustment.significance import (
     tau_power,
 )
 from anaplot.orientation.patterns import pattern
+from anaplot.planning.levels import LEVEL
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.patternplan import from_pattern, solve
 from anaplot.planning.quantities import YES_OR_NO, Quantity, share
@@ -31,7 +32,6 @@ __all__ = ["OneError", "SizeOfTests", "model_rows", "scenarios"]
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-ALPHA = 0.001
 POWER = 0.80
 _B, _D, _C = 0.60 * 152.0, 0.66 * 152.0, 152.0  # NOTES: the proportions of the printed values
 _SIZES = (6, 10, 20)
@@ -88,16 +88,18 @@ def _as_measured(name: str) -> tuple[_Rows, ...]:
     )
 
 
-def _critical(rows: _Rows, methods: tuple[str, ...]) -> dict[str, float]:
+def _critical(rows: _Rows, methods: tuple[str, ...], alpha: float) -> dict[str, float]:
     """Return the critical value of every test asked that has one."""
-    values = {"baarda": critical_normal(ALPHA), "tau": critical_tau(ALPHA, rows.redundancy)}
+    values = {"baarda": critical_normal(alpha), "tau": critical_tau(alpha, rows.redundancy)}
     return {name: v for name, v in values.items() if name in methods and v is not None}
 
 
-def _tests(rows: _Rows, e: Array, methods: tuple[str, ...]) -> dict[str, tuple[Array, float]]:
+def _tests(
+    rows: _Rows, e: Array, methods: tuple[str, ...], alpha: float
+) -> dict[str, tuple[Array, float]]:
     """Return (m, n) statistics and their critical value for every test asked."""
     found: dict[str, tuple[Array, float]] = {}
-    for name, critical in _critical(rows, methods).items():
+    for name, critical in _critical(rows, methods, alpha).items():
         if name == "baarda":
             statistic = standardized(e, rows.r)
         else:
@@ -116,6 +118,7 @@ class OneError:
     methods: tuple[str, ...] = ("baarda", "tau", "largest parallax")
     runs: int = 10_000
     chunk: int = 2_000
+    alpha: float = LEVEL
 
     @property
     def about(self) -> str:
@@ -126,15 +129,17 @@ class OneError:
 
     def prepare(self) -> _OneErrorTrial:
         """Orient the models."""
-        return _OneErrorTrial(_as_measured(self.pattern))
+        return _OneErrorTrial(_as_measured(self.pattern), self.alpha)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _OneErrorTrial:
     models: tuple[_Rows, ...]
+    alpha: float
 
     def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
-        found = [(name, what) for name in _critical(self.models[0], methods) for what in _FATES]
+        tests = _critical(self.models[0], methods, self.alpha)
+        found = [(name, what) for name in tests for what in _FATES]
         if "largest parallax" in methods:
             found.append(("largest parallax", "right"))
         return {(f"{size} sigma", *key): YES_OR_NO for size in _SIZES for key in found}
@@ -161,7 +166,7 @@ class _OneErrorTrial:
             parts: list[dict[tuple[str, str], Bools]] = []
             for k in np.unique(model).tolist():
                 count = int((model == k).sum())
-                parts.append(_with_one_error(self.models[k], rng, count, size, methods))
+                parts.append(_with_one_error(self.models[k], rng, count, size, methods, self.alpha))
             for method, quantity in parts[0]:
                 values = np.concatenate([part[method, quantity] for part in parts])
                 tally[f"{size} sigma", method, quantity] = sums(values)
@@ -176,7 +181,12 @@ def _near(rows: _Rows) -> Bools:
 
 
 def _with_one_error(
-    rows: _Rows, rng: np.random.Generator, runs: int, size: float, methods: tuple[str, ...]
+    rows: _Rows,
+    rng: np.random.Generator,
+    runs: int,
+    size: float,
+    methods: tuple[str, ...],
+    alpha: float,
 ) -> dict[tuple[str, str], Bools]:
     """Return what became of (runs,) single errors, by method and quantity."""
     n, at, near = len(rows.r), np.arange(runs), _near(rows)
@@ -185,7 +195,7 @@ def _with_one_error(
     errors[at, wrong] += size * rng.choice((-1.0, 1.0), runs)
     e = errors @ rows.matrix
     out: dict[tuple[str, str], Bools] = {}
-    for method, (statistic, critical) in _tests(rows, e, methods).items():
+    for method, (statistic, critical) in _tests(rows, e, methods, alpha).items():
         largest = statistic.argmax(axis=1)
         found = statistic[at, largest] > critical
         right = found & (largest == wrong)
@@ -209,60 +219,63 @@ class SizeOfTests:
     runs: int = 20_000
     chunk: int = 5_000
     patterns: tuple[str, ...] = ("6/3", "9/3", "13", "13/5", "15/5")
+    alpha: float = LEVEL
 
     @property
     def references(self) -> Mapping[Key, float]:
         """The alpha of the tests, and the power computed for them."""
         known: dict[Key, float] = {}
-        delta = noncentrality(ALPHA, POWER)
+        delta = noncentrality(self.alpha, POWER)
         for name in self.patterns:
             rows = model_rows(name)
-            power = tau_power(delta, ALPHA, rows.redundancy)
-            known[name, "baarda", "size"] = ALPHA
+            power = tau_power(delta, self.alpha, rows.redundancy)
+            known[name, "baarda", "size"] = self.alpha
             known[name, "baarda", "power"] = POWER
             if power is not None:
-                known[name, "tau", "size"] = ALPHA
+                known[name, "tau", "size"] = self.alpha
                 known[name, "tau", "power"] = power
         return known
 
     def prepare(self) -> _SizeTrial:
         """Orient the ideal models."""
-        return _SizeTrial(tuple(model_rows(name) for name in self.patterns))
+        return _SizeTrial(tuple(model_rows(name) for name in self.patterns), self.alpha)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _SizeTrial:
     models: tuple[_Rows, ...]
+    alpha: float
 
     def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
         return {
             (rows.name, method, what): share(int(rows.testable.sum())) if k == 0 else YES_OR_NO
             for rows in self.models
             for k, what in enumerate(("size", "power"))
-            for method in _critical(rows, methods)
+            for method in _critical(rows, methods, self.alpha)
         }
 
     def remarks(self) -> tuple[str, ...]:
         return (
-            f"size: share of testable rows flagged, alpha {ALPHA}; power: share of errors flagged "
-            f"that have the size found with {100.0 * POWER:.0f} % by the test with known sigma",
+            f"size: share of testable rows flagged, alpha {self.alpha:g}; power: share of errors "
+            f"flagged that have the size found with {100.0 * POWER:.0f} % by the test with known "
+            "sigma",
         )
 
     def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
         tally: Tally = {}
-        delta = noncentrality(ALPHA, POWER)
+        delta = noncentrality(self.alpha, POWER)
         for rows in self.models:
             n = len(rows.r)
             noise = rng.standard_normal((runs, n))
             e = noise @ rows.matrix
-            for method, (statistic, critical) in _tests(rows, e, methods).items():
+            for method, (statistic, critical) in _tests(rows, e, methods, self.alpha).items():
                 flagged = (statistic > critical)[:, rows.testable].mean(axis=1)
                 tally[rows.name, method, "size"] = sums(flagged)
             places = np.flatnonzero(rows.testable)
             wrong = rng.choice(places, runs)
             size = delta / np.sqrt(rows.r[wrong]) * rng.choice((-1.0, 1.0), runs)
             e = e + rows.matrix[wrong] * size[:, None]
-            for method, (statistic, critical) in _tests(rows, e, methods).items():
+            for method, (statistic, critical) in _tests(rows, e, methods, self.alpha).items():
                 tally[rows.name, method, "power"] = sums(
                     statistic[np.arange(runs), wrong] > critical
                 )

@@ -16,6 +16,7 @@ from anaplot.adjustment.batch import reject_stepwise
 from anaplot.adjustment.consistency import global_from_single
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.adjustment.significance import TESTABLE, noncentrality
+from anaplot.planning.levels import LEVEL
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube
@@ -32,7 +33,7 @@ _CASES = {"a": ((0, 0),), "b": ((0, 0), (0, 1)), "c": ((1, 0),), "d": ((1, 1),)}
 _SPURS = ("Ac", "Bc")
 _SIGMA_UM = 5.0
 _ERROR = -30.0 / _SIGMA_UM
-_ALPHA, _POWER = 0.001, 0.80
+_POWER = 0.80
 _ALL = "23 errors in 18 runs"
 _METHODS = ("snooping", "3 sigma0", "3 sigma0_hat", "global test")
 
@@ -47,14 +48,16 @@ class GruenScenario:
     methods: tuple[str, ...] = _METHODS
     runs: int = 500
     chunk: int = 50
+    alpha: float = LEVEL
 
     def prepare(self) -> _GruenTrial:
         """Linearise the five arrangements."""
-        return _GruenTrial()
+        return _GruenTrial(self.alpha)
 
 
 class _GruenTrial:
-    def __init__(self) -> None:
+    def __init__(self, alpha: float) -> None:
+        self._alpha = alpha
         self._matrices = {name: _matrix(name) for name in CUBE_VERSIONS}
         self._equal = {name: _equal(matrix) for name, matrix in self._matrices.items()}
 
@@ -88,7 +91,7 @@ class _GruenTrial:
             noise = rng.normal(size=(runs, len(matrix)))
             if "global test" in methods:
                 tally[f"{name}, no gross error", "global test", "rejected"] = sums(
-                    _global(matrix, noise)
+                    _global(matrix, noise, self._alpha)
                 )
             for case, rows in _CASES.items():
                 planted = np.zeros(len(matrix), dtype=bool)
@@ -96,9 +99,11 @@ class _GruenTrial:
                 errors = noise + _ERROR * planted
                 label = name + case
                 if "global test" in methods:
-                    tally[label, "global test", "rejected"] = sums(_global(matrix, errors))
+                    tally[label, "global test", "rejected"] = sums(
+                        _global(matrix, errors, self._alpha)
+                    )
                 for method, total in totals.items():
-                    found = _found(matrix, errors, method)
+                    found = _found(matrix, errors, method, self._alpha)
                     if method == "snooping":
                         found = _by_lot(found, self._equal[name], rng)
                     right = (found & planted).sum(axis=1)
@@ -119,7 +124,7 @@ class _GruenTrial:
         for name, matrix in self._matrices.items():
             r = np.diag(matrix)
             redundancy = round(float(r.sum()))
-            test = global_from_single(_ALPHA, _POWER, redundancy)
+            test = global_from_single(self._alpha, _POWER, redundancy)
             out.append(
                 f"{name}: r {redundancy}, global test alpha {test.alpha:.3f}, "
                 f"c(theta) {test.critical:.3f}"
@@ -135,7 +140,7 @@ class _GruenTrial:
                         out.append(f"{what} is a spur observation: no test can find its error")
                         continue
                     if r[row] < 0.05:
-                        least = _SIGMA_UM * noncentrality(_ALPHA, _POWER) / r[row] ** 0.5
+                        least = _SIGMA_UM * noncentrality(self._alpha, _POWER) / r[row] ** 0.5
                         out.append(
                             f"{what} is nearly a spur observation: below {least:.0f} um its error "
                             "is not found"
@@ -157,10 +162,10 @@ class _GruenTrial:
         return tuple(out)
 
 
-def _found(matrix: Array, errors: Array, method: str) -> Bools:
+def _found(matrix: Array, errors: Array, method: str, alpha: float) -> Bools:
     """Return (runs, n) the rows a method rejects."""
     if method == "snooping":
-        return reject_stepwise(matrix, errors, "baarda", _ALPHA).rejected
+        return reject_stepwise(matrix, errors, "baarda", alpha).rejected
     v = errors @ matrix
     limit = np.full(len(v), 3.0)
     if method == "3 sigma0_hat":
@@ -188,11 +193,11 @@ def _by_lot(found: Bools, equal: Bools, rng: np.random.Generator) -> Bools:
     return out
 
 
-def _global(matrix: Array, errors: Array) -> Bools:
+def _global(matrix: Array, errors: Array, alpha: float) -> Bools:
     redundancy = round(float(np.trace(matrix)))
     v = errors @ matrix
     theta = np.einsum("mn,mn->m", v, v) / redundancy
-    rejected: Bools = theta > global_from_single(_ALPHA, _POWER, redundancy).critical
+    rejected: Bools = theta > global_from_single(alpha, _POWER, redundancy).critical
     return rejected
 
 

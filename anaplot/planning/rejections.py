@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.setodds import set_odds
 from anaplot.adjustment.strategies import find_gross_errors
+from anaplot.planning.levels import LEVEL
 
-__all__ = ["rejected_rows"]
+__all__ = ["SURE", "rejected_rows"]
+
+SURE = "sure: the rows that by the odds more probably than not hold an error, each by itself"
 
 
-def rejected_rows(system: ResidualSystem, methods: Iterable[str]) -> dict[str, tuple[int, ...]]:
-    """Return the rows that each method rejects.
+def rejected_rows(
+    system: ResidualSystem, methods: Iterable[str], alpha: float = LEVEL
+) -> dict[str, tuple[int, ...]]:
+    """Return the rows that each method rejects at a significance of single rows.
 
     Parameters
     ----------
@@ -28,8 +34,9 @@ def rejected_rows(system: ResidualSystem, methods: Iterable[str]) -> dict[str, t
         No such strategy.
     """
     wanted = tuple(methods)
+    settings = SearchSettings(alpha=alpha)
     found = {
-        method: find_gross_errors(system, method).rows
+        method: find_gross_errors(system, method, settings).rows
         for method in wanted
         if method not in ("odds", "sure")
     }

@@ -22,6 +22,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
 from anaplot.exchange.wording import hint, quoted
+from anaplot.planning.levels import LEVEL, at_level, level_of
 from anaplot.planning.montecarlo import ChunkDone, Figure, Key, Scenario, Sums, figures, simulate
 from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.quantities import Quantity
@@ -35,6 +36,7 @@ from anaplot.report.progress import ProgressLine
 __all__ = ["run_simulate"]
 
 _WIDTH = 80
+_LARGEST_ALPHA = 0.5
 _COLUMNS = ("case", "method", "quantity", "runs", "mean", "low", "high", "reference")
 
 
@@ -110,9 +112,10 @@ def run_simulate(options: argparse.Namespace) -> int:
 
 
 def _scenario(options: argparse.Namespace) -> Scenario:
+    if options.alpha is not None and not options.alpha < _LARGEST_ALPHA:
+        raise InputError(f"--alpha {options.alpha:g}: must be less than {_LARGEST_ALPHA:g}")
     known = scenarios()
-    own = {"--errors": options.errors, "--size": options.size, "--place": options.place,
-           "--alpha": options.alpha}  # fmt: skip
+    own = {"--errors": options.errors, "--size": options.size, "--place": options.place}
     model = ModelOptions(options.base, options.d, options.c, options.tie_variance)
     if options.scenario in known:
         given = [name for name, value in own.items() if value is not None]
@@ -120,16 +123,25 @@ def _scenario(options: argparse.Namespace) -> Scenario:
             raise InputError(f"{given[0]} goes with a pattern, a block or a network of your own")
         if model.given() is not None:
             raise InputError(f"{model.given()} goes with a pattern of your own")
-        return known[options.scenario]
+        return _at_alpha(known[options.scenario], options.alpha)
     return own_scenario(
         options.scenario,
         numbers=options.errors or (1,),
         sizes=options.size or (6.0, 10.0, 20.0),
         places=options.place or (),
-        alpha=options.alpha or 0.001,
+        alpha=options.alpha or LEVEL,
         known=known,
         model=model,
     )
+
+
+def _at_alpha(scenario: Scenario, alpha: float | None) -> Scenario:
+    if alpha is None:
+        return scenario
+    changed = at_level(scenario, alpha)
+    if changed is None:
+        raise InputError(f"--alpha: {scenario.name} has significances of its own")
+    return changed
 
 
 def _list(*, as_json: bool) -> int:
@@ -153,7 +165,7 @@ def _list(*, as_json: bool) -> int:
 def _identity(scenario: Scenario) -> dict[str, Any]:
     """Return what tells a simulation in one's own geometry from another one."""
     if not isinstance(scenario, OwnErrors):
-        return {}
+        return {"alpha": level_of(scenario)}
     digest = hashlib.sha256(_rounded(scenario.matrix) + scenario.places.tobytes())
     if scenario.models is not None:
         digest.update(_rounded(scenario.models))
@@ -197,6 +209,7 @@ def _json(
         "runs": runs,
         "seed": seed,
         "confidence": 0.95,
+        "alpha": level_of(scenario),
         **({"settings": dict(scenario.settings)} if isinstance(scenario, OwnErrors) else {}),
         "figures": [_row(figure) for figure in found],
         "remarks": list(remarks),
@@ -211,7 +224,9 @@ def _printout(
     scenario: Scenario, found: tuple[Figure, ...], remarks: Iterable[str], runs: int, seed: int
 ) -> str:
     title = textwrap.wrap(f"{printable(scenario.name)}: {printable(scenario.about)}", _WIDTH)
-    lines = [*title, f"{counted(runs, 'run')}, seed {seed}", ""]
+    alpha = level_of(scenario)
+    level = "" if alpha in (None, LEVEL) else f", alpha {alpha:g}"
+    lines = [*title, f"{counted(runs, 'run')}, seed {seed}{level}", ""]
     method = max([len("method"), *(len(printable(f.method)) for f in found)])
     quantity = max([len("quantity"), *(len(printable(f.quantity)) for f in found)])
     head = f"  {'method':<{method}}  {'quantity':<{quantity}}  {'mean':>8}  95 % interval"

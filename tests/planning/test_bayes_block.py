@@ -58,6 +58,8 @@ def test_fourteen_groups() -> None:
         f"bayes-G{k}{letter}" for k in (1, 2, 3, 4) for letter in "ABC"
     ]
     assert GROUPS["bayes-G3C"].references["10 of 18 sigma", "search", "right"] == 4.6
+    # what was found with priors of 10 m^2 says nothing of priors of 100 m^2
+    assert GROUPS["bayes-G4C"].references == {}
 
 
 def test_noise_is_cut_at_three_sigma() -> None:
