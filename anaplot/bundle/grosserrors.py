@@ -36,7 +36,6 @@ from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.datum import anchor, check_datum
 from anaplot.bundle.factor import NotPositiveError
-from anaplot.bundle.groundchange import GroundChange, ground_change
 from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum
 from anaplot.bundle.normal import NormalEquations, PointError, State, Structure, linearise
 from anaplot.bundle.openmovement import undetermined
@@ -47,6 +46,7 @@ from anaplot.bundle.robust import robust_state
 from anaplot.bundle.snooping import classify, estimate_models
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.pointchange import PointChange, point_change
 
 __all__ = [
     "MOST_ROWS_OF_COLUMNS",
@@ -165,9 +165,21 @@ class BlockFindings:
         return None if self.begun.left_out else self.begun.block
 
     @property
-    def ground(self) -> GroundChange | None:
-        """What it did to the points; None where there is no solution with all observations."""
-        return None if self.first is None else ground_change(self.first, self.block)
+    def ground(self) -> PointChange | None:
+        """What it did to the points [m]; None where there is no solution with all observations."""
+        if self.first is None:
+            return None
+        place = {name: k for k, name in enumerate(self.block.problem.points)}
+        names = [name for name in self.first.problem.points if name in place]
+        old = [k for k, name in enumerate(self.first.problem.points) if name in place]
+        new = [place[name] for name in names]
+        before, after = self.first.state, self.block.state
+        return point_change(
+            names,
+            before.points[old],
+            after.points[new] + (after.origin - before.origin),
+            (_deviations(self.first)[old], _deviations(self.block)[new]),
+        )
 
     @property
     def findings(self) -> Findings:
@@ -250,6 +262,12 @@ class BlockFindings:
         rows = dict.fromkeys(row for found in self.passes for row in found.taken_out)
         kept = {*self.findings.rows, *self.kept_out}
         return tuple(self.system.names[row] for row in rows if row not in kept)
+
+
+def _deviations(block: AdjustedBlock) -> Array:
+    """(n, 3) standard deviations of the points [m], a-priori sigma0."""
+    variances = np.einsum("nii->ni", block.cofactors.points)
+    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 
 
 def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -24,6 +25,7 @@ from anaplot.orientation.residuals import ModelResiduals, residual_system, resid
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import BridgedStrip, bridge_strip
 from anaplot.photogrammetry.block import Block, Precision, Strip, TestSettings
+from anaplot.photogrammetry.pointchange import PointChange, point_change
 
 __all__ = [
     "CleanedModel",
@@ -96,6 +98,8 @@ class CleanedModel:
         What limited the search.
     held
         Rows that were left out to begin with and not looked at: the strategy cannot cope with them.
+    first
+        Oriented with all rows; None where there is no such orientation, or a torn one.
     """
 
     solution: ModelSolution
@@ -106,6 +110,26 @@ class CleanedModel:
     refused: tuple[tuple[Key, str], ...] = ()
     remarks: tuple[str, ...] = ()
     held: frozenset[Key] = frozenset()
+    first: ModelSolution | None = field(default=None, repr=False)
+
+    @property
+    def ground(self) -> PointChange | None:
+        """What it did to the model's points [mm]; None without an orientation with all rows.
+
+        Standard deviations, under "exact", are those as seen from the right photo.
+        """
+        if self.first is None:
+            return None
+        before = {point.point: point[1:] for point in self.first.points}
+        now = [point for point in self.solution.points if point.point in before]
+        names = [point.point for point in now]
+        sigmas = [_deviations(one, names) for one in (self.first, self.solution)]
+        return point_change(
+            names,
+            np.array([before[name] for name in names]).reshape(-1, 3),
+            np.array([point[1:] for point in now]).reshape(-1, 3),
+            None if sigmas[0] is None or sigmas[1] is None else (sigmas[0], sigmas[1]),
+        )
 
     @property
     def findings(self) -> Findings:
@@ -165,6 +189,16 @@ def strategy_findings(
         settings,
         models=ideal_roots(solution) if strategy == "modified" else None,
     )
+
+
+def _deviations(solution: ModelSolution, names: Sequence[str]) -> NDArray[np.float64] | None:
+    """(n, 3) standard deviations of points [mm] with the a-priori sigma0; None but for "exact"."""
+    if solution.exact is None:
+        return None
+    known = solution.exact.ties
+    at = {name: k for k, name in enumerate(known.points)}
+    variances = np.diag(known.covariance).reshape(-1, 3)[[at[name] for name in names]]
+    return np.asarray(np.sqrt(np.maximum(variances, 0.0)) * solution.apriori_um * 1e-3)
 
 
 class _Rows:
@@ -290,6 +324,7 @@ def model_gross_errors(
         tuple((refused.name, refused.reason) for refused in end.refused),
         (*end.passes[-1].remarks, *end.remarks),
         end.held,
+        None if wild else begun.solution,
     )
 
 

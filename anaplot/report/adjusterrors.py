@@ -13,11 +13,11 @@ from anaplot.adjustment.watch import Watch
 from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.controllast import ControlLast, clean_control_last
 from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
-from anaplot.bundle.groundchange import GroundChange
 from anaplot.bundle.problem import Problem
 from anaplot.bundle.residuals import ObservationName
 from anaplot.photogrammetry.block import Block
 from anaplot.report.columns import cell, column, counted
+from anaplot.report.groundchange import change_json, change_lines
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
 from anaplot.report.searchoptions import search_settings, sigma0_in_words
@@ -145,7 +145,8 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
         lines += [_rejected_line(row, width, found.strategy) for row in rejected]
     else:
         lines.append("  nothing is rejected")
-    lines += _ground(cleaned)
+    if rejected:
+        lines += [f"  {line}" for line in change_lines(cleaned.ground, "on the ground", "m")]
     lines += _listed("rejected on the way, came back", [_named(name) for name in cleaned.came_back])
     lines += _listed(
         f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
@@ -199,38 +200,6 @@ def _before_and_after(cleaned: BlockFindings) -> list[str]:
             [_named(name) for name in cleaned.begun.left_out],
         ),
     ]
-
-
-def _ground(cleaned: BlockFindings) -> list[str]:
-    """Say what the cleaning did to the points."""
-    change = cleaned.ground
-    if change is None or not cleaned.rejected:
-        return []
-    x, y, z = change.rms
-    return [
-        f"  on the ground: {printable(change.point)} moves most, {change.axis} by "
-        f"{change.change:.4f} m (rms of all points X {x:.4f}  Y {y:.4f}  Z {z:.4f}); the standard "
-        f"deviation of {change.sigma_axis} of {printable(change.sigma_point)} becomes "
-        f"{change.sigma_after:.4f} m, it was {change.sigma_before:.4f}"
-    ]
-
-
-def _ground_json(change: GroundChange | None) -> Json | None:
-    if change is None:
-        return None
-    x, y, z = change.rms
-    return {
-        "point": change.point,
-        "axis": change.axis,
-        "change_m": change.change,
-        "sigma_point": change.sigma_point,
-        "sigma_axis": change.sigma_axis,
-        "sigma_before_m": change.sigma_before,
-        "sigma_after_m": change.sigma_after,
-        "rms_X_m": x,
-        "rms_Y_m": y,
-        "rms_Z_m": z,
-    }
 
 
 def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
@@ -350,7 +319,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
             }
             for row in cleaned.rejected
         ],
-        "ground": _ground_json(cleaned.ground),
+        "ground": change_json(cleaned.ground, "m"),
         "came_back": [_name_json(name) for name in cleaned.came_back],
         "hard_to_tell": [
             {"rejected": _name_json(names[a]), "kept": _name_json(names[b]), "correlation": rho}

@@ -17,6 +17,7 @@ from anaplot.orientation.grosserrors import CleanedModel, RejectedRow, strip_gro
 from anaplot.orientation.strip import pooled_sigma_um
 from anaplot.photogrammetry.block import Block
 from anaplot.report.contract import bridge_json
+from anaplot.report.groundchange import change_json, change_lines
 from anaplot.report.interrupts import ending_early
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.printable import printable
@@ -120,6 +121,8 @@ def errors_printout(cleaned: CleanedModel) -> str:
         lines.append(f"    left out on the way, came back: {_listed(cleaned.came_back)}")
     if not cleaned.rejected:
         lines.append("    nothing is rejected")
+    else:
+        lines += [f"    {line}" for line in change_lines(cleaned.ground, "in the model", "mm")]
     for (point, axis), (other, other_axis), rho in cleaned.hard_to_tell:
         lines.append(
             f"    {printable(point)} {axis} and {printable(other)} {other_axis} are hard to tell "
@@ -217,6 +220,7 @@ def errors_json(cleaned: CleanedModel) -> Json:
         "strategy": found.strategy,
         "begun_without": [_key_json(key) for key in cleaned.begun_without],
         "rejected": [row._asdict() for row in cleaned.rejected],
+        "ground": change_json(cleaned.ground, "mm"),
         "came_back": [_key_json(key) for key in cleaned.came_back],
         "hard_to_tell": [
             {"rejected": list(a), "kept": list(b), "correlation": rho}

@@ -224,3 +224,21 @@ def test_what_the_strategy_remarks_is_kept() -> None:
     assert len(cleaned.rejected) == 1
     assert cleaned.remarks == ("stopped at 1 rejected rows; there may be more errors",)
     assert model_gross_errors(pair, PAPER, BAARDA, "search").remarks == ()
+
+
+def test_what_was_done_to_the_model_is_said() -> None:
+    clean = pair_of(fly(4, noise=0.005), 0)
+    pair = spoiled(clean, "0c", "y", 0.4)
+    precision = Precision(5.0, "exact")
+    cleaned = model_gross_errors(pair, precision, BAARDA, "baarda")
+    assert keys(cleaned) == [("0c", "y")]
+    before = {p.point: np.array(p[1:]) for p in orient(pair, precision, BAARDA).points}
+    moved = {p.point: np.array(p[1:]) - before[p.point] for p in cleaned.solution.points}
+    farthest = max(moved, key=lambda point: np.abs(moved[point]).max())
+    ground = errors_json(cleaned)["ground"]
+    assert ground["point"] == farthest
+    assert ground["change_mm"] == pytest.approx(moved[farthest]["XYZ".index(ground["axis"])])
+    assert ground["sigma_after_mm"] > ground["sigma_before_mm"] > 0.0
+    assert f"in the model: {farthest} moves most" in errors_printout(cleaned)
+    propagated = model_gross_errors(pair, PROPAGATED, BAARDA, "baarda")
+    assert errors_json(propagated)["ground"]["sigma_point"] is None

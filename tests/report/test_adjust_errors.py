@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from wild import words
 
 from anaplot import cli
+from anaplot.adjustment.cleaning import Cleaning
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.bundle.problem import make_problem
@@ -274,3 +276,27 @@ def test_a_sigma_far_from_the_truth_cleans_nothing(strategy: str, folder: Path, 
     assert cli.main(["adjust", str(folder), "--errors", strategy, "--as-given"]) == 0
     assert "half of the redundancy" in capsys.readouterr().out
     assert cli.main(["adjust", str(folder), "--as-given"]) == 2
+
+
+def test_an_interrupt_ends_with_the_best_and_the_next_one_leaves(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    real = Cleaning.run
+    interrupts = 1
+
+    def run(self, *args):
+        for _ in range(interrupts):
+            signal.raise_signal(signal.SIGINT)
+        return real(self, *args)
+
+    monkeypatch.setattr(Cleaning, "run", run)
+    before = signal.getsignal(signal.SIGINT)
+    assert cli.main(["adjust", str(folder), "--errors", "baarda", "--json"]) == 0
+    said = capsys.readouterr()
+    assert "again to leave at once" in said.err
+    remarks = json.loads(said.out)["errors"]["remarks"]
+    assert any("interrupted: the best found so far" in remark for remark in remarks)
+    assert signal.getsignal(signal.SIGINT) is before
+    interrupts = 2
+    assert cli.main(["adjust", str(folder), "--errors", "baarda"]) == 130
+    assert signal.getsignal(signal.SIGINT) is before
