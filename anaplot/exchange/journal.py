@@ -23,6 +23,7 @@ from anaplot.exchange.journalread import (
     Recovered,
     event_of,
     events_of,
+    numbered_files,
     read_journal,
     scan_folder,
 )
@@ -422,7 +423,7 @@ def _sync_entries(folder: Path) -> None:
 def _check_files(sessions: Path) -> None:
     """Refuse journal files that are links, or no files."""
     try:
-        for path in sorted(sessions.glob("*.jsonl")):
+        for path in numbered_files(sessions)[0].values():
             check_own(path)
     except OSError as error:
         raise InputError(f"{place(sessions)}: cannot be read: {reason(error)}") from error

@@ -52,7 +52,7 @@ def check_own(path: Path) -> None:
 def is_same(path: Path, descriptor: int) -> bool:
     """Return whether a name still stands for the open file itself."""
     try:
-        return os.path.samestat(path.lstat(), os.fstat(descriptor))
+        return os.path.samestat(os.lstat(path), os.fstat(descriptor))
     except OSError:
         return False
 
