@@ -31,8 +31,10 @@ Array = NDArray[np.float64]
 LARGEST, SMALLEST = 5.0, 0.2
 """Robust scales beyond which the a-priori sigma is doubted."""
 
-LEAST_REDUNDANCY = 10
-"""Redundancy below which a few gross errors, or chance, explain as much."""
+LEAST_REDUNDANCY = 6
+"""Redundancy below which a few gross errors explain as much."""
+
+_LEAST_OF_SMALL = 10  # redundancy below which residuals are small by chance
 
 _NO_NOISE = 1e-3  # scale of a simulation without noise
 
@@ -53,9 +55,24 @@ class Apriori(NamedTuple):
     value: float
     unit: str
 
+    @classmethod
+    def image_um(cls, of: str, value: float) -> Apriori:
+        """Return that of image coordinates."""
+        return cls(of, "image_um", value, "um")
+
 
 class ScaleError(NotComputableError):
-    """The a-priori sigma is far from what the residuals say: by it nothing can be cleaned."""
+    """The a-priori sigma is far from what the residuals say: by it nothing can be cleaned.
+
+    Attributes
+    ----------
+    doubt
+        What is doubted, and which value fits.
+    """
+
+    def __init__(self, doubt: str) -> None:
+        self.doubt = doubt
+        super().__init__(f"{doubt}; --as-given cleans all the same")
 
 
 def robust_scale(w: Array, r: Array, trimmed: float = 0.0) -> float | None:
@@ -102,8 +119,8 @@ def check_scale(
     Raises
     ------
     ScaleError
-        The scale is above 5 or below 0.2. Never with a redundancy below 10, and not where there is
-        no noise at all.
+        The scale is above 5 (with a redundancy of 6 or more) or below 0.2 (10 or more); not where
+        there is no noise at all.
     """
     if system.redundancy < LEAST_REDUNDANCY:
         return
@@ -113,7 +130,8 @@ def check_scale(
     w[good] = np.asarray(system.e, dtype=float)[good] / np.sqrt(r[good])
     if found is None:
         scale = robust_scale(w, r)
-        if scale is not None and _NO_NOISE < scale < SMALLEST:
+        many = system.redundancy >= _LEAST_OF_SMALL
+        if scale is not None and many and _NO_NOISE < scale < SMALLEST:
             raise scale_error(apriori, scale, scale)
         return
     kept = found.at_end.w.copy()
@@ -139,7 +157,7 @@ def scale_error(apriori: Apriori, scale: float, fits: float) -> ScaleError:
     return ScaleError(
         f"{apriori.of}: most residuals are {scale:.2g} times what their standard deviations say: "
         f"is {apriori.name} = {apriori.value:g} right? With {_up(fits * apriori.value)} "
-        f"{apriori.unit} nothing is flagged; --as-given cleans all the same"
+        f"{apriori.unit} nothing is flagged"
     )
 
 

@@ -462,8 +462,8 @@ class _Rows:
         self.problem, self.structure = problem, structure
         self._watch, self._control_only = watch, control_only
         self._system: BlockResiduals | None = None
-        name, um = problem.block.name, problem.block.precision.image_um
-        self.apriori = Apriori(f"block {name}", "image_um", um, "um")
+        block = problem.block
+        self.apriori = Apriori.image_um(f"block {block.name}", block.precision.image_um)
 
     def residuals(self, at: _Place, number: int) -> BlockResiduals:
         """Return all rows, linearised at a place."""

@@ -14,8 +14,8 @@ from anaplot.adjustment.cleaning import Cleaning, End, Solved, best_of
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
-from anaplot.adjustment.scale import Apriori
-from anaplot.adjustment.strategies import find_gross_errors
+from anaplot.adjustment.scale import Apriori, ScaleError, check_scale
+from anaplot.adjustment.strategies import find_gross_errors, sigma_of
 from anaplot.adjustment.watch import Watch
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError, orient
@@ -176,19 +176,30 @@ def strategy_findings(
 ) -> Findings:
     """Run a strategy on a model as it is oriented.
 
-    "modified" takes its model values from the ideal model with the same points.
+    "modified" takes its model values from the ideal model with the same points. A remark says so
+    where the a-priori sigma cannot be right.
 
     Raises
     ------
     ValueError
         No such strategy.
     """
-    return find_gross_errors(
-        residual_system(solution),
+    system = residual_system(solution)
+    found = find_gross_errors(
+        system,
         strategy,
         settings,
         models=ideal_roots(solution) if strategy == "modified" else None,
     )
+    if sigma_of(strategy) == "baarda":
+        used = SearchSettings() if settings is None else settings
+        name = f"model {solution.left}/{solution.right}"
+        try:
+            for judged in (None, found):
+                check_scale(system, judged, used.alpha, Apriori.image_um(name, solution.apriori_um))
+        except ScaleError as error:
+            found = replace(found, remarks=(*found.remarks, error.doubt))
+    return found
 
 
 def _deviations(solution: ModelSolution, names: Sequence[str]) -> NDArray[np.float64] | None:
@@ -206,7 +217,7 @@ class _Rows:
 
     def __init__(self, pair: Stereopair, precision: Precision, test: TestSettings) -> None:
         self._pair, self._precision, self._test = pair, precision, test
-        self.apriori = Apriori(f"model {pair.name}", "image_um", precision.image_um, "um")
+        self.apriori = Apriori.image_um(f"model {pair.name}", precision.image_um)
 
     def residuals(self, at: ModelSolution, number: int) -> ModelResiduals:
         """Return all rows, linearised at an orientation."""

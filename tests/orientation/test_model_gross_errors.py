@@ -9,10 +9,11 @@ from flightscene import BAARDA, PAPER, PROPAGATED, TAU, fly, ideal_pair, pair_of
 from anaplot.adjustment import cleaning
 from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.scale import ScaleError
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.errors import NotComputableError
 from anaplot.orientation import grosserrors
-from anaplot.orientation.grosserrors import model_gross_errors
+from anaplot.orientation.grosserrors import model_gross_errors, strategy_findings
 from anaplot.orientation.model import orient
 from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.photogrammetry.block import Precision
@@ -242,3 +243,16 @@ def test_what_was_done_to_the_model_is_said() -> None:
     assert f"in the model: {farthest} moves most" in errors_printout(cleaned)
     propagated = model_gross_errors(pair, PROPAGATED, BAARDA, "baarda")
     assert errors_json(propagated)["ground"]["sigma_point"] is None
+
+
+def test_a_sigma_far_from_the_truth_is_doubted() -> None:
+    pair, stated = pair_of(fly(4, noise=0.180), 0), Precision(5.0, "propagated")
+    for strategy in ("baarda", "search"):
+        with pytest.raises(ScaleError, match=r"model .*is image_um = 5 right"):
+            model_gross_errors(pair, stated, BAARDA, strategy)
+        assert model_gross_errors(pair, stated, BAARDA, strategy, as_given=True).rejected
+    assert model_gross_errors(pair, stated, TAU, "tau").rejected == ()
+    found = strategy_findings(orient(pair, stated, BAARDA), "search")
+    assert any("is image_um = 5 right" in remark for remark in found.remarks)
+    found = strategy_findings(orient(pair, stated, TAU), "tau")
+    assert not any("image_um" in remark for remark in found.remarks)
