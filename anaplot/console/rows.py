@@ -70,7 +70,7 @@ class ShownRow:
             return "next" if self.expected else "pending"
         if self.row is None:
             return "measured"
-        if self.accused:
+        if self.accused and self.row.sigf is not None:
             return "<< REMEASURE"
         if self.row.flagged:
             return "< flagged"
