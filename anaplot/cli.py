@@ -424,8 +424,8 @@ def _add_simulate(parts: Any) -> None:
     )
     simulate.add_argument(
         "--tie-variance",
-        choices=("paper", "propagated"),
-        help="variance of the ties' x rows of a pattern, default propagated",
+        choices=("paper", "propagated", "exact"),
+        help="how the ties of a pattern err, default exact",
     )
     simulate.add_argument(
         "--errors", type=_wholes, metavar="N,...", help="how many errors in a run, default 1"
@@ -668,9 +668,9 @@ def _add_plan(commands: Any) -> None:
     )
     show.add_argument(
         "--tie-variance",
-        choices=("paper", "propagated"),
-        default="paper",
-        help="variance of the ties' x rows, default paper",
+        choices=("paper", "propagated", "exact"),
+        default="exact",
+        help="how the ties err, default exact",
     )
     show.add_argument("--json", action="store_true", help="print JSON for programs")
     show.add_argument("--csv", type=Path, metavar="FILE", help="write the rows as CSV")

@@ -65,7 +65,13 @@ def tau_statistics(e: Array, r: Array, redundancy: int) -> Array:
 
 
 def reject_stepwise(
-    matrix: Array, errors: Array, test: str, alpha: float, *, most: int | None = None
+    matrix: Array,
+    errors: Array,
+    test: str,
+    alpha: float,
+    *,
+    most: int | None = None,
+    redundancy: int | None = None,
 ) -> BatchRejections:
     """Reject the row with the largest statistic, run by run, until none exceeds its critical value.
 
@@ -75,7 +81,8 @@ def reject_stepwise(
     Parameters
     ----------
     matrix
-        (n, n) R = Q_vv P of the whitened design: symmetric and idempotent.
+        (n, n) R of a `ResidualSystem`: Q_vv P of the whitened design, symmetric and idempotent, or
+        what stands for it with correlated rows.
     errors
         (m, n) errors of the observations in a-priori sigmas: noise and gross errors.
     test
@@ -84,6 +91,8 @@ def reject_stepwise(
         Significance number of the test of a single row.
     most
         Largest number of rejections in a run; never more than half of the redundancy.
+    redundancy
+        Rank of R; None: its trace, which it is where R is idempotent.
 
     Raises
     ------
@@ -95,11 +104,12 @@ def reject_stepwise(
     n = matrix.shape[0]
     if matrix.shape != (n, n) or errors.ndim != 2 or errors.shape[1] != n:
         raise ValueError(f"errors {errors.shape} do not belong to a matrix {matrix.shape}")
-    redundancy = round(float(np.trace(matrix)))
+    if redundancy is None:
+        redundancy = round(float(np.trace(matrix)))
     runs = len(errors)
     e = errors @ matrix.T
     r = np.tile(np.diag(matrix), (runs, 1))
-    vtpv = np.einsum("mn,mn->m", e, e)
+    vtpv = np.einsum("mn,mn->m", e, errors)  # l'R l, also where R is not idempotent
     rejected = np.zeros((runs, n), dtype=bool)
     steps = SearchSettings(most=most).room(redundancy)
     order = np.full((runs, steps), -1, dtype=np.intp)

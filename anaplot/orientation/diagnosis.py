@@ -9,6 +9,7 @@ import numpy as np
 from anaplot.adjustment.oddswords import odds_in_words
 from anaplot.adjustment.oddswords import to_one as _to_one
 from anaplot.adjustment.reliability import (
+    ERROR_PRIOR_SIGMAS,
     HARD_TO_TELL,
     critical_transfers,
     error_odds,
@@ -120,7 +121,9 @@ class _Evidence(NamedTuple):
 def _evidence(solution: ModelSolution, rows: tuple[RowDiagnosis, ...], none: float) -> _Evidence:
     """Return what the table says; under "exact", what the weight Sigma_F^-1 makes of it.
 
-    In a table of correlated rows an error may show larger in another row than in its own.
+    In a table of correlated rows an error may show larger in another row than in its own. Where the
+    largest needs an error beyond the usual width of the prior, the prior is as wide as that: else
+    the odds would prefer a row that explains it worse by a smaller error.
     """
     if solution.exact is None or solution.redundancy < 1:
         chance: dict[Key, float] = {(row.point, row.axis): row.probability for row in rows}
@@ -131,17 +134,17 @@ def _evidence(solution: ModelSolution, rows: tuple[RowDiagnosis, ...], none: flo
     np.divide(np.abs(system.e), np.sqrt(system.r), out=w, where=system.r >= TESTABLE)
     if solution.test.kind == "tau" and system.vtpv > 0.0:
         w /= np.sqrt(system.vtpv / system.redundancy)
-    odds = error_odds(system.r, w, system.redundancy, solution.test.kind)
+    shown = np.nan_to_num(w)
+    top = int(np.argmax(shown))
+    error = float(shown[top]) / max(float(system.r[top]), TESTABLE) ** 0.5
+    wider = max(1.0, error / ERROR_PRIOR_SIGMAS)
+    odds = error_odds(wider**2 * system.r, w, system.redundancy, solution.test.kind)
     keys = [row.key for row in solution.table]
+    chances = dict(zip(keys, odds.rows.tolist(), strict=True))
     points: dict[str, float] = {}
-    for (point, _), chance_of in zip(keys, odds.rows.tolist(), strict=True):
-        points[point] = points.get(point, 0.0) + chance_of
-    return _Evidence(
-        dict(zip(keys, odds.rows.tolist(), strict=True)),
-        dict(zip(keys, np.nan_to_num(w).tolist(), strict=True)),
-        points,
-        odds.none,
-    )
+    for (point, _), one in chances.items():
+        points[point] = points.get(point, 0.0) + one
+    return _Evidence(chances, dict(zip(keys, shown.tolist(), strict=True)), points, odds.none)
 
 
 def _suspects(

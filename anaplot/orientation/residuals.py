@@ -15,7 +15,7 @@ from anaplot.orientation.tieerrors import misclosure_covariance, residual_weight
 from anaplot.photogrammetry.block import Precision
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["ModelResiduals", "residual_system", "residuals_at"]
+__all__ = ["ModelResiduals", "correlated_units", "residual_system", "residuals_at"]
 
 Array = NDArray[np.float64]
 Key = tuple[str, str]
@@ -81,7 +81,7 @@ def residual_system(solution: ModelSolution) -> DenseResiduals:
             np.array([row.parx_um for row in solution.table]) / solution.apriori_um,
             solution.exact.weight,
             solution.redundancy,
-            _units(solution.exact.misclosures),
+            correlated_units(solution.exact.misclosures),
         )
     root = np.sqrt(solution.q_l)
     parallax = np.array([row.parx_um for row in solution.table])
@@ -127,7 +127,7 @@ def residuals_at(pair: Stereopair, precision: Precision, solution: ModelSolution
     root = np.sqrt(conditions.cofactors(bx)[usable])
     if precision.tie_variance == "exact":
         sigma = misclosure_covariance(pair, conditions, state)[np.ix_(usable, usable)]
-        unit = _units(sigma)
+        unit = correlated_units(sigma)
         system = _correlated(
             kept,
             rows[6] * root / (precision.image_um * 1e-3),
@@ -151,7 +151,7 @@ def residuals_at(pair: Stereopair, precision: Precision, solution: ModelSolution
     return ModelResiduals(kept, system, precision.image_um * root)
 
 
-def _units(sigma: Array) -> Array:
+def correlated_units(sigma: Array) -> Array:
     """Return (n,) standard deviations of correlated rows, each given all others.
 
     In these units redundancy numbers of correlated rows lie between 0 and 1, and a misclosure

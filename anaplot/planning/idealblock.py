@@ -141,7 +141,7 @@ def photograph(
                 rows.append(ImagePoint(photo, names[k], float(xy[0]), float(xy[1]), None, model))
     block = Block(
         name=name,
-        precision=Precision(image_um=image_um, tie_variance="propagated"),
+        precision=Precision(image_um=image_um, tie_variance="exact"),
         test=TestSettings(kind="baarda"),
         cameras=tuple(of.values()),
         photos=tuple(_photo(p, station, stated) for p, station in stations.items()),

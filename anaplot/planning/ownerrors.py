@@ -22,12 +22,31 @@ from anaplot.errors import InputError
 from anaplot.planning.montecarlo import Key, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
 
-__all__ = ["OwnErrors"]
+__all__ = ["Correlated", "OwnErrors"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _QUANTITIES = ("right", "wrong", "missed", "wrong beside a partner", "exactly the errors")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correlated:
+    """What rows have that are correlated, each in units of its sigma given the others.
+
+    Attributes
+    ----------
+    factor
+        (n, n) F of the covariance F F' of their noise.
+    unit
+        (n,) a-priori sigmas of the rows in these units.
+    redundancy
+        Rank of R.
+    """
+
+    factor: Array = field(repr=False)
+    unit: Array = field(repr=False)
+    redundancy: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +71,8 @@ class OwnErrors:
         Significance of a single row.
     settings
         What was assumed of the geometry, for people and programs.
+    correlated
+        Of correlated rows; None: they are not.
     """
 
     name: str
@@ -67,6 +88,7 @@ class OwnErrors:
     methods: tuple[str, ...] = STRATEGIES
     references: Mapping[Key, float] = field(default_factory=dict)
     settings: Mapping[str, float | str] = field(default_factory=dict)
+    correlated: Correlated | None = field(default=None, repr=False)
 
     def prepare(self) -> _OwnTrial:
         """Check that the errors have room.
@@ -104,11 +126,14 @@ class _OwnTrial:
         np.fill_diagonal(rho, 0.0)
         self._near = rho >= HARD_TO_TELL
         self._r = r
+        known = scenario.correlated
+        self._unit = np.ones(len(r)) if known is None else known.unit
+        self._redundancy = max(round(float(r.sum())), 0) if known is None else known.redundancy
 
     def remarks(self) -> tuple[str, ...]:
         n = len(self._r)
         return (
-            f"{n} rows, redundancy {float(self._r.sum()):.1f}, "
+            f"{n} rows, redundancy {self._redundancy:.1f}, "
             f"{_rows(int(self._of.places.sum()))} in which errors are planted",
             f"{_rows(int((self._r < TESTABLE).sum()))} cannot be tested, "
             f"{int(self._near.any(axis=1).sum())} have a partner with residual correlation of "
@@ -131,11 +156,13 @@ class _OwnTrial:
         rows = np.flatnonzero(self._of.places)
         for number, size in self._of.cases():
             errors = rng.standard_normal((runs, n))
+            if self._of.correlated is not None:
+                errors = errors @ self._of.correlated.factor.T
             planted = np.zeros((runs, n), dtype=bool)
             for one in range(runs):
                 at = rng.choice(rows, number, replace=False)
                 planted[one, at] = True
-                errors[one, at] += size * rng.choice((-1.0, 1.0), number)
+                errors[one, at] += size * self._unit[at] * rng.choice((-1.0, 1.0), number)
             case = _case(number, size)
             for method in methods:
                 found = self._rejected(errors, method)
@@ -155,14 +182,16 @@ class _OwnTrial:
     def _rejected(self, errors: Array, method: str) -> Bools:
         matrix, r = self._of.matrix, self._r
         if method in BATCH_TESTS:
-            return reject_stepwise(matrix, errors, method, self._of.alpha).rejected
-        redundancy = max(round(float(r.sum())), 0)
+            return reject_stepwise(
+                matrix, errors, method, self._of.alpha, redundancy=self._redundancy
+            ).rejected
         settings = SearchSettings(alpha=self._of.alpha)
         out = np.zeros(errors.shape, dtype=bool)
         left = errors @ matrix
         names = tuple(range(len(r)))
         for one, e in enumerate(left):
-            system = DenseResiduals(names, e, r, float(e @ e), redundancy, matrix)
+            vtpv = max(float(e @ errors[one]), 0.0)
+            system = DenseResiduals(names, e, r, vtpv, self._redundancy, matrix)
             found = find_gross_errors(
                 system, method, settings, models=self._of.models, tolerance=PAPER_TOLERANCE
             )

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError
+from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.patterns import Pattern, ideal_model
 from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.solver import Conditions, State
+from anaplot.photogrammetry.block import TieVariance
 
 __all__ = [
     "USUAL_BASE",
     "USUAL_C",
     "USUAL_D",
     "Advice",
+    "Place",
     "PlannedPattern",
+    "SetAdvice",
     "Span",
     "advise",
+    "advise_sets",
     "from_pattern",
     "grid",
     "solve",
@@ -30,6 +38,14 @@ USUAL_BASE, USUAL_D, USUAL_C = 90.0, 100.0, 152.0
 """Base at photo scale, half the model in y and camera constant [mm], where none are asked for."""
 
 Span = tuple[float, float]
+Place = tuple[float, float, str | None, bool]
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_PARTS = 60  # best pairs that fours are made of
+_SYMMETRIC = 240  # symmetric pairs that they are made of, doubled points first
+_AT_ONCE = 4096  # sets
+_EQUAL = 1e-9  # between redundancy numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,15 +92,33 @@ class Advice:
     after: float
 
 
+class SetAdvice(NamedTuple):
+    """Several points together, and the weakest redundancy number before and after.
+
+    Attributes
+    ----------
+    places
+        x, y in the left photo [mm], the label of the point that it doubles or None, and whether
+        it is a tie, of each of them.
+    symmetric
+        Whether the set is its own mirror image.
+    before, after
+        As `Advice` has them.
+    """
+
+    places: tuple[Place, ...]
+    symmetric: bool
+    before: float
+    after: float
+
+
 def from_pattern(pattern: Pattern, base: float, d: float, c: float) -> PlannedPattern:
     """Return a named pattern as planned points; lengths in mm."""
     points = tuple((label, x, y) for label, (x, y) in pattern.positions(base, d).items())
     return PlannedPattern(points, pattern.ties, base, c)
 
 
-def solve(
-    plan: PlannedPattern, tie_variance: Literal["paper", "propagated"] = "paper"
-) -> ModelSolution:
+def solve(plan: PlannedPattern, tie_variance: TieVariance = "paper") -> ModelSolution:
     """Orient the planned model by the code that orients measured ones.
 
     Raises
@@ -113,7 +147,7 @@ def grid(x: Span, y: Span, steps: int = 5) -> tuple[tuple[float, float], ...]:
 def advise(
     plan: PlannedPattern,
     extra: Iterable[tuple[float, float]],
-    tie_variance: Literal["paper", "propagated"] = "paper",
+    tie_variance: TieVariance = "paper",
 ) -> tuple[Advice, ...]:
     """Try every doubled point and every extra position; the most helpful comes first.
 
@@ -125,27 +159,156 @@ def advise(
     NotComputableError
         The points do not determine the model.
     """
-    rows = {row.key: row.redn for row in solve(plan, tie_variance).table}
-    before = min(rows.values())
-    used = {label for label, _, _ in plan.points}
-    new = next(f"new{k}" for k in range(len(used) + 1) if f"new{k}" not in used)
-    places = [(x, y, label) for label, x, y in plan.points]
-    taken = {(x, y) for x, y, _ in places}
-    candidates = [*places, *((x, y, None) for x, y in extra if (x, y) not in taken)]
-    reach = max((x for label, x, _ in plan.points if label in plan.ties), default=-np.inf)
-    out = []
-    for x, y, doubles in candidates:
-        for tie in (False, True) if x <= reach else (False,):
-            wider = replace(
-                plan,
-                points=(*plan.points, (new, x, y)),
-                ties=(*plan.ties, new) if tie else plan.ties,
-            )
-            try:
-                table = solve(wider, tie_variance).table
-            except NotComputableError:
-                # so far off that the others lie in one place beside it: no advice
-                continue
-            after = min(row.redn for row in table if row.key in rows)
-            out.append(Advice(x, y, doubles, tie, before, after))
+    tried = _Candidates(plan, extra, tie_variance)
+    weakest = tried.weakest(np.arange(len(tried.places))[:, None])
+    out = [
+        Advice(*place, tried.before, after)
+        for place, after in zip(tried.places, weakest.tolist(), strict=True)
+        if np.isfinite(after)
+    ]
     return tuple(sorted(out, key=lambda a: -a.after))
+
+
+def advise_sets(
+    plan: PlannedPattern,
+    extra: Iterable[tuple[float, float]],
+    tie_variance: TieVariance = "paper",
+) -> tuple[SetAdvice, ...]:
+    """Look for the two and the four further points that help most together.
+
+    All pairs are tried. Of fours, those made of two of the best pairs, and of two symmetric ones:
+    in a symmetric pattern the weakest rows come in pairs or fours, and nothing less than a point
+    for each of them helps. Of equal sets a symmetric one is preferred.
+
+    Parameters
+    ----------
+    plan, extra, tie_variance
+        As `advise` has them.
+
+    Returns
+    -------
+    tuple of SetAdvice
+        The best two points, then the best four; none where no so many places were tried.
+
+    Raises
+    ------
+    NotComputableError
+        The points do not determine the model.
+    """
+    tried = _Candidates(plan, extra, tie_variance)
+    pairs = tried.apart(np.array(list(combinations(range(len(tried.places)), 2))).reshape(-1, 2))
+    if not len(pairs):
+        return ()
+    order = np.argsort(-tried.weakest(pairs), kind="stable")
+    symmetric = np.array([tried.symmetric(pair) for pair in pairs.tolist()])
+    parts = np.concatenate((pairs[order[:_PARTS]], pairs[symmetric][:_SYMMETRIC]))
+    fours = tried.apart(
+        np.array([[*a, *b] for a, b in combinations(parts.tolist(), 2)]).reshape(-1, 4)
+    )
+    return tuple(tried.best(sets) for sets in (pairs, fours) if len(sets))
+
+
+class _Candidates:
+    """Places for further points, and what sets of them do to the rows that are there already.
+
+    Redundancy numbers of the ideal model need no solution: its unknowns are known.
+    """
+
+    def __init__(
+        self, plan: PlannedPattern, extra: Iterable[tuple[float, float]], tie_variance: TieVariance
+    ) -> None:
+        solve(plan, "propagated" if tie_variance == "exact" else tie_variance)  # is determined
+        doubled = [(x, y, label) for label, x, y in plan.points]
+        taken = {(x, y) for x, y, _ in doubled}
+        reach = max((x for label, x, _ in plan.points if label in plan.ties), default=-np.inf)
+        self.places: list[Place] = [
+            (x, y, doubles, tie)
+            for x, y, doubles in (
+                *doubled,
+                *((x, y, None) for x, y in extra if (x, y) not in taken),
+            )
+            for tie in ((False, True) if x <= reach else (False,))
+        ]
+        own = [(x, y, label in plan.ties) for label, x, y in plan.points]
+        rows, _ = _design(plan, own, tie_variance)
+        more, of_place = _design(plan, [(x, y, tie) for x, y, _, tie in self.places], tie_variance)
+        scale = np.linalg.norm(rows, axis=0)
+        self._rows = rows / scale
+        more = more / scale
+        self._normal = self._rows.T @ self._rows
+        self._added = np.zeros((len(self.places), *self._normal.shape))
+        np.add.at(self._added, of_place, more[:, :, None] * more[:, None, :])
+        self.before = float(self.weakest(np.zeros((1, 0), dtype=np.intp))[0])
+        ys = [y for _, _, y in plan.points]
+        self._middle = 0.5 * plan.base, 0.5 * (min(ys) + max(ys))
+
+    def weakest(self, sets: Index) -> Array:
+        """Return (k,) the weakest redundancy number with each of k sets of places; NaN: none."""
+        out = np.empty(len(sets))
+        for begin in range(0, len(sets), _AT_ONCE):
+            part = sets[begin : begin + _AT_ONCE]
+            normal = self._normal + self._added[part].sum(axis=1)
+            solved = np.linalg.solve(normal, self._rows.T)
+            r = 1.0 - np.einsum("ni,kin->kn", self._rows, solved)
+            # a place far out of all measure leaves nothing to solve with
+            lost = np.linalg.cond(normal) > 1e8
+            out[begin : begin + _AT_ONCE] = np.where(lost, np.nan, r.min(axis=1))
+        return out
+
+    def apart(self, sets: Index) -> Index:
+        """Return the sets in which no place comes twice, as a tie or not."""
+        xy = np.array([place[:2] for place in self.places])
+        kept = np.ones(len(sets), dtype=bool)
+        for a, b in combinations(range(sets.shape[1]), 2):
+            kept &= (xy[sets[:, a]] != xy[sets[:, b]]).any(axis=1)
+        found = np.unique(np.sort(sets[kept], axis=1), axis=0)
+        return np.asarray(found, dtype=np.intp).reshape(-1, sets.shape[1])
+
+    def symmetric(self, members: Sequence[int]) -> bool:
+        """Whether a set is its own mirror image: across x, along x, or both."""
+        x0, y0 = self._middle
+        at = {(round(x, 6), round(y, 6)) for x, y, _, _ in (self.places[k] for k in members)}
+        images = (
+            {(x, round(2.0 * y0 - y, 6)) for x, y in at},
+            {(round(2.0 * x0 - x, 6), y) for x, y in at},
+            {(round(2.0 * x0 - x, 6), round(2.0 * y0 - y, 6)) for x, y in at},
+        )
+        return any(image == at for image in images)
+
+    def best(self, sets: Index) -> SetAdvice:
+        """Return the set that helps most, of equal ones a symmetric one."""
+        after = self.weakest(sets)
+        most = float(np.nanmax(after))
+        equal = sets[after >= most - _EQUAL].tolist()
+        chosen = max(equal, key=self.symmetric)
+        return SetAdvice(
+            tuple(self.places[k] for k in chosen), self.symmetric(chosen), self.before, most
+        )
+
+
+def _design(
+    plan: PlannedPattern, points: Sequence[tuple[float, float, bool]], tie_variance: TieVariance
+) -> tuple[Array, Index]:
+    """Return weighted rows of points (x, y, tie) in the ideal model, and each row's point."""
+    xl = np.array([(x, y) for x, y, _ in points]).reshape(-1, 2)
+    names = tuple(map(str, range(len(points))))
+    pair = Stereopair(
+        left="left",
+        right="right",
+        points=names,
+        xl=xl,
+        xr=xl - [plan.base, 0.0],
+        c_left=plan.c,
+        c_right=plan.c,
+        ties={
+            name: (x, y, -plan.c)
+            for name, (x, y, tie) in zip(names, points, strict=True)
+            if tie
+        } if plan.ties else None,
+        preceding_bx=plan.base if plan.ties else None,
+    )  # fmt: skip
+    conditions = Conditions(pair, tie_variance)
+    rows = conditions.evaluate(State(plan.base, 0.0, 0.0, np.eye(3)))
+    return rows[conditions.unknown_rows()].T, np.array(
+        [*conditions.y_index, *conditions.x_index], dtype=np.intp
+    )

@@ -97,7 +97,7 @@ def synthetic_strip(
     )
     block = Block(
         name=name,
-        precision=Precision(image_um=image_um, tie_variance="propagated"),
+        precision=Precision(image_um=image_um, tie_variance="exact"),
         test=test or TestSettings(),
         cameras=(camera,),
         photos=tuple(Photo(photo, camera.id) for photo in ids),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,10 @@ from anaplot.exchange.tomlfile import TomlFile
 from anaplot.exchange.wording import hint, quoted
 from anaplot.orientation.modelvalues import ideal_roots
 from anaplot.orientation.patterns import pattern
+from anaplot.orientation.residuals import correlated_units, residual_system
+from anaplot.photogrammetry.block import TieVariance
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube, plan_network
-from anaplot.planning.ownerrors import OwnErrors
+from anaplot.planning.ownerrors import Correlated, OwnErrors
 from anaplot.planning.patternplan import (
     USUAL_BASE,
     USUAL_C,
@@ -56,13 +58,13 @@ class ModelOptions(NamedTuple):
     base, d, c
         Base at photo scale, half the model in y, and camera constant [mm].
     tie_variance
-        Of the ties' x rows; "propagated" by default, with which the noise planted agrees.
+        Of the ties; "exact" by default.
     """
 
     base: float | None = None
     d: float | None = None
     c: float | None = None
-    tie_variance: Literal["paper", "propagated"] | None = None
+    tie_variance: TieVariance | None = None
 
     def given(self) -> str | None:
         """Return the first option that was asked for."""
@@ -84,6 +86,8 @@ class _Geometry(NamedTuple):
         (n,) model values of sqrt(q_vv).
     settings
         What was assumed of it.
+    correlated
+        How its rows are correlated, or None.
     """
 
     name: str
@@ -92,6 +96,7 @@ class _Geometry(NamedTuple):
     matrix: Array
     models: Array
     settings: dict[str, float | str]
+    correlated: Correlated | None = None
 
 
 def own_scenario(
@@ -138,6 +143,7 @@ def own_scenario(
         alpha,
         chunk=max(1, min(_CHUNK, _CHUNK_ROWS // len(found.names))),
         settings=found.settings,
+        correlated=found.correlated,
     )
     scenario.prepare()
     return scenario
@@ -203,9 +209,15 @@ def _of_block(path: Path) -> _Geometry:
 def _of_model(
     name: str, about: str, plan: PlannedPattern, model: ModelOptions, **more: float
 ) -> _Geometry:
-    tie_variance = model.tie_variance or "propagated"
+    tie_variance = model.tie_variance or "exact"
     solution = solve(plan, tie_variance)
-    root = np.sqrt(solution.q_l)
+    system = residual_system(solution)
+    correlated = None
+    if solution.exact is not None:
+        unit = correlated_units(solution.exact.misclosures)
+        scaled = solution.exact.misclosures / unit[:, None] / unit
+        factor = np.asarray(np.linalg.cholesky(scaled))
+        correlated = Correlated(factor, np.sqrt(solution.q_l) / unit, solution.redundancy)
     names = tuple(RowName(None, row.point, row.axis) for row in solution.table)
     lengths = {"base": plan.base, **more, "c": plan.c}
     said = ", ".join(f"{what} {value:g} mm" for what, value in lengths.items())
@@ -213,9 +225,10 @@ def _of_model(
         name,
         f"{about}, {said}, tie variance {tie_variance}",
         names,
-        solution.q_vv / root[:, None] / root,
+        system.matrix,
         ideal_roots(solution),
         {f"{what}_mm": value for what, value in lengths.items()} | {"tie_variance": tie_variance},
+        correlated,
     )
 
 

@@ -21,14 +21,16 @@ from anaplot.planning.patternplan import (
     USUAL_D,
     Advice,
     PlannedPattern,
+    SetAdvice,
     Span,
     advise,
+    advise_sets,
     from_pattern,
     grid,
     solve,
 )
 from anaplot.report.csvoutput import check_csv, write_csv
-from anaplot.report.plantext import advice_lines, drawing, transfer_lines
+from anaplot.report.plantext import advice_lines, drawing, set_lines, transfer_lines
 
 __all__ = ["pattern_json", "run_plan_pattern"]
 
@@ -38,7 +40,10 @@ _LEAST_BASE = 1e-3  # mm
 
 
 def pattern_json(
-    plan: PlannedPattern, solution: ModelSolution, advice: tuple[Advice, ...]
+    plan: PlannedPattern,
+    solution: ModelSolution,
+    advice: tuple[Advice, ...],
+    sets: tuple[SetAdvice, ...],
 ) -> dict[str, Any]:
     """Return what `--json` prints."""
     redn = [row.redn for row in solution.table]
@@ -47,7 +52,11 @@ def pattern_json(
             {"label": label, "x_mm": x, "y_mm": y, "tie": label in plan.ties}
             for label, x, y in plan.points
         ],
-        "rows": [{"point": r.point, "axis": r.axis, "redn": r.redn} for r in solution.table],
+        "tie_variance": solution.tie_variance,
+        "rows": [
+            {"point": r.point, "axis": r.axis, "redn": r.redn, "expd": max(q, 0.0) ** 0.5}
+            for r, q in zip(solution.table, np.diag(solution.q_vv).tolist(), strict=True)
+        ],
         "n": len(redn),
         "base_mm": plan.base,
         "mean_redn": float(np.mean(redn)),
@@ -66,6 +75,18 @@ def pattern_json(
                 "after": a.after,
             }
             for a in advice[:_SHOWN]
+        ],
+        "advice_sets": [
+            {
+                "points": [
+                    {"x_mm": x, "y_mm": y, "doubles": doubles, "tie": tie}
+                    for x, y, doubles, tie in one.places
+                ],
+                "symmetric": one.symmetric,
+                "before": one.before,
+                "after": one.after,
+            }
+            for one in sets
         ],
     }
 
@@ -133,7 +154,9 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     planned = _planned(options)
     plan = planned.plan
     solution = solve(plan, options.tie_variance)
-    advice = advise(plan, grid(planned.x, planned.y), options.tie_variance)
+    places = grid(planned.x, planned.y)
+    advice = advise(plan, places, options.tie_variance)
+    sets = advise_sets(plan, places, options.tie_variance)
     if options.csv is not None:
         at = {label: (x, y) for label, x, y in plan.points}
         write_csv(
@@ -142,13 +165,15 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
             ((r.point, *at[r.point], r.axis, r.redn) for r in solution.table),
         )
     if options.json:
-        answer = pattern_json(plan, solution, advice)
+        answer = pattern_json(plan, solution, advice, sets)
         answer["base_derived"] = planned.base_derived
         print(json.dumps(answer, indent=1, allow_nan=False))
         return 0
     title = path.name if from_file else options.pattern
     redn = [row.redn for row in solution.table]
     print(f"PATTERN {quoted(title)}: redundancy numbers at the points")
+    if plan.ties:
+        print(f"tie variance {options.tie_variance}")
     if planned.base_derived:
         print(f"base {plan.base:g} mm: the largest x of the points, as no --base is given")
     transfers = diagnose(solution).transfers
@@ -157,5 +182,5 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
         f"n {len(redn)}   mean r {np.mean(redn):.3f}   "
         f"trace Q_gg {trace_in_bases(solution, plan.base):.2f} (lengths in bases)"
     )
-    print("\n".join((*transfer_lines(transfers), *advice_lines(advice[0]))))
+    print("\n".join((*transfer_lines(transfers), *advice_lines(advice[0]), *set_lines(sets))))
     return 0

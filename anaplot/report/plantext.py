@@ -7,11 +7,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from anaplot.orientation.results import ModelSolution, Transfer
-from anaplot.planning.patternplan import Advice, PlannedPattern
+from anaplot.planning.patternplan import Advice, Place, PlannedPattern, SetAdvice
 from anaplot.report.columns import cell
 from anaplot.report.printable import printable
 
-__all__ = ["advice_lines", "drawing", "transfer_lines"]
+__all__ = ["advice_lines", "drawing", "set_lines", "transfer_lines"]
 
 _LINE = 80
 _WIDEST, _NARROWEST = 20, 11
@@ -200,12 +200,29 @@ def advice_lines(best: Advice) -> list[str]:
     """Return what one further point would do for the weakest redundancy number."""
     if best.after <= best.before + 5e-4:
         return [f"no further point tried raises the weakest redundancy number {best.before:.3f}"]
-    what = (
-        f"one more point at x {best.x:.1f}, y {best.y:.1f} mm"
-        if best.doubles is None
-        else f"a double of {printable(best.doubles)}"
-    )
-    what += " as a tie" if best.tie else ""
+    what = _further((best.x, best.y, best.doubles, best.tie), "one more point at ")
     effect = f"helps the weakest redundancy number most: {best.before:.3f} -> {best.after:.3f}"
     line = f"{what} {effect}"
     return [line] if len(line) <= _LINE else [what, f"  {effect}"]
+
+
+def set_lines(best: Iterable[SetAdvice]) -> list[str]:
+    """Return what several further points together would do for it."""
+    out = []
+    for one in best:
+        count = {2: "two", 4: "four"}.get(len(one.places), str(len(one.places)))
+        if one.after <= one.before + 5e-4:
+            out.append(f"no {count} points tried do either")
+            continue
+        mirrored = ", symmetric" if one.symmetric else ""
+        out.append(f"the best {count} together{mirrored}: {one.before:.3f} -> {one.after:.3f}")
+        out += [f"  {_further(place, 'a point at ')}" for place in one.places]
+    return out
+
+
+def _further(place: Place, at: str) -> str:
+    x, y, doubles, tie = place
+    what = (
+        f"{at}x {x:.1f}, y {y:.1f} mm" if doubles is None else f"a double of {printable(doubles)}"
+    )
+    return what + (" as a tie" if tie else "")

@@ -282,7 +282,8 @@ def test_by_the_weight_of_the_misclosures_an_error_shows_largest_in_its_own_row(
     assert elsewhere >= 8  # in the table it does not: about one in five
 
 
-def test_the_advice_names_the_erroneous_row_where_the_largest_sigf_stands_elsewhere():
+@pytest.mark.parametrize("size", [0.15, 1.0])
+def test_the_advice_names_the_erroneous_row_where_the_largest_sigf_stands_elsewhere(size):
     elsewhere = 0
     for seed in range(6):
         flight = fly(seed, photos=4, tilt=2.0, kappa=0.0)
@@ -292,7 +293,7 @@ def test_the_advice_names_the_erroneous_row_where_the_largest_sigf_stands_elsewh
             pair = pair_of(flight, k, before, points=points, base=70.0)
             before = orient(pair, EXACT, BAARDA)
         for row in before.table:
-            wrong = orient(spoiled(pair, row.point, row.axis, 0.15), EXACT, BAARDA)
+            wrong = orient(spoiled(pair, row.point, row.axis, size), EXACT, BAARDA)
             suspects = diagnose(wrong).suspects
             if not suspects:
                 continue  # nothing is flagged

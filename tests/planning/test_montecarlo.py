@@ -328,3 +328,6 @@ def test_sizes_in_bridged_strips() -> None:
     assert of["paper", "x rows flagged"].mean == pytest.approx(0.165, abs=0.03)
     power = of["propagated", "power (y)"]
     assert power.low < 0.8 < power.high
+    for axis in "xy":
+        found = of["exact", f"{axis} rows flagged"]
+        assert found.low < 0.001 < found.high

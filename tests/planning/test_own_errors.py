@@ -180,9 +180,9 @@ def test_what_a_pattern_leaves_open_is_given_and_said(tmp_path: Path, capsys) ->
     assert main(call) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["settings"] == {
-        "base_mm": 90.0, "d_mm": 100.0, "c_mm": 152.0, "tie_variance": "propagated"
+        "base_mm": 90.0, "d_mm": 100.0, "c_mm": 152.0, "tie_variance": "exact"
     }  # fmt: skip
-    assert main([*call, "--base", "90", "--d", "100", "--tie-variance", "propagated"]) == 0
+    assert main([*call, "--base", "90", "--d", "100", "--tie-variance", "exact"]) == 0
     capsys.readouterr()
     assert main([*call, "--base", "70"]) == 2
     assert "base_mm is 90.0, asked is 70.0" in capsys.readouterr().err
@@ -203,7 +203,7 @@ def test_the_redundancy_numbers_are_those_of_plan_pattern(capsys) -> None:
         places=(),
         alpha=0.001,
         known=(),
-        model=ModelOptions(80.0, 95.0, 120.0),
+        model=ModelOptions(80.0, 95.0, 120.0, "propagated"),
     )
     assert np.diag(own.matrix) == pytest.approx(planned)
 
@@ -310,3 +310,28 @@ def test_refusals(tmp_path: Path, capsys) -> None:
     ):
         assert main(["plan", "simulate", *call]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_noise_of_correlated_rows_has_the_size_that_the_strategies_expect() -> None:
+    """Tied rows of "exact": e has the covariance R, v'Pv the mean f, alpha is kept."""
+    own = own_scenario(
+        "6/3",
+        numbers=(0,),
+        sizes=(6.0,),
+        places=(),
+        alpha=0.01,
+        known=(),
+        model=ModelOptions(),
+    )
+    runs = 20_000
+    rng = np.random.default_rng(7)
+    errors = rng.standard_normal((runs, len(own.matrix))) @ own.correlated.factor.T
+    e = errors @ own.matrix
+    scale = np.sqrt(np.outer(np.diag(own.matrix), np.diag(own.matrix)))
+    assert np.abs(e.T @ e / runs - own.matrix).max() < 5.0 * np.abs(scale).max() * runs**-0.5
+    f = own.correlated.redundancy
+    mean = float(np.einsum("mn,mn->m", e, errors).mean())
+    assert mean == pytest.approx(f, abs=4.0 * (2.0 * f / runs) ** 0.5)
+    w = np.abs(e) / np.sqrt(np.diag(own.matrix))
+    share = (w > 2.5758).mean()
+    assert share == pytest.approx(0.01, abs=4.0 * (0.01 / (runs * f)) ** 0.5)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from anaplot.orientation.patterns import PATTERNS, pattern
-from anaplot.planning.patternplan import advise, from_pattern, grid, solve
+from anaplot.planning.patternplan import advise, advise_sets, from_pattern, grid, solve
 
 GEOMETRY = (90.0, 100.0, 152.0)
 
@@ -54,3 +54,43 @@ def test_a_double_of_the_middle_tie_helps_most_as_a_tie(name, tie, no_tie):
 def test_a_first_model_gets_no_tie():
     advice = advise(from_pattern(pattern("9"), *GEOMETRY), grid((0.0, 90.0), (-100.0, 100.0)))
     assert not any(a.tie for a in advice)
+
+
+@pytest.mark.parametrize(
+    ("name", "one", "four"), [("6", 0.100, 0.400), ("9", 0.2685, 0.5667), ("13/5", 0.594, 0.692)]
+)
+def test_sets_help_where_single_points_do_not(name, one, four):
+    """The paper's ten points are six with all corners doubled; in steps they reach .150."""
+    plan = from_pattern(pattern(name), *GEOMETRY)
+    places = grid((0.0, 90.0), (-100.0, 100.0))
+    choice = "exact" if plan.ties else "paper"
+    assert advise(plan, places, choice)[0].after == pytest.approx(one, abs=5e-4)
+    two, best = advise_sets(plan, places, choice)
+    assert best.after == pytest.approx(four, abs=5e-4)
+    assert two.symmetric
+    assert best.symmetric
+    if name == "6":
+        assert {place[2] for place in best.places} == {"1", "3", "4", "6"}
+    for found in (two, best):
+        names = [f"new{k}" for k in range(len(found.places))]
+        wider = replace(
+            plan,
+            points=(*plan.points, *((n, x, y) for n, (x, y, _, _) in
+                                    zip(names, found.places, strict=True))),
+            ties=(*plan.ties, *(n for n, place in zip(names, found.places, strict=True)
+                                if place[3])),
+        )  # fmt: skip
+        rows = {row.key: row.redn for row in solve(wider, choice).table}
+        there = [row.key for row in solve(plan, choice).table]
+        assert found.after == pytest.approx(min(rows[key] for key in there), abs=1e-9)
+    assert two.after > advise(plan, places, choice)[0].after
+
+
+def test_by_four_steps_six_points_do_not_come_far():
+    plan = from_pattern(pattern("6"), *GEOMETRY)
+    for step in range(4):
+        best = advise(plan, ())[0]
+        plan = replace(plan, points=(*plan.points, (f"z{step}", best.x, best.y)))
+    old = {(label, "y") for label in "123456"}
+    weakest = min(row.redn for row in solve(plan).table if row.key in old)
+    assert weakest == pytest.approx(0.150, abs=5e-3)

@@ -206,14 +206,20 @@ def small(tmp_path, shift=0.0):
 
 def test_the_advice_for_a_file_stays_among_its_points(capsys, tmp_path):
     path = small(tmp_path)
-    assert main(["plan", "pattern", str(path), "--json"]) == 0
+    paper = ["--tie-variance", "paper"]
+    assert main(["plan", "pattern", str(path), *paper, "--json"]) == 0
     out = json.loads(capsys.readouterr().out)
     assert (out["base_mm"], out["base_derived"]) == (22.0, True)
+    assert all(
+        0.0 <= place["x_mm"] <= 22.0 and abs(place["y_mm"]) <= 25.0
+        for one in out["advice_sets"]
+        for place in one["points"]
+    )
     for advice in out["advice"]:
         assert 0.0 <= advice["x_mm"] <= 22.0
         assert abs(advice["y_mm"]) <= 25.0
     assert out["advice"][0]["tie"] is True
-    assert main(["plan", "pattern", str(path)]) == 0
+    assert main(["plan", "pattern", str(path), *paper]) == 0
     text = capsys.readouterr().out
     assert "base 22 mm: the largest x of the points" in text
     assert " as a tie helps the weakest" in text.replace("\n", "").replace("  ", " ")
@@ -336,3 +342,22 @@ def test_lengths_that_do_not_go_together_are_no_wrong_points(capsys):
     error = capsys.readouterr().err
     assert "not determined" in error
     assert "remeasure" not in error
+
+
+def test_the_ties_err_as_in_a_long_strip_unless_asked_otherwise(capsys):
+    assert main(["plan", "pattern", "6/3", "--json"]) == 0
+    exact = json.loads(capsys.readouterr().out)
+    assert main(["plan", "pattern", "6/3", "--tie-variance", "propagated", "--json"]) == 0
+    plain = json.loads(capsys.readouterr().out)
+    assert (exact["tie_variance"], plain["tie_variance"]) == ("exact", "propagated")
+    assert [r["redn"] for r in exact["rows"]] == pytest.approx([r["redn"] for r in plain["rows"]])
+    ratio = [a["expd"] / b["expd"] for a, b in zip(exact["rows"], plain["rows"], strict=True)]
+    assert max(ratio) == pytest.approx(1.294**0.5, abs=1e-3)
+    assert "tie variance exact" in drawn(capsys, "6/3")
+
+
+def test_sets_of_points_are_advised_where_no_single_one_helps(capsys):
+    text = drawn(capsys, "6")
+    assert "the best two together, symmetric: 0.083 -> 0.250" in text
+    at = text.index("the best four together, symmetric: 0.083 -> 0.400")
+    assert text[at + 1 : at + 5] == [f"  a double of {point}" for point in "1346"]
