@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from anaplot.errors import InputError
 from anaplot.plotter.framing import Framer
+from anaplot.plotter.jumps import JumpWatch
 from anaplot.plotter.numbering import Numbering
-from anaplot.plotter.poller import Poller
+from anaplot.plotter.poller import Poller, Request
 from anaplot.plotter.presses import Presses
 from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
 from anaplot.plotter.readout import Gatherer, ReadOut
@@ -28,6 +29,7 @@ __all__ = [
 
 RULES = 2
 """By which a decoder decides today what is a measurement; 1 are those of version 0.1."""
+_UNDER_WAY = 0.25  # s that what a device says by itself may have been on its way
 UNREFERENCED = "the counters are unreferenced since the line was lost: measure a reference again"
 
 
@@ -50,6 +52,8 @@ class Decoder:
     rules
         By which it decides what is a measurement: `RULES`, or those by which a session was
         recorded.
+    speed_limits
+        Whether the axes' `fastest` is minded; a simulated hand moves plates at once.
 
     Notes
     -----
@@ -57,14 +61,17 @@ class Decoder:
     a recorded session fed to a new decoder gives the same readings.
     """
 
-    def __init__(self, profile: Profile, *, rules: int = RULES) -> None:
+    def __init__(self, profile: Profile, *, rules: int = RULES, speed_limits: bool = True) -> None:
         if not 1 <= rules <= RULES:
             raise InputError(f"the rules {rules} of a newer version are not known here")
         strict = rules > 1
         self._profile = profile
         self._poller = Poller(profile.poll) if profile.poll is not None and strict else None
         self._gatherer = Gatherer(len(profile.axes), profile.stage.within)
-        self._presses = Presses(profile.poll, strict=strict)
+        self._presses = Presses(
+            profile.poll, profile.axes, confirm=profile.confirm and strict, strict=strict
+        )
+        self._jumps = JumpWatch(profile.axes) if speed_limits and strict else None
         self._numbering = Numbering(incremental=profile.incremental, strict=strict)
         self._now = math.inf  # unknown: a request sent then does not grow old
         self._framers = {name: Framer(profile.framing) for name in profile.links}
@@ -84,6 +91,7 @@ class Decoder:
         self._shift: tuple[float, ...] = (0.0,) * len(self._names)
         self._raw_plate: tuple[float, ...] | None = None
         self._heard_positions = 0
+        self._heard_cycle: int | None = None
 
     @property
     def profile(self) -> Profile:
@@ -229,6 +237,8 @@ class Decoder:
         self._pressed.clear()
         self._presses.forget()
         self._numbering.forget()
+        if self._jumps is not None:
+            self._jumps.forget()
         if self._poller is not None:
             self._poller.restart()
         if self._profile.incremental:
@@ -249,6 +259,21 @@ class Decoder:
     def positions_heard(self) -> int:
         """How many complete positions were heard, refused for want of a reference or not."""
         return self._heard_positions
+
+    @property
+    def mark(self) -> tuple[int, int]:
+        """What was asked and heard until now, for `read_since`."""
+        return self._cycle, self._heard_positions
+
+    def read_since(self, mark: tuple[int, int]) -> bool:
+        """Say whether `unreferenced_position` was measured after a `mark` was taken.
+
+        Of a device that is asked, it answers a request that left after it; of another, two
+        positions have come since, as the first may have been under way.
+        """
+        if self._profile.poll is not None:
+            return self._heard_cycle is not None and self._heard_cycle > mark[0]
+        return self._heard_positions > mark[1] + 1
 
     @property
     def shift(self) -> Position:
@@ -387,8 +412,9 @@ class Decoder:
         if checksum is None:
             return frame
         bare = frame.rstrip(b"\r")
-        payload, digits = bare[:-3], bare[-3:]
-        if len(digits) < 3 or digits[:1] != checksum.marker:
+        length = checksum.length
+        payload, digits = bare[:-length], bare[-length:]
+        if len(digits) < length or digits[:1] != checksum.marker:
             if checksum.required or link in self._checksummed:
                 raise RefusedError("the checksum is missing")
             return bare
@@ -401,7 +427,7 @@ class Decoder:
         self, record: RecordFormat, match: re.Match[bytes], frame: bytes, now: float, link: str
     ) -> list[Reading]:
         self._understood_records[link] += 1
-        cycle = self._answered(link, now) if record.kind == "position" else None
+        answered = self._answered(link, now) if record.kind == "position" else None
         if record.kind == "ignore":
             return []
         if record.kind == "fault":
@@ -422,26 +448,29 @@ class Decoder:
             return [InPosition(place)]
         if record.kind == "record":
             if values:
-                return [Record(self._reading(values), switch, number)]
+                if self._jumps is not None:
+                    self._jumps.check(values, now)
+                made = Record(self._reading(values), switch, number)
+                return self._presses.recorded(made, values, now)
             self.press(switch, now)
             return []
-        return self._positioned(record, match, values, cycle, now)
+        return self._positioned(record, match, values, answered, now)
 
-    def _answered(self, link: str, now: float) -> int | None:
-        """Return the cycle to which a position belongs; None when nobody asked for it."""
+    def _answered(self, link: str, now: float) -> Request | None:
+        """Return the request to which a position belongs; None when nobody asked for it."""
         poll = self._profile.poll
         if poll is None:
             return None
         if self._poller is None:
-            return self._cycle
+            return Request(self._cycle, now)
         if link not in poll.links:
             # it speaks by itself: what comes now may have been under way when the cycle began
-            return self._cycle - 1
+            return Request(self._cycle - 1, now - _UNDER_WAY)
         request = self._poller.answered(link, now)
         if request is None:
-            self._notes += self._presses.refuse("a position came that was not asked for")
-            return None
-        return request.cycle
+            reason = "a position came that was not asked for"
+            self._notes += self._presses.refuse_all(reason, own=False)
+        return request
 
     def _confirmed(self, record: RecordFormat, frame: bytes, now: float, link: str) -> bool:
         if record.confirm == 1:
@@ -535,7 +564,7 @@ class Decoder:
         if fault is not None:
             self._notes.append(fault)
             if fault.code == "restarted":
-                self._referenced = False
+                self._lose_reference()
         return number
 
     def _switch_of(self, record: RecordFormat, match: re.Match[bytes]) -> str:
@@ -552,20 +581,31 @@ class Decoder:
         record: RecordFormat,
         match: re.Match[bytes],
         values: dict[str, float],
-        cycle: int | None,
+        answered: Request | None,
         now: float,
     ) -> list[Reading]:
         self._values.update(values)
+        cycle = None if answered is None else answered.cycle
         complete = self._gatherer.add(values, cycle, now)
         if complete is None:
             return []
+        since = now - _UNDER_WAY if answered is None else answered.when
+        if self._jumps is not None and self._jumps.read(complete, since, now):
+            self._notes.append(Fault("jumped", "the counters jumped"))
+            self._lose_reference()
+        self._heard_cycle = cycle
         readout = ReadOut(complete, self._reading(complete), now, cycle)
-        pressed = [
-            switch.name
-            for switch in self._profile.footswitches.values()
-            if switch.source == "every" or self._held(switch, record, match)
-        ]
-        return [readout.position, *self._presses.read(readout, pressed)]
+        switches = self._profile.footswitches.values()
+        every = [switch.name for switch in switches if switch.source == "every"]
+        begun = [switch.name for switch in switches if self._held(switch, record, match)]
+        held = {name for name, down in self._pressed.items() if down}
+        return [readout.position, *self._presses.read(readout, every, begun, held)]
+
+    def _lose_reference(self) -> None:
+        """Take it that the counters' origin is lost; those of an absolute device keep theirs."""
+        if self._profile.incremental:
+            self._referenced = False
+            self._notes += self._presses.refuse_all(UNREFERENCED)
 
     def _held(self, switch: Footswitch, record: RecordFormat, match: re.Match[bytes]) -> bool:
         """Say whether a switch told within a position counts as pressed now."""
@@ -602,7 +642,8 @@ def check_examples(profile: Profile) -> list[str]:
     """
     problems: list[str] = []
     for at, example in enumerate(profile.examples, 1):
-        decoder = Decoder(profile)
+        # what its records say by themselves: no example has read-outs around it
+        decoder = Decoder(replace(profile, confirm=False))
         readings = decoder.feed(example.data, 0.0, example.link)
         got = [_described(profile, reading) for reading in readings]
         wanted: list[str] = []

@@ -51,6 +51,8 @@ class Link:
         Seconds that never go back.
     back_off
         Waits [s] before the attempts to reopen a lost port; the last one repeats.
+    speed_limits
+        Whether counters that move faster than an axis' `fastest` have lost their reference.
 
     Notes
     -----
@@ -69,6 +71,7 @@ class Link:
         on_decoder: DecoderEvent | None = None,
         clock: Callable[[], float] = time.monotonic,
         back_off: tuple[float, ...] = _BACK_OFF,
+        speed_limits: bool = True,
     ) -> None:
         self._profile = profile
         self._addresses = _addresses(profile, ports)
@@ -78,7 +81,8 @@ class Link:
         self._on_decoder = on_decoder
         self._clock = clock
         self._back_off = back_off
-        self._decoder = Decoder(profile)
+        self._speed_limits = speed_limits
+        self._decoder = Decoder(profile, speed_limits=speed_limits)
         self._lock = threading.RLock()
         self._stop = threading.Event()
         self._lines: dict[str, _Line] = {}
@@ -109,7 +113,7 @@ class Link:
             if self._lines:
                 raise InputError("the link is open already")
             self._stop = threading.Event()
-            self._decoder = Decoder(self._profile)
+            self._decoder = Decoder(self._profile, speed_limits=self._speed_limits)
             self._latest = None
             if not referenced:
                 self._note("reopen", "")
@@ -319,6 +323,17 @@ class Link:
     def positions_heard(self) -> int:
         """How many complete positions were heard, refused for want of a reference or not."""
         return self._decoder.positions_heard
+
+    @property
+    def mark(self) -> tuple[int, int]:
+        """What was asked and heard until now, for `read_since`."""
+        with self._lock:
+            return self._decoder.mark
+
+    def read_since(self, mark: tuple[int, int]) -> bool:
+        """Say whether `unreferenced_position` was measured after a `mark` was taken."""
+        with self._lock:
+            return self._decoder.read_since(mark)
 
     @property
     def shift(self) -> Position:

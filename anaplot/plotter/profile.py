@@ -53,6 +53,7 @@ _TABLES = (
     "link",
     "framing",
     "checksum",
+    "confirm",
     "poll",
     "record",
     "axis",
@@ -62,6 +63,8 @@ _TABLES = (
     "simulate",
     "example",
 )
+_MICROMETRE = 0.001  # mm, the count of an axis that tells millimetres
+_COUNTS = 3.0  # by which read-outs of a carriage that stands still may differ
 _LEFT_RIGHT = ("xl", "yl", "xr", "yr")
 _SPECIAL_GROUPS = frozenset({"number", "switch", "code", "text"})
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,60}")
@@ -237,6 +240,7 @@ class _Loader:
         footswitches = self._read_footswitches()
         self._check_switched(footswitches)
         drive = self._read_drive()
+        confirm = self._read_confirm(checksum, footswitches)
         simulate = self._read_simulate(poll, footswitches)
         examples = self._read_examples(stage)
         return Profile(
@@ -254,6 +258,7 @@ class _Loader:
             footswitches=footswitches,
             drive=drive,
             simulate=simulate,
+            confirm=confirm,
             examples=examples,
             text=self._raw.decode(),
             sha256=hashlib.sha256(self._raw).hexdigest(),
@@ -330,14 +335,15 @@ class _Loader:
             return None
         if self._framing.kind != "line":
             table.fail("belongs to line framing")
-        kind = table.choice("kind", ("xor8", "sum8"))
+        kind = table.choice("kind", ("xor8", "sum8", "crc8", "crc16"))
         marker = table.octets("marker", "*", limit=1)
         if len(marker) != 1:
             table.fail("must be one character", "marker")
         required = table.flag("required", False)
         host = table.flag("host", True)
         table.done()
-        return Checksum(cast(Literal["xor8", "sum8"], kind), marker, required, host)
+        kinds = cast(Literal["xor8", "sum8", "crc8", "crc16"], kind)
+        return Checksum(kinds, marker, required, host)
 
     def _read_poll(self) -> Poll | None:
         table = self._root.table("poll")
@@ -484,17 +490,23 @@ class _Loader:
         if low >= high:
             table.fail("must go from the smaller to the larger value", "range")
         encodings = ("decimal", "integer", "hex", "bits6", "bits7", "int-le", "int-be")
+        encoding = table.choice("encoding", encodings, "decimal")
+        scale = table.number("scale", 1.0, low=1e-9, high=1e6)
+        count = _MICROMETRE if encoding == "decimal" else scale
+        fastest = table.number("fastest", 0.0, low=0.0, high=1e6)
         axis = AxisFormat(
             name=name,
             link=link,
             records=records,
             group=group,
-            encoding=cast(Encoding, table.choice("encoding", encodings, "decimal")),
-            scale=table.number("scale", 1.0, low=1e-9, high=1e6),
+            encoding=cast(Encoding, encoding),
+            scale=scale,
             direction=direction,
             low=low,
             high=high,
             incremental=table.flag("incremental", False),
+            still=table.number("still", _COUNTS * count, low=0.0, high=10.0),
+            fastest=fastest or None,
         )
         table.done()
         return axis
@@ -603,6 +615,25 @@ class _Loader:
                 self._root.fail(
                     f'no [footswitch.NAME] names the record "{record.name}": nothing would record'
                 )
+
+    def _read_confirm(self, checksum: Checksum | None, switches: Mapping[str, Footswitch]) -> bool:
+        """Read whether read-outs confirm a measurement: by default, where no checksum does."""
+        safe = checksum is not None and checksum.required
+        confirm = self._root.flag("confirm", not safe)
+        if not confirm:
+            return False
+        positions = [r for r in self._records.values() if r.kind == "position"]
+        if not positions:
+            self._root.fail(
+                "a measurement cannot be confirmed: no record tells positions besides", "confirm"
+            )
+        once = [record.name for record in positions if record.confirm == 1]
+        if once and any(switch.source == "every" for switch in switches.values()):
+            self._root.fail(
+                f'every position is a measurement, none confirms it: "{once[0]}" needs confirm = 2',
+                "confirm",
+            )
+        return True
 
     def _read_drive(self) -> Drive | None:
         table = self._root.table("drive")

@@ -94,12 +94,13 @@ class Framing:
 
 @dataclass(frozen=True, slots=True)
 class Checksum:
-    """Two hexadecimal digits after a marker at the end of a record: ``[checksum]``.
+    """Hexadecimal digits after a marker at the end of a record: ``[checksum]``.
 
     Attributes
     ----------
     kind
-        xor8 or sum8 over the bytes before the marker.
+        Of the bytes before the marker: xor8 or sum8; crc8 (polynomial 0x07, start 0); crc16
+        (CCITT, polynomial 0x1021, start 0xFFFF). Two digits, four of crc16.
     marker
         One byte.
     required
@@ -109,17 +110,36 @@ class Checksum:
         Whether the host's commands carry one.
     """
 
-    kind: Literal["xor8", "sum8"]
+    kind: Literal["xor8", "sum8", "crc8", "crc16"]
     marker: bytes = b"*"
     required: bool = False
     host: bool = True
 
+    @property
+    def length(self) -> int:
+        """How many bytes marker and digits are."""
+        return 5 if self.kind == "crc16" else 3
+
     def digits(self, payload: bytes) -> bytes:
         """Return marker and digits for a payload."""
+        if self.kind == "crc16":
+            return self.marker + b"%04X" % _crc(payload, 16, 0x1021, 0xFFFF)
+        if self.kind == "crc8":
+            return self.marker + b"%02X" % _crc(payload, 8, 0x07, 0)
         value = 0
         for byte in payload:
             value = (value ^ byte) if self.kind == "xor8" else (value + byte) & 0xFF
         return self.marker + b"%02X" % value
+
+
+def _crc(data: bytes, bits: int, polynomial: int, start: int) -> int:
+    """Return a cyclic redundancy check, highest bit first, neither reflected nor inverted."""
+    value, top, mask = start, 1 << (bits - 1), (1 << bits) - 1
+    for byte in data:
+        value ^= byte << (bits - 8)
+        for _ in range(8):
+            value = ((value << 1) ^ polynomial if value & top else value << 1) & mask
+    return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,6 +240,10 @@ class AxisFormat:
         Range [mm] after scale and direction.
     incremental
         Whether its origin is lost with the power.
+    still
+        Read-outs of a carriage that stands still differ by no more than this [mm].
+    fastest
+        No carriage moves faster than this [mm/s]; None when nobody says.
     """
 
     name: str
@@ -232,6 +256,8 @@ class AxisFormat:
     low: float = -1000.0
     high: float = 1000.0
     incremental: bool = False
+    still: float = 0.003
+    fastest: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -429,6 +455,8 @@ class Profile:
         By name, in the file's order.
     framing, checksum, poll, stage, drive, simulate
         The other tables; None where the instrument has none.
+    confirm
+        Whether a measurement counts only when it lies between the read-outs around it.
     examples
         Checked by `check_examples`.
     text
@@ -453,6 +481,7 @@ class Profile:
     footswitches: Mapping[str, Footswitch]
     drive: Drive | None
     simulate: Simulate
+    confirm: bool
     examples: tuple[Example, ...]
     text: str
     sha256: str

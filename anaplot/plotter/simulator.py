@@ -1023,10 +1023,11 @@ class SimulatedPlotter:
         checksum = self._profile.checksum
         payload = line.rstrip(b"\r")
         if checksum is not None and checksum.host:
-            if payload[-3:] != checksum.digits(payload[:-3]):
+            bare = payload[: -checksum.length]
+            if payload != bare + checksum.digits(bare):
                 self._fault("4", "command not understood")
                 return
-            payload = payload[:-3]
+            payload = bare
         if payload == self._stop_payload:
             self._halt()
             return

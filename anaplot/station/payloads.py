@@ -50,6 +50,8 @@ class Opened:
         The profile itself; None in sessions of version 0.1.
     rules
         By which the decoder decided what is a measurement, see `anaplot.plotter.decoder.RULES`.
+    simulated
+        Whether the instrument was a simulated one.
     """
 
     block_toml: str | None
@@ -58,6 +60,7 @@ class Opened:
     profile_sha256: str | None
     profile_text: str | None
     rules: int
+    simulated: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +150,7 @@ def opened_by(record: Record) -> Opened:
         profile_sha256=_text_or_none(record, "profile_sha256"),
         profile_text=_text_or_none(record, "profile_text"),
         rules=rules,
+        simulated=record.payload.get("simulated") is True,
     )
 
 

@@ -154,6 +154,8 @@ class Plotting:
             on_state=listener.on_link_state,
             on_traffic=listener.on_traffic,
             on_decoder=listener.on_decoder,
+            # simulated hands move plates at once, and simulated time may run faster
+            speed_limits=not self.simulated,
         )
 
     @property

@@ -261,7 +261,7 @@ class _Line:
         name = quoted(said.profile)
         try:
             profile = recorded_profile(said.profile, said.profile_sha256, said.profile_text)
-            self._decoder = Decoder(profile, rules=said.rules)
+            self._decoder = Decoder(profile, rules=said.rules, speed_limits=not said.simulated)
         except AnaplotError as error:
             return f"profile {name}: {error}"
         if said.profile_sha256 != profile.sha256:

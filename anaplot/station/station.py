@@ -146,7 +146,7 @@ class Station:
         self._settles_after: int | None = None
         self._referencing: Referencing | None = None
         self._last_measured: str | None = None
-        self._heard_before = 0
+        self._heard_before = (0, 0)
         self._automatic = False
         self._operator: AutomaticOperator | None = None
         self._refusal_told = float("-inf")
@@ -491,7 +491,7 @@ class Station:
         plotting = self._plotting
         if plotting is None or not self.standing:
             return False
-        return plotting.link.positions_heard > self._heard_before + 1
+        return plotting.link.read_since(self._heard_before)
 
     def reference(self, point: str | None = None) -> None:
         """Take it that the mark is set on something measured, of counters without reference.
@@ -540,7 +540,7 @@ class Station:
                 raise
             self._recorder.note("reference-pointed", note)
             self._referencing = replace(referencing, chosen=None)
-            self._heard_before = plotting.link.positions_heard
+            self._heard_before = plotting.link.mark
             if referencing.open_sides(needed):
                 self._tell("info", f"{at.title} pointed at: once more, there or elsewhere")
                 return
@@ -589,7 +589,7 @@ class Station:
             return
         with self._change():
             self._referencing = Referencing()
-            self._heard_before = plotting.link.positions_heard
+            self._heard_before = plotting.link.mark
             self._nowhere()
             self._recorder.note("unreferenced", {"reason": UNREFERENCED})
             self._tell("error", UNREFERENCED)
@@ -855,7 +855,7 @@ class Station:
                     if self._settles_after is not None and item.drive > self._settles_after:
                         self._pointing = False
                         if self._plotting is not None:
-                            self._heard_before = self._plotting.link.positions_heard
+                            self._heard_before = self._plotting.link.mark
                     if item.point is None:
                         self._tell("warning", "the simulated operator finds no point here")
             case Record():

@@ -213,7 +213,7 @@ def bench() -> Callable[..., Bench]:
         hand = settings.pop("hand", Hand(settle_time=0.2))
         simulator = SimulatedPlotter(profile, truth, hand=hand, **settings)  # type: ignore[arg-type]
         simulator.lay("1", None if profile.mono else "2")
-        made = Bench(profile, simulator, Decoder(profile))
+        made = Bench(profile, simulator, Decoder(profile, speed_limits=False))
         simulator.set_on_settled(made.settled.append)
         return made
 

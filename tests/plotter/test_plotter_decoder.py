@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -12,7 +13,9 @@ from anaplot.plotter.profile import find_profiles, load_profile, parse_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
 from anaplot.plotter.simulator import Hand, SimulatedPlotter
 
-ASCII = load_profile("anaplot-ascii")
+CONFIRMED = load_profile("anaplot-ascii")
+# what a record says by itself
+ASCII = replace(CONFIRMED, confirm=False)
 HERE = b"+012.3456 -034.5678 +012.0000 -034.5000"
 PLACE = Position(12.3456, -34.5678, 12.0, -34.5)
 
@@ -21,9 +24,8 @@ def lines(*texts: bytes) -> bytes:
     return b"".join(text + b"\n" for text in texts)
 
 
-def summed(text: bytes) -> bytes:
-    assert ASCII.checksum is not None
-    return text + ASCII.checksum.digits(text)
+def summed(text: bytes, profile=ASCII) -> bytes:
+    return text + profile.checksum.digits(text)
 
 
 def only(readings):
@@ -67,7 +69,7 @@ def test_wrong_checksum():
 
 
 def test_every_single_turned_bit_is_refused_with_checksum(simulated):
-    text = summed(b"P " + HERE)
+    text = summed(b"P " + HERE, simulated)
     for at in range(len(text)):
         for bit in range(8):
             raw = bytearray(text)
@@ -109,8 +111,8 @@ def test_a_device_that_restarted_has_lost_its_origin(simulated):
     assert isinstance(refused, Refused)
     assert refused.reason == UNREFERENCED
     absolute = Decoder(simulated)
-    absolute.feed(lines(summed(b"R 7 1 " + HERE)), 0.0)
-    assert only(absolute.feed(lines(summed(b"R 1 1 " + HERE)), 0.0)).number == 1
+    absolute.feed(lines(summed(b"R 7 1 " + HERE, simulated)), 0.0)
+    assert only(absolute.feed(lines(summed(b"R 1 1 " + HERE, simulated)), 0.0)).number == 1
 
 
 def test_the_count_wraps():
@@ -169,14 +171,14 @@ def test_a_gap_over_the_end_of_the_count():
 def test_a_late_answer_is_not_the_one_to_the_request_after_the_press():
     decoder = Decoder(ASCII)
     request = decoder.poll_request()
-    there = HERE.replace(b"+012.3456", b"+055.0000")
+    there = HERE.replace(b"+012.3456", b"+015.0000")
     decoder.sent(request, now=0.0)
     decoder.press("key", 0.50)
     decoder.sent(request, now=0.51)
     assert decoder.feed(lines(b"P " + HERE), 0.60) == [PLACE]
     position, record = decoder.feed(lines(b"P " + there), 0.70)
     assert record == Record(position, "key")
-    assert record.position.xl == 55.0
+    assert record.position.xl == 15.0
 
 
 def test_a_press_is_refused_when_the_device_answers_unasked():
@@ -190,7 +192,7 @@ def test_a_press_is_refused_when_the_device_answers_unasked():
 
 
 def test_a_press_about_a_pause_of_a_stream_is_refused():
-    decoder = Decoder(parse_profile(STAGE.encode(), "pxpy.toml"))
+    decoder = Decoder(parse_profile(UNCONFIRMED.encode(), "pxpy.toml"))
     decoder.feed(b"0 0 0 0\n", 0.0)
     decoder.press("key", 2.0)
     # what was held up somewhere for two seconds comes at once
@@ -207,7 +209,7 @@ def test_a_press_about_a_pause_of_a_stream_is_refused():
 def test_an_absolute_device_keeps_its_origin(simulated):
     decoder = Decoder(simulated)
     decoder.reopen()
-    assert decoder.feed(lines(summed(b"P " + HERE)), 0.0) == [PLACE]
+    assert decoder.feed(lines(summed(b"P " + HERE, simulated)), 0.0) == [PLACE]
 
 
 def test_commands():
@@ -264,7 +266,7 @@ def test_axes_heard_too_far_apart_make_no_position():
 
 
 def test_a_key_records_the_next_position_and_none_from_before():
-    decoder = Decoder(load_profile("heidenhain-nd281b"))
+    decoder = Decoder(replace(load_profile("heidenhain-nd281b"), confirm=False))
     decoder.sent(b"\x02", "xl", 0.0)
     for name in ("xl", "yl", "xr"):
         decoder.feed(nd("+1.0"), 0.0, name)
@@ -280,7 +282,7 @@ def test_a_key_records_the_next_position_and_none_from_before():
 
 
 def test_a_key_at_a_device_that_speaks_by_itself_takes_the_second_position():
-    decoder = Decoder(parse_profile(STAGE.encode(), "pxpy.toml"))
+    decoder = Decoder(parse_profile(UNCONFIRMED.encode(), "pxpy.toml"))
     decoder.press("key", 0.0)
     assert len(decoder.feed(b"0 0 0 0\n", 0.0)) == 1
     position, record = decoder.feed(b"200 0 0 0\n", 0.0)
@@ -301,7 +303,7 @@ def test_a_press_without_an_answer_or_with_a_bad_one_is_refused():
 
 
 def test_a_key_pressed_again_before_the_answer_records_once():
-    decoder = Decoder(parse_profile(STAGE.encode(), "pxpy.toml"))
+    decoder = Decoder(parse_profile(UNCONFIRMED.encode(), "pxpy.toml"))
     decoder.press("key", 0.0)
     decoder.feed(b"0 0 0 0\n", 0.1)
     decoder.press("key", 0.2)
@@ -316,13 +318,125 @@ def test_a_held_key_records_once():
     decoder = Decoder(load_profile("summagraphics-mm1103"))
     decoder.feed(b"\n", 0.0)
     pressed = b"1000,2000,1\n"
-    kinds = [type(r) for r in decoder.feed(pressed * 3, 0.1)]
-    assert kinds == [Position, Record, Position, Position]
+    # the read-outs before and after the measurement are those of the held key itself
+    kinds = [type(r) for r in decoder.feed(pressed * 5, 0.1)]
+    assert kinds == [Position, Position, Position, Record, Position, Position]
     # after a pause it is another press
-    kinds = [type(r) for r in decoder.feed(pressed * 2, 1.0)]
-    assert kinds == [Position, Record, Position]
-    kinds = [type(r) for r in decoder.feed(b"1000,2000,0\n" + pressed, 1.1)]
-    assert kinds == [Position, Position, Record]
+    kinds = [type(r) for r in decoder.feed(pressed * 3, 1.0)]
+    assert kinds == [Position, Position, Position, Record]
+    kinds = [type(r) for r in decoder.feed(b"1000,2000,0\n" + pressed * 2, 1.1)]
+    assert kinds == [Position, Position, Position, Record]
+
+
+def test_a_key_let_go_too_early_is_told():
+    decoder = Decoder(load_profile("summagraphics-mm1103"))
+    decoder.feed(b"\n" + b"1000,2000,0\n", 0.0)
+    readings = decoder.feed(b"1000,2000,1\n1000,2000,0\n", 0.1)
+    assert readings[-1].reason == "puck was not recorded: it was let go too early"
+
+
+def asked(decoder, text: bytes, now: float) -> list:
+    decoder.sent(decoder.poll_request(), now=now)
+    return decoder.feed(lines(text), now + 0.01)
+
+
+def test_a_press_is_recorded_when_the_read_outs_around_it_agree():
+    decoder = Decoder(CONFIRMED)
+    assert asked(decoder, b"P " + HERE, 0.0) == [PLACE]
+    decoder.press("key", 0.03)
+    assert decoder.waiting
+    # the stage moves on: what lies between is a measurement
+    there, beyond = (HERE.replace(b"+012.3", text) for text in (b"+012.7", b"+012.9"))
+    (position,) = asked(decoder, b"P " + there, 0.04)
+    after, record = asked(decoder, b"P " + beyond, 0.08)
+    assert isinstance(after, Position)
+    assert record == Record(position, "key")
+    assert not decoder.waiting
+
+
+@pytest.mark.parametrize(("digits", "good"), [(b"12.3486", True), (b"12.3487", False)])
+def test_a_measurement_may_differ_by_still_from_what_is_around_it(digits, good):
+    decoder = Decoder(CONFIRMED)
+    asked(decoder, b"P " + HERE, 0.0)
+    decoder.press("key", 0.03)
+    asked(decoder, b"P " + HERE.replace(b"12.3456", digits), 0.04)
+    _, last = asked(decoder, b"P " + HERE, 0.08)
+    assert isinstance(last, Record) is good
+    if not good:
+        assert last.reason == (
+            "key was not recorded: axis xl at 12.3487 mm is not between the read-outs around it "
+            "(12.3456 and 12.3456 mm): press again"
+        )
+
+
+def test_read_outs_far_apart_confirm_nothing():
+    decoder = Decoder(CONFIRMED, speed_limits=False)
+    far = HERE.replace(b"+012.3456", b"+052.3456")
+    between = HERE.replace(b"+012.3456", b"+032.3456")
+    asked(decoder, b"P " + far, 0.0)
+    decoder.feed(lines(b"R 1 1 " + between), 0.03)
+    assert asked(decoder, b"P " + HERE, 0.04) == [PLACE]
+    assert "is not between" in asked(decoder, b"P " + HERE, 0.08)[1].reason
+    # whoever has only just arrived is recorded by the two read-outs after it
+    asked(decoder, b"P " + far, 0.12)
+    decoder.feed(lines(b"R 2 1 " + HERE), 0.15)
+    assert asked(decoder, b"P " + HERE, 0.16) == [PLACE]
+    assert asked(decoder, b"P " + HERE, 0.20) == [PLACE, Record(PLACE, "pedal", 2)]
+
+
+def test_a_record_with_its_position_is_compared_with_the_read_outs_around_it():
+    decoder = Decoder(CONFIRMED)
+    asked(decoder, b"P " + HERE, 0.0)
+    assert decoder.feed(lines(b"R 1 1 " + HERE), 0.03) == []
+    assert asked(decoder, b"P " + HERE, 0.04) == [PLACE, Record(PLACE, "pedal", 1)]
+    assert decoder.feed(lines(b"R 2 1 " + HERE.replace(b"034.56", b"034.46")), 0.07) == []
+    _, refused = asked(decoder, b"P " + HERE, 0.08)
+    assert refused.reason.startswith("pedal was not recorded: axis yl at -34.4678 mm is not")
+    # without read-outs around it nothing can be said
+    (refused,) = decoder.feed(lines(b"R 3 1 " + HERE), 2.0)
+    assert "no read-out came before it" in refused.reason
+    asked(decoder, b"P " + HERE, 2.1)
+    assert decoder.feed(lines(b"R 4 1 " + HERE), 2.2) == []
+    assert refusal(decoder.tick(6.0)) == "pedal was not recorded: no read-out confirmed it"
+
+
+def test_counters_that_jump_are_unreferenced():
+    decoder = Decoder(CONFIRMED)
+    zero = b"+000.0000 +000.0000 +000.0000 +000.0000"
+    asked(decoder, b"P " + HERE, 0.0)
+    # one read-out far away may be damaged
+    assert refusal(asked(decoder, b"P " + zero, 0.04)) == (
+        "axis xl jumped by 12.346 mm: it moves 200 mm/s"
+    )
+    assert asked(decoder, b"P " + HERE, 0.08) == [PLACE]
+    assert decoder.referenced
+    # the box was off and on: its next press bears a number that fits
+    assert "jumped" in refusal(decoder.feed(lines(b"R 1 1 " + zero), 0.1))
+    asked(decoder, b"P " + zero, 0.12)
+    fault, refused = asked(decoder, b"P " + zero, 0.16)
+    assert fault == Fault("jumped", "the counters jumped")
+    assert refused.reason == UNREFERENCED
+    assert not decoder.referenced
+
+
+def test_a_box_that_was_silent_has_not_gone_far():
+    decoder = Decoder(CONFIRMED)
+    far = HERE.replace(b"+012.3456", b"+072.3456")
+    asked(decoder, b"P " + far, 0.0)
+    assert "jumped" in refusal(asked(decoder, b"P " + HERE, 3.0))
+    assert asked(decoder, b"P " + HERE, 3.04)[0].code == "jumped"
+
+
+def test_former_rules_are_kept_for_recorded_sessions():
+    decoder = Decoder(CONFIRMED, rules=1)
+    assert decoder.feed(lines(b"R 7 1 " + HERE), 0.0) == [Record(PLACE, "pedal", 7)]
+    assert refusal(decoder.feed(lines(b"R 5 1 " + HERE), 0.0)) == "record 5 came twice"
+    decoder.sent(b"?\n")
+    decoder.press("key", 1.0)
+    decoder.sent(b"?\n")
+    assert decoder.feed(lines(b"P " + HERE), 1.1) == [PLACE, Record(PLACE, "key")]
+    with pytest.raises(InputError, match="newer version"):
+        Decoder(CONFIRMED, rules=3)
 
 
 def test_two_equal_records_make_one():
@@ -402,6 +516,9 @@ def test_a_machine_with_common_carriage_and_parallax_screws(same_place):
     assert InPosition(None) in readings
     assert readings[-1] == target
     assert same_place(profile, simulator.positions(), target)
+
+
+UNCONFIRMED = STAGE.replace("schema = 1\n", "schema = 1\nconfirm = false\n")
 
 
 def binary(framing: str, pattern: str, send: str, axis: str) -> str:
@@ -494,7 +611,7 @@ def test_device_text_is_made_safe():
 def spoken(profile, count: int = 3) -> tuple[dict[str, list[bytes]], list]:
     """What the simulated device sends for some positions and presses, and what it means."""
     simulator = SimulatedPlotter(profile, {}, hand=Hand(follow=False))
-    decoder = Decoder(profile)
+    decoder = Decoder(replace(profile, confirm=False), speed_limits=False)
     sent: dict[str, list[bytes]] = {name: [] for name in profile.links}
     meant = []
     switch = next((s for s in profile.footswitches.values() if s.source != "key"), None)

@@ -38,17 +38,20 @@ def test_every_key_that_the_loader_knows_is_in_the_guide():
 def test_what_the_sketch_prints_is_understood():
     sketch = block("cpp")
     assert '" %c%03ld.%04ld"' in sketch
-    profile = load_profile("anaplot-ascii")
+    assert "sum & 0x8000 ? sum << 1 ^ 0x1021 : sum << 1) & 0xFFFF" in sketch
+    profile = load_profile("anaplot-ascii-crc")
 
     def say(head: str, steps: list[int]) -> bytes:
         text = head
         for value in (step * 10 for step in steps):
             sign = "-" if value < 0 else "+"
             text += f" {sign}{abs(value) // 10000:03d}.{abs(value) % 10000:04d}"
-        total = 0
+        total = 0xFFFF
         for byte in text.encode():
-            total ^= byte
-        return f"{text}*{total:02X}\n".encode()
+            total ^= byte << 8
+            for _ in range(8):
+                total = (total << 1 ^ 0x1021 if total & 0x8000 else total << 1) & 0xFFFF
+        return f"{text}*{total:04X}\n".encode()
 
     (record,) = Decoder(profile).feed(say("R 1 1", [12345, -1, 0, -150_000]), 0.0)
     assert isinstance(record, Record)

@@ -77,7 +77,7 @@ def test_every_profile_through_a_real_line(tcp, any_profile, photographs, heard,
     switch = next(iter(any_profile.footswitches.values()))
     with (
         served(any_profile, photographs, tcp=tcp, time_scale=2.0) as server,
-        Link(any_profile, server.ports, **heard.callbacks) as link,
+        Link(any_profile, server.ports, speed_limits=False, **heard.callbacks) as link,
     ):
         settled = threading.Event()
         server.simulator.set_on_settled(lambda _: settled.set())
@@ -408,7 +408,7 @@ def test_a_pedal_on_a_modem_line_and_a_port_without_descriptor(heard, monkeypatc
         heard.wait(lambda: ("press", "pedal") in heard.told)
         device.write(b"1 2\n")
         heard.wait(lambda: heard.of(Position))
-        device.write(b"3 4\n")
+        device.write(b"3 4\n3 4\n")
         heard.wait(lambda: heard.of(Record))
         assert heard.of(Record) == [Record(Position(3.0, 4.0, 3.0, 4.0), "pedal")]
         assert heard.told == [("press", "pedal")]
@@ -455,6 +455,8 @@ def test_an_answer_that_came_while_nobody_looked_is_not_that_to_the_next_request
             while link.now() < asked + 0.3:
                 threading.Event().wait(0.05)
             go_on.set()
+            assert os.read(master, 1) == b"?"
+            os.write(master, b"3 4\n")
             assert os.read(master, 1) == b"?"
             os.write(master, b"3 4\n")
             heard.wait(lambda: heard.of(Record))

@@ -29,6 +29,7 @@ from anaplot.station.automatic import AutomaticOperator  # noqa: E402
 from anaplot.station.demo import Demo  # noqa: E402
 from anaplot.station.station import Station  # noqa: E402
 
+CONFIRMED = ("anaplot-ascii", "heidenhain-nd281b", "summagraphics-mm1201")
 TABLET = "summagraphics-mm1103"
 PARALLAX = {("102", "103", "103-2"): Offsets(dyr=0.2)}
 WRONG = {("101", "102", "102-2"): Offsets(dyr=0.15)}
@@ -131,6 +132,8 @@ def torn(folder: Path) -> str:
 def recorders() -> dict[str, Recorder]:
     """Return all recordings by name."""
     out: dict[str, Recorder] = {f"profile-{p}": on_a_profile(p) for p in find_profiles()}
+    # measured by the rules of today, which the first of these sessions were not
+    out |= {f"confirmed-{p}": on_a_profile(p) for p in CONFIRMED}
     out |= {f"fault-{fault}": through_a_fault(fault) for fault in FAULTS}
     out |= {"fiducials": with_fiducials, "changes": with_changes, "torn-tail": torn}
     return out

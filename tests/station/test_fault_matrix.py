@@ -37,7 +37,9 @@ def quick_profile(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-
     def path(profile: str) -> str:
         text = load_profile(profile).text
         file = folder / f"{profile}.toml"
-        file.write_text(text.replace("[poll]\n", "[poll]\nlatency = 0.6\n"))
+        if "latency =" not in text.partition("[simulate]")[0]:
+            text = text.replace("[poll]\n", "[poll]\nlatency = 0.6\n")
+        file.write_text(text)
         return str(file)
 
     return path
