@@ -33,6 +33,8 @@ __all__ = [
 ]
 
 _POSITION_PERIOD = 0.1
+_CROWDED = 200  # lines waiting, from which on positions and bytes are left out
+_FULL = 2000  # lines waiting, from which on the port is read no further
 _ATTENDED: dict[str, Side | None] = {"left": "left", "right": "right", "points": None}
 _LOOKS_FOR = {
     "left": "fiducials of the left photograph",
@@ -217,13 +219,15 @@ def watch(
             if now - shown[0] < _POSITION_PERIOD:
                 return
             shown[0] = now
+            if lines.qsize() >= _CROWDED:
+                return
         lines.put(describe(reading))
 
     def on_state(state: LinkState, detail: str) -> None:
         lines.put(f"link      {state}{': ' if detail else ''}{detail}")
 
     def on_traffic(direction: str, link: str, data: bytes) -> None:
-        if raw:
+        if raw and lines.qsize() < _CROWDED:
             lines.put(f"{direction:9} {link}: {safe_text(data, 400)}")
 
     link = Link(
@@ -232,6 +236,8 @@ def watch(
         on_reading=on_reading,
         on_state=on_state,
         on_traffic=on_traffic,
+        # behind a pager that stands still nothing is read on
+        room=lambda: lines.qsize() < _FULL,
     )
     end = None if seconds is None else time.monotonic() + seconds
     with link:
@@ -245,7 +251,8 @@ def watch(
                 except queue.Empty:
                     continue
         except KeyboardInterrupt:
-            pass
+            # nobody reads on: what is left may have nowhere to go
+            return 0
     while not lines.empty():
         out.write(lines.get() + "\n")
     return 0

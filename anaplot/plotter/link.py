@@ -11,6 +11,7 @@ from typing import Literal
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.readings import InPosition, Position, Reading, Record
+from anaplot.plotter.refusalcount import RefusalCount
 from anaplot.plotter.schema import Footswitch, Profile
 from anaplot.plotter.serialport import SerialPort, find_port, identity_of
 from anaplot.plotter.text import safe_text
@@ -22,6 +23,7 @@ Traffic = Callable[[Literal["in", "out"], str, bytes], None]
 DecoderEvent = Callable[[Literal["press", "reopen", "reference", "confirm"], str], None]
 
 _TICK = 0.1
+_CROWDED = 0.01
 _MODEM_TICK = 0.01
 _BACK_OFF = (0.25, 0.5, 1.0, 2.0, 4.0)
 _JOIN = 10.0
@@ -53,6 +55,9 @@ class Link:
         Waits [s] before the attempts to reopen a lost port; the last one repeats.
     speed_limits
         Whether counters that move faster than an axis' `fastest` have lost their reference.
+    room
+        Asked before each reading of a port, from its thread and without any lock held: while it
+        says no, nothing is read, and what the device sends waits in the line.
 
     Notes
     -----
@@ -72,6 +77,7 @@ class Link:
         clock: Callable[[], float] = time.monotonic,
         back_off: tuple[float, ...] = _BACK_OFF,
         speed_limits: bool = True,
+        room: Callable[[], bool] | None = None,
     ) -> None:
         self._profile = profile
         self._addresses = _addresses(profile, ports)
@@ -82,6 +88,8 @@ class Link:
         self._clock = clock
         self._back_off = back_off
         self._speed_limits = speed_limits
+        self._room = room
+        self._refusals = RefusalCount()
         self._decoder = Decoder(profile, speed_limits=speed_limits)
         self._lock = threading.RLock()
         self._stop = threading.Event()
@@ -441,6 +449,11 @@ class Link:
                 self._ask(line)
         return min(wait, _TICK)
 
+    def wait_for_room(self) -> None:
+        """Wait until whoever listens has room for more, or the link is closed."""
+        while self._room is not None and not self._room() and not self._stop.is_set():
+            self._stop.wait(_CROWDED)
+
     @property
     def settling(self) -> bool:
         """Whether the device is not asked until late answers have come."""
@@ -489,7 +502,7 @@ class Link:
                 self._latest = (reading, now)
             elif isinstance(reading, Record | InPosition) and reading.position is not None:
                 self._latest = (reading.position, now)
-        for reading in readings:
+        for reading in self._refusals.sift(readings, now):
             self._on_reading(reading)
 
     def _refresh(self) -> None:
@@ -601,6 +614,7 @@ class _Line:
             wait = self.link.poll_if_due()
             if self._switches:
                 wait = min(wait, _MODEM_TICK)
+            self.link.wait_for_room()
             data = self.port.read(min(wait, _TICK))
             if self.link.stopping.is_set():
                 return

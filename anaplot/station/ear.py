@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from anaplot.plotter.readings import Reading
+from anaplot.plotter.readings import Position, Reading
 from anaplot.plotter.simulator import HandSettled
 
 __all__ = ["Ear", "End", "Heard", "LinkChange", "Told", "Traffic", "WarmUp"]
@@ -52,8 +52,16 @@ class WarmUp:
 Heard = WarmUp | Reading | Traffic | Told | LinkChange | HandSettled | End
 
 
+_CROWDED = 200  # items waiting, from which on positions are left out: others will follow
+_FULL = 2000  # items waiting, from which on the line is read no further
+
+
 class Ear:
-    """Hears the plotter on whatever thread and puts everything into one queue, in order."""
+    """Hears the plotter on whatever thread and puts everything into one queue, in order.
+
+    The queue is bounded: when much is waiting, positions are left out, and then the line is not
+    read (`room`). Records are never left out.
+    """
 
     def __init__(self) -> None:
         self.items: queue.SimpleQueue[Heard] = queue.SimpleQueue()
@@ -62,7 +70,13 @@ class Ear:
 
     def on_reading(self, reading: Reading) -> None:
         """Take a decoded reading."""
+        if isinstance(reading, Position) and self.items.qsize() >= _CROWDED:
+            return
         self.items.put(reading)
+
+    def room(self) -> bool:
+        """Whether the line may be read on."""
+        return self.items.qsize() < _FULL
 
     def on_link_state(self, state: str, detail: str) -> None:
         """Take the new state of the link."""

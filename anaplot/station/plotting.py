@@ -29,6 +29,9 @@ class Listener(Protocol):
     def on_reading(self, reading: Reading) -> None:
         """Take a decoded reading."""
 
+    def room(self) -> bool:
+        """Whether more can be taken; while not, the line is not read."""
+
     def on_link_state(self, state: str, detail: str) -> None:
         """Take the new state of the link."""
 
@@ -156,6 +159,7 @@ class Plotting:
             on_decoder=listener.on_decoder,
             # simulated hands move plates at once, and simulated time may run faster
             speed_limits=not self.simulated,
+            room=listener.room,
         )
 
     @property
