@@ -144,6 +144,8 @@ class HeaderPanel(_Lines):
             parts += [(fit(link.profile + port, min(cell_len(plain(link.profile + port)), 40)), "")]
             parts += [(" ", "")]
         parts.append((plain(state), "$text-success" if good else "bold reverse $text-error"))
+        if link.parity_unchecked:
+            parts += [(" ", ""), ("parity not checked" if wide else "no parity", "$text-warning")]
         return parts
 
     def _figures(self, wide: bool) -> list[Part]:

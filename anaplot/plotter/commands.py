@@ -24,6 +24,7 @@ from anaplot.plotter.text import safe_text
 from anaplot.plotter.tomltable import nearest
 
 __all__ = [
+    "UNCHECKED",
     "check_profile",
     "grid_photographs",
     "list_instruments",
@@ -32,6 +33,7 @@ __all__ = [
     "watch",
 ]
 
+UNCHECKED = "parity is not checked by this line"
 _POSITION_PERIOD = 0.1
 _CROWDED = 200  # lines waiting, from which on positions and bytes are left out
 _FULL = 2000  # lines waiting, from which on the port is read no further
@@ -241,6 +243,8 @@ def watch(
     )
     end = None if seconds is None else time.monotonic() + seconds
     with link:
+        if unchecked := link.unchecked_parity:
+            lines.put(f"link      {', '.join(unchecked)}: {UNCHECKED}")
         try:
             while not (stop is not None and stop.is_set()):
                 if end is not None and time.monotonic() >= end:

@@ -211,6 +211,12 @@ class Link:
         with self._lock:
             return {name: line.identity for name, line in self._lines.items()}
 
+    @property
+    def unchecked_parity(self) -> tuple[str, ...]:
+        """Links whose profile has a parity that their ports do not check."""
+        with self._lock:
+            return tuple(n for n, line in self._lines.items() if not line.port.checks_parity)
+
     def latest(self) -> tuple[Position, float] | None:
         """Return the latest valid position and its age [s], or None before the first."""
         latest = self._latest

@@ -213,6 +213,7 @@ class SerialPort:
         self._close_lock = threading.Lock()
         self._closed = False
         self._marks: ParityMarks | None = None
+        self._parity = settings.parity
         self._serial: Any = None
         self._selector: selectors.BaseSelector | None = None
         self._wake: tuple[int, int] | None = None
@@ -267,6 +268,14 @@ class SerialPort:
         attributes[0] &= ~termios.IGNPAR
         termios.tcsetattr(self._serial.fileno(), termios.TCSANOW, attributes)
         self._marks = ParityMarks()
+
+    @property
+    def checks_parity(self) -> bool:
+        """Whether a byte with wrong parity is noticed; true of a line without parity.
+
+        A network adapter and a pseudo-terminal do not say, nor do some systems.
+        """
+        return self._parity == "none" or self._marks is not None
 
     def _is_pty(self) -> bool:
         return _is_pseudo_terminal(str(self._serial.port))

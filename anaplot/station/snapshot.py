@@ -37,6 +37,8 @@ class LinkView:
         Whether the plotter is a simulated one.
     detail
         The last fault or reason, one line, already made safe for display.
+    parity_unchecked
+        Whether the profile has a parity that the line does not check.
     """
 
     state: str
@@ -44,6 +46,7 @@ class LinkView:
     port: str = ""
     simulated: bool = False
     detail: str = ""
+    parity_unchecked: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@ from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import InnerRow
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.planning.modelplan import Candidates
+from anaplot.plotter.commands import UNCHECKED
 from anaplot.plotter.decoder import UNREFERENCED
 from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
 from anaplot.plotter.simulator import HandSettled, fiducial_name, monocular_name
@@ -208,6 +209,9 @@ class Station:
                 counting_on = not (self._plotting.profile.incremental and known)
                 # counters may have been off since: nothing they say is believed unchecked
                 self._plotting.open(referenced=counting_on)
+                if not self._plotting.simulated and self._plotting.link.unchecked_parity:
+                    self._link = replace(self._link, parity_unchecked=True)
+                    self._tell("warning", UNCHECKED)
                 self._lay()
             undo.pop_all()
         self._watch.tell(self._block, self._state, self._outlook, self._of_session)

@@ -297,6 +297,19 @@ def test_a_link_whose_callback_fails_does_not_look_alive(simulated, photographs,
             assert link.detail == "the reader has failed"
 
 
+@pytest.mark.parametrize("tcp", [False, True], ids=["pty", "socket"])
+def test_a_line_that_does_not_check_parity_says_so(tcp, simulated, photographs, heard):
+    for profile, unchecked in [
+        (load_profile("heidenhain-nd720"), ("main",)),
+        (simulated, ()),
+    ]:
+        with (
+            served(profile, photographs, tcp=tcp) as server,
+            Link(profile, server.port, **heard.callbacks) as link,
+        ):
+            assert link.unchecked_parity == unchecked
+
+
 def test_ports_belong_to_links(simulated, heard):
     four = load_profile("heidenhain-nd281b")
     with pytest.raises(InputError, match="needs a port for each of its links: xl, yl, xr, yr"):
