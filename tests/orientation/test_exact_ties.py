@@ -19,9 +19,10 @@ from flightscene import (
 
 from anaplot.adjustment.significance import noncentrality
 from anaplot.orientation.diagnosis import diagnose
+from anaplot.orientation.grosserrors import model_gross_errors
 from anaplot.orientation.model import orient
 from anaplot.orientation.patterns import pattern
-from anaplot.orientation.residuals import residual_system
+from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip, pooled_sigma_um, stereopair
 from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
@@ -333,3 +334,35 @@ def test_a_row_that_serves_two_models_counts_as_one_measurement(again):
     for model, other in zip(models, expected, strict=True):
         by_name = {row.key: row.expd_um for row in other.table}
         assert {row.key: row.expd_um for row in model.table} == pytest.approx(by_name, rel=1e-9)
+
+
+def test_rows_from_outside_are_those_of_the_solution():
+    models, pair = noisy_models("abcde")
+    solution = models[-1]
+    own, seen = residual_system(solution), residuals_at(pair, EXACT, solution)
+    assert seen.keys == own.names
+    assert seen.system.redundancy == own.redundancy
+    assert seen.system.vtpv == pytest.approx(own.vtpv, rel=1e-6)
+    assert seen.system.e == pytest.approx(own.e, abs=1e-6)
+    assert seen.system.matrix == pytest.approx(own.matrix, abs=1e-8)
+    assert own.vtpv == pytest.approx(solution.redundancy * (solution.sigma0_um / 5.0) ** 2)
+    assert ((own.r > 0.0) & (own.r < 1.0)).all()
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "search", "danish", "odds"])
+def test_strategies_reject_the_erroneous_row_of_correlated_ones(strategy):
+    rejected = 0
+    for seed in range(3):
+        flight = fly(seed, photos=4, tilt=2.0, kappa=0.0)
+        before = None
+        for k in range(3):
+            points = [f"{i}{p}" for i in (k, k + 1) for p in ("a", "c", "d")] + [f"{k}ma", f"{k}mc"]
+            pair = pair_of(flight, k, before, points=points, base=70.0)
+            before = orient(pair, EXACT, BAARDA)
+        for row in before.table[::3]:
+            cleaned = model_gross_errors(
+                spoiled(pair, row.point, row.axis, 0.3), EXACT, BAARDA, strategy
+            )
+            assert [(one.point, one.axis) for one in cleaned.rejected] == [row.key]
+            rejected += 1
+    assert rejected > 10
