@@ -16,6 +16,7 @@ from anaplot.bundle.approximate import approximate_ways, laid_onto_control, rest
 from anaplot.bundle.datum import check_datum, datum_change
 from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum
 from anaplot.bundle.normal import State, Structure, linearise, make_structure, objective
+from anaplot.bundle.openmovement import held_by_noise
 from anaplot.bundle.problem import Datum, Problem, make_problem
 from anaplot.bundle.reliability import compute_cofactors
 from anaplot.bundle.robust import RobustState, no_minimum, robust_state, robust_suspects
@@ -27,6 +28,7 @@ __all__ = ["adjust_block", "adjust_bundle", "adjust_problem", "evaluate", "with_
 Progress = Callable[[str, float], None]
 
 _FITS = 4.0  # sigma0 up to which a minimum is not held against others
+_SOFT = 1e-8  # pivot over diagonal below which a minimum may hang on rounding or noise
 _TORN = 50.0  # sigma0 above which a robust solution is asked for the culprit
 
 
@@ -119,12 +121,17 @@ def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State
     best: Found | None = None
     closest: _Closest | None = None
     failure: NotComputableError | None = None
+    reached: State | None = None
+    least = float("inf")
 
     def minimum(at: State, structure: Structure) -> Found | None:
-        nonlocal best, failure
+        nonlocal best, failure, reached, least
         try:
             found = find_minimum(problem, at, structure, progress=progress)
-        except NoConvergenceError:
+        except NoConvergenceError as error:
+            value = objective(problem, error.state)[0]
+            if value < least:
+                reached, least = error.state, value
             return None
         except NotComputableError as error:
             failure = failure or error
@@ -189,15 +196,44 @@ def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State
         if explained and not missed:
             break
     if best is not None:
-        return best, None if closest is None else closest.solution.state
+        seen_from = None if closest is None else closest.solution.state
+        soft = best.convergence.damped > 0 or best.factor.smallest < _SOFT
+        if soft or not _fits(problem, best):
+            _check_held(problem, best, seen_from)
+        if closest is not None and _bent(problem, best, closest.solution):
+            raise no_minimum(problem, closest.structure, closest.solution.state, best.state)
+        return best, seen_from
     if closest is not None:
-        raise no_minimum(problem, closest.structure, closest.solution.state)
+        raise no_minimum(problem, closest.structure, closest.solution.state, reached)
     if failure is None:
         failure = NotComputableError(
             f"block {problem.block.name}: no approximate values found: the measurements "
             "contradict each other"
         )
     raise failure
+
+
+def _bent(problem: Problem, found: Found, solution: RobustState) -> bool:
+    """Whether a few wild measurements have bent everything else out of shape.
+
+    The search then went round corners to a minimum that says nothing of the block, while elsewhere
+    most measurements agree much better. Where sigmas are too small, they do not.
+    """
+    scale = max(solution.misfit / float(np.median(problem.sigma)), 1.0)
+    torn = found.convergence.last > (_TORN * scale) ** 2 * max(problem.redundancy, 1)
+    return torn and found.convergence.damped > 0
+
+
+def _check_held(problem: Problem, found: Found, other: State | None) -> None:
+    """Raise NoConvergenceError where nothing but errors makes a minimum.
+
+    Measurements without error would leave something open there. Gross errors may hide it: it is
+    looked for at the minimum, and where they have lost their pull (or where the search began).
+    """
+    for at in (found.state,) if other is None else (other, found.state):
+        by_noise = held_by_noise(problem, found.normal.structure, at)
+        if by_noise is not None:
+            raise NoConvergenceError(by_noise, at)
 
 
 class _Closest(NamedTuple):
@@ -274,6 +310,8 @@ def adjust_bundle(
         if not objective(problem, start)[0] < float("inf"):
             raise
         raise no_minimum(problem, structure, start, error.state) from error
+    if found.convergence.damped or found.factor.smallest < _SOFT:
+        _check_held(problem, found, start if robust is None else robust)
     return evaluate(problem, found, robust=robust, progress=progress)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -16,12 +17,16 @@ from anaplot.bundle.normal import (
     PointError,
     State,
     Structure,
+    Unknowns,
+    effect,
     linearise,
     move,
     objective,
+    rounding,
 )
 from anaplot.bundle.openmovement import undetermined
 from anaplot.bundle.problem import Problem
+from anaplot.bundle.reintersect import reintersected
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -36,8 +41,13 @@ __all__ = [
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-MAX_ITERATIONS = 60
+MAX_ITERATIONS = 200
 _CONVERGED = 1e-13  # of n: squared change of the whitened residuals in the last step
+_LEAST = 1e-9  # damping below which there is none
+_FADE = 0.1  # of the damping is left, at least, after a step as good as foreseen
+_STRAINED = 0.25  # of what was foreseen: a step that brings less has strained the points
+_STANDS = 1e-6  # of v'Pv: a step that brings less, while something is left open
+_HARDLY = 1e-6  # damping that holds nothing but what is left open
 _BEHIND = 1e2  # damping from which a step may put a point behind its photo
 _RUNAWAY = 1e12  # damping at which no step downhill is left
 
@@ -97,8 +107,10 @@ def find_minimum(
 ) -> Found:
     """Minimise v'Pv by damped Gauss-Newton steps (Levenberg and Marquardt).
 
-    A step is full until one would increase v'Pv or put more points behind their photos; the
-    damping then grows until the step goes downhill, and fades as steps succeed.
+    A step is full until one would increase v'Pv or put more points behind their photos. Where a
+    step brings much less than foreseen, the points are intersected again from its photos; where
+    that does not help, damping grows, and it fades by the gain ratio as steps succeed (Nielsen
+    1999, eq. 2.9).
 
     Parameters
     ----------
@@ -126,10 +138,14 @@ def find_minimum(
     first, behind = value, int((depth <= 0.0).sum())
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
-    damping, accepted, damped = 0.0, 0, 0
-    tolerance = _CONVERGED * max(problem.observations, 1)
+    damping, growth, accepted, damped = 0.0, 2.0, 0, 0
     while accepted < limit:
         linear = linearise(problem, state)
+        # what rounding does to the sum cannot be told from a step
+        noise = rounding(problem, state, depth)
+        tolerance = max(_CONVERGED * problem.observations, noise)
+        slack = 2.0 * sqrt(value * noise) + noise
+        open_here = False
         while True:
             if progress is not None:
                 progress(f"iteration {accepted + 1}", 0.0)
@@ -138,26 +154,69 @@ def find_minimum(
                 dx, change = step
                 trial = move(problem, state, *dx)
                 new_value, depth = objective(problem, trial)
-                new_behind = int((depth <= 0.0).sum())
                 done = change <= tolerance
-                # at the minimum rounding alone moves the sum, all of it when there is no error
-                settled = done and new_value <= 1.5 * value + 1e-12
-                downhill = new_value <= value
-                if settled or (downhill and (new_behind <= behind or damping > _BEHIND)):
+                if not done and not value - new_value > _STRAINED * change:
+                    trial = reintersected(problem, trial)
+                    new_value, depth = objective(problem, trial)
+                new_behind = int((depth <= 0.0).sum())
+                downhill = new_value <= value + (slack if done else 0.0)
+                if downhill and (done or new_behind <= behind or damping > _BEHIND):
                     break
             damped += 1
-            damping = max(10.0 * damping, 1e-4)
+            if step is None and damping == 0.0:
+                open_here = True
+            damping, growth = max(damping * growth, _LEAST), 2.0 * growth
             if damping > _RUNAWAY:
-                raise NoConvergenceError(f"block {problem.block.name}: no solution found", state)
+                raise NoConvergenceError(_ended(problem, value, accepted), state)
+        fallen = value - new_value
+        gain = fallen / _foreseen(problem, linear, dx) if change > 0.0 else 1.0
         state, value, behind = trial, new_value, new_behind
         accepted += 1
         if done and damping == 0.0:
             if problem.defect:
                 state = relocate(problem, start, state)
             return _closed(problem, structure, state, accepted, damped, first)
+        if open_here and damping < _HARDLY and fallen < _STANDS * value:
+            # what nothing determines runs away, the farther the better: there is no minimum
+            raise NoConvergenceError(str(_open_part(problem, structure, state)), state)
+        # Nielsen (1999): as good as foreseen, and the damping falls to a third or less
+        damping *= max(_FADE, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3)
+        growth = 2.0
         # a step that hardly moves is only believed without damping
-        damping = 0.0 if damping < 1e-3 or done else damping * 0.1
-    raise NoConvergenceError(f"block {problem.block.name}: no solution found", state)
+        damping = 0.0 if damping < _LEAST or done else damping
+    raise NoConvergenceError(_ended(problem, value, accepted), state)
+
+
+def _ended(problem: Problem, value: float, steps: int) -> str:
+    """Say that no minimum was reached, and how far it got."""
+    sigma0 = sqrt(value / max(problem.redundancy, 1))
+    return (
+        f"block {problem.block.name}: no minimum was reached in {steps} steps; the best state has "
+        f"sigma0 {sigma0:.3g}"
+    )
+
+
+def _open_part(problem: Problem, structure: Structure, state: State) -> NotComputableError:
+    """Return what is to be said where the full step cannot be solved for."""
+    try:
+        equations_at(problem, structure, state)
+    except NotComputableError as error:
+        return error
+    return NotComputableError(f"block {problem.block.name}: nearly not determined")
+
+
+def _foreseen(problem: Problem, linear: Linearised, dx: Unknowns) -> float:
+    """Return what v'Pv would fall by if the observations were linear."""
+    moved = effect(problem, linear, dx)
+    pairs = (
+        (linear.e, moved.e),
+        (linear.point_e, moved.point_e),
+        (linear.photo_e, moved.photo_e),
+        (linear.own_e, moved.own_e),
+        (linear.shared_e, moved.shared_e),
+    )
+    along = sum(float(np.vdot(e, change)) for e, change in pairs)
+    return max(-2.0 * along - moved.vtpv, np.finfo(float).tiny)
 
 
 def damped_step(

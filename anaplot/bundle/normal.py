@@ -12,7 +12,7 @@ Points are taken in groups of equal numbers of rays, all points of a group at on
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from scipy import sparse
 
 from anaplot.bundle.dissection import dissect
 from anaplot.bundle.factor import Factor, Pattern, make_pattern
+from anaplot.bundle.pointroots import PointError, inverse_roots
 from anaplot.bundle.problem import Group, Problem
 from anaplot.photogrammetry.collinearity import project, project_with_derivatives, turns
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
@@ -30,32 +31,21 @@ __all__ = [
     "PointError",
     "State",
     "Structure",
+    "Unknowns",
+    "effect",
     "image_misclosures",
     "linearise",
     "make_structure",
     "move",
     "objective",
+    "rounding",
 ]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Unknowns = tuple[Array, Array, Array]  # of photos (n, d), of points (p, 3), shared (g,)
 
 _CHUNK = 40_000_000  # bytes of the largest temporary array
-_FLATTEST = 1e-12  # pivot over diagonal below which a point is not determined
-
-
-class PointError(ArithmeticError):
-    """The rays of points do not meet at an angle.
-
-    Attributes
-    ----------
-    points
-        Their indices.
-    """
-
-    def __init__(self, points: Index) -> None:
-        self.points = points
-        super().__init__(f"{len(points)} points are not determined")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -363,6 +353,46 @@ def linearise(problem: Problem, state: State) -> Linearised:
     )
 
 
+def effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearised:
+    """Return what changes of the unknowns do to every observation, in place of the misclosures."""
+    photos, points, shared = unknowns
+    e = np.einsum("mij,mj->mi", linear.a, photos[problem.photo])
+    e += np.einsum("mij,mj->mi", linear.b, points[problem.point])
+    if len(shared):
+        of_ray = shared.reshape(-1, linear.h.shape[2])[problem.additional_group]
+        e += np.einsum("mij,mj->mi", linear.h, of_ray)
+    return replace(
+        linear,
+        e=e,
+        point_e=np.sqrt(linear.point_weight) * points,
+        photo_e=np.einsum("nij,nj->ni", linear.photo_rows, photos),
+        own_e=np.sqrt(linear.own_weight) * photos[:, 6:],
+        shared_e=np.sqrt(linear.shared_weight) * shared,
+    )
+
+
+def rounding(problem: Problem, state: State, depth: Array) -> float:
+    """Return the squared norm of what rounding does to the misclosures, in a-priori sigmas.
+
+    Parameters
+    ----------
+    problem, state
+        The bundle, and where it is evaluated.
+    depth
+        (m,) of the rays there [m].
+    """
+    away = np.abs(state.points).max(axis=1)[problem.point]
+    away = away + np.abs(state.centres).max(axis=1)[problem.photo]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        image = problem.c[problem.photo] * (1.0 + away / np.abs(depth))
+        size = (image + np.abs(problem.xy).max(axis=1)) / problem.sigma_xy.min(axis=1)
+        of_points = np.abs(state.points) / problem.known_sigma
+        of_photos = np.abs(state.centres) / problem.position_sigma
+    total = 2.0 * float(np.vdot(size, size))
+    total += float(np.nansum(of_points**2)) + float(np.nansum(of_photos**2))
+    return total * float(np.finfo(np.float64).eps) ** 2
+
+
 def move(problem: Problem, state: State, photos: Array, points: Array, shared: Array) -> State:
     """Add corrections: (photos, d), (points, 3) and (g,)."""
     return State(
@@ -373,34 +403,6 @@ def move(problem: Problem, state: State, photos: Array, points: Array, shared: A
         shared=state.shared + shared,
         origin=state.origin,
     )
-
-
-def _lower3(v: Array, fixed: NDArray[np.bool_]) -> Array:
-    """(n, 3, 3) inverses of the lower Cholesky factors; rows of fixed coordinates are zero."""
-    out = np.zeros_like(v)
-    l00 = np.sqrt(v[:, 0, 0])
-    l10 = v[:, 1, 0] / l00
-    l20 = v[:, 2, 0] / l00
-    p1 = v[:, 1, 1] - l10**2
-    l11 = np.sqrt(np.maximum(p1, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        l21 = (v[:, 2, 1] - l20 * l10) / l11
-        p2 = v[:, 2, 2] - l20**2 - l21**2
-        l22 = np.sqrt(np.maximum(p2, 0.0))
-        bad = ~((p1 > _FLATTEST * v[:, 1, 1]) & (p2 > _FLATTEST * v[:, 2, 2]))
-        if bad.any():
-            raise PointError(np.nonzero(bad)[0])
-        out[:, 0, 0] = 1.0 / l00
-        out[:, 1, 1] = 1.0 / l11
-        out[:, 2, 2] = 1.0 / l22
-        out[:, 1, 0] = -l10 * out[:, 0, 0] * out[:, 1, 1]
-        out[:, 2, 1] = -l21 * out[:, 1, 1] * out[:, 2, 2]
-        out[:, 2, 0] = -(l20 * out[:, 0, 0] + l21 * out[:, 1, 0]) * out[:, 2, 2]
-    if fixed.any():
-        # a fixed coordinate stands on a diagonal of 1 with nothing beside it
-        point, axis = np.nonzero(fixed)
-        out[point, axis, axis] = 0.0
-    return out
 
 
 class NormalEquations:
@@ -474,14 +476,9 @@ class NormalEquations:
             rays, points = piece.rays, piece.points
             bp = b[rays]
             stacked = bp.reshape(count, 2 * k, 3)
-            v = np.matmul(stacked.transpose(0, 2, 1), stacked)
             fixed = problem.fixed[points]
-            v_diagonal = np.einsum("nii->ni", v)
-            v_diagonal += linear.point_weight[points]
-            v_diagonal *= grow
-            v_diagonal[fixed] = 1.0
             try:
-                root = _lower3(v, fixed)
+                root = inverse_roots(stacked, linear.point_weight[points], grow, fixed)
             except PointError as error:
                 raise PointError(error.points + points.start) from None
             self.inverse_root[points] = root

@@ -24,6 +24,8 @@ from anaplot.bundle.normal import (
     PointError,
     State,
     Structure,
+    Unknowns,
+    effect,
     linearise,
     move,
 )
@@ -33,13 +35,13 @@ from anaplot.errors import NotComputableError
 __all__ = ["held_by_noise", "undetermined"]
 
 Array = NDArray[np.float64]
-Unknowns = tuple[Array, Array, Array]
 
 _ITERATIONS = 4
 _MOVES = 0.2  # of the largest movement: a photo that moves less is not named
 _WEAKEST = 8  # movements that are looked at
 _NOISES = 4  # realisations of noise
 _NOISE = 0.1  # of a movement's resistance that changes with noise: all of it may be noise
+_APART = 0.2  # of what noise does to the movements left open: to the others it does less
 _MOST = 10.0  # sigmas that errors spoil the geometry by, at most: larger ones lose their pull
 _FAR = 20.0  # sigmas that a photo's rays are off in the median: it lies nowhere near its place
 
@@ -112,6 +114,10 @@ def held_by_noise(problem: Problem, structure: Structure, state: State) -> str |
         return None
     loose = np.flatnonzero(by_noise > _NOISE)
     if len(loose) == 0:
+        return None
+    # a weak network is soft in all its movements, and held by its geometry all the same
+    others = np.delete(by_noise, loose)
+    if others.max(initial=0.0) > _APART * by_noise[loose].min() or len(others) == 0:
         return None
     share = np.max([_share(found.size[:, :, k]) for k in loose], axis=0)
     off = np.linalg.norm(linear.e, axis=1)
@@ -214,7 +220,7 @@ def _by_noise(
         Of the measurements, in a-priori sigmas.
     """
     problem, linear = normal.problem, normal.linear
-    resistance = [_effect(problem, linear, movement) for movement in found.unknowns]
+    resistance = [effect(problem, linear, movement) for movement in found.unknowns]
     changed = np.zeros(len(resistance))
     rng = np.random.default_rng(2)
     for _ in range(_NOISES):
@@ -225,7 +231,7 @@ def _by_noise(
                 part -= amount * own
         there = linearise(problem, move(problem, state, moved[0], moved[1], moved[2]))
         for k, movement in enumerate(found.unknowns):
-            change = _less(_effect(problem, there, movement), resistance[k])
+            change = _less(effect(problem, there, movement), resistance[k])
             # what the other unknowns take up resists nothing
             right = normal.gradient(change)
             taken = zip(right, _solved(normal, factor, right), strict=True)
@@ -239,24 +245,6 @@ def _solved(normal: NormalEquations, factor: Factor, right: Unknowns) -> Unknown
         factor, right[0][:, :, None], right[1][:, :, None], right[2][:, None]
     )
     return photos[:, :, 0], points[:, :, 0], shared[:, 0]
-
-
-def _effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearised:
-    """Return what the unknowns do to every observation, in place of the misclosures."""
-    photos, points, shared = unknowns
-    e = np.einsum("mij,mj->mi", linear.a, photos[problem.photo])
-    e += np.einsum("mij,mj->mi", linear.b, points[problem.point])
-    if len(shared):
-        of_ray = shared.reshape(-1, linear.h.shape[2])[problem.additional_group]
-        e += np.einsum("mij,mj->mi", linear.h, of_ray)
-    return replace(
-        linear,
-        e=e,
-        point_e=np.sqrt(linear.point_weight) * points,
-        photo_e=np.einsum("nij,nj->ni", linear.photo_rows, photos),
-        own_e=np.sqrt(linear.own_weight) * photos[:, 6:],
-        shared_e=np.sqrt(linear.shared_weight) * shared,
-    )
 
 
 def _less(one: Linearised, other: Linearised) -> Linearised:

@@ -13,6 +13,7 @@ from anaplot.bundle.datum import anchor
 from anaplot.bundle.factor import NotPositiveError
 from anaplot.bundle.minimum import NoConvergenceError, damped_step
 from anaplot.bundle.normal import (
+    Linearised,
     NormalEquations,
     PointError,
     State,
@@ -50,14 +51,15 @@ def no_minimum(
     """Return the error that says why `find_minimum` finds nothing.
 
     It names what is not determined, or only by the noise of the measurements; else the observations
-    farthest from a robust solution.
+    farthest from a robust solution. How good the best state is, what fits worst there and what to
+    try is said with it.
 
     Parameters
     ----------
     problem, structure, start
         As `find_minimum` had them.
     state
-        Where it ended; None: at the start.
+        The best that it reached; None: the start.
     """
     clearest = _clearest(problem, structure, start, _STEPS)
     # where gross errors have bent the start, it is seen without them
@@ -67,7 +69,8 @@ def no_minimum(
             # not final: without what is far off there may be a minimum all the same
             return NoConvergenceError(by_noise, start)
     tie = anchor(problem, start) if problem.defect else None
-    linear = linearise(problem, start if state is None else state)
+    best = start if state is None else state
+    linear = linearise(problem, best)
     open_part: NotComputableError | None = None
     try:
         weights = None if tie is None else tie.weights
@@ -77,11 +80,33 @@ def no_minimum(
     worst = _suspects(problem, clearest)
     if not worst and open_part is not None:
         return open_part
-    advice = ""
+    said = [f"block {problem.block.name}: no solution found"]
     if worst:
         others = "".join(f"; then {suspect.what}" for suspect in worst[1:3])
-        advice = f": {worst[0].what} disagrees by {worst[0].size} with all others{others}"
-    return NoConvergenceError(f"block {problem.block.name}: no solution found{advice}", start)
+        said[0] += f": {worst[0].what} disagrees by {worst[0].size} with all others{others}"
+    said.append(_best_reached(problem, linear))
+    if open_part is not None:
+        said.append(f"there {str(open_part).removeprefix(f'block {problem.block.name}: ')}")
+    said.append(
+        "remeasure what is named or switch it off (use = off), or let --errors search begin "
+        "without it"
+        if worst
+        else "look at these, or state where the photos are ([[photo]] position and rotation)"
+    )
+    return NoConvergenceError("; ".join(said), start)
+
+
+def _best_reached(problem: Problem, linear: Linearised) -> str:
+    """Say how well the best state fits, and name the rays that fit worst there."""
+    size = np.linalg.norm(linear.e * problem.sigma_xy, axis=1)
+    order = np.argsort(-np.nan_to_num(size, nan=np.inf), kind="stable")[:3]
+    sigma0 = np.sqrt(linear.vtpv / max(problem.redundancy, 1))
+    named = ", ".join(
+        f"{problem.points[problem.point[k]]} in {problem.photos[problem.photo[k]]} "
+        f"({size[k]:.3g} mm)"
+        for k in order.tolist()
+    )
+    return f"the best state has sigma0 {sigma0:.3g}, the worst rays {named}"
 
 
 class Suspect(NamedTuple):
