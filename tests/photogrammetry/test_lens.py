@@ -1,0 +1,66 @@
+"""The lens function: COLMAP's OPENCV model with y up, and its derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, seen_through
+
+PARAMETERS = np.array([52.0, 0.3, -0.2, -0.05, 0.02, -0.004, 1.5e-3, -8e-4, 2e-3, -1e-3])
+
+
+def directions(n: int = 40) -> np.ndarray:
+    return np.random.default_rng(1).uniform(-0.6, 0.6, (n, 2))
+
+
+def test_without_distortion_it_is_the_camera_constant() -> None:
+    parameters = np.array([100.0, 1.0, 2.0, *[0.0] * 7])
+    np.testing.assert_allclose(
+        seen_through(directions(), parameters).xy, 100.0 * directions() + [1.0, 2.0]
+    )
+
+
+def test_it_is_the_opencv_model_seen_upside_down() -> None:
+    c, x0, y0, k1, k2, _, p1, p2, _, _ = PARAMETERS
+    parameters = PARAMETERS.copy()
+    parameters[[5, 8, 9]] = 0.0
+    direction = directions()
+    # COLMAP, src/colmap/sensor/models.h, OpenCVCameraModel: u, v with v down
+    u, v = direction[:, 0], -direction[:, 1]
+    radial = k1 * (u * u + v * v) + k2 * (u * u + v * v) ** 2
+    du = u * radial + 2.0 * p1 * u * v + p2 * (u * u + v * v + 2.0 * u * u)
+    dv = v * radial + 2.0 * p2 * u * v + p1 * (u * u + v * v + 2.0 * v * v)
+    xy = seen_through(direction, parameters).xy
+    np.testing.assert_allclose(xy[:, 0], x0 + c * (u + du), rtol=1e-13)
+    np.testing.assert_allclose(xy[:, 1], y0 - c * (v + dv), rtol=1e-13)
+
+
+def test_affinity_and_shear_move_x_alone() -> None:
+    plain, bent = np.zeros(10), np.zeros(10)
+    plain[0] = bent[0] = 50.0
+    bent[8:] = 1e-3, 2e-3
+    d = directions()
+    moved = seen_through(d, bent).xy - seen_through(d, plain).xy
+    np.testing.assert_allclose(moved[:, 0], 50.0 * (1e-3 * d[:, 0] + 2e-3 * d[:, 1]), atol=1e-14)
+    np.testing.assert_array_equal(moved[:, 1], 0.0)
+
+
+@pytest.mark.parametrize("k", range(10))
+def test_derivatives_by_parameters(k: int) -> None:
+    step = np.zeros(10)
+    step[k] = 1e-5
+    d = directions()
+    ends = [seen_through(d, PARAMETERS + sign * step).xy for sign in (1.0, -1.0)]
+    analytic = seen_through(d, PARAMETERS).by_parameter[:, :, k]
+    np.testing.assert_allclose((ends[0] - ends[1]) / 2e-5, analytic, rtol=1e-6, atol=1e-8)
+    assert len(LENS_PARAMETERS) == 10
+
+
+@pytest.mark.parametrize("axis", range(2))
+def test_derivatives_by_the_direction(axis: int) -> None:
+    step = 1e-5 * np.eye(2)[axis]
+    d = directions()
+    ends = [seen_through(d + sign * step, PARAMETERS).xy for sign in (1.0, -1.0)]
+    analytic = seen_through(d, PARAMETERS).by_direction[:, :, axis]
+    np.testing.assert_allclose((ends[0] - ends[1]) / 2e-5, analytic, rtol=1e-7, atol=1e-7)
