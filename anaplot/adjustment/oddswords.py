@@ -19,6 +19,8 @@ def to_one(more: float, less: float) -> str:
     if less <= 0.0 or more / less >= 1000.0:
         return "more than 1000 to 1"
     ratio = more / less
+    if ratio <= 1e-3:
+        return "1 to more than 1000"
     if ratio < 1.0:
         return f"1 to {_number(1.0 / ratio)}"
     return f"{_number(ratio)} to 1"

@@ -6,8 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.oddswords import odds_in_words
-from anaplot.adjustment.oddswords import to_one as _to_one
+from anaplot.adjustment.oddswords import odds_in_words, to_one
 from anaplot.adjustment.reliability import (
     ERROR_PRIOR_SIGMAS,
     HARD_TO_TELL,
@@ -238,6 +237,6 @@ def _advice(
                 f"(correlation {partner.correlation:.2f})"
             )
     if evidence.none > points[accused]:
-        to_one = _to_one(evidence.none, points[accused])
-        out.append(f"no gross error at all: {to_one} over {accused}")
+        odds = to_one(evidence.none, points[accused])
+        out.append(f"no gross error at all: {odds} over {accused}")
     return tuple(out)

@@ -41,3 +41,10 @@ def test_all_others_together_are_said_where_they_are_more_than_the_rival() -> No
     assert odds_in_words(chances, "103", "104") == (
         "12 to 1 over 104, 4.0 to 1 over all others, 3.0 to 1 over no error"
     )
+
+
+def test_what_is_next_to_impossible_is_said_and_not_divided_by() -> None:
+    assert to_one(0.0, 0.9) == "1 to more than 1000"
+    assert to_one(1e-9, 0.9) == "1 to more than 1000"
+    assert to_one(0.9, 0.0) == "more than 1000 to 1"
+    assert to_one(0.1, 0.9) == "1 to 9.0"
