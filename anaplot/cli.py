@@ -711,10 +711,10 @@ def _parser() -> _Parser:
     )
     bridge.add_argument(
         "--errors",
-        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "search", "odds"),
+        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds"),
         metavar="NAME",
         help="take out what this strategy rejects before the next model: baarda, tau, rms, "
-        "modified, huber, danish, search or odds",
+        "modified, huber, danish, l1, search or odds",
     )
     bridge.add_argument(
         "--partner",
@@ -791,10 +791,10 @@ def _parser() -> _Parser:
     )
     adjust.add_argument(
         "--errors",
-        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "search", "odds"),
+        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds"),
         metavar="NAME",
         help="reject what this strategy finds, coordinate by coordinate, and adjust again: baarda, "
-        "tau, rms, modified, huber, danish, search or odds",
+        "tau, rms, modified, huber, danish, l1, search or odds",
     )
     adjust.add_argument(
         "--control-last",

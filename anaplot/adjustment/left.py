@@ -6,9 +6,10 @@ from collections.abc import Collection, Hashable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array
 
 from anaplot.adjustment.elimination import Elimination
-from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.residualsystem import Designed, ResidualSystem
 
 __all__ = ["Left", "remaining", "spread"]
 
@@ -73,6 +74,16 @@ class Left:
         for at, row in enumerate(rows.tolist()):
             out[at] = self._known[row]
         return out.T
+
+    def design(self) -> csr_array | None:
+        """Return (n, u) derivatives, zero in the rows left out; None: not known."""
+        system = self._state.system
+        every = system.design() if isinstance(system, Designed) else None
+        if every is None:
+            return None
+        there = np.ones(len(self._names))
+        there[list(self._state.rows)] = 0.0
+        return csr_array(diags_array(there) @ every)
 
 
 def remaining(n: int, left_out: Collection[int]) -> NDArray[np.intp]:

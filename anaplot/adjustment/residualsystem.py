@@ -14,14 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from anaplot.adjustment.leastsquares import Adjustment
 
-__all__ = ["DenseResiduals", "ResidualSystem", "dense_residuals"]
+__all__ = ["DenseResiduals", "Designed", "ResidualSystem", "dense_residuals"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -63,9 +64,21 @@ class ResidualSystem(Protocol):
         ...
 
 
+@runtime_checkable
+class Designed(Protocol):
+    """A residual system that may know the derivatives of its rows as well."""
+
+    def design(self) -> csr_array | None:
+        """Return (n, u) derivatives, each row divided by its sigma; None where they are not known.
+
+        Its columns span all that R takes away, and may depend on each other.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DenseResiduals:
-    """A residual system that holds all of R; see `ResidualSystem`."""
+    """A residual system that holds all of R; see `ResidualSystem` and `Designed`."""
 
     names: tuple[Hashable, ...]
     e: Array
@@ -73,6 +86,11 @@ class DenseResiduals:
     vtpv: float
     redundancy: int
     matrix: Array = field(repr=False)
+    derivatives: csr_array | None = field(default=None, repr=False)
+
+    def design(self) -> csr_array | None:
+        """Return (n, u) derivatives, each row divided by its sigma; None: not known."""
+        return self.derivatives
 
     def columns(self, rows: Index) -> Array:
         """Return (n, k): the columns of R that belong to k rows."""

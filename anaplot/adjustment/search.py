@@ -40,8 +40,9 @@ def search(
     suspects: Bools,
     most: int,
     watch: Watch,
+    further: tuple[int, ...] = (),
 ) -> tuple[Elimination, list[Step]]:
-    """Search from no rejection, from the most conspicuous rows and pairs; the best set wins.
+    """Search from no rejection, from a set of others, conspicuous rows and pairs; the best wins.
 
     Parameters
     ----------
@@ -55,6 +56,8 @@ def search(
         Largest number rejected.
     watch
         Told how far it is; asked whether to end with the best so far.
+    further
+        A set found by other means: one more start.
 
     Returns
     -------
@@ -69,11 +72,12 @@ def search(
     descent = _Descent(critical, suspects, most, Proposals(system.names), watch)
     best, steps = descent.run(root.copy(), ())
     score = _objective(best, critical)
-    if not best.rows:
+    if not best.rows and not further:
         return best, steps
     size = np.where(suspects, np.abs(root.w), np.nan)
     order = [k for k in np.argsort(-np.nan_to_num(size, nan=-1.0)).tolist() if size[k] > 0.0]
-    starts: list[tuple[int, ...]] = [(k,) for k in order[1:_STARTS]]
+    starts: list[tuple[int, ...]] = [further] if further else []
+    starts += [(k,) for k in order[1:_STARTS]]
     if most > 1:
         starts += _pairs(root, order[: 4 * _STARTS])
     seen = {frozenset(best.rows)}

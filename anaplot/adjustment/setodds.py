@@ -1,56 +1,96 @@
-"""Odds over sets of gross errors of any size: which sets explain the misclosures, and how surely.
+"""Odds over sets of gross errors of any number and size: which explain the misclosures best.
 
-The odds over single errors and pairs, continued: errors are normal, 20 standard deviations wide
-(wider in rows where an error far beyond that must be, else many small ones would explain it better)
-and independent; k errors are a tenth as probable as k - 1, and all sets of k rows equally so. With
-S the suspected rows, R_SS = R[S, S] and G the diagonal matrix of their widths squared, minus twice
-the log of a set's posterior is, up to a constant,
+Errors are normal and independent, their width g (in sigmas) the same for all of a system and
+learned from it; an error may also be of g times 8, 64, ... where its size says so, each of these
+an eighth as probable as the one before and the first of them a fifth of that. With S the suspected
+rows, R_SS = R[S, S] and G the diagonal matrix of the squared widths, minus twice the log of the
+posterior of a set and its widths is, up to a constant,
 
-    J(S) = log det(I + G R_SS) - e_S' (R_SS + G^-1)^-1 e_S + 2 log C(n, k) + 2 k log 10.
+    J(S) = log det(I + G R_SS) - e_S' (R_SS + G^-1)^-1 e_S + sum of prices.
 
 Beside a fixed price for every rejected row (v'Pv + c^2 k) this knows that an error of a hundred
 sigmas in a row that hardly shows any is a worse explanation than one of ten in a row that does.
 
-The sets are visited by a Markov chain that jumps to a neighbour (one row more, one less, one
-exchanged), drawn by how much better it is; the time it would wait weighs a set (Zanella 2020,
-informed proposals, in continuous time). The chain's generator has a fixed seed, so that the same
-misclosures always get the same answer.
+How readily a row is suspected is not learned: the price of a row is that with which a row of mean
+redundancy m, its errors 10 sigmas wide, goes out by itself when w exceeds the critical value,
+c^2 - log(1 + 100 m). As long as little is known of the sizes of errors, the one that has to be
+larger to show as much is the less probable one, as in `partners`: the price of a row of redundancy
+number r is larger by log(m / r), and the more g is learned to be beyond 6 sigmas the less, by
+36 / g^2. The price of a width is that of four errors of 6 sigmas seen before,
+4 (log(g^2 / 36) + 36 / g^2 - 1): one error alone says little of the width of the others.
+
+The most probable set is sought from several starts, under every width, by the best of adding,
+dropping and exchanging rows. How sure its rows are is weighed by a Markov chain that jumps to a
+neighbour (one row more, one less, one exchanged), drawn by how much better it is; the time it would
+wait weighs a set (Zanella 2020, informed proposals, in continuous time). The chain's generator has
+a fixed seed, so that the same misclosures always get the same answer.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from math import lgamma, log
+from math import log
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.watch import Watch
 
-__all__ = ["SetOdds", "set_odds"]
+__all__ = ["MostProbable", "SetOdds", "most_probable_set", "set_odds"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Index = NDArray[np.intp]
 
-STEPS = 2000
+STEPS = 600
 """Sets visited unless told otherwise."""
 
+WIDTHS = tuple(6.0 * 2.0 ** (0.5 * k) for k in range(8))
+"""Widths of errors [a-priori sigmas] of which the likeliest is taken."""
+
+_USUAL = 6.0  # width expected beforehand [sigmas], by as many errors as
+_SEEN_BEFORE = 4.0
+_TESTED = 10.0  # width [sigmas] of an error alone whose test the price of a row agrees with
+_WIDER = 8.0  # factor between a width and the next one that single errors may have
+_FIRST_WIDER = log(5.0)  # log of what a wider error is less probable, beside the factor
+_REACH = 3.0  # widths that an error may reach before a wider one is thought of
+_MOST_LEVELS = 12
+_EQUAL = 1e-7  # difference of J that is none
+_MOST_DESCENT = 10_000
 _SETTLING = 0.1  # share of the visits that is not weighed
 _KEPT = 1_000_000  # rates of sets visited before that are kept for the next visit
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SetOdds:
-    """What the chain found.
+class MostProbable(NamedTuple):
+    """The most probable set.
 
     Attributes
     ----------
-    best
-        The most probable set visited, ascending.
+    rows
+        Its rows, ascending.
+    widths
+        (k,) width of the error of each of them [a-priori sigmas].
+    width
+        g, learned.
     objective
-        J of it; 0 for the empty set.
+        J of it, with the price of g; 0 for the empty set under the expected width.
+    """
+
+    rows: tuple[int, ...]
+    widths: Array
+    width: float
+    objective: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetOdds:
+    """How sure sets are.
+
+    Attributes
+    ----------
     rows
         (n,) posterior probability that row i holds a gross error.
     sure
@@ -60,43 +100,91 @@ class SetOdds:
         Number of different sets.
     """
 
-    best: tuple[int, ...]
-    objective: float
     rows: Array
     sure: tuple[int, ...]
     visited: int
 
 
-def set_odds(
+def most_probable_set(
     system: ResidualSystem,
+    critical: float,
     *,
-    start: tuple[int, ...] = (),
+    starts: Iterable[Iterable[int]] = ((),),
     suspects: Bools | None = None,
     most: int | None = None,
-    steps: int = STEPS,
-    seed: int = 0,
-    widths: Array | None = None,
+    widths: tuple[float, ...] = WIDTHS,
     watch: Watch | None = None,
-) -> SetOdds:
-    """Weigh sets of gross errors against each other; sigma known.
+) -> MostProbable:
+    """Return the most probable set of gross errors; sigma known.
 
     Parameters
     ----------
     system
         All rows.
-    start
-        Rows of the set to start with, as found by another strategy.
+    critical
+        Critical value of w for a row alone.
+    starts
+        Sets to begin with, as found by other strategies.
     suspects
         (n,) rows that may hold errors; None: all.
     most
         Largest set; None: half of the redundancy (more errors than that have other
         explanations as good).
+    widths
+        Of which the likeliest is taken.
+    watch
+        Told how far it is; asked whether to end with the best so far.
+    """
+    sets = _Sets(system, critical, suspects, most)
+    seen = Watch() if watch is None else watch
+    begun = [list(dict.fromkeys(start))[: sets.most] for start in starts]
+    best: tuple[float, list[int], Array, float] | None = None
+    for number, width in enumerate(widths):
+        if seen.stopped and best is not None:
+            break
+        seen("learning the sizes of errors", number / len(widths))
+        known: set[frozenset[int]] = set()
+        sets.take(width)
+        price = _SEEN_BEFORE * (2.0 * log(width / _USUAL) + (_USUAL / width) ** 2 - 1.0)
+        for at, start in enumerate(begun):
+            if frozenset(start) in known:
+                continue
+            known.add(frozenset(start))
+            held, levels = sets.descend(start, seen)
+            begun[at] = held
+            value = sets.objective(held, levels) + price
+            if best is None or value < best[0] - _EQUAL:
+                order = np.argsort(held)
+                own = sets.width_of(levels)[order]
+                best = value, sorted(held), own, width
+    assert best is not None
+    value, held, own, width = best
+    return MostProbable(tuple(held), own, width, value)
+
+
+def set_odds(
+    system: ResidualSystem,
+    critical: float,
+    found: MostProbable,
+    *,
+    suspects: Bools | None = None,
+    most: int | None = None,
+    steps: int = STEPS,
+    seed: int = 0,
+    watch: Watch | None = None,
+) -> SetOdds:
+    """Weigh sets of gross errors against each other, under one width; sigma known.
+
+    Parameters
+    ----------
+    system, critical, suspects, most
+        As `most_probable_set` had them.
+    found
+        Where the chain begins, and the width.
     steps
         Number of jumps.
     seed
         Of the chain's generator.
-    widths
-        (n,) standard deviation of each row's error beforehand, in a-priori sigmas; None: 20.
     watch
         Told how far it is; asked whether to end with what has been visited.
 
@@ -107,122 +195,164 @@ def set_odds(
     """
     if steps < 1:
         raise ValueError(f"{steps} jumps are none")
-    chain = _Chain(system, suspects, most, widths)
+    sets = _Sets(system, critical, suspects, most)
+    sets.take(found.width)
     rng = np.random.default_rng(seed)
-    held = list(dict.fromkeys(start))[: chain.most]
-    time = np.zeros(len(chain.e))
+    held = list(found.rows)[: sets.most]
+    levels = sets.levels_of(found.widths[: len(held)])
+    time = np.zeros(len(sets.e))
     total = 0.0
-    best: tuple[int, ...] = ()
-    least = np.inf
     visited: set[frozenset[int]] = set()
+    known: dict[tuple[tuple[int, ...], tuple[int, ...]], Array] = {}
+    room = _KEPT
     seen = Watch() if watch is None else watch
     for step in range(steps):
         if seen.stopped and total > 0.0:
             break
         seen("weighing sets of errors", step / steps)
         visited.add(frozenset(held))
-        objective, rates = chain.ways(held)
-        if objective < least:
-            best, least = tuple(held), objective
-        if not rates[-1] > 0.0:
+        key = tuple(held), tuple(levels)
+        rates = known.get(key)
+        if rates is None:
+            change = np.concatenate([part.ravel() for part in sets.neighbours(held, levels)])
+            # Barker's balance of half the change, since J is minus twice a log
+            rates = np.cumsum(1.0 / (1.0 + np.exp(np.clip(0.5 * change, -700.0, 700.0))))
+            room -= len(change)
+            if room > 0:
+                known[key] = rates
+        if not rates[-1] > 1e-300:
             time[held] += 1.0
             total += 1.0
             break
         if step >= int(_SETTLING * steps):
             time[held] += 1.0 / rates[-1]
             total += 1.0 / rates[-1]
-        chain.jump(held, int(np.searchsorted(rates, rng.random() * rates[-1], side="right")))
+        number = int(np.searchsorted(rates, rng.random() * rates[-1], side="right"))
+        sets.jump(held, levels, number)
     rows = time / total
-    sure = tuple(np.flatnonzero(rows > 0.5).tolist())
-    return SetOdds(tuple(sorted(best)), float(least), rows, sure, len(visited))
+    return SetOdds(rows, tuple(np.flatnonzero(rows > 0.5).tolist()), len(visited))
 
 
-class _Chain:
-    """J of a set and of all its neighbours."""
+class _Sets:
+    """J of a set and of all its neighbours, under one width."""
 
     def __init__(
-        self,
-        system: ResidualSystem,
-        suspects: Bools | None,
-        most: int | None,
-        widths: Array | None,
+        self, system: ResidualSystem, critical: float, suspects: Bools | None, most: int | None
     ) -> None:
         self._system = system
         self.e = np.asarray(system.e, dtype=float)
+        self._r = np.asarray(system.r, dtype=float)
         n = len(self.e)
-        self._g = np.square(np.full(n, ERROR_PRIOR_SIGMAS) if widths is None else widths)
-        self._own = np.asarray(system.r, dtype=float) + 1.0 / self._g
         self._barred = np.zeros(n, dtype=bool) if suspects is None else ~np.asarray(suspects)
         free = n - int(self._barred.sum())
         room = system.redundancy // 2 if most is None else most
         self.most = max(min(room, free), 0)
-        self._known: dict[tuple[int, ...], tuple[float, Array]] = {}
-        self._room = _KEPT
-        further = -2.0 * log(1.0 - NONE_PRIOR)
-        self._price = np.array(
-            [
-                2.0 * (lgamma(free + 1) - lgamma(k + 1) - lgamma(free - k + 1)) + further * k
-                for k in range(self.most + 1)
-            ]
-        )
+        mean = float(self._r[~self._barred].mean()) if free else 0.0
+        self._alone = critical**2 - log(1.0 + _TESTED**2 * mean)
+        self._shown = np.log(np.maximum(self._r, 1e-12) / max(mean, 1e-12))
+        known = ~self._barred & (self._r > 0.0)
+        self._largest = float((np.abs(self.e[known]) / self._r[known]).max(initial=0.0))
+        self.take(_USUAL)
 
-    def ways(self, held: list[int]) -> tuple[float, Array]:
-        """Return J and the running sums of the rates of jumping to the set's neighbours."""
-        key = tuple(held)
-        known = self._known.get(key)
-        if known is not None:
-            return known
-        objective, change = self.neighbours(held)
-        # Barker's balance of half the change, since J is minus twice a log
-        rates = 1.0 / (1.0 + np.exp(np.minimum(0.5 * change, 700.0)))
-        found = objective, np.cumsum(np.where(np.isfinite(change), rates, 0.0))
-        self._room -= len(change)
-        if self._room > 0:
-            self._known[key] = found
-        return found
+    def take(self, width: float) -> None:
+        """Take a width of errors."""
+        beyond = max(self._largest / (_REACH * width), 1.0)
+        levels = min(1 + int(np.ceil(log(beyond) / log(_WIDER))), _MOST_LEVELS)
+        level = np.arange(levels)
+        self._g = np.square(width * _WIDER**level)
+        self._price = self._alone - (_USUAL / width) ** 2 * self._shown
+        self._cost = 2.0 * (level * log(_WIDER) + (level > 0) * _FIRST_WIDER)
 
-    def neighbours(self, held: list[int]) -> tuple[float, Array]:
-        """Return J and (n + k + k n,) its changes: a row more, one less, one for another."""
+    def width_of(self, levels: list[int]) -> Array:
+        """Return (k,) widths of the levels."""
+        return np.asarray(np.sqrt(self._g[levels]), dtype=float)
+
+    def levels_of(self, widths: Array) -> list[int]:
+        """Return the levels nearest to some widths."""
+        near = np.abs(np.log(widths)[:, None] - 0.5 * np.log(self._g))
+        return [int(level) for level in near.argmin(axis=1)]
+
+    def _fitting(self, held: list[int]) -> list[int]:
+        """Return the levels that the estimated errors of a set speak for."""
+        if not held:
+            return []
+        block = self._system.columns(np.array(held))[held] + np.diag(np.full(len(held), 1e-12))
+        size = np.abs(np.linalg.solve(block, self.e[held]))
+        level = np.log(np.maximum(size / (_REACH * np.sqrt(self._g[0])), 1e-9)) / log(_WIDER)
+        return [int(k) for k in np.clip(np.ceil(level), 0, len(self._g) - 1)]
+
+    def objective(self, held: list[int], levels: list[int]) -> float:
+        """Return J."""
+        if not held:
+            return 0.0
+        g = self._g[levels]
+        block = self._system.columns(np.array(held))[held] + np.diag(1.0 / g)
+        e = self.e[held]
+        value = np.linalg.slogdet(block)[1] + np.log(g).sum() - e @ np.linalg.solve(block, e)
+        return float(value + self._cost[levels].sum() + self._price[held].sum())
+
+    def neighbours(self, held: list[int], levels: list[int]) -> tuple[Array, Array, Array]:
+        """Return the changes of J: (l, n) a row more, (k,) one less, (l, k, n) one for another.
+
+        l is the number of widths an error may have; a row exchanged for itself changes its width.
+        """
         n, k, g = len(self.e), len(held), self._g
-        e, own = self.e, self._own
-        value = 0.0
-        less, instead = np.zeros(0), np.zeros((0, n))
+        e, r = self.e, self._r
+        less, instead = np.zeros(0), np.zeros((len(g), 0, n))
         if k:
+            own = g[levels]
             part = np.ascontiguousarray(self._system.columns(np.array(held)).T)
-            own_g = g[held]
-            block = part[:, held] + np.diag(1.0 / own_g)
-            inverse = np.linalg.inv(block)
+            inverse = np.linalg.inv(part[:, held] + np.diag(1.0 / own))
             z = inverse @ e[held]
             by = inverse @ part
-            scaled = own_g[:, None] * block
-            value = float(np.linalg.slogdet(scaled)[1] - e[held] @ z + self._price[k])
             e = e - z @ part
-            own = own - np.einsum("kn,kn->n", part, by)
+            r = np.maximum(r - np.einsum("kn,kn->n", part, by), 0.0)
             d = np.diag(inverse)
             back = z / d
-            less = back * z + np.log(d / own_g) + self._price[k - 1] - self._price[k]
-            own_then = own + by * by / d[:, None]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                instead = np.log(g * own_then) - (e + by * back[:, None]) ** 2 / own_then
-            instead += (back * z + np.log(d / own_g))[:, None]
-            instead[:, held] = np.inf
-            instead[:, self._barred] = np.inf
+            less = back * z + np.log(d / own) - self._cost[levels] - self._price[held]
+            r_then = r + by * by / d[:, None]
+            e_then = np.square(e + by * back[:, None])
+            grown = 1.0 + g[:, None, None] * r_then
+            instead = np.log(grown) - e_then * (g[:, None, None] / grown)
+            instead += self._cost[:, None, None] + self._price + less[:, None]
+            at = np.arange(k)
+            stays = instead[:, at, held]
+            instead[:, :, held] = np.inf
+            instead[:, :, self._barred] = np.inf
+            stays[levels, at] = np.inf
+            instead[:, at, held] = stays
+        more = np.full((len(g), n), np.inf)
         if k < self.most:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                more = np.log(g * own) - e * e / own + self._price[k + 1] - self._price[k]
-            more[held] = np.inf
-            more[self._barred] = np.inf
-        else:
-            more = np.full(n, np.inf)
-        return value, np.concatenate([more, less, instead.ravel()])
+            grown = 1.0 + g[:, None] * r
+            more = np.log(grown) - e * e * (g[:, None] / grown) + self._cost[:, None] + self._price
+            more[:, held] = np.inf
+            more[:, self._barred] = np.inf
+        return more, less, instead
 
-    def jump(self, held: list[int], number: int) -> None:
+    def jump(self, held: list[int], levels: list[int], number: int) -> None:
         """Turn the set into one of its neighbours."""
-        n, k = len(self.e), len(held)
-        if number < n:
-            held.append(number)
-        elif number < n + k:
-            del held[number - n]
+        n, k, wide = len(self.e), len(held), len(self._g)
+        if number < wide * n:
+            level, row = divmod(number, n)
+            held.append(row)
+            levels.append(level)
+        elif number < wide * n + k:
+            del held[number - wide * n], levels[number - wide * n]
         else:
-            at, row = divmod(number - n - k, n)
-            held[at] = row
+            level, rest = divmod(number - wide * n - k, k * n)
+            at, row = divmod(rest, n)
+            held[at], levels[at] = row, level
+
+    def descend(self, start: list[int], watch: Watch) -> tuple[list[int], list[int]]:
+        """Go to the best neighbour until there is none that is better."""
+        held = list(start)
+        levels = self._fitting(held)
+        for _ in range(_MOST_DESCENT):
+            if watch.stopped:
+                break
+            change = np.concatenate([part.ravel() for part in self.neighbours(held, levels)])
+            least = float(change.min())
+            if least > -_EQUAL:
+                break
+            self.jump(held, levels, int(np.argmax(change <= least + _EQUAL)))
+        return held, levels

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import sqrt
 from typing import NamedTuple
 
@@ -13,7 +13,6 @@ from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import ModelValues, Step
 from anaplot.adjustment.partners import Proposals
 from anaplot.adjustment.reliability import beyond_model
-from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 from anaplot.adjustment.watch import Watch
 
@@ -177,20 +176,21 @@ def _or_none(critical: float | None) -> float:
 
 
 def stepwise(
-    system: ResidualSystem,
+    state: Elimination,
     rule: Rule,
     suspects: Bools,
     most: int,
     watch: Watch,
     *,
+    steps: Sequence[Step] = (),
     together: bool,
 ) -> tuple[Elimination, list[Step]]:
     """Reject and bring back by a rule until it has nothing to say or a set comes again.
 
     Parameters
     ----------
-    system
-        All rows.
+    state
+        Where it begins; it is changed.
     rule
         Sizes and limits given the rows that are out.
     suspects
@@ -199,12 +199,13 @@ def stepwise(
         Largest number of rows rejected.
     watch
         Told how far it is; asked whether to stop.
+    steps
+        How the beginning was reached.
     together
         Whether all rows beyond the limit go at once, not the largest alone.
     """
-    state, proposals = Elimination(system), Proposals(system.names)
-    steps: list[Step] = []
-    seen = {frozenset[int]()}
+    proposals, steps = Proposals(state.system.names), list(steps)
+    seen = {frozenset(state.rows)}
     while not watch.stopped:
         watch("rejecting", len(state.rows) / max(most, 1))
         test = rule(state)

@@ -10,12 +10,14 @@ modified
     As baarda, with model values of sqrt(q_vv), exact ones only in doubt (Gruen 1980, eq. 9-11).
 huber, danish
     Re-weighting to convergence; rejected is what then lies beyond the critical value of w.
+l1
+    What the least absolute sum of residuals leaves beyond the critical value of w, then w-tests.
 search
-    The best set of rejected rows, found by adding, dropping and swapping rows.
+    The best set of rejected rows, found by adding, dropping and swapping rows; one start is l1's.
 odds
-    The most probable set of errors, weighed against its neighbours, beginning with the search's.
+    The most probable set of errors, their sizes learned from the data, beginning with l1's set.
 
-In all of them but the last two, which do it by themselves, a rejected row comes back when the
+In all of them but the last two, which do that by themselves, a rejected row comes back when the
 standardized estimate of its error falls below the critical value. Of rows that are hard to tell
 apart the likelier one goes (`partners`): of those that cannot be told apart at all that with the
 largest redundancy number. What is weak by itself goes with the whole of its measurement, last of
@@ -27,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from contextlib import suppress
 from math import sqrt
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,19 +45,18 @@ from anaplot.adjustment.findings import (
     SearchSettings,
     Step,
 )
+from anaplot.adjustment.leastabsolute import least_absolute_residuals
 from anaplot.adjustment.left import Left, remaining, spread
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds, pair_odds_of
 from anaplot.adjustment.partners import WEAK, Proposals
 from anaplot.adjustment.reliability import (
-    ERROR_PRIOR_SIGMAS,
-    HARD_TO_TELL,
     Odds,
     error_odds,
 )
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.reweighting import SETTLED, Reweighting, reweight
 from anaplot.adjustment.search import search
-from anaplot.adjustment.setodds import set_odds
+from anaplot.adjustment.setodds import MostProbable, most_probable_set, set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 from anaplot.adjustment.stepwise import (
     MODEL_TOLERANCE,
@@ -73,18 +74,17 @@ __all__ = [
     "deciding_critical",
     "find_gross_errors",
     "findings_at",
+    "most_probable_rows",
     "pair_odds",
+    "reject_beyond",
     "sigma_of",
 ]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "search", "odds")
+STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds")
 """Names of all strategies."""
-
-_EQUAL_R = 1e-6  # relative difference of redundancy numbers that is none
-_FAR = 5.0  # widths of the prior of an error beyond which an error is not of it
 
 
 def sigma_of(strategy: str) -> Kind:
@@ -155,11 +155,15 @@ def find_gross_errors(
     weights: Array | None = None
     counts: ModelRule | None = None
     remarks: list[str] = []
-    if strategy == "search":
-        state, steps = search(system, critical, allowed, most, seen)
+    if strategy == "l1":
+        state, steps = _by_least_absolute(system, used.alpha, allowed, most, seen)
+    elif strategy == "search":
+        start, _ = _by_least_absolute(system, used.alpha, allowed, most, seen)
+        state, steps = search(system, critical, allowed, most, seen, start.rows)
     elif strategy == "odds":
-        state, steps, sure = _by_odds(system, critical, allowed, most, seen)
+        state, steps, weighed = _by_odds(system, used.alpha, allowed, most, seen)
         if state.rows:
+            sure = len(set(weighed.sure(seen)).intersection(state.rows))
             remarks.append(f"more probably in error than not: {sure} of {len(state.rows)}")
     elif strategy in ("huber", "danish"):
         kind: Literal["huber", "danish"] = "huber" if strategy == "huber" else "danish"
@@ -172,7 +176,9 @@ def find_gross_errors(
             if models is None:
                 raise ValueError("modified snooping needs model values of sqrt(q_vv) for the rows")
             rule = counts = ModelRule(used.alpha, np.asarray(models, dtype=float), tolerance, n)
-        state, steps = stepwise(system, rule, allowed, most, seen, together=strategy == "rms")
+        state, steps = stepwise(
+            Elimination(system), rule, allowed, most, seen, together=strategy == "rms"
+        )
     if len(state.rows) >= most:
         w = np.where(allowed, np.abs(state.w), np.nan)
         if np.nanmax(w, initial=0.0) > critical:
@@ -232,56 +238,133 @@ def findings_at(
     )
 
 
+def most_probable_rows(
+    system: ResidualSystem, settings: SearchSettings | None = None, *, sure: bool = False
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return what "odds" rejects, without findings.
+
+    Parameters
+    ----------
+    system
+        All rows; each of them may be rejected.
+    settings
+        Significance, limits; None: the defaults.
+    sure
+        Whether the second part is wanted, too.
+
+    Returns
+    -------
+    tuple of int
+        The rows rejected.
+    tuple of int
+        The rows that more probably than not hold an error; empty where they are not wanted.
+    """
+    used, watch = SearchSettings() if settings is None else settings, Watch()
+    allowed = np.ones(len(system.e), dtype=bool)
+    most = used.room(system.redundancy)
+    state, _, weighed = _by_odds(system, used.alpha, allowed, most, watch)
+    return state.rows, weighed.sure(watch) if sure else ()
+
+
+def reject_beyond(system: ResidualSystem, size: Array, settings: SearchSettings) -> tuple[int, ...]:
+    """Return what is rejected by w-tests that begin with what is far off in a robust adjustment.
+
+    Parameters
+    ----------
+    system
+        All rows; each of them may be rejected.
+    size
+        (n,) absolute residuals of the robust adjustment [a-priori sigmas].
+    settings
+        Significance, limits.
+    """
+    allowed = np.ones(len(system.e), dtype=bool)
+    most = settings.room(system.redundancy)
+    return _go_on(system, size, settings.alpha, allowed, most, Watch())[0].rows
+
+
+class _Weighed(NamedTuple):
+    """What the odds were weighed of: `most_probable_set` of the rows that are single suspects."""
+
+    rest: ResidualSystem
+    critical: float
+    found: MostProbable
+    suspects: Bools
+    most: int
+    whole: frozenset[int]
+
+    def sure(self, watch: Watch) -> tuple[int, ...]:
+        """Return the rows that are more probably in error than not."""
+        odds = set_odds(
+            self.rest,
+            self.critical,
+            self.found,
+            suspects=self.suspects,
+            most=self.most,
+            watch=watch,
+        )
+        return tuple(sorted({*odds.sure, *self.whole}))
+
+
 def _by_odds(
-    system: ResidualSystem, critical: float, suspects: Bools, most: int, watch: Watch
-) -> tuple[Elimination, list[Step], int]:
-    """Return the most probable set, how it was reached, and how many of its rows are sure."""
-    state, steps = search(system, critical, suspects, most, watch)
-    # what went as a whole measurement is no choice between single rows
-    whole = {
-        row for rows in Proposals(system.names).together(state).values() if rows[1:] for row in rows
-    }
-    rest = Left(system, whole) if whole else system
-    odds = set_odds(
+    system: ResidualSystem, alpha: float, suspects: Bools, most: int, watch: Watch
+) -> tuple[Elimination, list[Step], _Weighed]:
+    """Return the most probable set, how it was reached, and what it was weighed of."""
+    critical = critical_normal(alpha)
+    ends = [
+        _by_least_absolute(system, alpha, suspects, most, watch),
+        # least absolute residuals give way to an error in a row that has a lever on many others
+        stepwise(
+            Elimination(system), rule_of("baarda", alpha), suspects, most, watch, together=False
+        ),
+    ]
+    state, steps = min(ends, key=lambda end: end[0].vtpv + critical**2 * len(end[0].rows))
+    # what is weak by itself, and went with its whole measurement, is no choice between single rows
+    weak = [k for k, one in zip(state.rows, state.estimates()[1], strict=True) if one**-2 < WEAK]
+    together = Proposals(system.names).together(state)
+    whole = frozenset(row for k in weak for row in together[k])
+    rest: ResidualSystem = Left(system, whole) if whole else system
+    single = suspects & (np.asarray(rest.r) >= WEAK)
+    room = most - len(whole)
+    found = most_probable_set(
         rest,
-        start=tuple(row for row in state.rows if row not in whole),
-        suspects=suspects & (np.asarray(rest.r) >= WEAK),
-        most=most - len(whole),
-        widths=_widths(state),
+        critical,
+        starts=((), *([row for row in end.rows if single[row]] for end, _ in ends)),
+        suspects=single,
+        most=room,
         watch=watch,
     )
-    best = {*odds.best, *whole}
+    best = {*found.rows, *whole}
     for row in [row for row in state.rows if row not in best]:
         before = state.vtpv
         state.drop(row)
         steps.append(Step("drop", (row,), None, None, before, state.vtpv))
-    for row in [row for row in odds.best if row not in state.rows]:
+    for row in [row for row in found.rows if row not in state.rows]:
         before = state.vtpv
         try:
             state.add(row)
         except NotSeparableError:
             continue
         steps.append(Step("add", (row,), None, None, before, state.vtpv))
-    sure = {*odds.sure, *whole}
-    return state, steps, len(sure & set(state.rows))
+    return state, steps, _Weighed(rest, critical, found, single, room, whole)
 
 
-def _widths(state: Elimination) -> Array:
-    """(n,) widths of the prior of each row's error, beginning with the set that is out.
+def _by_least_absolute(
+    system: ResidualSystem, alpha: float, suspects: Bools, most: int, watch: Watch
+) -> tuple[Elimination, list[Step]]:
+    """Reject what the least absolute sum leaves beyond the critical value, then go on by w."""
+    watch("least absolute sum", 0.0)
+    return _go_on(system, np.abs(least_absolute_residuals(system)), alpha, suspects, most, watch)
 
-    An error far beyond the usual width is one in its row, unless a partner explains it by a
-    smaller one.
-    """
-    all_in = Elimination(state.system)
-    r = all_in.r
-    widths = np.full(len(r), ERROR_PRIOR_SIGMAS)
-    for row, error in zip(state.rows, np.abs(state.estimates()[0]).tolist(), strict=True):
-        if error <= _FAR * ERROR_PRIOR_SIGMAS:
-            continue
-        near = np.abs(np.nan_to_num(all_in.correlations(row))) >= HARD_TO_TELL
-        if not (near & (r > r[row] * (1.0 + _EQUAL_R))).any():
-            widths[row] = max(widths[row], error)
-    return widths
+
+def _go_on(
+    system: ResidualSystem, size: Array, alpha: float, suspects: Bools, most: int, watch: Watch
+) -> tuple[Elimination, list[Step]]:
+    """Reject what is beyond the critical value, then reject and bring back by w."""
+    state = Elimination(system)
+    size = np.where(suspects, size, 0.0)
+    steps = _reject_beyond(state, size, critical_normal(alpha), suspects, most)
+    return stepwise(state, rule_of("l1", alpha), suspects, most, watch, steps=steps, together=False)
 
 
 def _robust(
@@ -300,7 +383,17 @@ def _robust(
         for k, change in enumerate(robust.changes)
     ]
     size = np.where(suspects, np.abs(robust.misclosures), 0.0)
-    proposals = Proposals(system.names)
+    steps += _reject_beyond(state, size, critical, suspects, most)
+    steps += bring_back(state, rule_of(method, alpha), watch)
+    return state, steps, robust
+
+
+def _reject_beyond(
+    state: Elimination, size: Array, critical: float, suspects: Bools, most: int
+) -> list[Step]:
+    """Reject the rows beyond a critical value, or their likelier partners, the largest first."""
+    steps: list[Step] = []
+    proposals = Proposals(state.system.names)
     for first in np.argsort(-size, kind="stable").tolist():
         if size[first] <= critical or len(state.rows) >= most:
             break
@@ -313,8 +406,7 @@ def _robust(
         for row in rejected:
             state.add(row)
         steps.append(Step("reject", rejected, float(size[first]), critical, before, state.vtpv))
-    steps += bring_back(state, rule_of(method, alpha), watch)
-    return state, steps, robust
+    return steps
 
 
 def _findings(

@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from anaplot.bundle.datum import anchor
 from anaplot.bundle.factor import Factor
@@ -100,6 +101,44 @@ class BlockResiduals:
         for at, k in enumerate(wanted.tolist()):
             out[at] = self._known[k]
         return out.T
+
+    def design(self) -> csr_array:
+        """Return (n, u) derivatives, each row divided by its sigma: photos, points, shared ones."""
+        normal, problem = self.cofactors.normal, self.problem
+        linear = normal.linear
+        wide = problem.per_photo
+        point_start = wide * len(problem.photos)
+        shared_start = point_start + 3 * len(problem.points)
+        first, second, third = self.starts
+        image = np.arange(first).reshape(-1, 2, 1)
+        at: list[tuple[NDArray[Any], NDArray[Any], Array]] = [
+            (image, wide * problem.photo[:, None, None] + np.arange(wide), linear.a),
+            (image, point_start + 3 * problem.point[:, None, None] + np.arange(3), linear.b),
+        ]
+        shared = len(normal.corner)
+        if shared:
+            columns = normal.border_columns(problem.additional_group)
+            at.append((image, shared_start + columns[:, None, :], linear.h))
+        point, axis = self.control.T
+        held = np.sqrt(linear.point_weight[point, axis])
+        at.append((np.arange(first, second), point_start + 3 * point + axis, held))
+        photo, unknown = self.priors.T
+        at.append(
+            (
+                np.arange(second, third)[:, None],
+                wide * photo[:, None] + np.arange(wide),
+                linear.photo_rows[photo, unknown],
+            )
+        )
+        if problem.photo_invariant:
+            photo, index = np.divmod(self.additional, max(wide - 6, 1))
+            column, weight = wide * photo + 6 + index, linear.own_weight[index]
+        else:
+            column, weight = shared_start + self.additional, linear.shared_weight[self.additional]
+        at.append((np.arange(third, len(self.names)), column, np.sqrt(weight)))
+        parts = [np.broadcast_arrays(*part) for part in at]
+        rows, columns, values = (np.concatenate([p[k].ravel() for p in parts]) for k in range(3))
+        return csr_array((values, (rows, columns)), shape=(len(self.names), shared_start + shared))
 
     def _solved(self, rows: Index) -> Array:
         normal = self.cofactors.normal

@@ -30,8 +30,9 @@ _ABOUT = {
     "modified": "as baarda by the redundancy numbers of the ideal model, its own only in doubt",
     "huber": "re-weighting, what lies far off counts less",
     "danish": "re-weighting, what lies far off soon counts nothing",
+    "l1": "the least absolute sum of residuals, what it leaves far off tested one by one",
     "search": "the best set of rows, found by adding, dropping and exchanging rows",
-    "odds": "the most probable set of rows, errors of any size weighed against each other",
+    "odds": "the most probable set of rows, the sizes of errors learned from the residuals",
 }
 _ROW, _SHOWN_STEPS = 18, 40
 _BENDS = 30.0  # w beyond which the second order shows in what the linearised model says
@@ -152,9 +153,8 @@ def _evidence(solution: ModelSolution, found: Findings, width: int) -> list[Cont
 
 
 def _said(solution: ModelSolution, step: Step, found: Findings) -> str:
-    searched = found.strategy in ("search", "odds")
-    # the odds begin with the steps of the search and have no price of their own
-    what = "v'Pv + price" if searched and step.statistic is not None else "v'Pv"
+    searched = found.strategy == "search"
+    what = "v'Pv + price" if searched else "v'Pv"
     change = f"{what} {step.before:.1f} to {step.after:.1f}"
     names = [_name(solution, row) for row in step.rows]
     if step.action == "swap":

@@ -19,7 +19,7 @@ __all__ = ["BayesScenario", "noise_within_three", "scenarios"]
 
 Array = NDArray[np.float64]
 
-METHODS = ("rms", "tau", "baarda", "search", "odds", "sure")
+METHODS = ("rms", "tau", "baarda", "l1", "search", "odds", "sure")
 _QUANTITIES = ("right", "wrong", "missed", "wrong beside a partner")
 
 # group: errors' size [um], prior variance [m^2], and of A, B, C the paper's counts C, E, F

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from anaplot.adjustment.batch import standardized, tau_statistics
 from anaplot.adjustment.reliability import smallest_detectable_errors
@@ -21,13 +22,20 @@ from anaplot.adjustment.significance import (
     noncentrality,
     tau_power,
 )
+from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.levels import LEVEL
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of, share
 from anaplot.planning.rejections import SURE, rejected_rows
 
-__all__ = ["BlockErrorsScenario", "BlockSizeScenario", "gruen_matrix", "scenarios"]
+__all__ = [
+    "BlockErrorsScenario",
+    "BlockSizeScenario",
+    "gruen_design",
+    "gruen_matrix",
+    "scenarios",
+]
 
 Array = NDArray[np.float64]
 
@@ -37,12 +45,20 @@ _HEIGHT = 150.0 / 92.0  # in bases
 _ALPHAS = (0.001, 0.05)
 _POWER = 0.80
 _REDUNDANCY = 170
+_TILT_DEG = 3.0
+_SHAPE = 4  # of the generator: the one realisation of the tilts
 _FATES = ("right", "wrong", "missed")
-_STRATEGIES = ("rms", "tau", "baarda", "huber", "danish", "search", "odds", "sure")
+_STRATEGIES = ("rms", "tau", "baarda", "huber", "danish", "l1", "search", "odds", "sure")
 
 
-def gruen_matrix() -> Array:
-    """Return (n, n) R of the block; rows: rays, in them x and y."""
+def gruen_design(tilt_deg: float = 0.0) -> Array:
+    """Return (n, u) derivatives of the block's image coordinates; rows: rays, in them x and y.
+
+    Parameters
+    ----------
+    tilt_deg
+        Largest tilt of a photo about any axis, drawn once; the paper's photos have none.
+    """
     steps = np.arange(_PHOTOS, dtype=float)
     points = [(x, y, 0.0) for y in np.arange(-1.0, _PHOTOS + 1) for x in steps]
     known = [[False] * 3 for _ in points]
@@ -61,16 +77,22 @@ def gruen_matrix() -> Array:
                     twice = x == i and 0 < i < _PHOTOS - 1
                     rays += [(j * _PHOTOS + i, point)] * (2 if twice else 1)
     centres = np.array([(i, j, _HEIGHT) for j in steps for i in steps])
-    return residual_matrix(
-        image_design(
-            centres,
-            np.broadcast_to(np.eye(3), (len(centres), 3, 3)),
-            150.0,
-            np.array(points, dtype=float),
-            np.array(rays, dtype=np.intp),
-            np.array(known),
-        )
+    tilts = np.radians(
+        np.random.default_rng(_SHAPE).uniform(-tilt_deg, tilt_deg, (len(centres), 3))
     )
+    return image_design(
+        centres,
+        np.array([rotation_matrix(*angles) for angles in tilts.tolist()]),
+        150.0,
+        np.array(points, dtype=float),
+        np.array(rays, dtype=np.intp),
+        np.array(known),
+    )
+
+
+def gruen_matrix(tilt_deg: float = 0.0) -> Array:
+    """Return (n, n) R of the block; see `gruen_design`."""
+    return residual_matrix(gruen_design(tilt_deg))
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +190,7 @@ def _critical(method: str, alpha: float, redundancy: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class BlockErrorsScenario:
-    """One, five and ten errors of one size anywhere in the block, every strategy.
+    """One, five and ten errors of one size anywhere in the block, tilted; every strategy.
 
     Attributes
     ----------
@@ -194,12 +216,13 @@ class BlockErrorsScenario:
 
     def prepare(self) -> _ErrorsTrial:
         """Linearise the block."""
-        return _ErrorsTrial(self, gruen_matrix())
+        return _ErrorsTrial(self, gruen_design(_TILT_DEG))
 
 
 class _ErrorsTrial:
-    def __init__(self, scenario: BlockErrorsScenario, matrix: Array) -> None:
-        self._scenario, self._matrix = scenario, matrix
+    def __init__(self, scenario: BlockErrorsScenario, design: Array) -> None:
+        self._scenario = scenario
+        self._design, self._matrix = csr_array(design), residual_matrix(design)
 
     def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
         """Say what is counted."""
@@ -236,8 +259,9 @@ class _ErrorsTrial:
     def _system(self, errors: Array) -> DenseResiduals:
         matrix = self._matrix
         e, r = matrix @ errors, np.maximum(np.diag(matrix), 0.0)
-        names = tuple(range(len(e)))
-        return DenseResiduals(names, e, r, float(e @ e), round(float(r.sum())), matrix)
+        names = tuple((k // 2, "xy"[k % 2]) for k in range(len(e)))
+        redundancy = round(float(r.sum()))
+        return DenseResiduals(names, e, r, float(e @ e), redundancy, matrix, self._design)
 
     def remarks(self) -> tuple[str, ...]:
         """Say what the block is."""
@@ -265,7 +289,8 @@ def scenarios() -> tuple[Scenario, ...]:
         *(
             BlockErrorsScenario(
                 f"block-errors-{size}",
-                f"An aerial block with 1, 5 and 10 gross errors of {size} sigma: all strategies.",
+                f"An aerial block, tilted by up to {_TILT_DEG:g} degrees, with 1, 5 and 10 gross "
+                f"errors of {size} sigma: all strategies.",
                 float(size),
             )
             for size in (10, 20)

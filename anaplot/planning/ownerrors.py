@@ -5,14 +5,17 @@ Errors and noise are counted in a-priori sigmas of their row; every run leaves e
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from anaplot.adjustment.batch import BATCH_TESTS, reject_stepwise
 from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.leastabsolute import design_of
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
@@ -59,6 +62,8 @@ class OwnErrors:
         See `Scenario`.
     matrix
         (n, n) R of the whitened rows.
+    names
+        Identities of the n rows: of one measurement alike but for the last element.
     models
         (n,) model values of sqrt(q_vv) for the method "modified".
     numbers
@@ -78,6 +83,7 @@ class OwnErrors:
     name: str
     about: str
     matrix: Array = field(repr=False)
+    names: tuple[Hashable, ...] = field(repr=False)
     models: Array = field(repr=False)
     numbers: tuple[int, ...]
     sizes: tuple[float, ...]
@@ -129,6 +135,10 @@ class _OwnTrial:
         known = scenario.correlated
         self._unit = np.ones(len(r)) if known is None else known.unit
         self._redundancy = max(round(float(r.sum())), 0) if known is None else known.redundancy
+
+    @cached_property
+    def _design(self) -> csr_array | None:
+        return design_of(self._of.matrix)
 
     def remarks(self) -> tuple[str, ...]:
         n = len(self._r)
@@ -188,10 +198,11 @@ class _OwnTrial:
         settings = SearchSettings(alpha=self._of.alpha)
         out = np.zeros(errors.shape, dtype=bool)
         left = errors @ matrix
-        names = tuple(range(len(r)))
         for one, e in enumerate(left):
             vtpv = max(float(e @ errors[one]), 0.0)
-            system = DenseResiduals(names, e, r, vtpv, self._redundancy, matrix)
+            system = DenseResiduals(
+                self._of.names, e, r, vtpv, self._redundancy, matrix, self._design
+            )
             found = find_gross_errors(
                 system, method, settings, models=self._of.models, tolerance=PAPER_TOLERANCE
             )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from anaplot.adjustment.significance import critical_normal
 from anaplot.planning.rates import score_interval
 
-__all__ = ["COUNT", "YES_OR_NO", "Quantity", "mean_interval", "out_of", "share"]
+__all__ = ["COUNT", "MEASURE", "YES_OR_NO", "Quantity", "mean_interval", "out_of", "share"]
 
 
 class Quantity(NamedTuple):
@@ -19,7 +19,7 @@ class Quantity(NamedTuple):
     top
         The largest value; None: a count without a bound worth the name.
     parts
-        Of how many answers, yes or no, a bounded value is made.
+        Of how many answers, yes or no, a bounded value is made; 0: a length or the like.
     """
 
     top: float | None
@@ -28,6 +28,7 @@ class Quantity(NamedTuple):
 
 YES_OR_NO = Quantity(1.0, 1)
 COUNT = Quantity(None, 1)
+MEASURE = Quantity(None, 0)
 
 
 def out_of(number: int) -> Quantity:
@@ -57,12 +58,14 @@ def mean_interval(
     Returns
     -------
     tuple or None
-        Low and high end; None for a count in a single run, which says nothing of its scatter.
+        Low and high end; None for a count or a length in a single run, which says nothing of its
+        scatter.
 
     Notes
     -----
-    The interval is decided by the quantity, never by the values that happened to be drawn. All of
-    them are score intervals: the means that the data do not contradict, with the variance that
+    The interval is decided by the quantity, never by the values that happened to be drawn. That of
+    a length is the mean's with its standard deviation, not below zero. All others are score
+    intervals: the means that the data do not contradict, with the variance that
     belongs to that mean and not to the one observed. So none has zero width where all runs agree,
     and none leaves the range of its quantity.
 
@@ -82,6 +85,9 @@ def mean_interval(
     if top is None:
         if runs < 2:
             return None
+        if parts == 0:
+            half = critical_normal(1.0 - confidence) * sqrt(scatter / runs)
+            return max(mean - half, 0.0), mean + half
         trials = runs * (total + 1.0) / (runs * scatter + 1.0)
         z2 = critical_normal(1.0 - confidence) ** 2
         centre = mean + z2 / (2 * trials)

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
-from anaplot.adjustment.setodds import set_odds
-from anaplot.adjustment.strategies import find_gross_errors
+from anaplot.adjustment.strategies import find_gross_errors, most_probable_rows
 from anaplot.planning.levels import LEVEL
 
 __all__ = ["SURE", "rejected_rows"]
@@ -25,8 +24,10 @@ def rejected_rows(
     system
         All rows.
     methods
-        Names of strategies; "odds" is the most probable set, and "sure" the rows that more
-        probably than not hold an error, of one chain that begins with what the search finds.
+        Names of strategies; "sure" are the rows that by the odds hold an error more probably than
+        not.
+    alpha
+        Significance of a single row.
 
     Raises
     ------
@@ -41,8 +42,6 @@ def rejected_rows(
         if method not in ("odds", "sure")
     }
     if "odds" in wanted or "sure" in wanted:
-        start = found["search"] if "search" in found else find_gross_errors(system, "search").rows
-        odds = set_odds(system, start=start)
-        weighed = {"odds": odds.best, "sure": odds.sure}
-        found |= {method: rows for method, rows in weighed.items() if method in wanted}
+        odds, sure = most_probable_rows(system, settings, sure="sure" in wanted)
+        found |= {m: rows for m, rows in (("odds", odds), ("sure", sure)) if m in wanted}
     return found

@@ -8,12 +8,20 @@ from anaplot.planning import (
     modelscenarios,
     networkscenarios,
     stripscenarios,
+    tiltedscenarios,
 )
 from anaplot.planning.montecarlo import Scenario
 
 __all__ = ["scenarios"]
 
-_ROOMS = (modelscenarios, stripscenarios, blockscenarios, networkscenarios, bayesscenarios)
+_ROOMS = (
+    modelscenarios,
+    stripscenarios,
+    blockscenarios,
+    tiltedscenarios,
+    networkscenarios,
+    bayesscenarios,
+)
 
 
 def scenarios() -> dict[str, Scenario]:

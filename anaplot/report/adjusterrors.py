@@ -208,7 +208,7 @@ def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
     sigma = None if row.sigma is None else row.sigma * scale
     because = "no solution is found with it" if row.order == 0 else ""
     if row.statistic is not None and row.critical is not None:
-        if strategy in ("search", "odds"):
+        if strategy == "search":
             because = f"the sum falls by {-row.statistic:.2f}"
         else:
             because = f"{_measure(strategy)} {row.statistic:.2f} above {row.critical:.2f}"

@@ -150,7 +150,7 @@ def _because(row: RejectedRow, strategy: str) -> str:
         return "" if row.w is None else "; with it the orientation goes astray"
     if row.statistic is None or row.critical is None:
         return f"; step {row.order}"
-    if strategy in ("search", "odds"):
+    if strategy == "search":
         return f"; step {row.order}, the sum falls by {-row.statistic:.1f}"
     return f"; step {row.order}, {row.statistic:.2f} above {row.critical:.2f}"
 

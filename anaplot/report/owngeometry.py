@@ -136,6 +136,7 @@ def own_scenario(
         found.name,
         f"errors planted in {found.about}",
         found.matrix,
+        found.names,
         found.models,
         numbers,
         sizes,

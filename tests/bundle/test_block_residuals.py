@@ -97,6 +97,7 @@ def test_columns_equal_the_dense_matrix(name) -> None:
     system = block_residuals(block.problem, block.state, block.cofactors.normal.structure)
     n = len(system.names)
     assert n == block.problem.observations == len(system.sigma) == len(system.units)
+    np.testing.assert_allclose(system.design().toarray(), design(system), rtol=1e-12)
     whole = dense(system)
     every = np.arange(n)[::-1]
     np.testing.assert_allclose(system.columns(every), whole[:, every], atol=2e-7)

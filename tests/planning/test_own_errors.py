@@ -135,6 +135,7 @@ def test_the_search_is_better_than_stepwise_rejection_with_many_errors() -> None
         "own",
         "",
         rows.matrix,
+        tuple(range(len(rows.matrix))),
         np.sqrt(rows.matrix.diagonal()),
         (4,),
         (12.0,),

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.planning.montecarlo import sums
-from anaplot.planning.quantities import COUNT, YES_OR_NO, mean_interval, out_of, share
+from anaplot.planning.quantities import COUNT, MEASURE, YES_OR_NO, mean_interval, out_of, share
 from anaplot.planning.rates import wilson
 
 
@@ -53,8 +53,21 @@ def test_the_drawn_values_do_not_decide() -> None:
     assert (low, high) == (0.0, pytest.approx(4.0 * wilson(0, 100).high))
 
 
+def test_a_length_has_the_interval_of_its_mean_in_any_unit() -> None:
+    values = np.array([0.11, 0.09, 0.30, 0.12])
+    low, high = interval(MEASURE, values)
+    half = 1.959964 * values.std(ddof=1) / 2.0
+    assert (low, high) == (
+        pytest.approx(values.mean() - half, abs=1e-6),
+        pytest.approx(values.mean() + half, abs=1e-6),
+    )
+    assert interval(MEASURE, 1000.0 * values) == pytest.approx((1000.0 * low, 1000.0 * high))
+    assert interval(MEASURE, [0.0, 0.0, 0.0, 1.0])[0] == 0.0
+
+
 def test_a_single_run() -> None:
     assert mean_interval(COUNT, 1, 3.0, 9.0) is None
+    assert mean_interval(MEASURE, 1, 3.0, 9.0) is None
     low, high = interval(out_of(2), [1])
     assert 0.0 < low < 0.2 < 1.8 < high < 2.0
     assert mean_interval(out_of(0), 1, 0.0, 0.0) == (0.0, 0.0)
