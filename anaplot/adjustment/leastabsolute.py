@@ -11,7 +11,8 @@ the gap between primal and dual says that it is the optimum.
 
 Without a design only R is known, R = Q_vv P. With its eigenvalues l and eigenvectors V the columns
 V sqrt(1 - l) span the design; where l lies between 0 and 1 (priors that are no rows of the system)
-there are rows beside those seen, with derivatives sqrt(l).
+there are rows beside those seen, with derivatives sqrt(l); where l exceeds 1 (correlated rows) more
+is left than was observed, by that factor.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ MOST_ROWS_OF_PROGRAMME = 5_000
 """Rows up to which the linear programme is solved; beyond them it is re-weighted least squares."""
 
 _ZERO = 1e-9  # eigenvalue of R that is none
+_PROJECTOR = 1e-6  # largest element of R R - R that is rounding
 _GAP = 1e-10  # per row: difference of primal and dual at which the optimum is reached
 _MOST_ITERATIONS = 200
 _TO_THE_WALL = 0.9995  # part of the way to the nearest bound that a step may go
@@ -82,26 +84,30 @@ def least_absolute_residuals(system: ResidualSystem) -> Array:
         design = system.design()
         if design is not None:
             return least_absolute(design, e).residuals
-    design, hidden = _from_residual_matrix(system.columns(np.arange(len(e))), e)
-    return least_absolute(design, np.concatenate((e, hidden))).residuals[: len(e)]
+    design, misclosures = _from_residual_matrix(system.columns(np.arange(len(e))), e)
+    return least_absolute(design, misclosures).residuals[: len(e)]
 
 
 def design_of(matrix: Array) -> csr_array | None:
-    """Return (n, u) a design with this R; None where rows beside those seen belong to it.
+    """Return (n, u) a design with this R; None where it is no projector: see above.
 
     Parameters
     ----------
     matrix
         (n, n) R.
     """
-    design, hidden = _from_residual_matrix(matrix, np.zeros(len(matrix)))
-    return None if len(hidden) else design
+    design, misclosures = _from_residual_matrix(matrix, np.zeros(len(matrix)))
+    projector = float(np.abs(matrix @ matrix - matrix).max(initial=0.0)) < _PROJECTOR
+    return design if projector and len(misclosures) == len(matrix) else None
 
 
 def _from_residual_matrix(matrix: Array, e: Array) -> tuple[csr_array, Array]:
-    """Return a design with this R, further rows below, and the misclosures of these."""
+    """Return a design with this R and its misclosures, those of further rows at the end."""
     value, vector = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    value = np.clip(value, 0.0, 1.0)
+    value = np.maximum(value, 0.0)
+    beyond = value > 1.0 + _ZERO
+    along = vector[:, beyond]
+    e = e + along @ ((1.0 / value[beyond] - 1.0) * (along.T @ e))
     bound = value < 1.0 - _ZERO
     value, vector = value[bound], vector[:, bound]
     beside = np.flatnonzero(value > _ZERO)
@@ -109,7 +115,8 @@ def _from_residual_matrix(matrix: Array, e: Array) -> tuple[csr_array, Array]:
     below = np.zeros((len(beside), len(value)))
     below[np.arange(len(beside)), beside] = np.sqrt(held)
     design = csr_array(np.vstack((vector * np.sqrt(1.0 - value), below)))
-    return design, -np.sqrt((1.0 - held) / held) * (vector[:, beside].T @ e)
+    hidden = -np.sqrt((1.0 - held) / held) * (vector[:, beside].T @ e)
+    return design, np.concatenate((e, hidden))
 
 
 def least_absolute(

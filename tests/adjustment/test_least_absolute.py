@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from anaplot.adjustment.leastabsolute import least_absolute, least_absolute_residuals
+from anaplot.adjustment.leastabsolute import (
+    design_of,
+    least_absolute,
+    least_absolute_residuals,
+)
 from anaplot.adjustment.left import Left
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.strategies import find_gross_errors
@@ -84,6 +88,28 @@ def test_a_prior_that_is_no_row_counts() -> None:
     every = csr_array(np.vstack((design, [[np.sqrt(weight)]])))
     expected = least_absolute(every, np.append(errors, 0.0)).residuals[:n]
     np.testing.assert_allclose(least_absolute_residuals(of), expected, atol=1e-8)
+
+
+def test_of_correlated_rows_what_is_left_is_explained_by_the_least_errors() -> None:
+    rng = np.random.default_rng(8)
+    n = 30
+    root = np.eye(n) + 0.25 * rng.normal(size=(n, n)) / np.sqrt(n)
+    weight = np.linalg.inv(root @ root.T)
+    design = rng.normal(size=(n, 6))
+    normal = design.T @ weight @ design
+    matrix = weight - weight @ design @ np.linalg.solve(normal, design.T @ weight)
+    values = np.linalg.eigvalsh(matrix)
+    errors = np.zeros(n)
+    errors[[4, 20]] = 30.0, -20.0
+    # as far as no eigenvalue lies between 0 and 1 nothing but these two errors explains it all
+    matrix /= values[values > 1e-9].min()
+    e = matrix @ errors
+    of = DenseResiduals(
+        tuple(range(n)), e, np.diag(matrix).copy(), float(errors @ e), n - 6, matrix
+    )
+    np.testing.assert_allclose(least_absolute_residuals(of), errors, atol=1e-6)
+    assert design_of(matrix) is None
+    assert design_of(residuals(design, errors).matrix) is not None
 
 
 def test_rows_left_out_for_good_count_nothing() -> None:
