@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from functools import cached_property
+from math import log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,13 +101,17 @@ class Proposals:
         """Return the rows of the same measurement as one, itself among them, ascending."""
         return self._measurements[_measurement(self._names[row])]
 
-    def next(self, size: Array, suspects: Bools, state: Elimination) -> tuple[int, ...]:
+    def next(
+        self, size: Array, limit: Array, suspects: Bools, state: Elimination
+    ) -> tuple[int, ...]:
         """Return the rows to reject next by their size; none when there are none.
 
         Parameters
         ----------
         size
             (n,) abs(w) of the rows, or what stands for it; NaN: not conspicuous.
+        limit
+            (n,) what it is tested against.
         suspects
             (n,) rows that may be rejected.
         state
@@ -123,14 +128,15 @@ class Proposals:
         while left.any():
             values = np.where(left, size, -np.inf)
             first = int(np.argmax(values >= values.max() * (1.0 - EQUAL)))
-            rows = self.instead(first, conspicuous, suspects, state)
+            beyond = float(size[first] ** 2 - limit[first] ** 2)
+            rows = self.instead(first, beyond, conspicuous, suspects, state)
             if rows:
                 return rows
             left[first] = False
         return ()
 
     def instead(
-        self, row: int, partners: Bools, suspects: Bools, state: Elimination
+        self, row: int, beyond: float, partners: Bools, suspects: Bools, state: Elimination
     ) -> tuple[int, ...]:
         """Return the rows to reject where one is conspicuous; none where nothing checks them.
 
@@ -138,6 +144,9 @@ class Proposals:
         ----------
         row
             A row that is not out.
+        beyond
+            By how much its squared size exceeds its squared limit. A weak row needs more: an error
+            that large is the less probable the less of it is seen, see `likeliest`.
         partners
             (n,) rows that may go in its place.
         suspects
@@ -152,7 +161,7 @@ class Proposals:
         if state.r[best] >= WEAK:
             return (best,)
         rows = [best, *(k for k in self.measured_with(best) if k != best and k not in state.rows)]
-        if not suspects[rows].all():
+        if beyond < log(WEAK / max(state.r[best], 1e-300)) or not suspects[rows].all():
             return ()
         trial = state.copy()
         try:

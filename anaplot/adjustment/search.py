@@ -138,7 +138,8 @@ class _Descent:
         for first in start:
             if not (state.testable(first) and len(state.rows) < self.most):
                 continue
-            rows = self.proposals.instead(first, self.suspects, self.suspects, state)
+            beyond = float(state.w[first]) ** 2 - self.critical**2
+            rows = self.proposals.instead(first, beyond, self.suspects, self.suspects, state)
             if rows and len(state.rows) + len(rows) <= self.most:
                 steps.append(self._do(state, "add", rows))
         for _ in range(_MOST_STEPS):
@@ -164,7 +165,10 @@ class _Descent:
         change = -EQUAL * max(1.0, state.system.vtpv)
         best: tuple[_Action, tuple[int, ...]] | None = None
         w = np.where(self.suspects, np.abs(state.w), np.nan)
-        add = self.proposals.next(w, self.suspects, state) if len(state.rows) < self.most else ()
+        add: tuple[int, ...] = ()
+        if len(state.rows) < self.most:
+            limit = np.full(len(w), self.critical)
+            add = self.proposals.next(w, limit, self.suspects, state)
         if add and len(state.rows) + len(add) <= self.most:
             gain = self._gain(state, "add", add)
             if gain < change:

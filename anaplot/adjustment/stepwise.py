@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from math import sqrt
 from typing import NamedTuple
 
@@ -209,8 +209,8 @@ def stepwise(
     while not watch.stopped:
         watch("rejecting", len(state.rows) / max(most, 1))
         test = rule(state)
-        back = _first_back(state, test, proposals)
-        if back and frozenset(state.rows).difference(back) not in seen:
+        back = _first_back(state, test, proposals, seen)
+        if back:
             steps.append(_drop(state, back, test))
             seen.add(frozenset(state.rows))
             continue
@@ -220,7 +220,7 @@ def stepwise(
         taken: list[int] = []
         before = state.vtpv
         while bad.any() and len(state.rows) < most:
-            rows = proposals.next(np.where(bad, test.size, np.nan), suspects, state)
+            rows = proposals.next(np.where(bad, test.size, np.nan), test.limit, suspects, state)
             if not rows or len(state.rows) + len(rows) > most:
                 break
             for row in rows:
@@ -247,19 +247,32 @@ def bring_back(state: Elimination, rule: Rule, watch: Watch) -> list[Step]:
     proposals = Proposals(state.system.names)
     while not watch.stopped:
         test = rule(state)
-        back = _first_back(state, test, proposals)
+        back = _first_back(state, test, proposals, ())
         if not back:
             break
         steps.append(_drop(state, back, test))
     return steps
 
 
-def _first_back(state: Elimination, test: _Test, proposals: Proposals) -> tuple[int, ...]:
-    """Return the row of S with the smallest size below its limit, and what comes back with it."""
-    if not (test.size < test.limit)[list(state.rows)].any():
+def _first_back(
+    state: Elimination,
+    test: _Test,
+    proposals: Proposals,
+    seen: Collection[frozenset[int]],
+) -> tuple[int, ...]:
+    """Return the row of S with the smallest size below its limit, and what comes back with it.
+
+    Nothing whose return leads to a set that was there before.
+    """
+    out = frozenset(state.rows)
+    if not (test.size < test.limit)[list(out)].any():
         return ()
-    together = proposals.together(state)
-    small = [rows for rows in together.values() if all(test.size[k] < test.limit[k] for k in rows)]
+    together = dict.fromkeys(proposals.together(state).values())
+    small = [
+        rows
+        for rows in together
+        if all(test.size[k] < test.limit[k] for k in rows) and out.difference(rows) not in seen
+    ]
     return min(small, key=lambda rows: max(test.size[list(rows)]), default=())
 
 

@@ -399,7 +399,9 @@ def _reject_beyond(
             break
         if not state.testable(first):
             continue
-        rejected = proposals.instead(first, suspects, suspects, state)
+        rejected = proposals.instead(
+            first, float(state.w[first] ** 2 - critical**2), suspects, suspects, state
+        )
         if not rejected or len(state.rows) + len(rejected) > most:
             continue
         before = state.vtpv

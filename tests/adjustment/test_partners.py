@@ -178,6 +178,32 @@ def test_a_weak_row_without_partner_takes_its_measurement_along() -> None:
         assert alone.rows == (1,)
 
 
+def leverage(weight: float) -> tuple[np.ndarray, tuple]:
+    """R of rows of which row 1 nearly determines an unknown of its own; names of rays."""
+    rng = np.random.default_rng(4)
+    design = np.zeros((24, 3))
+    design[:, 0] = 1.0
+    design[1, 2] = weight
+    design[2:, 2] = rng.choice([-1.0, 1.0], 22) * 0.3
+    design[:, 1] = rng.normal(size=24)
+    q, _ = np.linalg.qr(design)
+    names = tuple(("image", "photo", f"p{k // 2}", "xy"[k % 2]) for k in range(24))
+    return np.eye(24) - q @ q.T, names
+
+
+@pytest.mark.parametrize("strategy", ["baarda", "search", "odds", "l1"])
+def test_the_less_of_an_error_is_seen_the_more_conspicuous_it_must_be(strategy: str) -> None:
+    matrix, names = leverage(400.0)
+    r = np.diag(matrix)
+    assert 5e-6 < r[1] < 5e-5
+    for w, gone in ((3.6, False), (6.0, True)):
+        e = matrix[:, 1] * w / np.sqrt(r[1])
+        system = DenseResiduals(names, e, r, float(e @ e), 21, matrix)
+        found = find_gross_errors(system, strategy)
+        assert (1 in found.rows) == gone
+        assert (0 in found.rows) == gone
+
+
 def test_rows_of_one_measurement() -> None:
     names = (("image", "a", "1", "x"), ("image", "a", "1", "y"), ("image", "a", "2", "x"), "b", ())
     assert Proposals(names).measured_with(1) == [0, 1]
