@@ -30,6 +30,8 @@ Progress = Callable[[str, float], None]
 _FITS = 4.0  # sigma0 up to which a minimum is not held against others
 _SOFT = 1e-8  # pivot over diagonal below which a minimum may hang on rounding or noise
 _TORN = 50.0  # sigma0 above which a robust solution is asked for the culprit
+_BENT = 1500.0  # the same, from which a minimum says nothing of the block
+_ROUND_CORNERS = 60  # damped steps after which one of _TORN does not either
 
 
 def adjust_block(
@@ -220,8 +222,9 @@ def _bent(problem: Problem, found: Found, solution: RobustState) -> bool:
     most measurements agree much better. Where sigmas are too small, they do not.
     """
     scale = max(solution.misfit / float(np.median(problem.sigma)), 1.0)
-    torn = found.convergence.last > (_TORN * scale) ** 2 * max(problem.redundancy, 1)
-    return torn and found.convergence.damped > 0
+    sigma0 = sqrt(found.convergence.last / max(problem.redundancy, 1)) / scale
+    damped = found.convergence.damped
+    return damped > 0 and (sigma0 > _BENT or (sigma0 > _TORN and damped > _ROUND_CORNERS))
 
 
 def _check_held(problem: Problem, found: Found, other: State | None) -> None:

@@ -89,9 +89,9 @@ def test_truncated_least_squares_leaves_out_what_is_far_off() -> None:
 
 
 def test_a_point_does_not_lose_what_holds_its_height() -> None:
-    """A point lost the x of one ray and then, for 3.3 sigmas in y, all of another: 17 m in Z."""
+    """A point lost x of one ray and then, for 3.3 sigmas in y, all of another: 17 m in Z."""
     trial = TiltedScenario("t", "", sizes=(6.0,), numbers=(20,)).prepare()
     rng = np.random.default_rng(0)
     for _ in range(20):
         last = trial.one(rng, "20 of 6 sigma", (NOTHING, "baarda"))
-        assert last["baarda"].height < 2.0 * last[NOTHING].height
+        assert last["baarda"].height < 4.0 * last[NOTHING].height
