@@ -156,12 +156,12 @@ def find_gross_errors(
     counts: ModelRule | None = None
     remarks: list[str] = []
     if strategy == "l1":
-        state, steps = _by_least_absolute(system, used.alpha, allowed, most, seen)
+        state, steps = _by_least_absolute(system, used.alpha, allowed, most, seen, remarks)
     elif strategy == "search":
-        start, _ = _by_least_absolute(system, used.alpha, allowed, most, seen)
+        start, _ = _by_least_absolute(system, used.alpha, allowed, most, seen, remarks)
         state, steps = search(system, critical, allowed, most, seen, start.rows)
     elif strategy == "odds":
-        state, steps, weighed = _by_odds(system, used.alpha, allowed, most, seen)
+        state, steps, weighed = _by_odds(system, used.alpha, allowed, most, seen, remarks)
         if state.rows:
             sure = len(set(weighed.sure(seen)).intersection(state.rows))
             remarks.append(f"more probably in error than not: {sure} of {len(state.rows)}")
@@ -262,7 +262,7 @@ def most_probable_rows(
     used, watch = SearchSettings() if settings is None else settings, Watch()
     allowed = np.ones(len(system.e), dtype=bool)
     most = used.room(system.redundancy)
-    state, _, weighed = _by_odds(system, used.alpha, allowed, most, watch)
+    state, _, weighed = _by_odds(system, used.alpha, allowed, most, watch, [])
     return state.rows, weighed.sure(watch) if sure else ()
 
 
@@ -307,12 +307,17 @@ class _Weighed(NamedTuple):
 
 
 def _by_odds(
-    system: ResidualSystem, alpha: float, suspects: Bools, most: int, watch: Watch
+    system: ResidualSystem,
+    alpha: float,
+    suspects: Bools,
+    most: int,
+    watch: Watch,
+    remarks: list[str],
 ) -> tuple[Elimination, list[Step], _Weighed]:
     """Return the most probable set, how it was reached, and what it was weighed of."""
     critical = critical_normal(alpha)
     ends = [
-        _by_least_absolute(system, alpha, suspects, most, watch),
+        _by_least_absolute(system, alpha, suspects, most, watch, remarks),
         # least absolute residuals give way to an error in a row that has a lever on many others
         stepwise(
             Elimination(system), rule_of("baarda", alpha), suspects, most, watch, together=False
@@ -350,11 +355,24 @@ def _by_odds(
 
 
 def _by_least_absolute(
-    system: ResidualSystem, alpha: float, suspects: Bools, most: int, watch: Watch
+    system: ResidualSystem,
+    alpha: float,
+    suspects: Bools,
+    most: int,
+    watch: Watch,
+    remarks: list[str],
 ) -> tuple[Elimination, list[Step]]:
-    """Reject what the least absolute sum leaves beyond the critical value, then go on by w."""
+    """Reject what the least absolute sum leaves beyond the critical value, then go on by w.
+
+    Where it is not reached, begin with w, and say so in `remarks`.
+    """
     watch("least absolute sum", 0.0)
-    return _go_on(system, np.abs(least_absolute_residuals(system)), alpha, suspects, most, watch)
+    try:
+        size = np.abs(least_absolute_residuals(system))
+    except ArithmeticError as error:
+        remarks.append(f"{error}: begun with w")
+        size = np.zeros(len(system.e))
+    return _go_on(system, size, alpha, suspects, most, watch)
 
 
 def _go_on(

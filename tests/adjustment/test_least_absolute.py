@@ -132,3 +132,20 @@ def test_the_strategy_finds_masked_errors_and_brings_back_the_others() -> None:
     assert set(found.rows) == planted
     assert {step.action for step in found.steps} <= {"reject", "drop"}
     assert all(abs(found.at_end.w[row]) > 3.29 for row in planted)
+
+
+@pytest.mark.parametrize("strategy", ["l1", "search", "odds"])
+def test_where_no_optimum_is_reached_the_search_begins_with_w_and_says_so(
+    strategy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(system: object) -> np.ndarray:
+        raise ArithmeticError("no least absolute sum in 200 adjustments")
+
+    monkeypatch.setattr("anaplot.adjustment.strategies.least_absolute_residuals", fails)
+    q, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(30, 6)))
+    matrix = np.eye(30) - q @ q.T
+    e = matrix[:, 7] * 30.0
+    system = DenseResiduals(tuple(range(30)), e, np.diag(matrix), float(e @ e), 24, matrix)
+    found = find_gross_errors(system, strategy)
+    assert found.rows == (7,)
+    assert "no least absolute sum in 200 adjustments: begun with w" in found.remarks
