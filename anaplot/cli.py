@@ -597,8 +597,8 @@ def _add_compare_arguments(parser: Any) -> None:
     parser.add_argument(
         "--additional",
         metavar="SET",
-        help="additional parameters: ebner, gruen or physical, with :block (the default), :strip, "
-        ":camera or :photo",
+        help="additional parameters: ebner, gruen or physical (a lens: c, x0, y0, k1, k2, k3, p1, "
+        "p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo",
     )
     parser.add_argument(
         "--additional-sigma-um", type=_positive, metavar="UM", help="weigh them by their effect"
@@ -754,8 +754,8 @@ def _parser() -> _Parser:
     adjust.add_argument(
         "--additional",
         metavar="SET",
-        help="additional parameters: ebner, gruen or physical, with :block (the default), :strip, "
-        ":camera or :photo",
+        help="additional parameters: ebner, gruen or physical (a lens: c, x0, y0, k1, k2, k3, p1, "
+        "p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo",
     )
     adjust.add_argument(
         "--additional-sigma-um",

@@ -1,8 +1,9 @@
 """Additional parameters: what self-calibration may say about the image (Gruen 1978, section B).
 
-Every set is linear in its parameters: the systematic image error at a measured point is the sum
-of the parameters times basis functions of the measured coordinates. The sets of Ebner and Gruen
-are orthogonal on their grids, and to what an exterior orientation does there.
+The sets of Ebner and Gruen are linear: the systematic image error at a measured point is the sum
+of the parameters times basis functions of the measured coordinates. They are orthogonal on their
+grids, and to what an exterior orientation does there. The physical set is the lens through which
+the rays pass: not linear, for its terms follow the principal point.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.errors import InputError
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, seen_through
 
 __all__ = [
     "AdditionalParameters",
@@ -24,6 +26,7 @@ __all__ = [
     "ebner",
     "exterior_effects",
     "gruen",
+    "lens_units",
     "physical",
 ]
 
@@ -37,7 +40,7 @@ _SCOPES: tuple[Scope, ...] = ("block", "strip", "camera", "photo")
 
 @dataclass(frozen=True, slots=True)
 class ParameterSet:
-    """A set of basis functions.
+    """A set of additional parameters.
 
     Attributes
     ----------
@@ -47,12 +50,15 @@ class ParameterSet:
         Names of the parameters.
     basis
         Function of x, y (n,) [mm], the reach b [mm] and the camera constant (n,) [mm] that
-        returns (n, 2, len(names)).
+        returns (n, 2, len(names)): what the parameters do, to first order.
+    lens
+        Whether the parameters are those of a lens: `basis` then only tells their size.
     """
 
     name: SetName
     names: tuple[str, ...]
     basis: Callable[[Array, Array, float, Array], Array]
+    lens: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,27 +139,25 @@ def _gruen_names() -> tuple[str, ...]:
     return tuple(names)
 
 
-def _physical_basis(x: Array, y: Array, b: float, c: Array) -> Array:
-    """Camera constant, principal point, radial, decentring, affinity and shear.
+def lens_units(b: float, c: float) -> Array:
+    """Return (10,) the `LENS_PARAMETERS` whose effect in the image is 1 mm at the reach.
 
-    dc, x0, y0 in mm; the other parameters are the effect in mm at the reach b.
+    Parameters
+    ----------
+    b, c
+        Reach and camera constant [mm]. c, x0 and y0 are 1 mm themselves.
     """
-    u, v = x / b, y / b
-    r2 = u * u + v * v
-    dx: Column = [x / c, 1.0, 0.0, u * r2, u * r2**2, u * r2**3, r2 + 2 * u * u, 2 * u * v, u, v]
-    dy: Column = [
-        y / c,
-        0.0,
-        1.0,
-        v * r2,
-        v * r2**2,
-        v * r2**3,
-        2 * u * v,
-        r2 + 2 * v * v,
-        0.0,
-        0.0,
-    ]
-    return _columns(x, dx, dy)
+    r = b / c
+    effects = c * np.array([r**3, r**5, r**7, r**2, r**2, r, r])
+    return np.concatenate((np.ones(3), 1.0 / effects))
+
+
+def _physical_basis(x: Array, y: Array, b: float, c: Array) -> Array:
+    """Return what the lens function makes of small parameters, to first order."""
+    nominal = np.zeros((len(x), len(LENS_PARAMETERS)))
+    nominal[:, 0] = c
+    seen = seen_through(np.column_stack((x, y)) / c[:, None], nominal)
+    return seen.by_parameter * lens_units(b, float(np.mean(c)))
 
 
 ebner = ParameterSet("ebner", tuple(f"b{k}" for k in range(1, 13)), _ebner_basis)
@@ -162,12 +166,14 @@ ebner = ParameterSet("ebner", tuple(f"b{k}" for k in range(1, 13)), _ebner_basis
 gruen = ParameterSet("gruen", _gruen_names(), _gruen_basis)
 """Gruen's 44 parameters; unit as in `ebner`."""
 
-physical = ParameterSet(
-    "physical",
-    ("dc", "x0", "y0", "K1", "K2", "K3", "P1", "P2", "affinity", "shear"),
-    _physical_basis,
-)
-"""The physical set: dc, x0, y0 [mm]; the others as effect [mm] at the reach b."""
+physical = ParameterSet("physical", LENS_PARAMETERS, _physical_basis, lens=True)
+"""The lens (conventions, Pixels): corrections of the camera's own values.
+
+c, x0, y0 in mm; the others as their effect [mm] at the reach b, on an axis of the image:
+`lens_units` times that is Brown's coefficient. A positive c makes the camera constant longer and
+stretches the image: what is adjusted is the camera's c plus this. x0 and y0 are where the principal
+point lies in the image's axes, and all distortion is about it. k1, k2, k3 > 0 push points outwards.
+"""
 
 _SETS: dict[str, ParameterSet] = {"ebner": ebner, "gruen": gruen, "physical": physical}
 

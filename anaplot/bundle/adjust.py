@@ -16,14 +16,21 @@ from anaplot.bundle.approximate import approximate_ways, laid_onto_control, rest
 from anaplot.bundle.datum import check_datum, datum_change
 from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum
 from anaplot.bundle.normal import State, Structure, linearise, make_structure, objective
-from anaplot.bundle.openmovement import held_by_noise
+from anaplot.bundle.openmovement import held_by_noise, parameters_left_open
 from anaplot.bundle.problem import Datum, Problem, make_problem
 from anaplot.bundle.reliability import compute_cofactors
 from anaplot.bundle.robust import RobustState, no_minimum, robust_state, robust_suspects
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
-__all__ = ["adjust_block", "adjust_bundle", "adjust_problem", "evaluate", "with_additional"]
+__all__ = [
+    "adjust_block",
+    "adjust_bundle",
+    "adjust_problem",
+    "calibrated",
+    "evaluate",
+    "with_additional",
+]
 
 Progress = Callable[[str, float], None]
 
@@ -101,12 +108,47 @@ def _adjusted(problem: Problem, progress: Progress | None) -> AdjustedBlock:
         return evaluate(problem, found, robust=robust, progress=progress)
     # orientations do not wait for them: additional parameters start from the block without
     found, robust = _searched(problem.bare, progress)
-    return adjust_bundle(
-        problem,
-        with_additional(problem, found.state),
-        robust=None if robust is None else with_additional(problem, robust),
-        progress=progress,
-    )
+    return calibrated(problem, found.state, robust=robust, progress=progress)
+
+
+def calibrated(
+    problem: Problem,
+    bare: State,
+    *,
+    robust: State | None = None,
+    progress: Progress | None = None,
+) -> AdjustedBlock:
+    """Adjust a bundle with additional parameters from its minimum without them.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    bare
+        The minimum of `problem.bare`.
+    robust
+        A robust solution of `problem.bare`, if there is one.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Raises
+    ------
+    NotComputableError
+        The parameters are not determined: as far as rounding tells, or they run away. Parameters
+        that are only weak are adjusted, and their standard deviations say so.
+    """
+    try:
+        return adjust_bundle(
+            problem,
+            with_additional(problem, bare),
+            robust=None if robust is None else with_additional(problem, robust),
+            progress=progress,
+        )
+    except NoConvergenceError as error:
+        if len(problem.additional_sigma):
+            raise
+        # there is a minimum without them
+        raise NoConvergenceError(parameters_left_open(problem), error.state) from error
 
 
 def with_additional(problem: Problem, state: State) -> State:
@@ -313,7 +355,9 @@ def adjust_bundle(
         if not objective(problem, start)[0] < float("inf"):
             raise
         raise no_minimum(problem, structure, start, error.state) from error
-    if found.convergence.damped or found.factor.smallest < _SOFT:
+    soft = found.convergence.damped > 0 or found.factor.smallest < _SOFT
+    # of additional parameters only the rank is judged: weak ones have large standard deviations
+    if soft and problem.additional is None:
         _check_held(problem, found, start if robust is None else robust)
     return evaluate(problem, found, robust=robust, progress=progress)
 

@@ -371,11 +371,19 @@ class AdjustedBlock:
         else:
             values, q = self.state.shared, np.diag(self.cofactors.shared)
         deviations = self._deviations(q)
-        return [
+        rows = [
             ParameterRow(problem.additional_groups[k // len(names)], names[k % len(names)],
                          float(values[k]), deviations[k])
             for k in range(len(values))
         ]  # fmt: skip
+        if problem.lens_units is None:
+            return rows
+        return [
+            row._replace(
+                coefficient=row.value * unit, s_coefficient=None if row.s is None else row.s * unit
+            )
+            for row, unit in zip(rows, problem.lens_units.reshape(-1).tolist(), strict=True)
+        ]
 
     def parameter_correlations(self, limit: float = 0.9) -> list[tuple[str, str, float]]:
         """Return pairs of unknowns correlated beyond a limit, one an additional parameter."""

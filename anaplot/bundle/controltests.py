@@ -31,9 +31,9 @@ from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.crosscofactors import Sides, coordinate_cofactors, empty_sides, side_products
+from anaplot.bundle.imaging import imaged_with_derivatives
 from anaplot.bundle.similarity import Similarity, fit_to_partial, similarity_effects
 from anaplot.bundle.verdict import HypothesisSettings, Variance, Verdict
-from anaplot.photogrammetry.collinearity import project_with_derivatives
 
 __all__ = [
     "ControlCoordinateTest",
@@ -363,12 +363,7 @@ def _derivatives(block: AdjustedBlock) -> Array:
     problem = block.problem
     b = block.cofactors.normal.linear.b.copy()
     mine = np.nonzero(np.any(problem.fixed, axis=1)[problem.point])[0]
-    seen = project_with_derivatives(
-        block.state.centres[problem.photo[mine]],
-        block.state.rotations[problem.photo[mine]],
-        problem.c[problem.photo[mine]],
-        block.state.points[problem.point[mine]],
-    )
+    seen = imaged_with_derivatives(problem, block.state, mine)
     b[mine] = seen.point / problem.sigma_xy[mine][:, :, None]
     if problem.rejected is not None:
         b[problem.rejected] = 0.0

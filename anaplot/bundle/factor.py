@@ -29,6 +29,7 @@ Index = NDArray[np.intp]
 Progress = Callable[[float], None]
 
 _SMALLEST_PIVOT = 1e-13  # of the diagonal element; below it the unknown is not determined
+_SMALLEST_IN_CORNER = 1e-12  # of the element before anything was eliminated: rounding is below it
 
 
 class NotPositiveError(ArithmeticError):
@@ -222,6 +223,9 @@ class Factor:
         (g, g) border by border.
     progress
         Called with the fraction done.
+    corner_scale
+        (g,) the corner's diagonal before other unknowns, which are not in this matrix, were
+        eliminated; None: the corner's own.
 
     Raises
     ------
@@ -236,6 +240,7 @@ class Factor:
         border: Array,
         corner: Array,
         progress: Progress | None = None,
+        corner_scale: Array | None = None,
     ) -> None:
         self.pattern = pattern
         plans = pattern.plans
@@ -274,13 +279,17 @@ class Factor:
                 _scatter(f11, below.inner, below.inner, schur[:i, :i])
                 _scatter(f21, below.outer, below.inner, schur[i:, :i])
                 _scatter(f22, below.outer, below.outer, schur[i:, i:])
-            before = np.diagonal(f11).copy()
+            before, least = np.diagonal(f11).copy(), _SMALLEST_PIVOT
+            if is_corner:
+                # all photos are eliminated: what is left of an open column is rounding alone
+                before = np.diagonal(corner) if corner_scale is None else corner_scale
+                least = _SMALLEST_IN_CORNER
             l11, info = dpotrf(f11, lower=1, clean=1, overwrite_a=1)
             if info != 0:
                 raise NotPositiveError(self._photo(plan, info - 1))
             ratio = np.diagonal(l11) ** 2 / before
             worst = int(np.argmin(ratio))
-            if not ratio[worst] > _SMALLEST_PIVOT:
+            if not ratio[worst] > least:
                 raise NotPositiveError(self._photo(plan, worst))
             self.smallest = min(self.smallest, float(ratio[worst]))
             if b:

@@ -20,9 +20,10 @@ from scipy import sparse
 
 from anaplot.bundle.dissection import dissect
 from anaplot.bundle.factor import Factor, Pattern, make_pattern
+from anaplot.bundle.imaging import State, imaged, imaged_with_derivatives
 from anaplot.bundle.pointroots import PointError, inverse_roots
 from anaplot.bundle.problem import Group, Problem
-from anaplot.photogrammetry.collinearity import project, project_with_derivatives, turns
+from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = [
@@ -46,34 +47,6 @@ Index = NDArray[np.intp]
 Unknowns = tuple[Array, Array, Array]  # of photos (n, d), of points (p, 3), shared (g,)
 
 _CHUNK = 40_000_000  # bytes of the largest temporary array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class State:
-    """Values of the unknowns.
-
-    Attributes
-    ----------
-    centres, rotations
-        (photos, 3) projection centres [m] relative to `origin`, (photos, 3, 3) image to ground.
-    points
-        (points, 3) [m] relative to `origin`.
-    own
-        (photos, q) photo-invariant additional parameters.
-    shared
-        (g,) additional parameters of several photos.
-    origin
-        (3,) [m], so that the numbers stay small. A given coordinate is compared with an unknown by
-        taking the origin from the given one: added to the unknown, it would cost the digits that
-        it is there to keep.
-    """
-
-    centres: Array
-    rotations: Array
-    points: Array
-    own: Array
-    shared: Array
-    origin: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,19 +193,6 @@ class Linearised:
         )
 
 
-def _systematic(problem: Problem, state: State) -> Array | float:
-    """(m, 2) image error that the additional parameters stand for [mm]."""
-    q = problem.basis.shape[2]
-    if q == 0:
-        return 0.0
-    if problem.photo_invariant:
-        values = state.own[problem.photo]
-    else:
-        values = state.shared.reshape(-1, q)[problem.additional_group]
-    out: Array = np.einsum("mij,mj->mi", problem.basis, values)
-    return out
-
-
 def _angles(rotations: Array) -> Array:
     return np.array([rotation_angles(r) for r in rotations]).reshape(-1, 3)
 
@@ -271,13 +231,8 @@ def _prior_misclosures(problem: Problem, state: State) -> tuple[Array, Array, Ar
 
 def image_misclosures(problem: Problem, state: State) -> tuple[Array, Array]:
     """Return (m, 2) computed minus observed in sigmas, also of rejected ones; (m,) depths [m]."""
-    seen = project(
-        state.centres[problem.photo],
-        state.rotations[problem.photo],
-        problem.c[problem.photo],
-        state.points[problem.point],
-    )
-    e = (seen.xy + _systematic(problem, state) - problem.xy) / problem.sigma_xy
+    seen = imaged(problem, state)
+    e = (seen.xy - problem.xy) / problem.sigma_xy
     return e, seen.depth
 
 
@@ -294,16 +249,11 @@ def objective(problem: Problem, state: State) -> tuple[float, Array]:
 
 def linearise(problem: Problem, state: State) -> Linearised:
     """Return derivatives and misclosures at a state."""
-    seen = project_with_derivatives(
-        state.centres[problem.photo],
-        state.rotations[problem.photo],
-        problem.c[problem.photo],
-        state.points[problem.point],
-    )
+    seen = imaged_with_derivatives(problem, state)
     weight = 1.0 / problem.sigma_xy
     n, m = len(problem.photos), len(problem.photo)
     d = problem.per_photo
-    white = problem.basis * weight[:, :, None]
+    white = seen.parameter * weight[:, :, None]
     if problem.photo_invariant:
         a = np.empty((m, 2, d))
         np.multiply(seen.photo, weight[:, :, None], out=a[:, :, :6])
@@ -314,7 +264,7 @@ def linearise(problem: Problem, state: State) -> Linearised:
     b = seen.point * weight[:, :, None]
     if problem.fixed.any():
         b *= ~problem.fixed[problem.point][:, None, :]
-    e = (seen.xy + _systematic(problem, state) - problem.xy) * weight
+    e = (seen.xy - problem.xy) * weight
     if problem.rejected is not None:
         for part in (a, b, h, e):
             part[problem.rejected] = 0.0
@@ -432,6 +382,8 @@ class NormalEquations:
         (points, 3, g) T of every point.
     blocks, border, corner
         The matrix.
+    corner_scale
+        (g,) diagonal of the corner before the points were eliminated.
     """
 
     def __init__(
@@ -463,6 +415,7 @@ class NormalEquations:
         blocks[structure.pattern.diagonal] = own.reshape(n, d * d)
         self.border = np.zeros((n, d, g))
         self.corner = np.zeros((g, g))
+        self.corner_scale = np.zeros(g)
         self.z = np.empty((m, d, 3))
         self.inverse_root = np.empty((len(problem.points), 3, 3))
         self.t = np.zeros((len(problem.points), 3, g))
@@ -471,6 +424,7 @@ class NormalEquations:
             corner_diagonal = np.einsum("ii->i", self.corner)
             corner_diagonal += linear.shared_weight
             corner_diagonal *= grow
+            self.corner_scale = corner_diagonal.copy()
         for piece in structure.pieces:
             k, count = piece.group.rays, piece.stop - piece.start
             rays, points = piece.rays, piece.points
@@ -543,7 +497,14 @@ class NormalEquations:
 
     def factor(self, progress: Callable[[float], None] | None = None) -> Factor:
         """Factorise; raises NotPositiveError."""
-        return Factor(self.structure.pattern, self.blocks, self.border, self.corner, progress)
+        return Factor(
+            self.structure.pattern,
+            self.blocks,
+            self.border,
+            self.corner,
+            progress,
+            self.corner_scale,
+        )
 
     def gradient(self, linear: Linearised | None = None) -> tuple[Array, Array, Array]:
         """Right-hand sides -J'e of photos (n, d), points (p, 3) and border (g,).

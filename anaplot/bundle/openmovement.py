@@ -32,7 +32,7 @@ from anaplot.bundle.normal import (
 from anaplot.bundle.problem import Problem, listed
 from anaplot.errors import NotComputableError
 
-__all__ = ["held_by_noise", "undetermined"]
+__all__ = ["held_by_noise", "parameters_left_open", "undetermined"]
 
 Array = NDArray[np.float64]
 
@@ -127,16 +127,24 @@ def held_by_noise(problem: Problem, structure: Structure, state: State) -> str |
     return _left_open(problem, share)
 
 
+def parameters_left_open(problem: Problem) -> str:
+    """Return what is said of free additional parameters that the observations do not determine."""
+    assert problem.additional is not None
+    return (
+        f"block {problem.block.name}: not determined: the additional parameters "
+        f"({problem.additional.set.name}, {problem.additional.scope}-invariant) together with "
+        "the orientations; use fewer or weight them"
+    )
+
+
 def _left_open(problem: Problem, share: Array) -> str:
     """Say what may move, from the share that each of n photos has in the movement."""
     names = [problem.photos[k] for k in np.nonzero(share > _MOVES)[0].tolist()]
+    # weighted parameters are observed: they leave nothing open
+    free = problem.additional is not None and len(problem.additional_sigma) == 0
+    if free and len(names) > len(problem.photos) // 2:
+        return parameters_left_open(problem)
     begin = f"block {problem.block.name}: not determined: "
-    if problem.additional is not None and len(names) > len(problem.photos) // 2:
-        return (
-            f"{begin}the additional parameters "
-            f"({problem.additional.set.name}, {problem.additional.scope}-invariant) together with "
-            "the orientations; use fewer or weight them"
-        )
     what = "photos" if len(names) > 1 else "photo"
     return f"{begin}{what} {listed(names)}: their common points and control leave a movement open"
 

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.bundle.additional import AdditionalParameters
+from anaplot.bundle.additional import AdditionalParameters, lens_units
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
 
@@ -105,7 +105,9 @@ class Problem:
     additional
         Additional parameters, or None.
     basis
-        (m, 2, q) their basis functions at the rays [mm].
+        (m, 2, q) what they do at the rays to first order.
+    lens_units
+        (groups, q) parameters of a lens for 1 mm of effect; None for sets that are linear.
     additional_group, additional_groups
         (m,) group of each ray, and the names of the groups.
     additional_sigma
@@ -143,6 +145,7 @@ class Problem:
     rotation_sigma: Array
     additional: AdditionalParameters | None
     basis: Array
+    lens_units: Array | None
     additional_group: Index
     additional_groups: tuple[str, ...]
     additional_sigma: Array
@@ -161,6 +164,7 @@ class Problem:
             self,
             additional=None,
             basis=self.basis[:, :, :0],
+            lens_units=None,
             additional_group=np.zeros_like(self.additional_group),
             additional_groups=(),
             additional_sigma=np.empty(0),
@@ -310,7 +314,7 @@ def make_problem(
     xy = every_xy[ray]
     compact_photo = new_photo[photo[ray]]
     c = np.array([block.cameras[k].c for k in cameras])
-    basis, group, groups, sigma = _additional(
+    basis, units, group, groups, sigma = _additional(
         block, additional, [block.photos[k].id for k in used_photos], cameras, c, compact_photo, xy
     )
     return Problem(
@@ -335,6 +339,7 @@ def make_problem(
         rotation_sigma=priors[3][used_photos],
         additional=additional,
         basis=basis,
+        lens_units=units,
         additional_group=group,
         additional_groups=groups,
         additional_sigma=sigma,
@@ -473,11 +478,11 @@ def _additional(
     c: Array,
     photo: Index,
     xy: Array,
-) -> tuple[Array, Index, tuple[str, ...], Array]:
-    """Basis functions, the group of every ray, names of the groups, a-priori sigmas [mm]."""
+) -> tuple[Array, Array | None, Index, tuple[str, ...], Array]:
+    """Basis functions, units of a lens, the group of every ray, names of groups, sigmas [mm]."""
     n = len(photo)
     if additional is None:
-        return np.empty((n, 2, 0)), np.zeros(n, dtype=np.intp), (), np.empty(0)
+        return np.empty((n, 2, 0)), None, np.zeros(n, dtype=np.intp), (), np.empty(0)
     if additional.scope == "block":
         names: tuple[str, ...] = ("block",)
         of_photo = np.zeros(len(photos), dtype=np.intp)
@@ -491,14 +496,21 @@ def _additional(
         labels = [strips.get(name, "(no strip)") for name in photos]
         names = tuple(dict.fromkeys(labels))
         of_photo = np.array([names.index(label) for label in labels], dtype=np.intp)
+    # a lens is one thing for its group, whatever the cameras; other terms belong to the format
+    of_ray = of_photo[photo] if additional.set.lens else cameras[photo]
+    reach = np.zeros(len(block.cameras))
+    np.maximum.at(reach, cameras[photo], np.abs(xy).max(axis=1))
     basis = np.empty((n, 2, len(additional.set.names)))
-    for camera in np.unique(cameras[photo]):
-        mine = cameras[photo] == camera
-        reach = float(np.abs(xy[mine]).max()) or 1.0
-        x, y = xy[mine].T
-        basis[mine] = additional.set.basis(x, y, reach, c[photo[mine]])
+    units = []
+    for part in np.unique(of_ray):
+        mine = of_ray == part
+        b = float(reach[cameras[photo[mine]]].max()) or 1.0
+        cs = c[photo[mine]]
+        basis[mine] = additional.set.basis(xy[mine, 0], xy[mine, 1], b, cs)
+        units.append(lens_units(b, float(np.mean(cs))))
     sigma = np.empty(0)
     if additional.sigma_um is not None:
         largest = np.abs(basis).max(axis=(0, 1))
         sigma = additional.sigma_um * 1e-3 / np.where(largest > 0.0, largest, 1.0)
-    return basis, of_photo[photo].astype(np.intp), names, sigma
+    lens = np.array(units) if additional.set.lens else None
+    return basis, lens, of_photo[photo].astype(np.intp), names, sigma

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.bundle.adjust import adjust_bundle, adjust_problem, evaluate, with_additional
+from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate
 from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.bundle.datum import check_datum
 from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum
@@ -84,8 +84,7 @@ def adjust_what_fits(problem: Problem, *, progress: Progress | None = None) -> F
             block = evaluate(reduced, found, progress=progress)
         else:
             reduced = _like(problem, reduced)
-            start = with_additional(reduced, found.state)
-            block = adjust_bundle(reduced, start, progress=progress)
+            block = calibrated(reduced, found.state, progress=progress)
     except np.linalg.LinAlgError:
         raise failure from None
     return Fitting(block, _names(problem, reduced), str(failure))

@@ -96,12 +96,19 @@ class PointRow(NamedTuple):
 
 
 class ParameterRow(NamedTuple):
-    """An additional parameter [mm], its standard deviation and t = value / deviation."""
+    """An additional parameter [mm] and its standard deviation.
+
+    Of a lens also the coefficient and its standard deviation, in the sense of
+    `anaplot.photogrammetry.lens`: corrections of c, x0, y0 in mm, the others without a unit. None
+    for sets that are no lens.
+    """
 
     group: str
     name: str
     value: float
     s: float | None
+    coefficient: float | None = None
+    s_coefficient: float | None = None
 
 
 class Indicators(NamedTuple):

@@ -223,13 +223,24 @@ def _parameters(block: AdjustedBlock) -> list[str]:
     if not rows:
         return []
     width = _width((row.group for row in rows), 6)
-    lines = [f"  {'GROUP':<{width}} PARAMETER  value [um]    s [um]"]
+    lens = rows[0].coefficient is not None
+    more = "   coefficient          s" if lens else ""
+    lines = [f"  {'GROUP':<{width}} PARAMETER  value [um]    s [um]{more}"]
     for row in rows:
         spread = None if row.s is None else row.s * 1e3
         lines.append(
             f"  {printable(row.group):<{width}} {row.name:<9}{cell(row.value * 1e3, 3, 12)}"
             f"{cell(spread, 3, 10)}"
         )
+        if row.coefficient is not None:
+            unit = " mm" if row.name in ("c", "x0", "y0") else ""
+            s = "-" if row.s_coefficient is None else f"{row.s_coefficient:.2g}"
+            lines[-1] += f"{row.coefficient:>14.5g}{s:>11}{unit}"
+    if lens:
+        lines += [
+            "  c, x0, y0: corrections of the camera's; c > 0 makes it longer; k1 to b2: the value",
+            "  is the effect at the image's edge, the coefficient that of Brown's formula",
+        ]
     found = block.parameter_correlations()
     if found:
         lines.append("  correlated beyond 0.9:")

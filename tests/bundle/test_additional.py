@@ -55,8 +55,12 @@ def test_names_are_unique_and_physical_terms_have_their_meaning() -> None:
     basis = physical.basis(x, y, 50.0, c)
     # a longer camera constant stretches the image
     np.testing.assert_allclose(basis[:, :, 0], np.column_stack((x, y)) / 120.0)
-    radial = basis[:, :, physical.names.index("K1")]
+    radial = basis[:, :, physical.names.index("k1")]
     np.testing.assert_allclose(radial[:, 0] * y, radial[:, 1] * x, atol=1e-12)
+    # on an axis, at the reach, each is its effect in mm
+    edge = physical.basis(np.array([50.0]), np.array([0.0]), 50.0, np.array([120.0]))[0]
+    for name in ("k1", "k2", "k3", "b1"):
+        np.testing.assert_allclose(edge[:, physical.names.index(name)], [1.0, 0.0], atol=1e-12)
 
 
 def test_names_of_sets_and_scopes() -> None:

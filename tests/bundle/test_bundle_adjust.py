@@ -152,7 +152,7 @@ def test_correlated_parameters_are_named() -> None:
     found = block.parameter_correlations(0.9)
     assert found
     assert all(abs(rho) > 0.9 for _, _, rho in found)
-    assert any(("K1" in first and "K2" in second) or "K2" in first for first, second, _ in found)
+    assert any(("k1" in first and "k2" in second) or "k2" in first for first, second, _ in found)
     assert adjust_block(scene.block).parameter_correlations() == []
 
 

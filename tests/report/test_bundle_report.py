@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from anaplot.bundle.adjusted import AdjustedBlock
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.collinearity import project
+from anaplot.photogrammetry.lens import LENS_PARAMETERS
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
 from anaplot.report.bundlecontract import adjust_json
@@ -194,6 +196,23 @@ def test_every_correlation_is_one(tmp_path: Path, datum: str) -> None:
     collect(got)
     assert len(found) > 10
     assert all(-1.0 <= rho <= 1.0 for rho in found)
+
+
+def test_a_lens_is_given_as_effects_and_as_coefficients(tmp_path: Path) -> None:
+    folder = write_block(tmp_path / "b")
+    asked = {"additional": "physical", "additional_sigma_um": 50.0}
+    text = run(folder, **asked)[1]
+    assert re.search(r"PARAMETER +value \[um\] +s \[um\] +coefficient +s$", text, re.MULTILINE)
+    assert "c > 0 makes it longer" in text
+    rows = json.loads(run(folder, as_json=True, **asked)[1])["additional"]["parameters"]
+    assert [row["name"] for row in rows] == list(LENS_PARAMETERS)
+    for row in rows[:3]:
+        assert row["coefficient"] == row["value"]
+    for row in rows:
+        t = row["value"] / row["s"]
+        assert row["coefficient"] / row["s_coefficient"] == pytest.approx(t)
+    others = json.loads(run(folder, as_json=True, additional="ebner")[1])["additional"]
+    assert all(row["coefficient"] is None for row in others["parameters"])
 
 
 def test_undetected_errors_at_control_move_other_points(tmp_path: Path) -> None:

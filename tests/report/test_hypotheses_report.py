@@ -214,7 +214,7 @@ def test_pairs_and_sets_are_printed() -> None:
     assert "orthogonal combinations" in text
     got = hypotheses_json(found)["additional"]
     assert got["pairs"]
-    [radial] = [s for s in got["sets"] if {"group": "block", "name": "K2"} in s["members"]]
+    [radial] = [s for s in got["sets"] if {"group": "block", "name": "k2"} in s["members"]]
     assert len(radial["sequential"]) == len(radial["principal"]) == len(radial["members"])
     assert len(radial["principal"][0]["loadings"]) == len(radial["members"])
     assert "all may be left out" in text
