@@ -272,10 +272,11 @@ def test_a_sigma_far_from_the_truth_cleans_nothing(strategy: str, folder: Path, 
     assert said.out == ""
     assert said.err.count("\n") == 1
     assert "is image_um = 0.14 right?" in said.err
-    assert cli.main(["adjust", str(folder), "--errors", "tau"]) == 0
-    assert cli.main(["adjust", str(folder), "--errors", strategy, "--as-given"]) == 0
-    assert "half of the redundancy" in capsys.readouterr().out
-    assert cli.main(["adjust", str(folder), "--as-given"]) == 2
+    if strategy == "baarda":
+        assert cli.main(["adjust", str(folder), "--errors", "tau"]) == 0
+        assert cli.main(["adjust", str(folder), "--errors", strategy, "--as-given"]) == 0
+        assert "half of the redundancy" in capsys.readouterr().out
+        assert cli.main(["adjust", str(folder), "--as-given"]) == 2
 
 
 def test_an_interrupt_ends_with_the_best_and_the_next_one_leaves(
