@@ -22,10 +22,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
-from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
-from anaplot.adjustment.residualsystem import Designed, ResidualSystem
+from anaplot.adjustment.residualsystem import Designed, ResidualSystem, diagonal
 
 __all__ = [
     "MOST_ROWS_OF_PROGRAMME",
@@ -140,7 +140,7 @@ def least_absolute(
     """
     length = np.sqrt(np.asarray(design.multiply(design).sum(axis=0)).ravel())
     used = np.flatnonzero(length > 0.0)
-    scaled = csr_array(csc_array(design)[:, used] @ diags_array(1.0 / length[used]))
+    scaled = csr_array(csc_array(design)[:, used] @ diagonal(1.0 / length[used]))
     # of the size of the errors that are not gross: what is absolute in the solvers is relative
     unit = max(float(np.abs(e).max(initial=0.0)), 1e-300)
     if len(e) <= most_rows:
@@ -166,13 +166,16 @@ def _reweighted(design: csr_array, e: Array) -> tuple[Array, int]:
     """Return the residuals and the number of weighted adjustments."""
     n, u = design.shape
     transposed = csr_array(design.T)
-    hold = diags_array(np.full(u, _HOLD))
+    hold = diagonal(np.full(u, _HOLD))
 
     def adjusted(weights: Array, of: Array) -> Array:
         """Return d of the adjustment of `of` with these weights."""
-        normal = csc_array(transposed @ diags_array(weights) @ design) + hold * weights.mean()
+        normal = csc_array(transposed @ diagonal(weights) @ design) + hold * weights.mean()
+        normal = csc_array(normal)
+        # SuperLU takes indices of 32 bits only
+        narrow = normal.indices.astype(np.intc), normal.indptr.astype(np.intc)
         factor = splu(
-            csc_array(normal),
+            csc_array((normal.data, *narrow), shape=normal.shape),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},

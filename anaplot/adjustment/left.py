@@ -6,10 +6,10 @@ from collections.abc import Collection, Hashable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array
 
 from anaplot.adjustment.elimination import Elimination
-from anaplot.adjustment.residualsystem import Designed, ResidualSystem
+from anaplot.adjustment.residualsystem import Designed, ResidualSystem, diagonal
 
 __all__ = ["Left", "remaining", "spread"]
 
@@ -83,7 +83,7 @@ class Left:
             return None
         there = np.ones(len(self._names))
         there[list(self._state.rows)] = 0.0
-        return csr_array(diags_array(there) @ every)
+        return csr_array(diagonal(there) @ every)
 
 
 def remaining(n: int, left_out: Collection[int]) -> NDArray[np.intp]:

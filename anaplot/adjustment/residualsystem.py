@@ -18,11 +18,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, dia_array
 
 from anaplot.adjustment.leastsquares import Adjustment
 
-__all__ = ["DenseResiduals", "Designed", "ResidualSystem", "dense_residuals"]
+__all__ = ["DenseResiduals", "Designed", "ResidualSystem", "dense_residuals", "diagonal"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -128,3 +128,8 @@ def dense_residuals(
         adjustment.redundancy,
         adjustment.q_vv / root[:, None] / root,
     )
+
+
+def diagonal(values: Array) -> dia_array:
+    """Return (n, n) the sparse matrix with n values on its diagonal."""
+    return dia_array((values[None, :].astype(float), [0]), shape=(len(values), len(values)))

@@ -248,7 +248,8 @@ class _Candidates:
         for begin in range(0, len(sets), _AT_ONCE):
             part = sets[begin : begin + _AT_ONCE]
             normal = self._normal + self._added[part].sum(axis=1)
-            solved = np.linalg.solve(normal, self._rows.T)
+            rows = np.broadcast_to(self._rows.T, (len(normal), *self._rows.T.shape))
+            solved = np.linalg.solve(normal, rows)
             r = 1.0 - np.einsum("ni,kin->kn", self._rows, solved)
             # a place far out of all measure leaves nothing to solve with
             lost = np.linalg.cond(normal) > 1e8

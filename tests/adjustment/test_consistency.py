@@ -30,6 +30,7 @@ def test_global_significance_of_the_cases_of_1978(
     assert test.critical == pytest.approx(critical, abs=5e-4)
 
 
+@pytest.mark.slow
 @given(st.floats(1e-4, 0.05), st.floats(0.5, 0.95), st.integers(1, 3000))
 def test_there_and_back(alpha: float, power: float, redundancy: int) -> None:
     wide = global_from_single(alpha, power, redundancy)

@@ -29,6 +29,7 @@ from anaplot.adjustment.hypothesis import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("b", "r"), [(57, 5), (100, 10), (3000, 10), (1, 5)])
 def test_a_vanishing_significance_keeps_its_limit_and_power(b, r) -> None:
     critical = critical_f(1e-300, b, r)
@@ -98,6 +99,7 @@ def test_the_noncentrality_of_the_paper() -> None:
     assert noncentrality_of(deviation, q) == pytest.approx(2.0 * paper)
 
 
+@pytest.mark.slow
 @given(
     alpha=st.floats(1e-6, 0.2),
     power=st.floats(0.3, 0.999),
@@ -112,6 +114,7 @@ def test_power_and_noncentrality_go_round(alpha, power, dimension, redundancy) -
     assert f_noncentrality(alpha, power, dimension) <= size * (1 + 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redundancy", [None, 7])
 def test_size_and_power_by_monte_carlo(redundancy) -> None:
     n, u = (12, 5) if redundancy else (40, 5)
@@ -145,6 +148,7 @@ def test_significance_matches_the_critical_value() -> None:
         assert found.significance == pytest.approx(0.02, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dimension", "redundancy"), [(1, 4), (1, 11), (2, 12), (6, 400), (5, None)]
 )

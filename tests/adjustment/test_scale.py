@@ -32,6 +32,7 @@ def test_the_scale_is_sigma0_of_normal_residuals_also_without_the_largest() -> N
     assert robust_scale(np.array([np.nan]), np.ones(1)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["baarda", "search", "danish"])
 def test_a_sigma_that_is_far_too_small_is_doubted_and_gross_errors_are_not(strategy: str) -> None:
     rng = np.random.default_rng(2)

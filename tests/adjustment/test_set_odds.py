@@ -58,6 +58,7 @@ def by_hand(
     return best, marginal / total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("errors", [{}, {3: 6.0}, {2: 9.0, 7: -12.0}, {2: 9.0, 7: -90.0}])
 def test_against_all_sets(errors: dict[int, float]) -> None:
     of = system(errors)

@@ -96,6 +96,7 @@ def test_tau_power_where_the_noncentral_t_has_none():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("f", [2, 3, 4, 5, 8, 12, 30, 100, 500])
 def test_tau_power_is_finite_and_grows_with_the_error(f):
     for alpha in (1e-5, 0.001, 0.05):

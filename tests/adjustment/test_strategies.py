@@ -145,6 +145,7 @@ def test_three_errors_are_found(strategy: str) -> None:
     assert right == 10
 
 
+@pytest.mark.slow
 def test_search_is_never_worse_than_stepwise() -> None:
     cost = critical_normal(0.001) ** 2
     for seed in range(15):

@@ -19,6 +19,8 @@ from anaplot.photogrammetry.block import Camera, ControlPoint
 from anaplot.photogrammetry.lens import LENS_PARAMETERS, seen_through
 from anaplot.photogrammetry.rotation import rotation_matrix
 
+pytestmark = pytest.mark.slow
+
 # c 30 um too short, the principal point 0.106 mm off the middle, 120 um of k1 in the corner
 LENS = np.array([150.03, 0.075, -0.075, 0.018, -0.004, 0.0, 3e-4, -2e-4, 1e-4, -5e-5])
 CORRECTION = LENS - np.array([150.0, *[0.0] * 9])

@@ -19,6 +19,8 @@ from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 
+pytestmark = pytest.mark.slow
+
 STATED = (0.003, 0.0005)
 SMALL = {"photos": 12, "points": 50, "near": 4.0, "far": 14.0, "stated": STATED}
 SHORT = {**SMALL, "base": 0.3}

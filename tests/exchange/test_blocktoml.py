@@ -318,6 +318,7 @@ def blocks(draw: st.DrawFn) -> Block:
     )
 
 
+@pytest.mark.slow
 @given(blocks())
 def test_a_written_block_is_read_back_equal(block):
     assert parse_block_toml(format_block_toml(block), Path("block.toml")) == block

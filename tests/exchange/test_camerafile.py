@@ -233,6 +233,7 @@ def calibrations(draw: st.DrawFn) -> CameraCalibration:
     )
 
 
+@pytest.mark.slow
 @given(calibrations())
 def test_a_written_camera_is_read_back_equal(calibration):
     assert parse_camera(format_camera(calibration), Path("k.toml")) == calibration

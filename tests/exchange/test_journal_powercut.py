@@ -21,7 +21,10 @@ import pytest
 from anaplot.errors import InputError
 from anaplot.exchange.journal import Journal, read_journal
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="files of POSIX")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="files of POSIX"),
+]
 
 
 @dataclass

@@ -126,6 +126,7 @@ CHAINS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chain", CHAINS, ids=["each anew", "once", "once, five ties"])
 def test_covariances_are_those_of_the_whole_chain(chain):
     jacobian, keys = derivatives(chain)
@@ -283,6 +284,7 @@ def test_by_the_weight_of_the_misclosures_an_error_shows_largest_in_its_own_row(
     assert elsewhere >= 8  # in the table it does not: about one in five
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.15, 1.0])
 def test_the_advice_names_the_erroneous_row_where_the_largest_sigf_stands_elsewhere(size):
     elsewhere = 0
@@ -349,6 +351,7 @@ def test_rows_from_outside_are_those_of_the_solution():
     assert ((own.r > 0.0) & (own.r < 1.0)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["baarda", "search", "danish", "odds"])
 def test_strategies_reject_the_erroneous_row_of_correlated_ones(strategy):
     rejected = 0

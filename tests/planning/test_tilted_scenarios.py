@@ -12,6 +12,8 @@ from anaplot.planning.tiltedblock import tilted_block
 from anaplot.planning.tiltedscenarios import NOTHING, TiltedScenario, scenarios
 from anaplot.planning.truncated import truncated_residuals
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_block_is_its_own_adjustment() -> None:
     block = tilted_block(np.random.default_rng(1))

@@ -18,6 +18,8 @@ from anaplot.plotter.readings import Position, Record
 from anaplot.plotter.schema import Profile
 from anaplot.plotter.simulator import Hand, SimulatedPlotter
 
+pytestmark = pytest.mark.slow
+
 TRIALS = 25
 Damage = Callable[[bytes, random.Random], bytes]
 

@@ -684,6 +684,7 @@ def test_a_stream_whose_beginning_or_end_is_missing_never_means_anything_else(an
                 assert set(decoder.axes.items()) <= allowed
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(data=st.data())
 @pytest.mark.parametrize("name", list(find_profiles()))
