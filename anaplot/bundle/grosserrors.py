@@ -548,6 +548,14 @@ def _check_scale_at(subject: _Rows, state: State, first: AdjustedBlock, alpha: f
         raise scale_error(subject.apriori, scale, float(w.max()) / critical_normal(alpha))
 
 
+def _named(subject: _Rows, first: AdjustedBlock, rows: frozenset[int]) -> _Names:
+    """Return the names of some rows; nothing is linearised for none."""
+    if not rows:
+        return frozenset()
+    names = subject.residuals(_Place(first.state, None), 1).names
+    return frozenset(names[row] for row in rows)
+
+
 def _best_end(
     cleaning: Cleaning[_Place, ObservationName],
     subject: _Rows,
@@ -562,8 +570,7 @@ def _best_end(
     rows that stay out; `complete`: the first adjustment lacks no others.
     """
     problem, structure = subject.problem, subject.structure
-    names = subject.residuals(_Place(first.state, None), 1).names
-    fixed = _Names(names[row] for row in held)
+    fixed = _named(subject, first, held)
     ends: list[End[_Place, ObservationName]] = []
     failures: list[NotComputableError] = []
     reduced = first.problem
@@ -594,7 +601,7 @@ def _best_end(
         go_on(first.state, known, fixed)
     kept_out = _missing(problem, reduced) - held
     if not ends and kept_out:
-        go_on(state, None, fixed.union(names[row] for row in kept_out))
+        go_on(state, None, fixed | _named(subject, first, kept_out))
     if not ends:
         raise failures[0]
     return best_of(ends)
