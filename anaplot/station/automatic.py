@@ -31,6 +31,7 @@ _LINE_PATIENCE = 60.0  # s that the line may be down
 _PAUSE = 0.2  # s before another command to a line that took none
 _READ = 0.05  # s between two looks at the counters
 _ATTEMPTS = 8  # drives to one point without a record
+_REFUSALS = 5  # commands refused one after the other: that it was nobody else's doing is clear then
 
 Row = tuple[str, Axis | None]
 
@@ -111,6 +112,7 @@ class AutomaticOperator:
         self._thread: threading.Thread | None = None
         self._noted: set[tuple[str, str, Row, int]] = set()
         self._drives = 0
+        self._refusals = 0
         self._pressed = False
         self._aimed = False
         self._since = 0.0
@@ -172,13 +174,12 @@ class AutomaticOperator:
         done: object = None
         while not self._stopping.is_set():
             self._woken.clear()
-            state = self._station.state
             picture = self._station.snapshot()
             if picture.finished:
                 return
             if done != _progress(picture):
                 done = _progress(picture)
-                self._since, self._drives = monotonic(), 0
+                self._since, self._drives, self._refusals = monotonic(), 0, 0
                 self._pressed = False
             try:
                 waiting = picture.suspended or not self._step(picture)
@@ -191,10 +192,12 @@ class AutomaticOperator:
                 waiting = False
                 self._stopping.wait(_PAUSE)
             except InputError:
-                # somebody else's command came first: look again
-                waiting = False
-                if self._station.state is state:
+                # a record or somebody else's command came after he had looked: look again
+                self._refusals += 1
+                if self._refusals >= _REFUSALS:
                     raise
+                waiting = False
+                self._stopping.wait(_READ)
             if waiting:
                 # nobody wakes him when the counters have been read again
                 self._woken.wait(_READ if picture.unreferenced else 0.5)
@@ -243,8 +246,8 @@ class AutomaticOperator:
         elif picture.diagnosis is not None and picture.diagnosis.suspects:
             self._handle(picture, record, picture.diagnosis.suspects[0])
         else:
-            record.after = picture.solution
             station.accept()
+            record.after = picture.solution
             if self._on_accepted is not None:
                 self._on_accepted(record)
         return True
@@ -305,8 +308,8 @@ class AutomaticOperator:
         if row is not None:
             self._handle(picture, record, row)
         else:
-            done.after = inner.solution
             self._station.accept()
+            done.after = inner.solution
 
     def _drive(self, point: str) -> None:
         """Drive to a point, but not for ever to one of which no record comes."""
@@ -335,8 +338,8 @@ class AutomaticOperator:
                 record.handled.append(Handled(name, point, axis, "measured again", photo))
             self._drive(point)
             return
-        record.handled.append(Handled(name, point, axis, "switched off", photo))
         self._station.switch(point, axis, False)
+        record.handled.append(Handled(name, point, axis, "switched off", photo))
 
 
 def _pending(picture: Snapshot, point: PointView) -> bool:

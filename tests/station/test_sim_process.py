@@ -47,17 +47,21 @@ def test_inner_orientation_and_a_model_over_the_port_of_another_process(tmp_path
                 tell.write(f"attend {wanted}\n")
                 tell.flush()
 
-        with Station(
-            block,
-            plotter=InstrumentSetup("simulated", str(port)),
-            candidates=rough(truth_of(truth)),
-        ) as station:
-            station.subscribe(attend)
-            AutomaticOperator(station).run()
-            models = station.state.models
-        tell.write("quit\n")
-        tell.flush()
-        process.communicate(timeout=60)
+        try:
+            with Station(
+                block,
+                plotter=InstrumentSetup("simulated", str(port)),
+                candidates=rough(truth_of(truth)),
+            ) as station:
+                station.subscribe(attend)
+                AutomaticOperator(station).run()
+                models = station.state.models
+            tell.write("quit\n")
+            tell.flush()
+            process.communicate(timeout=60)
+        except BaseException:
+            process.kill()  # or the failure is waited for until it is a timeout
+            raise
     # what was there before the first model may be seen, or not
     assert asked[-3:] == ["left", "right", "points"]
     (model,) = models

@@ -269,6 +269,32 @@ def test_a_point_of_which_no_record_comes_ends_the_job(
         AutomaticOperator(station).run()
 
 
+@pytest.mark.parametrize("refusals", [1, 1000])
+def test_what_came_between_look_and_command_does_not_end_the_job_but_what_stays_does(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, refusals: int
+) -> None:
+    station, _ = bench.open()
+    accept, refused = station.accept, []
+
+    def overtaken() -> None:
+        if len(refused) < refusals:
+            refused.append(station.state)
+            raise InputError("the plates are still under way")
+        accept()
+
+    monkeypatch.setattr(station, "accept", overtaken)
+    operator = AutomaticOperator(station)
+    if refusals == 1:
+        operator.run()
+        assert station.snapshot().finished
+        assert all(record.after is not None for record in operator.records)
+    else:
+        with pytest.raises(InputError, match="still under way"):
+            operator.run()
+        assert operator.records[0].after is None
+        assert 1 < len(refused) < refusals
+
+
 def test_a_line_that_stays_down_ends_the_job(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     from anaplot.station import automatic
 
