@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.adjustment.findings import Kind, PairOdds
-from anaplot.adjustment.left import Left, remaining, spread
+from anaplot.adjustment.leftout import Left, remaining, spread
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.stepwise import NO_SIGMA

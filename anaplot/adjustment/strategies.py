@@ -46,7 +46,7 @@ from anaplot.adjustment.findings import (
     Step,
 )
 from anaplot.adjustment.leastabsolute import least_absolute_residuals
-from anaplot.adjustment.left import Left, remaining, spread
+from anaplot.adjustment.leftout import Left, remaining, spread
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds, pair_odds_of
 from anaplot.adjustment.partners import WEAK, Proposals
 from anaplot.adjustment.reliability import (

@@ -10,16 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.significance import critical_normal, critical_tau
-from anaplot.bundle.additional import AdditionalParameters
-from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.approximate import approximate_ways, laid_onto_control, restricted
-from anaplot.bundle.datum import check_datum, datum_change
-from anaplot.bundle.minimum import Found, NoConvergenceError, find_minimum
-from anaplot.bundle.normal import State, Structure, linearise, make_structure, objective
-from anaplot.bundle.openmovement import held_by_noise, parameters_left_open
-from anaplot.bundle.problem import Datum, Problem, make_problem
-from anaplot.bundle.reliability import compute_cofactors
-from anaplot.bundle.robust import RobustState, no_minimum, robust_state, robust_suspects
+from anaplot.bundle.solve.additional import AdditionalParameters
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.datum import check_datum, datum_change
+from anaplot.bundle.solve.gaussnewton import Found, NoConvergenceError, find_minimum
+from anaplot.bundle.solve.normal import State, Structure, linearise, make_structure, objective
+from anaplot.bundle.solve.openmovement import held_by_noise, parameters_left_open
+from anaplot.bundle.solve.problem import Datum, Problem, make_problem
+from anaplot.bundle.solve.reliability import compute_cofactors
+from anaplot.bundle.start.approximate import approximate_ways, laid_onto_control, restricted
+from anaplot.bundle.start.robust import RobustState, no_minimum, robust_state, robust_suspects
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 

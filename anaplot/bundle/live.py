@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anaplot.bundle.accuse import AccusedRay, accuse
-from anaplot.bundle.additional import AdditionalParameters
 from anaplot.bundle.adjust import adjust_bundle, adjust_problem, evaluate
-from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.approximate import extended_state
-from anaplot.bundle.datum import components
-from anaplot.bundle.minimum import NoConvergenceError, find_minimum
-from anaplot.bundle.normal import linearise, move, objective
-from anaplot.bundle.problem import Datum, Problem, make_problem
+from anaplot.bundle.errors.wrongray import AccusedRay, accuse
+from anaplot.bundle.solve.additional import AdditionalParameters
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.datum import components
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
+from anaplot.bundle.solve.normal import linearise, move, objective
+from anaplot.bundle.solve.problem import Datum, Problem, make_problem
+from anaplot.bundle.start.approximate import extended_state
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
 

@@ -13,13 +13,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.snooping import ObservationClass, classify
+from anaplot.bundle.errors.snooping import ObservationClass, classify
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Camera, ControlPoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.idealblock import IdealBlock, Station, photograph
-from anaplot.planning.worth import photo_worth
+from anaplot.planning.plannedreliability import photo_worth
 
 __all__ = [
     "Accuracy",

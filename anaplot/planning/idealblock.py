@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.normal import State
-from anaplot.bundle.problem import Datum, Problem, make_problem
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.normal import State
+from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.photogrammetry.block import (
     Block,
     Camera,

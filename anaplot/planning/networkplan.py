@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Camera, ControlPoint, Strip
 from anaplot.planning.idealblock import IdealBlock, Station, photograph
-from anaplot.planning.worth import PointWorth, photo_worth, point_worth
+from anaplot.planning.plannedreliability import PointWorth, photo_worth, point_worth
 
 __all__ = [
     "CUBE_VERSIONS",

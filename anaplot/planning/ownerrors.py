@@ -20,7 +20,7 @@ from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
-from anaplot.bundle.snooping import PAPER_TOLERANCE
+from anaplot.bundle.errors.snooping import PAPER_TOLERANCE
 from anaplot.errors import InputError
 from anaplot.planning.montecarlo import Key, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TextIO
 
 from anaplot.adjustment.watch import Watch
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.components import Grouping, block_components
-from anaplot.bundle.hypotheses import block_hypotheses
-from anaplot.bundle.problem import Datum, make_problem
-from anaplot.bundle.snooping import PAPER_TOLERANCE
-from anaplot.bundle.verdict import HypothesisSettings
+from anaplot.bundle.errors.snooping import PAPER_TOLERANCE
+from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
+from anaplot.bundle.hypotheses.components import Grouping, block_components
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.operatorscsv import read_operators

@@ -10,11 +10,11 @@ from anaplot.adjustment.findings import Step
 from anaplot.adjustment.reliability import Odds
 from anaplot.adjustment.strategies import deciding_critical, sigma_of
 from anaplot.adjustment.watch import Watch
-from anaplot.bundle.additional import AdditionalParameters
-from anaplot.bundle.controllast import ControlLast, clean_control_last
-from anaplot.bundle.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
-from anaplot.bundle.problem import Problem
-from anaplot.bundle.residuals import ObservationName
+from anaplot.bundle.errors.controllast import ControlLast, clean_control_last
+from anaplot.bundle.errors.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
+from anaplot.bundle.solve.additional import AdditionalParameters
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.residuals import ObservationName
 from anaplot.photogrammetry.block import Block
 from anaplot.report.columns import cell, column, counted
 from anaplot.report.groundchange import change_json, change_lines

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from anaplot.bundle.accuse import accuse
-from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.externalreliability import UndetectedEffect, external_reliability
-from anaplot.bundle.rows import RayRow
-from anaplot.bundle.suspects import likeliest_suspects
+from anaplot.bundle.errors.suspects import likeliest_suspects
+from anaplot.bundle.errors.wrongray import accuse
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.externalreliability import UndetectedEffect, external_reliability
+from anaplot.bundle.solve.rows import RayRow
 
 __all__ = ["adjust_json"]
 

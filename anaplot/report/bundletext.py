@@ -7,15 +7,15 @@ from math import degrees, hypot
 
 from anaplot.adjustment.hypothesis import critical_f
 from anaplot.adjustment.reliability import SPUR
-from anaplot.bundle.accuse import accuse
-from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.externalreliability import (
+from anaplot.bundle.errors.suspects import Coordinate, Suspect, likeliest_suspects
+from anaplot.bundle.errors.wrongray import accuse
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.externalreliability import (
     MOST_RAYS,
     ExternalReliability,
     UndetectedEffect,
     external_reliability,
 )
-from anaplot.bundle.suspects import Coordinate, Suspect, likeliest_suspects
 from anaplot.report.columns import cell, column, counted
 from anaplot.report.printable import printable
 

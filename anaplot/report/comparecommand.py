@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from anaplot.bundle.additional import additional_parameters
-from anaplot.bundle.epochs import compare_epochs
-from anaplot.bundle.epochtests import EpochTests, Located, PointMove, epoch_tests
-from anaplot.bundle.verdict import Verdict
+from anaplot.bundle.epochs.displacements import compare_epochs
+from anaplot.bundle.epochs.displacementtests import EpochTests, Located, PointMove, epoch_tests
+from anaplot.bundle.hypotheses.verdict import Verdict
+from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block
 from anaplot.report.columns import cell, column

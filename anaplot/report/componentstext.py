@@ -6,7 +6,7 @@ from math import sqrt
 from typing import Any
 
 from anaplot.adjustment.variancecomponents import VarianceComponent
-from anaplot.bundle.components import BlockComponents, ComponentSigma
+from anaplot.bundle.hypotheses.components import BlockComponents, ComponentSigma
 from anaplot.report.columns import cell, counted
 from anaplot.report.printable import printable
 

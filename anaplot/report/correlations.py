@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anaplot.adjustment.significance import TESTABLE
-from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.report.printable import printable
 
 __all__ = ["RayPair", "correlated_rays", "correlations_json", "correlations_printout"]

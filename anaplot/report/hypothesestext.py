@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from anaplot.adjustment.hypothesis import FTest
-from anaplot.bundle.checktests import CheckTests
-from anaplot.bundle.controltests import ControlTests
-from anaplot.bundle.hypotheses import BlockHypotheses
-from anaplot.bundle.parametertests import ComponentTest, ParameterTests, SetTest
-from anaplot.bundle.verdict import Verdict
+from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses
+from anaplot.bundle.hypotheses.checktests import CheckTests
+from anaplot.bundle.hypotheses.controltests import ControlTests
+from anaplot.bundle.hypotheses.parametertests import ComponentTest, ParameterTests, SetTest
+from anaplot.bundle.hypotheses.verdict import Verdict
 from anaplot.report.columns import cell, column
 from anaplot.report.printable import printable
 

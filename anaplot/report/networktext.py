@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.planning.networkplan import Network, NetworkWorth
-from anaplot.planning.worth import PointWorth
+from anaplot.planning.plannedreliability import PointWorth
 from anaplot.report.columns import PAGE, counted, fitted, shortened, wrapped
 from anaplot.report.printable import printable
 

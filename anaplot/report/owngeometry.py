@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.grosserrors import model_values
-from anaplot.bundle.residuals import ObservationName, block_residuals
+from anaplot.bundle.errors.grosserrors import model_values
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.residuals import ObservationName, block_residuals
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.inputfile import read_text

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import (
     block_files,

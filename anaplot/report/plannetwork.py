@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.networkfile import NetworkFile, read_network
@@ -27,7 +27,7 @@ from anaplot.planning.networkplan import (
     network_worth,
     plan_network,
 )
-from anaplot.planning.worth import PointWorth
+from anaplot.planning.plannedreliability import PointWorth
 from anaplot.report.correlations import (
     RayPair,
     correlated_rays,

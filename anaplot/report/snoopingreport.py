@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anaplot.adjustment.reliability import beyond_model
-from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.snooping import (
+from anaplot.bundle.errors.snooping import (
     PAPER_TOLERANCE,
     ClassModel,
     ObservationClass,
@@ -18,6 +17,7 @@ from anaplot.bundle.snooping import (
     estimate_models,
     snoop,
 )
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.report.columns import cell, column
 from anaplot.report.printable import printable
 

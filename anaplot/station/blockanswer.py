@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from anaplot.bundle.errors.suspects import Coordinate, likeliest_suspects
 from anaplot.bundle.live import LiveAnswer
-from anaplot.bundle.suspects import Coordinate, likeliest_suspects
 from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
 
 __all__ = ["view_of"]

@@ -13,7 +13,7 @@ from anaplot.adjustment.leastabsolute import (
     least_absolute,
     least_absolute_residuals,
 )
-from anaplot.adjustment.left import Left
+from anaplot.adjustment.leftout import Left
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.strategies import find_gross_errors
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastsquares import adjust
-from anaplot.adjustment.left import Left
+from anaplot.adjustment.leftout import Left
 from anaplot.adjustment.reliability import beyond_model
 from anaplot.adjustment.residualsystem import DenseResiduals, dense_residuals
 from anaplot.adjustment.reweighting import weighted_misclosures

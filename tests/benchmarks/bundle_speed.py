@@ -14,9 +14,9 @@ from math import log
 import numpy as np
 
 from anaplot.bundle.live import LiveBlock
-from anaplot.bundle.normal import NormalEquations, State, linearise, make_structure
-from anaplot.bundle.problem import Problem, make_problem
-from anaplot.bundle.reliability import compute_cofactors
+from anaplot.bundle.solve.normal import NormalEquations, State, linearise, make_structure
+from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.photogrammetry.block import (
     Block,
     Camera,

@@ -17,8 +17,8 @@ import numpy as np
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.grosserrors import block_gross_errors
-from anaplot.bundle.residuals import block_residuals
+from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anaplot.bundle.normal import State
-from anaplot.bundle.problem import Problem
+from anaplot.bundle.solve.normal import State
+from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.block import (
     Block,
     Camera,

@@ -10,9 +10,9 @@ import pytest
 from bundleblocks import aerial
 from denseblock import dense, dense_inverse
 
-from anaplot.bundle.accuse import accuse
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.problem import make_problem
+from anaplot.bundle.errors.wrongray import accuse
+from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import TestSettings
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anaplot.bundle.additional import (
+from anaplot.bundle.solve.additional import (
     additional_parameters,
     ebner,
     exterior_effects,

@@ -12,18 +12,18 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.cluster import Cluster
-from anaplot.bundle.relative import orient_pair, spread_rotations
-from anaplot.bundle.resection import resect, three_point_resection
-from anaplot.bundle.similarity import (
+from anaplot.bundle.start.relative import orient_pair, spread_rotations
+from anaplot.bundle.start.resection import resect, three_point_resection
+from anaplot.bundle.start.subblock import Cluster
+from anaplot.photogrammetry.block import ControlPoint, Strip
+from anaplot.photogrammetry.collinearity import project
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
+from anaplot.photogrammetry.similarity import (
     Similarity,
     fit_similarity,
     fit_to_partial,
     robust_similarity,
 )
-from anaplot.photogrammetry.block import ControlPoint, Strip
-from anaplot.photogrammetry.collinearity import project
-from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 
 
 def converges_to_the_truth(scene, block=None, sigma=1.5, **options):

@@ -12,11 +12,11 @@ from bundleblocks import aerial
 from anaplot.adjustment import cleaning
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.strategies import STRATEGIES
-from anaplot.bundle import grosserrors
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
-from anaplot.bundle.grosserrors import block_gross_errors, model_values, without
-from anaplot.bundle.problem import make_problem
-from anaplot.bundle.residuals import block_residuals
+from anaplot.bundle.errors import grosserrors
+from anaplot.bundle.errors.grosserrors import block_gross_errors, model_values, without
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import ControlPoint
 
@@ -247,7 +247,7 @@ def test_a_wrong_prior_is_rejected_alone() -> None:
 
 
 def test_priors_of_additional_parameters_are_never_rejected() -> None:
-    from anaplot.bundle.additional import additional_parameters
+    from anaplot.bundle.solve.additional import additional_parameters
 
     scene = small(distort=lambda x, y: (2e-6 * x * y, 0.0))
     block = adjusted(scene, additional=additional_parameters("ebner", 0.05))

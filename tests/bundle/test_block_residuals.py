@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from bundleblocks import aerial, cube
 
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.problem import make_problem
-from anaplot.bundle.residuals import block_residuals
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.residuals import block_residuals
 
 CASES: dict[str, dict] = {
     "weighted control": {"scene": {"control_sigma": 0.05}},

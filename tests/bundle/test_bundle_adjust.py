@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from bundleblocks import aerial, cube
 
-from anaplot.bundle.additional import additional_parameters, ebner, gruen, physical
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.problem import make_problem
+from anaplot.bundle.solve.additional import additional_parameters, ebner, gruen, physical
+from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Photo, TestSettings
 

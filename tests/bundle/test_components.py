@@ -10,7 +10,7 @@ import pytest
 from bundleblocks import aerial
 
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.components import block_components
+from anaplot.bundle.hypotheses.components import block_components
 from anaplot.errors import InputError
 from anaplot.report.componentstext import components_json, components_printout
 

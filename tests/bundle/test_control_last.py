@@ -12,8 +12,8 @@ import pytest
 from bundleblocks import aerial
 
 from anaplot.adjustment.findings import SearchSettings
-from anaplot.bundle.controllast import clean_control_last
-from anaplot.bundle.grosserrors import block_gross_errors
+from anaplot.bundle.errors.controllast import clean_control_last
+from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.cli import main
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block

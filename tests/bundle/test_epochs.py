@@ -12,18 +12,18 @@ import pytest
 from bundleblocks import aerial, make_scene
 from wild import wild, words
 
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.crosscofactors import coordinate_cofactors
-from anaplot.bundle.epochs import compare_epochs
-from anaplot.bundle.epochtests import epoch_tests
-from anaplot.bundle.jointepochs import joint_block
-from anaplot.bundle.minimum import NoConvergenceError
-from anaplot.bundle.similarity import fit_similarity
+from anaplot.bundle.epochs.displacements import compare_epochs
+from anaplot.bundle.epochs.displacementtests import epoch_tests
+from anaplot.bundle.epochs.joint import joint_block
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.cli import main
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import write_new_block
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, TestSettings
+from anaplot.photogrammetry.similarity import fit_similarity
 from anaplot.report.comparecommand import compare_printout
 
 pytestmark = pytest.mark.slow
@@ -563,7 +563,7 @@ def test_an_epoch_without_a_minimum_is_named(monkeypatch) -> None:
     def endless(block, **_):
         raise NoConvergenceError(f"block {block.name}: no solution found", None)
 
-    monkeypatch.setattr("anaplot.bundle.epochs.adjust_block", endless)
+    monkeypatch.setattr("anaplot.bundle.epochs.displacements.adjust_block", endless)
     with pytest.raises(NotComputableError, match=r"^epoch 1: block .*: no solution found"):
         compare_epochs(epoch(1), epoch(2))
 

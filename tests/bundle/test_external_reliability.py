@@ -9,10 +9,10 @@ import pytest
 from bundleblocks import aerial
 from denseblock import dense, dense_inverse, held_inverse
 
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.externalreliability import external_reliability
-from anaplot.bundle.problem import make_problem
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.externalreliability import external_reliability
+from anaplot.bundle.solve.problem import make_problem
 
 
 def adjusted(additional=None, datum="control", **options):

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anaplot.bundle.dissection import dissect
-from anaplot.bundle.factor import Factor, NotPositiveError, make_pattern
+from anaplot.bundle.solve.dissection import dissect
+from anaplot.bundle.solve.factor import Factor, NotPositiveError, make_pattern
 
 
 def system(seed: int, n: int, d: int, g: int, reach: float, leaf: int):

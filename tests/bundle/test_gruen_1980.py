@@ -9,14 +9,14 @@ import pytest
 from gruenblocks import CONTROL, classes, regular, with_rows
 
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.problem import make_problem
-from anaplot.bundle.snooping import (
+from anaplot.bundle.errors.snooping import (
     PAPER_TOLERANCE,
     classify,
     estimate_models,
     paper_models,
     snoop,
 )
+from anaplot.bundle.solve.problem import make_problem
 
 BLOCKS = ((4, 3), (7, 3), (4, 5), (7, 5))
 # blocks 43, 73, 45, 75, single and twin control each

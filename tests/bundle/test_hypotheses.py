@@ -10,16 +10,16 @@ import pytest
 from bundleblocks import aerial, cube
 
 from anaplot.adjustment.hypothesis import critical_f, f_power, noncentrality_of, sidak_alpha
-from anaplot.bundle import checktests, controltests, parametertests
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block, adjust_bundle, adjust_problem
-from anaplot.bundle.checktests import check_tests
-from anaplot.bundle.controltests import control_tests
-from anaplot.bundle.crosscofactors import coordinate_cofactors, own_parameter_cofactors
-from anaplot.bundle.hypotheses import block_hypotheses
-from anaplot.bundle.parametertests import parameter_tests
-from anaplot.bundle.problem import make_problem
-from anaplot.bundle.verdict import HypothesisSettings, Variance
+from anaplot.bundle.hypotheses import checktests, controltests, parametertests
+from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
+from anaplot.bundle.hypotheses.checktests import check_tests
+from anaplot.bundle.hypotheses.controltests import control_tests
+from anaplot.bundle.hypotheses.parametertests import parameter_tests
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings, Variance
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.crosscofactors import coordinate_cofactors, own_parameter_cofactors
+from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import ControlPoint, TestSettings
 from anaplot.report.hypothesestext import hypotheses_printout
 
@@ -106,7 +106,7 @@ def test_cofactors_between_points_are_those_of_the_whole_inverse(monkeypatch) ->
     found = coordinate_cofactors(block, wanted)
     np.testing.assert_allclose(found, q[np.ix_(index, index)], rtol=1e-6, atol=1e-10)
     # in portions the same
-    monkeypatch.setattr("anaplot.bundle.crosscofactors._BYTES", 1)
+    monkeypatch.setattr("anaplot.bundle.solve.crosscofactors._BYTES", 1)
     np.testing.assert_allclose(coordinate_cofactors(block, wanted), found, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(
         coordinate_cofactors(block, [(5, 0), (5, 1), (5, 2)]), block.cofactors.points[5], rtol=1e-8

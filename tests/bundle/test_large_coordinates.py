@@ -10,12 +10,12 @@ import pytest
 from bundleblocks import Scene, cube
 
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.adjusted import AdjustedBlock
-from anaplot.bundle.checktests import check_tests
-from anaplot.bundle.controltests import control_tests
-from anaplot.bundle.epochs import compare_epochs
-from anaplot.bundle.problem import Datum
-from anaplot.bundle.verdict import HypothesisSettings
+from anaplot.bundle.epochs.displacements import compare_epochs
+from anaplot.bundle.hypotheses.checktests import check_tests
+from anaplot.bundle.hypotheses.controltests import control_tests
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.problem import Datum
 from anaplot.photogrammetry.block import Block, ControlPoint
 
 pytestmark = pytest.mark.slow

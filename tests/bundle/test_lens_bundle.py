@@ -9,11 +9,11 @@ import pytest
 from bundleblocks import aerial, make_scene
 from denseblock import dense, dense_inverse
 
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
-from anaplot.bundle.imaging import imaged, imaged_with_derivatives
-from anaplot.bundle.normal import move
-from anaplot.bundle.problem import make_problem
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.imaging import imaged, imaged_with_derivatives
+from anaplot.bundle.solve.normal import move
+from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Camera, ControlPoint
 from anaplot.photogrammetry.lens import LENS_PARAMETERS, seen_through

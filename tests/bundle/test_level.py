@@ -9,8 +9,8 @@ import pytest
 from bundleblocks import make_scene
 
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
-from anaplot.bundle.level import level_cluster
-from anaplot.bundle.problem import make_problem
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.start.vertical import level_cluster
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix

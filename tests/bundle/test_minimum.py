@@ -10,11 +10,11 @@ from bundleblocks import Scene, aerial, make_scene
 from weaknetworks import dense_minimum, short_base
 
 from anaplot.bundle.adjust import adjust_block, adjust_problem
-from anaplot.bundle.approximate import approximate_ways
-from anaplot.bundle.minimum import NoConvergenceError, find_minimum
-from anaplot.bundle.normal import State, make_structure, objective
-from anaplot.bundle.problem import Problem, make_problem
-from anaplot.bundle.reintersect import reintersected
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
+from anaplot.bundle.solve.normal import State, make_structure, objective
+from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.reintersect import reintersected
+from anaplot.bundle.start.approximate import approximate_ways
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix

@@ -10,13 +10,13 @@ import pytest
 from bundleblocks import aerial
 
 from anaplot.adjustment.findings import SearchSettings
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.controllast import clean_control_last
-from anaplot.bundle.minimum import NoConvergenceError
-from anaplot.bundle.openmovement import held_by_noise
-from anaplot.bundle.problem import Datum, make_problem
-from anaplot.bundle.rescue import adjust_what_fits
+from anaplot.bundle.errors.controllast import clean_control_last
+from anaplot.bundle.errors.rescue import adjust_what_fits
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError
+from anaplot.bundle.solve.openmovement import held_by_noise
+from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block

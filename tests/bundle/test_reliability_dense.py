@@ -9,9 +9,9 @@ import pytest
 from bundleblocks import aerial, cube
 from denseblock import dense, dense_inverse, held_inverse
 
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.problem import make_problem
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.problem import make_problem
 
 CASES: dict[str, dict] = {
     "weighted control": {"scene": {"control_sigma": 0.05}},

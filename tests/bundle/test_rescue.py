@@ -11,13 +11,13 @@ import pytest
 from bundleblocks import aerial
 
 from anaplot.adjustment.findings import SearchSettings
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.controllast import clean_control_last
-from anaplot.bundle.grosserrors import block_gross_errors
-from anaplot.bundle.minimum import NoConvergenceError
-from anaplot.bundle.problem import make_problem
-from anaplot.bundle.rescue import adjust_what_fits
+from anaplot.bundle.errors.controllast import clean_control_last
+from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.errors.rescue import adjust_what_fits
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError
+from anaplot.bundle.solve.problem import make_problem
 from anaplot.cli import main
 from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block

@@ -10,8 +10,8 @@ from bundleblocks import make_scene
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.grosserrors import block_gross_errors
-from anaplot.bundle.suspects import likeliest_suspects
+from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.errors.suspects import likeliest_suspects
 from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 

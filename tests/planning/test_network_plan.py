@@ -24,7 +24,7 @@ from anaplot.planning.networkplan import (
     looking_at,
     plan_network,
 )
-from anaplot.planning.worth import photo_worth, point_worth
+from anaplot.planning.plannedreliability import photo_worth, point_worth
 
 # n, u, r, AI X Y Z all [mm] for 1 um, RI x' y' (1978, Table 2, as worked out)
 TABLE_2 = {

@@ -16,7 +16,7 @@ from anaplot import cli
 from anaplot.adjustment.cleaning import Cleaning
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.adjustment.strategies import STRATEGIES
-from anaplot.bundle.problem import make_problem
+from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import (
     Block,

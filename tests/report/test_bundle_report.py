@@ -14,7 +14,7 @@ import pytest
 from wild import wild, words
 
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.adjusted import AdjustedBlock
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.collinearity import project

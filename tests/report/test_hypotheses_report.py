@@ -12,9 +12,9 @@ import pytest
 from wild import wild, words
 
 from anaplot import cli
-from anaplot.bundle.additional import additional_parameters
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.hypotheses import block_hypotheses
+from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
+from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.photogrammetry.block import (
     Block,
     Camera,

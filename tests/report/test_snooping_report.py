@@ -21,7 +21,7 @@ from wild import wild, words
 import anaplot
 from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.snooping import (
+from anaplot.bundle.errors.snooping import (
     ClassModel,
     ObservationClass,
     classify,

@@ -1,0 +1,1 @@
+"""Two epochs of one object."""

@@ -1,0 +1,1 @@
+"""Gross errors of a block."""

@@ -1,0 +1,146 @@
+"""Step by step: image coordinates cleaned under prior knowledge, and only then the control.
+
+Errors of image coordinates and of control hide behind each other. Without control the image
+coordinates are checked by each other and by the priors of the orientations alone; what is clean
+then judges the control (the Bayesian paper's step-by-step technique).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anaplot.adjustment.findings import SearchSettings
+from anaplot.adjustment.watch import Watch
+from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
+from anaplot.bundle.solve.additional import AdditionalParameters
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.datum import priors_hold
+from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.errors import InputError, NotComputableError
+from anaplot.photogrammetry.block import Block
+
+__all__ = ["ControlLast", "clean_control_last"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlLast:
+    """Both steps.
+
+    Attributes
+    ----------
+    images
+        The block without control, in the datum of its priors or as a free network: what is wrong
+        in image coordinates and priors.
+    control
+        The block with control and without those image coordinates: what is wrong in the control.
+    datum
+        What held the first step: "priors", or "free" where they do not determine all of a datum.
+    """
+
+    images: BlockFindings
+    control: BlockFindings
+    datum: str
+
+    @property
+    def block(self) -> AdjustedBlock:
+        """Adjusted without all that is rejected."""
+        return self.control.block
+
+
+def clean_control_last(
+    block: Block,
+    strategy: str,
+    settings: SearchSettings | None = None,
+    *,
+    additional: AdditionalParameters | None = None,
+    as_given: bool = False,
+    watch: Watch | None = None,
+) -> ControlLast:
+    """Clean the image coordinates without control, then bring the control in and clean that.
+
+    Parameters
+    ----------
+    block
+        The block; its control has standard deviations, as nothing free of error can be wrong.
+    strategy, settings
+        As `block_gross_errors` has them.
+    additional
+        Additional parameters, in both steps.
+    as_given, watch
+        As `block_gross_errors` has them.
+
+    Raises
+    ------
+    InputError
+        There is no weighted control.
+    NotComputableError
+        One of the steps cannot be computed.
+    ValueError
+        No such strategy.
+    """
+    weighted = [
+        c
+        for c in block.control
+        if c.use == "control"
+        and any(
+            value is not None and s > 0.0 for value, s in zip(c.xyz, block.sigma_of(c), strict=True)
+        )
+    ]
+    if not weighted:
+        raise InputError(
+            f"block {block.name}: no control with standard deviations that could be brought in"
+        )
+    bare = replace(block, control=tuple(replace(c, use="off") for c in block.control))
+    images, datum = _without_control(
+        bare, strategy, settings, additional, as_given=as_given, watch=watch
+    )
+    wrong = np.argwhere(images.block.rejected)
+    source = images.block.problem.source
+    out = {(int(source[ray]), axis) for ray, axis in wrong.tolist()}
+    problem = make_problem(block, additional=additional)
+    rejected = np.array(
+        [[(row, axis) in out for axis in (0, 1)] for row in problem.source.tolist()]
+    )
+    if rejected.any():
+        problem = replace(problem, rejected=rejected)
+    if datum == "priors":
+        # a prior rejected without control stays so
+        problem = _with_priors_of(problem, images.block.problem)
+    control = block_gross_errors(
+        problem, strategy, settings, control_only=True, as_given=as_given, watch=watch
+    )
+    return ControlLast(images, control, datum)
+
+
+def _with_priors_of(problem: Problem, other: Problem) -> Problem:
+    """Return the bundle with the prior orientations that another one of its photos has left."""
+    place = {name: k for k, name in enumerate(problem.photos)}
+    both = [(place[name], k) for k, name in enumerate(other.photos) if name in place]
+    mine, its = np.array(both, dtype=np.intp).reshape(-1, 2).T
+    position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
+    position[mine], rotation[mine] = other.position_sigma[its], other.rotation_sigma[its]
+    return replace(problem, position_sigma=position, rotation_sigma=rotation)
+
+
+def _without_control(
+    bare: Block,
+    strategy: str,
+    settings: SearchSettings | None,
+    additional: AdditionalParameters | None,
+    *,
+    as_given: bool,
+    watch: Watch | None,
+) -> tuple[BlockFindings, str]:
+    """Clean in the datum of the priors, or free where they do not hold one."""
+    problem = make_problem(bare, additional=additional)
+    datum, how = "priors", "in the datum of the priors"
+    if not priors_hold(problem):
+        problem = make_problem(bare, datum="free", additional=additional)
+        datum, how = "free", "as a free network"
+    try:
+        found = block_gross_errors(problem, strategy, settings, as_given=as_given, watch=watch)
+    except NotComputableError as error:
+        raise NotComputableError(f"without control, {how}: {error}") from error
+    return found, datum

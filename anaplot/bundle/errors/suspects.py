@@ -1,0 +1,86 @@
+"""Which flagged image coordinates to look at first, and what cannot be told apart from them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.adjustment.partners import likeliest
+from anaplot.adjustment.reliability import HARD_TO_TELL
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+
+__all__ = ["Coordinate", "Suspect", "likeliest_suspects"]
+
+
+class Coordinate(NamedTuple):
+    """One image coordinate of a point.
+
+    Attributes
+    ----------
+    photo, model, axis
+        The ray (model: None where none is named) and "x" or "y".
+    """
+
+    photo: str
+    model: str | None
+    axis: str
+
+
+class Suspect(NamedTuple):
+    """An image coordinate that is probably wrong, or one of its partners is.
+
+    Attributes
+    ----------
+    point
+        Its point.
+    where
+        The coordinate.
+    w, r
+        abs(w), and redundancy number.
+    partners
+        Coordinates of the point whose residuals are so highly correlated with its own that they
+        are hard to tell apart, the largest redundancy number first.
+    """
+
+    point: str
+    where: Coordinate
+    w: float
+    r: float
+    partners: tuple[Coordinate, ...]
+
+
+def likeliest_suspects(block: AdjustedBlock) -> tuple[Suspect, ...]:
+    """Return the flagged image coordinates, the largest abs(w) first, one for those alike.
+
+    Of coordinates of a point that are hard to tell apart the likeliest stands for all, see
+    `adjustment.partners`: at a point of two rays that with the largest redundancy number.
+    """
+    problem = block.problem
+    flagged = np.argwhere(block.flagged)
+    order = np.argsort(-np.abs(block.w[flagged[:, 0], flagged[:, 1]]), kind="stable")
+    known: set[tuple[int, int]] = set()
+    found: list[Suspect] = []
+    for ray, axis in flagged[order].tolist():
+        if (ray, axis) in known:
+            continue
+        point = int(problem.point[ray])
+        labels, rho = block.point_correlations(problem.points[point])
+        rays, _ = block.cofactors.point_rays(point)
+        at = 2 * int(np.flatnonzero(rays == ray)[0]) + axis
+        r, w = block.cofactors.r[rays].ravel(), block.w[rays].ravel()
+        columns = np.nan_to_num(rho[at]) * np.sqrt(r * r[at])
+        best = int(likeliest(w[None], r[None], columns[None], np.array([at], dtype=np.intp))[0])
+        alike = np.flatnonzero(np.abs(np.nan_to_num(rho[best])) >= HARD_TO_TELL)
+        alike = alike[np.argsort(-r[alike], kind="stable")]
+        known.update((int(rays[k // 2]), int(k % 2)) for k in (*alike.tolist(), at))
+        found.append(
+            Suspect(
+                problem.points[point],
+                Coordinate(*labels[best]),
+                float(abs(w[best])),
+                float(r[best]),
+                tuple(Coordinate(*labels[k]) for k in alike.tolist() if k != best),
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""Hypotheses on an adjusted block, and its variance components."""

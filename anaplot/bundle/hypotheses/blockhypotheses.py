@@ -1,0 +1,44 @@
+"""The hypotheses of an adjusted block: additional parameters, check points, control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from anaplot.bundle.hypotheses.checktests import CheckTests, check_tests
+from anaplot.bundle.hypotheses.controltests import ControlTests, control_tests
+from anaplot.bundle.hypotheses.parametertests import ParameterTests, parameter_tests
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+
+__all__ = ["BlockHypotheses", "block_hypotheses"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockHypotheses:
+    """What was tested; None where there is nothing of the kind.
+
+    Attributes
+    ----------
+    settings
+        Significance, power, limit of correlation.
+    additional, check, control
+        The tests of additional parameters, of check points and of control.
+    """
+
+    settings: HypothesisSettings
+    additional: ParameterTests | None
+    check: CheckTests | None
+    control: ControlTests | None
+
+
+def block_hypotheses(
+    block: AdjustedBlock, settings: HypothesisSettings | None = None
+) -> BlockHypotheses:
+    """Test the hypotheses of Gruen 1978, section D, that one block allows."""
+    settings = settings or HypothesisSettings()
+    return BlockHypotheses(
+        settings,
+        parameter_tests(block, settings),
+        check_tests(block, settings),
+        control_tests(block, settings),
+    )

@@ -1,0 +1,486 @@
+"""Is the control in agreement with the photographs, weighted or free of error (Gruen 1978, D2).
+
+The hypothesis "these given coordinates are right" is tested against "they are off by d". Giving
+them up means one more unknown per coordinate; with C the change of the whitened misclosures e for
+d, R the projector on the residuals (e = R e at the minimum), the linear model gives
+
+    g = C'e,    M = C'R C = C'C - (J'C)'N^-1 (J'C),    d = -M^-1 g,    R = g'M^-1 g,
+
+without another adjustment. M^-1 is the covariance of d for sigma0 = 1: that of the given
+coordinates and that of the photogrammetric ones without them, together. A weighted coordinate has
+-1/sigma in its own row; one free of error has the derivatives of its rays. The residuals of the
+test's own variance factor are those that remain when the coordinates are given up.
+
+A free or minimal datum uses no control. There the given coordinates are tested against the network
+up to a similarity: with C the covariances of both together and G what a change of datum does to
+the coordinates, M = C^-1 - C^-1 G (G'C^-1 G)^-1 G'C^-1 and g = -M (adjusted - given).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import sqrt
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.hypothesis import bonferroni_alpha
+from anaplot.adjustment.significance import TESTABLE
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings, Variance, Verdict
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.crosscofactors import (
+    Sides,
+    coordinate_cofactors,
+    empty_sides,
+    side_products,
+)
+from anaplot.bundle.solve.imaging import imaged_with_derivatives
+from anaplot.photogrammetry.similarity import Similarity, fit_to_partial, similarity_effects
+
+__all__ = [
+    "ControlCoordinateTest",
+    "ControlGroupTest",
+    "ControlPointTest",
+    "ControlTests",
+    "control_tests",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_MOST = 1500  # control coordinates that are tested together
+_WEAK = 1e-6  # eigenvalue, over the largest, below which linearisation does not reach
+_NULL = 1e-11  # the same of what holds the datum only
+
+
+class ControlGroupTest(NamedTuple):
+    """Control coordinates given up together.
+
+    Attributes
+    ----------
+    what
+        "all", "plan" or "heights"; "weighted" or "free of error" where both kinds occur.
+    coordinates
+        Their number.
+    conditions
+        How many independent conditions they put beyond holding the datum.
+    verdict
+        None when they only hold the datum.
+    """
+
+    what: str
+    coordinates: int
+    conditions: int
+    verdict: Verdict | None
+
+
+class ControlPointTest(NamedTuple):
+    """The coordinates of one control point given up together.
+
+    Attributes
+    ----------
+    point
+        Its name.
+    coordinates, conditions
+        As in `ControlGroupTest`.
+    verdict
+        The family of points keeps the significance; None when nothing checks the point.
+    """
+
+    point: str
+    coordinates: int
+    conditions: int
+    verdict: Verdict | None
+
+
+class ControlCoordinateTest(NamedTuple):
+    """One control coordinate given up.
+
+    Attributes
+    ----------
+    point, axis
+        Which one.
+    fixed
+        Whether it is free of error.
+    difference
+        Photogrammetric coordinate without it, minus the given one [m]; None where nothing checks
+        it.
+    s
+        Standard deviation of the difference [m] for the a-priori sigma0, of both.
+    verdict
+        The family of coordinates keeps the significance.
+    detectable
+        Smallest error of the given coordinate [m] that is found with the settings' power; None
+        where no test can be made.
+    """
+
+    point: str
+    axis: str
+    fixed: bool
+    difference: float | None
+    s: float | None
+    verdict: Verdict | None
+    detectable: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ControlTests:
+    """The hypotheses about control.
+
+    Attributes
+    ----------
+    against
+        "photographs": control that holds the datum; "network": control and check points against a
+        network with a datum of its own.
+    groups
+        All control, plan and heights; empty when it is too much to be tested together.
+    points, coordinates
+        Every point and every coordinate.
+    remarks
+        Sentences for a person.
+    """
+
+    against: Literal["photographs", "network"]
+    groups: tuple[ControlGroupTest, ...]
+    points: tuple[ControlPointTest, ...]
+    coordinates: tuple[ControlCoordinateTest, ...]
+    remarks: tuple[str, ...]
+
+
+class _Control(NamedTuple):
+    """Control coordinates: where they are, g, M and the diagonal of C'C.
+
+    `apart`: the residuals of the adjustment have no part in g.
+    """
+
+    at: list[tuple[int, int]]
+    fixed: NDArray[np.bool_]
+    score: Array
+    information: Array
+    size: Array
+    apart: bool = False
+
+
+def control_tests(
+    block: AdjustedBlock, settings: HypothesisSettings | None = None
+) -> ControlTests | None:
+    """Test the given coordinates of control points; None when there are none.
+
+    With datum "control" those that hold it, otherwise all of control and check points, as far as
+    they say more than a similarity. Single tests are Bonferroni's, for each leaves a variance
+    factor of its own.
+    """
+    settings = settings or HypothesisSettings()
+    problem = block.problem
+    if problem.datum != "control":
+        return _network_tests(block, settings)
+    present = problem.fixed | np.isfinite(problem.known_sigma)
+    if not present.any():
+        return None
+    names = {name: k for k, name in enumerate(problem.points)}
+    places = [
+        (names[name], axis)
+        for name in problem.control_rows
+        if name in names
+        for axis in range(3)
+        if present[names[name], axis]
+    ]
+    together = len(places) <= _MOST
+    remarks = []
+    if not together:
+        remarks.append(
+            f"{len(places)} control coordinates are tested one by one, not all together "
+            f"(that is done up to {_MOST})"
+        )
+    control = _control(block, places, together=together)
+    if control.fixed.all():
+        remarks.append(
+            "the control is free of error: its differences are what the photographs would "
+            "make of a coordinate that is given up"
+        )
+    return _tests(block, control, settings, remarks, groups=together)
+
+
+def _network_tests(block: AdjustedBlock, settings: HypothesisSettings) -> ControlTests | None:
+    problem = block.problem
+    names = {name: k for k, name in enumerate(problem.points)}
+    wanted = [
+        (names[name], axis, value, problem.block.sigma_of(row)[axis])
+        for name, row in problem.control_rows.items()
+        if name in names
+        for axis, value in enumerate(row.xyz)
+        if value is not None
+    ]
+    if not wanted:
+        return None
+    if len(wanted) > _MOST:
+        remark = f"{len(wanted)} given coordinates are not tested (that is done up to {_MOST})"
+        return ControlTests("network", (), (), (), (remark,))
+    places = [(point, axis) for point, axis, _, _ in wanted]
+    given = np.array([value for _, _, value, _ in wanted])
+    spread = np.array([sigma for *_, sigma in wanted])
+    index = np.array(places)
+    used, row = np.unique(index[:, 0], return_inverse=True)
+    pick = 3 * row + index[:, 1]
+    target = np.full((len(used), 3), np.nan)
+    target[row, index[:, 1]] = given
+    # laid onto the given coordinates first: what is left is small, and linear in the similarity
+    origin = block.state.origin
+    source = block.state.points[used]
+    start = Similarity(1.0, np.eye(3), np.zeros(3))
+    laid = fit_to_partial(source, target - origin, start) or start
+    at = laid.apply(source)
+    difference = at.reshape(-1)[pick] - (target - origin).reshape(-1)[pick]
+    turn = np.kron(np.eye(len(used)), laid.scale * laid.rotation)
+    own = coordinate_cofactors(block, [(int(k), axis) for k in used for axis in range(3)])
+    covariance = (turn @ own @ turn.T)[np.ix_(pick, pick)] + np.diag(spread**2)
+    null = similarity_effects(at).reshape(-1, 7)[pick]
+    root = np.linalg.cholesky(covariance)
+    whitened = np.linalg.solve(root, null / np.linalg.norm(null, axis=0).clip(min=1e-300))
+    left, singular, _ = np.linalg.svd(whitened, full_matrices=False)
+    left = left[:, singular > 1e-9 * singular[0]]
+    inverse = np.linalg.inv(root)
+    reduced = inverse - left @ (left.T @ inverse)
+    information = reduced.T @ reduced
+    control = _Control(
+        places,
+        spread == 0.0,
+        -(information @ difference),
+        information,
+        np.einsum("ij,ij->j", inverse, inverse),
+        apart=True,
+    )
+    return _tests(block, control, settings, [])
+
+
+def _tests(
+    block: AdjustedBlock,
+    control: _Control,
+    settings: HypothesisSettings,
+    remarks: list[str],
+    *,
+    groups: bool = True,
+) -> ControlTests:
+    variance = Variance(block.vtpv, block.redundancy, block.problem.test.kind == "baarda")
+    coordinates = _coordinates(block, control, variance, settings)
+    unchecked = [f"{c.axis} of {c.point}" for c in coordinates if c.verdict is None]
+    if unchecked:
+        some = ", ".join(unchecked[:12]) + (" ..." if len(unchecked) > 12 else "")
+        remarks.append(
+            f"{_are(len(unchecked), 'control coordinate')} checked by nothing, an error there "
+            f"stays unseen: {some}"
+        )
+    tested: tuple[ControlGroupTest, ...] = ()
+    if groups:
+        together = _given_up(control, list(range(len(control.at))))
+        if together.weak:
+            remarks.append(
+                f"{_are(together.weak, 'condition')} not tested together with the others: without "
+                "control the photographs hardly tell"
+            )
+        tested = _groups(control, together, variance, settings)
+    return ControlTests(
+        "network" if control.apart else "photographs",
+        tested,
+        _points(block, control, variance, settings),
+        coordinates,
+        tuple(remarks),
+    )
+
+
+def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: bool) -> _Control:
+    """Return score and information of control coordinates; blocks of points only, if not all."""
+    problem = block.problem
+    linear = block.cofactors.normal.linear
+    fixed = np.array([bool(problem.fixed[point, axis]) for point, axis in places])
+    rays_of = np.split(
+        np.argsort(problem.point, kind="stable"),
+        np.cumsum(np.bincount(problem.point, minlength=len(problem.points)))[:-1],
+    )
+    b = _derivatives(block) if fixed.any() else linear.b
+    score = np.empty(len(places))
+    own = np.zeros((len(places), len(places)))
+    by_point: dict[int, list[int]] = {}
+    for k, (point, axis) in enumerate(places):
+        by_point.setdefault(point, []).append(k)
+        if fixed[k]:
+            rays = rays_of[point]
+            score[k] = float(np.vdot(b[rays, :, axis], linear.e[rays]))
+        else:
+            sigma = float(problem.known_sigma[point, axis])
+            score[k] = -float(linear.point_e[point, axis]) / sigma
+            own[k, k] = sigma**-2.0
+    for point, members in by_point.items():
+        held = [k for k in members if fixed[k]]
+        if not held:
+            continue
+        axes = [places[k][1] for k in held]
+        column = b[rays_of[point]][:, :, axes].reshape(-1, len(axes))
+        own[np.ix_(held, held)] = column.T @ column
+    size = np.diag(own).copy()
+
+    def sides(mine: range) -> Sides:
+        photos, points, shared = empty_sides(block, len(mine))
+        for column, k in enumerate(mine):
+            point, axis = places[k]
+            if not fixed[k]:
+                points[point, axis, column] = -(float(problem.known_sigma[point, axis]) ** -2.0)
+                continue
+            rays = rays_of[point]
+            change = b[rays, :, axis]
+            np.add.at(
+                photos[:, :, column],
+                problem.photo[rays],
+                np.einsum("rij,ri->rj", linear.a[rays], change),
+            )
+            points[point, :, column] += np.einsum("rij,ri->j", linear.b[rays], change)
+            if len(shared):
+                columns = block.cofactors.normal.border_columns(problem.additional_group[rays])
+                np.add.at(
+                    shared[:, column],
+                    columns,
+                    np.einsum("rij,ri->rj", linear.h[rays], change),
+                )
+        return photos, points, shared
+
+    information = own
+    if together:
+        information = own - side_products(block, len(places), sides)
+    else:
+        for point, members in by_point.items():
+            index = np.ix_(members, members)
+            if fixed[members].any():
+                taken = side_products(block, len(members), partial(_from, sides, members[0]))
+            else:
+                axes = [places[k][1] for k in members]
+                weight = size[members]
+                taken = block.cofactors.points[point][np.ix_(axes, axes)]
+                taken = taken * weight[:, None] * weight
+            information[index] -= taken
+    return _Control(places, fixed, score, information, size)
+
+
+def _derivatives(block: AdjustedBlock) -> Array:
+    """Return (m, 2, 3) whitened derivatives by the points, also by coordinates free of error."""
+    problem = block.problem
+    b = block.cofactors.normal.linear.b.copy()
+    mine = np.nonzero(np.any(problem.fixed, axis=1)[problem.point])[0]
+    seen = imaged_with_derivatives(problem, block.state, mine)
+    b[mine] = seen.point / problem.sigma_xy[mine][:, :, None]
+    if problem.rejected is not None:
+        b[problem.rejected] = 0.0
+    return b
+
+
+def _from(sides: Callable[[range], Sides], start: int, part: range) -> Sides:
+    """Return sides of a point whose first coordinate is `start`; its coordinates are neighbours."""
+    return sides(range(part.start + start, part.stop + start))
+
+
+class _GivenUp(NamedTuple):
+    """R, its conditions, and those left out because the photographs hardly know them."""
+
+    square: float
+    conditions: int
+    weak: int
+
+
+def _given_up(control: _Control, members: list[int]) -> _GivenUp:
+    """Give coordinates up together."""
+    free = [k for k in members if control.information[k, k] > TESTABLE * control.size[k]]
+    if not free:
+        return _GivenUp(0.0, 0, 0)
+    scale = np.sqrt(np.diag(control.information)[free])
+    rho = control.information[np.ix_(free, free)] / scale[:, None] / scale
+    values, vectors = np.linalg.eigh(0.5 * (rho + rho.T))
+    good = values > _WEAK * float(values[-1])
+    weak = ~good & (values > _NULL * float(values[-1]))
+    part = (control.score[free] / scale) @ vectors[:, good]
+    return _GivenUp(float((part * part / values[good]).sum()), int(good.sum()), int(weak.sum()))
+
+
+def _are(count: int, what: str) -> str:
+    return f"1 {what} is" if count == 1 else f"{count} {what}s are"
+
+
+def _verdict(
+    control: _Control, given_up: _GivenUp, variance: Variance, alpha: float
+) -> Verdict | None:
+    """Judge coordinates that are given up together; None where they are under no condition."""
+    square, conditions, _ = given_up
+    if conditions == 0:
+        return None
+    own = variance if control.apart else variance.without(square, conditions)
+    return own.test(square, conditions, alpha)
+
+
+def _groups(
+    control: _Control, together: _GivenUp, variance: Variance, settings: HypothesisSettings
+) -> tuple[ControlGroupTest, ...]:
+    """Test all coordinates, given up as `together` says, and those of a kind."""
+    every = list(range(len(control.at)))
+    plan = [k for k in every if control.at[k][1] < 2]
+    heights = [k for k in every if control.at[k][1] == 2]
+    fixed = [k for k in every if control.fixed[k]]
+    weighted = [k for k in every if not control.fixed[k]]
+    sets = []
+    if plan and heights:
+        sets += [("plan", plan), ("heights", heights)]
+    if fixed and weighted:
+        sets += [("weighted", weighted), ("free of error", fixed)]
+    found = [("all", len(every), together)]
+    found += [(what, len(members), _given_up(control, members)) for what, members in sets]
+    return tuple(
+        ControlGroupTest(
+            what,
+            count,
+            given_up.conditions,
+            _verdict(control, given_up, variance, settings.alpha),
+        )
+        for what, count, given_up in found
+    )
+
+
+def _points(
+    block: AdjustedBlock, control: _Control, variance: Variance, settings: HypothesisSettings
+) -> tuple[ControlPointTest, ...]:
+    by_point: dict[int, list[int]] = {}
+    for k, (point, _) in enumerate(control.at):
+        by_point.setdefault(point, []).append(k)
+    alpha = bonferroni_alpha(settings.alpha, len(by_point))
+    out = []
+    for point, members in by_point.items():
+        given_up = _given_up(control, members)
+        verdict = _verdict(control, given_up, variance, alpha)
+        name = block.problem.points[point]
+        out.append(ControlPointTest(name, len(members), given_up.conditions, verdict))
+    return tuple(out)
+
+
+def _coordinates(
+    block: AdjustedBlock, control: _Control, variance: Variance, settings: HypothesisSettings
+) -> tuple[ControlCoordinateTest, ...]:
+    alpha = bonferroni_alpha(settings.alpha, len(control.at))
+    # the tested coordinate takes its own condition from the variance factor
+    own = variance if control.apart else variance.without(0.0, 1)
+    possible = own.by_known or own.redundancy > 0
+    noncentrality = own.detectable(alpha, settings.power)
+    out = []
+    for k, (point, axis) in enumerate(control.at):
+        verdict = _verdict(control, _given_up(control, [k]), variance, alpha)
+        information = float(control.information[k, k])
+        out.append(
+            ControlCoordinateTest(
+                block.problem.points[point],
+                "XYZ"[axis],
+                bool(control.fixed[k]),
+                None if verdict is None else -float(control.score[k]) / information,
+                None if verdict is None else sqrt(1.0 / information),
+                verdict,
+                sqrt(noncentrality / information) if possible and verdict is not None else None,
+            )
+        )
+    return tuple(out)

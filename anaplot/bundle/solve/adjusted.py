@@ -1,0 +1,516 @@
+"""An adjusted bundle: values, tests and reliability, as arrays and as rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.consistency import GlobalTest, global_from_single
+from anaplot.adjustment.reliability import SPUR
+from anaplot.adjustment.significance import TESTABLE, noncentrality
+from anaplot.bundle.solve.gaussnewton import Convergence
+from anaplot.bundle.solve.normal import State, image_misclosures
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.reliability import Cofactors
+from anaplot.bundle.solve.residuals import ORIENTATION
+from anaplot.bundle.solve.rows import (
+    ControlRow,
+    Indicators,
+    ParameterRow,
+    PhotoRow,
+    PointRow,
+    PriorRow,
+    RayRow,
+)
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
+
+__all__ = ["AdjustedBlock"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_MOST_LEFT_OUT = 20  # that are named in the remarks
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AdjustedBlock:
+    """An adjusted bundle.
+
+    Attributes
+    ----------
+    problem, state
+        What was adjusted, and the values of the unknowns.
+    cofactors
+        Cofactors and redundancy numbers.
+    convergence
+        How it was found.
+    vtpv, redundancy
+        Weighted sum of squares, n - u + defect.
+    sigma0
+        Factor sqrt(v'Pv / redundancy); None without redundancy.
+    sigma
+        The factor that the test and the standard deviations use; None when it does not exist.
+    critical
+        Critical value of a single test; None where there is none.
+    v
+        (m, 2) residuals of the image coordinates in units of their a-priori sigmas; zero where
+        they are rejected.
+    warnings
+        Sentences for a person about the solution.
+    robust
+        A robust solution, where one was looked for because of gross errors, or None.
+    """
+
+    problem: Problem = field(repr=False)
+    state: State = field(repr=False)
+    cofactors: Cofactors = field(repr=False)
+    convergence: Convergence
+    vtpv: float
+    redundancy: int
+    sigma0: float | None
+    sigma: float | None
+    critical: float | None
+    v: Array = field(repr=False)
+    warnings: tuple[str, ...]
+    robust: State | None = field(default=None, repr=False)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences for a person: what of the block takes no part, then the warnings."""
+        left_out = self.problem.left_out
+        out = [f"{o.kind} {o.name} is left out: it {o.reason}" for o in left_out[:_MOST_LEFT_OUT]]
+        if len(left_out) > _MOST_LEFT_OUT:
+            out.append(f"{len(left_out) - _MOST_LEFT_OUT} more are left out")
+        return (*out, *self.warnings)
+
+    @property
+    def delta0(self) -> float:
+        """Noncentrality that smallest detectable errors refer to."""
+        return noncentrality(self.problem.test.alpha, self.problem.test.power)
+
+    @property
+    def w(self) -> Array:
+        """(m, 2) standardized residuals; NaN where a coordinate cannot be tested."""
+        return _standardized(self.v, self.cofactors.r, self.sigma)
+
+    @property
+    def flagged(self) -> NDArray[np.bool_]:
+        """(m, 2) which image coordinates exceed the critical value."""
+        if self.critical is None:
+            return np.zeros(self.v.shape, dtype=bool)
+        with np.errstate(invalid="ignore"):
+            return np.abs(self.w) > self.critical
+
+    @property
+    def any_flagged(self) -> bool:
+        """Whether any observation exceeds the critical value."""
+        return len(self.flagged_observations()) > 0
+
+    @property
+    def flagged_by_chance(self) -> float:
+        """Number of observations that are flagged in the mean if none has a gross error."""
+        r = self.cofactors
+        tested = sum(
+            int(np.count_nonzero(each >= TESTABLE))
+            for each in (r.r, r.r_control, r.r_photo, r.r_own, r.r_shared)
+        )
+        return 0.0 if self.critical is None else self.problem.test.alpha * tested
+
+    def flagged_observations(self) -> list[tuple[float, str, str]]:
+        """Return (abs(w), what, kind) of all that exceed the critical value, the worst first.
+
+        Kinds are "image", "control", "prior" (of an orientation) and "parameter".
+        """
+        found = [
+            (w, f"{axis} of point {point} in photo {photo}", "image")
+            for w, photo, point, axis in self.suspects()
+        ]
+        found += [
+            (abs(row.w), f"{row.axis} of control point {row.point}", "control")
+            for row in self.control_rows()
+            if row.flagged and row.w is not None
+        ]
+        found += [
+            (
+                abs(row.w),
+                f"the prior {row.unknown} of {row.owner}",
+                "prior" if row.unknown in ORIENTATION else "parameter",
+            )
+            for row in self.prior_rows()
+            if row.flagged and row.w is not None
+        ]
+        return sorted(found, key=lambda each: -each[0])
+
+    def global_test(self) -> GlobalTest | None:
+        """Return Baarda's global test of sigma0^2 that is consistent with the single tests.
+
+        The same power at the same noncentrality (1968; Gruen 1978, eq. 18 and 19): its alpha
+        grows with the redundancy, beyond one half in large blocks. It compares designs; as an
+        alarm it cries in that share of the blocks without any error. None without redundancy, or
+        with a power below alpha.
+        """
+        test = self.problem.test
+        if self.redundancy < 1 or not test.alpha < test.power:
+            return None
+        return global_from_single(test.alpha, test.power, self.redundancy)
+
+    def indicators(self) -> Indicators:
+        """Return the global indicators."""
+        r = self.cofactors.r
+        x, y = (r.mean(axis=0) if self.problem.rejected is None else self._mean_r()).tolist()
+        # a coordinate free of error has the cofactor zero
+        deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.cofactors.points), 0.0))
+        ai_x, ai_y, ai_z = deviation.mean(axis=0).tolist()
+        return Indicators(x, y, (x + y) / 2.0, ai_x, ai_y, ai_z, (ai_x + ai_y + ai_z) / 3.0)
+
+    def _mean_r(self) -> Array:
+        count = np.maximum((~self.rejected).sum(axis=0), 1)
+        return np.asarray(self.cofactors.r.sum(axis=0) / count)
+
+    @property
+    def rejected(self) -> NDArray[np.bool_]:
+        """(m, 2) which image coordinates have the weight zero."""
+        if self.problem.rejected is None:
+            return np.zeros(self.v.shape, dtype=bool)
+        return self.problem.rejected
+
+    def ray_rows(self) -> Iterator[RayRow]:
+        """Return the image points in file order."""
+        problem, r = self.problem, self.cofactors.r
+        order = np.argsort(problem.source)
+        sigma_um = problem.sigma_xy * 1e3
+        v, w = self.v, self.w
+        out = self.rejected
+        if out.any():
+            v = np.where(out, image_misclosures(problem, self.state)[0], v)
+        size = _detectable(r, self.delta0)
+        effect = self.cofactors.response.transpose(0, 2, 1) * size[:, :, None]
+        flagged = np.asarray(self.flagged.any(axis=1))
+        for k in order.tolist():
+            source = int(problem.source[k])
+            row = problem.block.image_points[source]
+            s = sigma_um[k].tolist()
+            testable = [bool(np.isfinite(size[k, axis])) for axis in (0, 1)]
+            yield RayRow(
+                source,
+                row.photo,
+                row.point,
+                row.model,
+                (float(v[k, 0]) * s[0], float(v[k, 1]) * s[1]),
+                (float(r[k, 0]), float(r[k, 1])),
+                (_number(w[k, 0]), _number(w[k, 1])),
+                (_number(size[k, 0] * s[0]), _number(size[k, 1] * s[1])),
+                (
+                    _triple(effect[k, 0]) if testable[0] else None,
+                    _triple(effect[k, 1]) if testable[1] else None,
+                ),
+                bool(flagged[k]),
+                (bool(out[k, 0]), bool(out[k, 1])),
+            )
+
+    def control_rows(self) -> list[ControlRow]:
+        """Return the weighted control coordinates in the order of the control file."""
+        problem = self.problem
+        at = {name: k for k, name in enumerate(problem.points)}
+        linear = self.cofactors.normal.linear
+        rows = []
+        for name in problem.control_rows:
+            k = at.get(name)
+            if k is None:
+                continue
+            for axis, label in enumerate(("X", "Y", "Z")):
+                sigma = float(problem.known_sigma[k, axis])
+                if np.isnan(sigma):
+                    continue
+                white = float(linear.point_e[k, axis])
+                r = float(self.cofactors.r_control[k, axis])
+                w = _number(_standardized(np.array(white), np.array(r), self.sigma))
+                size = _number(_detectable(np.array(r), self.delta0))
+                effect = None
+                if size is not None:
+                    column = self.cofactors.points[k, :, axis] / sigma
+                    effect = _triple(column * size)
+                rows.append(
+                    ControlRow(
+                        name,
+                        label,  # type: ignore[arg-type]
+                        white * sigma,
+                        r,
+                        w,
+                        None if size is None else size * sigma,
+                        effect,
+                        self._exceeds(w),
+                    )
+                )
+        return rows
+
+    def prior_rows(self) -> list[PriorRow]:
+        """Return the priors on orientations and on additional parameters."""
+        problem, linear = self.problem, self.cofactors.normal.linear
+        found: list[tuple[str, str, float, float, float]] = []
+        sigmas = np.concatenate((problem.position_sigma, problem.rotation_sigma), axis=1)
+        for k, index in np.argwhere(np.isfinite(self.cofactors.r_photo)).tolist():
+            found.append(
+                (
+                    problem.photos[k],
+                    ORIENTATION[index],
+                    float(linear.photo_e[k, index]),
+                    float(self.cofactors.r_photo[k, index]),
+                    float(sigmas[k, index]),
+                )
+            )
+        if len(problem.additional_sigma) and problem.additional is not None:
+            e = (linear.own_e if problem.photo_invariant else linear.shared_e).reshape(-1)
+            r = (
+                self.cofactors.r_own if problem.photo_invariant else self.cofactors.r_shared
+            ).reshape(-1)
+            labels = problem.additional.set.names
+            for k in range(len(e)):
+                group, index = divmod(k, len(labels))
+                found.append(
+                    (
+                        problem.additional_groups[group],
+                        labels[index],
+                        float(e[k]),
+                        float(r[k]),
+                        float(problem.additional_sigma[index]),
+                    )
+                )
+        rows = []
+        for owner, unknown, white, r_value, sigma in found:
+            w = _number(_standardized(np.array(white), np.array(r_value), self.sigma))
+            size = _number(_detectable(np.array(r_value), self.delta0))
+            rows.append(
+                PriorRow(
+                    owner,
+                    unknown,
+                    white * sigma,
+                    r_value,
+                    w,
+                    None if size is None else size * sigma,
+                    self._exceeds(w),
+                )
+            )
+        return rows
+
+    def photo_rows(self) -> list[PhotoRow]:
+        """Return the adjusted orientations in the block's order."""
+        rows = []
+        diagonal = np.einsum("nii->ni", self.cofactors.photos)
+        for k, name in enumerate(self.problem.photos):
+            rotation = self.state.rotations[k]
+            angles = rotation_angles(rotation)
+            q = self.cofactors.photos[k, 3:6, 3:6]
+            axes = rotation_axes(angles[0], angles[1])
+            s_angles: tuple[float | None, ...] = (None, None, None)
+            if abs(np.linalg.det(axes)) > 1e-9:  # omega and kappa are one at phi = 90 degrees
+                inverse = np.linalg.inv(axes)
+                s_angles = self._deviations(np.diag(inverse @ q @ inverse.T))
+            rows.append(
+                PhotoRow(
+                    name,
+                    _triple(self.state.centres[k] + self.state.origin),
+                    angles,
+                    self._deviations(diagonal[k, :3]),  # type: ignore[arg-type]
+                    s_angles,  # type: ignore[arg-type]
+                )
+            )
+        return rows
+
+    def point_rows(self) -> list[PointRow]:
+        """Return the adjusted points in the order of the image points' file."""
+        problem = self.problem
+        rays = np.bincount(problem.point, minlength=len(problem.points))
+        first = np.full(len(problem.points), len(problem.block.image_points))
+        np.minimum.at(first, problem.point, problem.source)
+        diagonal = np.einsum("nii->ni", self.cofactors.points)
+        at = self.state.points + self.state.origin
+        return [
+            PointRow(
+                problem.points[k],
+                _triple(at[k]),
+                self._deviations(diagonal[k]),  # type: ignore[arg-type]
+                int(rays[k]),
+            )
+            for k in np.argsort(first).tolist()
+        ]
+
+    def check_rows(self) -> list[tuple[str, tuple[float | None, float | None, float | None]]]:
+        """Return adjusted minus given coordinates [m] of the check points.
+
+        With a free or minimal datum the control points are check points too.
+        """
+        problem = self.problem
+        at = {name: k for k, name in enumerate(problem.points)}
+        rows = []
+        for name, row in problem.control_rows.items():
+            k = at.get(name)
+            if k is None or (row.use == "control" and problem.datum == "control"):
+                continue
+            found, origin = self.state.points[k], self.state.origin
+            difference = tuple(
+                None if value is None else float(found[axis] - (value - origin[axis]))
+                for axis, value in enumerate(row.xyz)
+            )
+            rows.append((name, difference))
+        return rows  # type: ignore[return-value]
+
+    def parameter_rows(self) -> list[ParameterRow]:
+        """Return the additional parameters."""
+        problem = self.problem
+        if problem.additional is None:
+            return []
+        names = problem.additional.set.names
+        if problem.photo_invariant:
+            values = self.state.own.reshape(-1)
+            q = np.einsum("nii->ni", self.cofactors.photos)[:, 6:].reshape(-1)
+        else:
+            values, q = self.state.shared, np.diag(self.cofactors.shared)
+        deviations = self._deviations(q)
+        rows = [
+            ParameterRow(problem.additional_groups[k // len(names)], names[k % len(names)],
+                         float(values[k]), deviations[k])
+            for k in range(len(values))
+        ]  # fmt: skip
+        if problem.lens_units is None:
+            return rows
+        return [
+            row._replace(
+                coefficient=row.value * unit, s_coefficient=None if row.s is None else row.s * unit
+            )
+            for row, unit in zip(rows, problem.lens_units.reshape(-1).tolist(), strict=True)
+        ]
+
+    def parameter_correlations(self, limit: float = 0.9) -> list[tuple[str, str, float]]:
+        """Return pairs of unknowns correlated beyond a limit, one an additional parameter."""
+        problem = self.problem
+        if problem.additional is None:
+            return []
+        own = problem.photo_invariant
+        labels = problem.additional.set.names
+        orientation = ("X", "Y", "Z", "d1", "d2", "d3")
+        found: list[tuple[str, str, float]] = []
+        if own:
+            names = [*orientation, *labels]
+            for k, photo in enumerate(problem.photos):
+                rho = _correlation(self.cofactors.photos[k])
+                for i, j in np.argwhere(np.tril(np.abs(rho) > limit, -1)).tolist():
+                    if i >= 6:
+                        found.append(
+                            (f"{names[i]} of {photo}", f"{names[j]} of {photo}", float(rho[i, j]))
+                        )
+            return found
+        shared = [f"{label} of {group}" for group in problem.additional_groups for label in labels]
+        rho = _correlation(self.cofactors.shared)
+        for i, j in np.argwhere(np.tril(np.abs(rho) > limit, -1)).tolist():
+            found.append((shared[i], shared[j], float(rho[i, j])))
+        # what the datum holds is correlated with nothing
+        size = _sizes(np.einsum("nii->ni", self.cofactors.photos))
+        cross = self.cofactors.photos_shared / size[:, :, None]
+        cross = np.clip(cross / _sizes(np.diag(self.cofactors.shared)), -1.0, 1.0)
+        for k, index, j in np.argwhere(np.abs(cross) > limit).tolist():
+            found.append(
+                (
+                    shared[j],
+                    f"{orientation[index]} of {problem.photos[k]}",
+                    float(cross[k, index, j]),
+                )
+            )
+        return found
+
+    def spurs(self) -> list[tuple[str, str, str]]:
+        """Return (photo, point, axis) of the 'spur' image coordinates: next to nothing checks them.
+
+        Exactly r = 0 stands in ideal geometry only; tilts of 1e-3 make it their square.
+        """
+        problem = self.problem
+        return [
+            (problem.photos[problem.photo[k]], problem.points[problem.point[k]], "xy"[axis])
+            for k, axis in np.argwhere((self.cofactors.r < SPUR) & ~self.rejected).tolist()
+        ]
+
+    def suspects(self) -> list[tuple[float, str, str, str]]:
+        """Return (abs(w), photo, point, axis) of flagged image coordinates, the worst first."""
+        problem, w = self.problem, np.abs(self.w)
+        flagged = np.argwhere(self.flagged)
+        order = np.argsort(-w[flagged[:, 0], flagged[:, 1]], kind="stable")
+        return [
+            (
+                float(w[k, axis]),
+                problem.photos[problem.photo[k]],
+                problem.points[problem.point[k]],
+                "xy"[axis],
+            )
+            for k, axis in flagged[order].tolist()
+        ]
+
+    def point_correlations(self, point: str) -> tuple[list[tuple[str, str | None, str]], Array]:
+        """Return the correlations of the residuals of a point's rays.
+
+        Returns
+        -------
+        tuple
+            (photo, model, axis) of the 2k image coordinates, and (2k, 2k) correlations; NaN for
+            coordinates that nothing checks.
+        """
+        problem = self.problem
+        rays, q = self.cofactors.point_rays(problem.points.index(point))
+        labels = [
+            (
+                problem.photos[problem.photo[k]],
+                problem.block.image_points[problem.source[k]].model,
+                axis,
+            )
+            for k in rays.tolist()
+            for axis in "xy"
+        ]
+        diagonal = np.diag(q)
+        size = np.sqrt(np.where(diagonal > TESTABLE, diagonal, np.nan))
+        return labels, np.clip(q / size[:, None] / size, -1.0, 1.0)
+
+    def _exceeds(self, w: float | None) -> bool:
+        return w is not None and self.critical is not None and abs(w) > self.critical
+
+    def _deviations(self, q: Array) -> tuple[float | None, ...]:
+        if self.sigma is None:
+            return (None,) * len(q)
+        return tuple(self.sigma * sqrt(max(value, 0.0)) for value in q.tolist())
+
+
+def _number(value: float | Array) -> float | None:
+    out = float(value)
+    return out if abs(out) < float("inf") else None
+
+
+def _triple(values: Array) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _correlation(q: Array) -> Array:
+    size = _sizes(np.diag(q))
+    out: Array = np.clip(q / size[:, None] / size, -1.0, 1.0)
+    return out
+
+
+def _sizes(variances: Array) -> Array:
+    """Return standard deviations; infinite where there is no variance."""
+    return np.sqrt(np.where(variances > 0.0, variances, np.inf))
+
+
+def _standardized(v: Array, r: Array, sigma: float | None) -> Array:
+    out = np.full(np.shape(v), np.nan)
+    if sigma is not None and sigma > 0.0:
+        np.divide(v, sigma * np.sqrt(np.maximum(r, TESTABLE)), out=out, where=r >= TESTABLE)
+    return out
+
+
+def _detectable(r: Array, delta0: float) -> Array:
+    """Smallest detectable errors in units of the a-priori sigmas; NaN where nothing checks."""
+    out = np.full(np.shape(r), np.nan)
+    np.divide(delta0, np.sqrt(np.maximum(r, TESTABLE)), out=out, where=r >= TESTABLE)
+    return out

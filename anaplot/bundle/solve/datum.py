@@ -1,0 +1,279 @@
+"""The datum: what control and priors determine, and inner or minimal constraints in their place."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from anaplot.bundle.solve.normal import Linearised, State
+from anaplot.bundle.solve.problem import Problem, listed
+from anaplot.bundle.solve.reliability import DatumChange
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.similarity import (
+    Similarity,
+    fit_similarity,
+    fit_to_partial,
+    similarity_effects,
+)
+
+__all__ = [
+    "Anchor",
+    "anchor",
+    "check_datum",
+    "components",
+    "datum_change",
+    "null_space",
+    "on_control",
+    "priors_hold",
+    "relocate",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_NAMES = (
+    "the shift in X",
+    "the shift in Y",
+    "the shift in Z",
+    "the rotation about X",
+    "the rotation about Y",
+    "the rotation about Z",
+    "the scale",
+)
+_SCALE = 0.01  # by which approximate values differ from control that they were laid onto
+_LOOSE = 0.1  # of the extent, or rad: standard deviation with which priors hold no datum
+_RANK = 1e-7  # singular value over the largest, in the block's own measure
+
+
+class Anchor(NamedTuple):
+    """Unknowns that take the datum's defect away while the equations are solved.
+
+    Attributes
+    ----------
+    weights
+        (n, d) weights relative to the diagonal of the normal equations.
+    unknowns
+        (photo, index) of the seven.
+    """
+
+    weights: Array
+    unknowns: tuple[tuple[int, int], ...]
+
+
+def components(problem: Problem) -> Index:
+    """Return the part of the block (numbered from 0) that each photo belongs to.
+
+    Photos hang together through points with at least one unknown coordinate.
+    """
+    n, p = len(problem.photos), len(problem.points)
+    free = ~np.asarray(problem.fixed.all(axis=1))[problem.point]
+    graph = sparse.coo_matrix(
+        (np.ones(int(free.sum())), (problem.photo[free], n + problem.point[free])),
+        shape=(n + p, n + p),
+    )
+    labels = connected_components(graph, directed=False)[1][:n]
+    return np.unique(labels, return_inverse=True)[1].astype(np.intp)
+
+
+def null_space(problem: Problem, state: State) -> tuple[Array, Array]:
+    """Return (n, d, 7) and (p, 3, 7): effect of shift [m], rotation [rad] and scale."""
+    photos = np.zeros((len(problem.photos), problem.per_photo, 7))
+    photos[:, :3] = similarity_effects(state.centres)
+    for axis in range(3):
+        photos[:, 3 + axis, 3 + axis] = 1.0
+    return photos, similarity_effects(state.points)
+
+
+def check_datum(problem: Problem, state: State, linear: Linearised) -> None:
+    """Raise NotComputableError when a part of the block hangs in the air; names its photos."""
+    labels = components(problem)
+    count = int(labels.max()) + 1
+    photo_null, point_null = null_space(problem, state)
+    point_part = np.empty(len(problem.points), dtype=np.intp)
+    point_part[problem.point] = labels[problem.photo]
+    for part in range(count):
+        mine = np.nonzero(labels == part)[0]
+        where = "" if count == 1 else _named_part(problem, mine, count)
+        if problem.datum != "control":
+            if count > 1:
+                raise NotComputableError(
+                    f"block {problem.block.name}: it falls into {count} parts without common "
+                    f"points, a free datum needs one; {where}"
+                )
+            return
+        # coordinates of fixed points belong to every part that sees them
+        seen = np.unique(problem.point[labels[problem.photo] == part])
+        held = problem.fixed[seen] | (linear.point_weight[seen] > 0.0)
+        priors = np.matmul(linear.photo_rows[mine], photo_null[mine])
+        present = np.any(linear.photo_rows[mine] != 0.0, axis=2)
+        # in the block's own measure: metres over its extent, rotations in radians
+        extent = float(np.ptp(state.centres[mine], axis=0).max(initial=0.0))
+        extent = max(extent, float(np.ptp(state.points[seen], axis=0).max(initial=0.0)), 1e-9)
+        stack = np.concatenate((point_null[seen][held], priors[present]))
+        stack = stack * np.array([extent] * 3 + [1.0] * 4)
+        length = np.linalg.norm(stack, axis=1, keepdims=True)
+        stack = stack / np.where(length > 0.0, length, 1.0)
+        middle = state.points[seen].mean(axis=0) / extent
+        # shifts refer to the middle of the part, so that they do not mix with the rotations
+        base = np.eye(7)
+        base[:3, 3:6] = [[0, -middle[2], middle[1]], [middle[2], 0, -middle[0]],
+                         [-middle[1], middle[0], 0]]  # fmt: skip
+        base[:3, 6] = -middle
+        stack = stack @ base
+        _, singular, right = np.linalg.svd(np.vstack((stack, np.zeros((7, 7)))))
+        weak = singular < _RANK * max(1.0, float(singular[0]))
+        if weak.any():
+            share = np.abs(right[weak]).max(axis=0)
+            what = [name for name, s in zip(_NAMES, share, strict=True) if s > 0.3 * share.max()]
+            count_control = int(held.any(axis=1).sum())
+            hint = (
+                "there is no control and no prior orientation (a free datum needs none)"
+                if len(stack) == 0
+                else f"{count_control} control points"
+                + (f" ({listed([problem.points[k] for k in seen[held.any(axis=1)]])})"
+                   if count_control else "")
+                + " do not suffice"
+            )  # fmt: skip
+            raise NotComputableError(
+                f"block {problem.block.name}: not determined: {', '.join(what)}; {hint}"
+                + (f"; {where}" if where else "")
+            )
+
+
+def priors_hold(problem: Problem) -> bool:
+    """Whether prior orientations alone determine shift, rotation and scale of the whole block.
+
+    As they are stated, each with its a-priori standard deviation: positions of photos along a
+    line leave the rotation about it open, also where the line is not quite straight.
+    """
+    stated = np.isfinite(problem.position_sigma).all(axis=1)
+    if not stated.any():
+        return False
+    at = problem.position[stated]
+    at = at - at.mean(axis=0)
+    extent = max(float(np.abs(at).max()), 1e-9)
+    shifts_and_turns = np.array([extent] * 3 + [1.0] * 4)
+    positions = similarity_effects(at) * shifts_and_turns
+    positions /= problem.position_sigma[stated][:, :, None]
+    sigma = problem.rotation_sigma[np.isfinite(problem.rotation_sigma)]
+    axis = np.nonzero(np.isfinite(problem.rotation_sigma))[1]
+    turns = np.zeros((len(sigma), 7))
+    turns[np.arange(len(sigma)), 3 + axis] = 1.0 / sigma
+    rows = np.vstack((positions.reshape(-1, 7), turns))
+    # the weakest combination of the seven has the standard deviation 1 / singular value
+    return len(rows) >= 7 and float(np.linalg.svd(rows, compute_uv=False)[-1]) * _LOOSE > 1.0
+
+
+def _named_part(problem: Problem, mine: Index, count: int) -> str:
+    return (
+        f"{count} disconnected parts, this one holds the photos "
+        f"{listed([problem.photos[k] for k in mine])}"
+    )
+
+
+def anchor(problem: Problem, state: State) -> Anchor:
+    """Choose a photo with many rays and a coordinate of the photo farthest from it."""
+    n, d = len(problem.photos), problem.per_photo
+    rays = np.bincount(problem.photo, minlength=n)
+    first = int(np.argmax(rays))
+    away = np.abs(state.centres - state.centres[first])
+    second, axis = (int(k) for k in np.unravel_index(int(np.argmax(away)), away.shape))
+    weights = np.zeros((n, d))
+    weights[first, :6] = 1.0
+    weights[second, axis] = 1.0
+    return Anchor(weights, (*((first, k) for k in range(6)), (second, axis)))
+
+
+def datum_change(problem: Problem, state: State, used: Anchor) -> DatumChange:
+    """Return the change from the anchor to inner constraints over the points, or to minimal ones.
+
+    Minimal: both full control points farthest apart and the height of the control point farthest
+    from their line; without such control, the anchor's photo and coordinate.
+    """
+    null_photos, null_points = null_space(problem, state)
+    held_photos, held_points = np.zeros_like(null_photos), np.zeros_like(null_points)
+    if problem.datum == "free":
+        held_points = null_points
+        return DatumChange(null_photos, null_points, held_photos, held_points)
+    chosen = _minimal_control(problem)
+    if chosen is None:
+        for column, (photo, index) in enumerate(used.unknowns):
+            held_photos[photo, index, column] = 1.0
+    else:
+        for column, (point, axis) in enumerate(chosen):
+            held_points[point, axis, column] = 1.0
+    return DatumChange(null_photos, null_points, held_photos, held_points)
+
+
+def _minimal_control(problem: Problem) -> list[tuple[int, int]] | None:
+    full = np.nonzero(np.isfinite(problem.known).all(axis=1))[0]
+    heights = np.nonzero(np.isfinite(problem.known[:, 2]))[0]
+    if len(full) < 2:
+        return None
+    at = problem.known[full][:, :2]
+    apart = np.linalg.norm(at[:, None] - at[None], axis=2)
+    i, j = np.unravel_index(int(np.argmax(apart)), apart.shape)
+    line = at[j] - at[i]
+    others = [k for k in heights if k not in (full[i], full[j])]
+    if not others or not line.any():
+        return None
+    off = problem.known[others][:, :2] - at[i]
+    with np.errstate(invalid="ignore"):
+        distance = np.abs(off[:, 0] * line[1] - off[:, 1] * line[0])
+    if not np.isfinite(distance).any() or np.nanmax(distance) <= 1e-6 * float(line @ line):
+        return None
+    third = int(others[int(np.nanargmax(distance))])
+    return [*((int(full[i]), k) for k in range(3)), *((int(full[j]), k) for k in range(3)),
+            (third, 2)]  # fmt: skip
+
+
+def relocate(problem: Problem, start: State, state: State) -> State:
+    """Lay a solution without datum onto control, or onto the approximate points without it.
+
+    A free solution goes onto all of them in the mean, a minimal one meets its seven coordinates.
+    """
+    source, known = state.points, problem.known - state.origin
+    chosen = _minimal_control(problem) if problem.datum == "minimal" else None
+    full = np.isfinite(problem.known).all(axis=1)
+    if problem.datum == "minimal" and chosen is None:
+        return state
+    if full.sum() >= 3:
+        fitted = fit_similarity(source[full], known[full])
+    else:
+        fitted = fit_similarity(source, start.points + (start.origin - state.origin))
+    if chosen is not None:
+        seven = np.full_like(known, np.nan)
+        for point, axis in chosen:
+            seven[point, axis] = known[point, axis]
+        used = np.isfinite(seven).any(axis=1)
+        met = fit_to_partial(source[used], seven[used], fitted)
+        if met is None:
+            return state
+        fitted = met
+    return State(
+        centres=fitted.apply(state.centres),
+        rotations=fitted.rotation @ state.rotations,
+        points=fitted.apply(source),
+        own=state.own,
+        shared=state.shared,
+        origin=state.origin,
+    )
+
+
+def on_control(problem: Problem, state: State) -> bool:
+    """Whether a solution without datum has the scale of control: it was laid onto it.
+
+    Directly, or by way of approximate values; control that does not determine all of a similarity
+    says nothing.
+    """
+    used = np.isfinite(problem.known).any(axis=1)
+    if not used.any():
+        return False
+    still = Similarity(1.0, np.eye(3), np.zeros(3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        fitted = fit_to_partial(state.points[used], (problem.known - state.origin)[used], still)
+    return fitted is not None and abs(fitted.scale - 1.0) < _SCALE

@@ -1,0 +1,263 @@
+"""External reliability: what errors that are not detected do to a block.
+
+An error of the size of the smallest detectable one, nabla = delta0 sigma / sqrt(r), moves the
+unknowns by N^-1 a' delta0 / sqrt(r), a being the whitened row of the observation; any function of
+them by at most delta0 sqrt((1 - r) / r) of its standard deviations (Baarda 1968; Gruen 1980).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.adjustment.significance import TESTABLE
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.problem import Group
+
+__all__ = ["MOST_RAYS", "ExternalReliability", "UndetectedEffect", "external_reliability"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+MOST_RAYS = 6000
+"""Rays of a block up to which the largest effects are computed: the time grows with the square."""
+
+
+class UndetectedEffect(NamedTuple):
+    """What an undetected error of one observation does to the block.
+
+    Attributes
+    ----------
+    standardized
+        delta0 sqrt((1 - r) / r): no function of the unknowns changes by more of its a-priori
+        standard deviations.
+    point, effect_m
+        The point that it moves farthest, and by how much in X, Y, Z [m], in the reported datum;
+        None in blocks above `MOST_RAYS`.
+    """
+
+    standardized: float
+    point: str | None
+    effect_m: tuple[float, float, float] | None
+
+
+class ExternalReliability(NamedTuple):
+    """Effects of every observation; None where its error cannot be detected at any size.
+
+    Attributes
+    ----------
+    rays
+        Of x and y, in the order of `AdjustedBlock.ray_rows`.
+    control, priors
+        In the order of `AdjustedBlock.control_rows` and `prior_rows`.
+    """
+
+    rays: list[tuple[UndetectedEffect | None, UndetectedEffect | None]]
+    control: list[UndetectedEffect | None]
+    priors: list[UndetectedEffect | None]
+
+
+def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> ExternalReliability:
+    """Return what undetected errors do, of every observation of a block.
+
+    Parameters
+    ----------
+    block
+        The adjusted block.
+    most
+        Rays up to which the points that move farthest are looked for.
+    """
+    problem, cofactors = block.problem, block.cofactors
+    own = problem.photo_invariant
+    r_parameters = cofactors.r_own if own else cofactors.r_shared
+    farthest = _Farthest(block) if len(problem.photo) <= most else None
+    order = np.argsort(problem.source)
+    seen = np.isfinite(problem.known_sigma)
+    number = {name: k for k, name in enumerate(problem.points)}
+    if farthest is None:
+        rays, control = _Moves.none((len(order), 2)), _Moves.none(seen.shape)
+        photos, parameters = _Moves.none(cofactors.r_photo.shape), _Moves.none(r_parameters.shape)
+    else:
+        rays, control = farthest.of_points(seen)
+        photos = farthest.of_photos()
+        parameters = farthest.of_parameters()
+
+    def effect(r: Array, moves: _Moves, *index: int) -> UndetectedEffect | None:
+        share = float(r[index])
+        if not share >= TESTABLE:
+            return None
+        standardized = block.delta0 * sqrt(max(1.0 - share, 0.0) / share)
+        if farthest is None:
+            return UndetectedEffect(standardized, None, None)
+        x, y, z = (moves.of_one_sigma[index] * block.delta0 / sqrt(share)).tolist()
+        return UndetectedEffect(standardized, problem.points[moves.point[index]], (x, y, z))
+
+    of_priors = [
+        effect(cofactors.r_photo, photos, photo, index)
+        for photo, index in np.argwhere(np.isfinite(cofactors.r_photo)).tolist()
+    ]
+    if len(problem.additional_sigma):
+        of_priors += [
+            effect(r_parameters, parameters, *at) for at in np.ndindex(r_parameters.shape)
+        ]
+    return ExternalReliability(
+        [
+            (effect(cofactors.r, rays, k, 0), effect(cofactors.r, rays, k, 1))
+            for k in order.tolist()
+        ],
+        [
+            effect(cofactors.r_control, control, number[row.point], "XYZ".index(row.axis))
+            for row in block.control_rows()
+        ],
+        of_priors,
+    )
+
+
+class _Moves(NamedTuple):
+    """Of observations in an array: the point that each moves farthest, and how far [m].
+
+    Attributes
+    ----------
+    point
+        Indices.
+    of_one_sigma
+        (..., 3) by an error of one a-priori standard deviation.
+    """
+
+    point: Index
+    of_one_sigma: Array
+
+    @classmethod
+    def none(cls, shape: tuple[int, ...]) -> _Moves:
+        return cls(np.zeros(shape, dtype=np.intp), np.zeros((*shape, 3)))
+
+
+class _Farthest:
+    """Finds the points that observations move farthest.
+
+    With K the cofactors of all points with the photos and the shared parameters, an observation
+    with the rows a (photo), b (point) and h (parameters) moves the points by
+
+        K (a' - W V^-1 b', h' - U V^-1 b')  and its own by V^-1 b' more,
+
+    W and U being the point's part of the normal equations: everything but K is as small as the
+    number of photos that see the point.
+    """
+
+    def __init__(self, block: AdjustedBlock) -> None:
+        problem, self._cofactors = block.problem, block.cofactors
+        self._problem = problem
+        normal = block.cofactors.normal
+        n, d, g = len(problem.photos), problem.per_photo, problem.in_border
+        every = n * d + g
+        unit = np.eye(every)
+        x, shared = block.cofactors.factor.solve(unit[: n * d].reshape(n, d, every), unit[n * d :])
+        inverse = np.concatenate((x.reshape(n * d, every), shared))
+        points = np.empty((len(problem.points), 3, every))
+        for group in problem.groups:
+            for point, rays in _rays_of(group):
+                # what elimination left of the point: M = V^-1 W'
+                m = (
+                    np.concatenate([*normal.z[rays], normal.t[point].T])
+                    @ normal.inverse_root[point]
+                )
+                points[point] = -m.T @ inverse[self._unknowns(rays)]
+        self._change = block.cofactors.change
+        if self._change is not None:
+            points = self._change.of_points(x, points)
+        # a row for every unknown: what a point needs of it lies together
+        self._k = np.ascontiguousarray(points.reshape(-1, every).T)
+
+    def _unknowns(self, rays: Index) -> Index:
+        """Return the numbers of the unknowns of a point's photos, and of the shared parameters."""
+        problem = self._problem
+        d, n = problem.per_photo, len(problem.photos)
+        own = (problem.photo[rays][:, None] * d + np.arange(d)).ravel()
+        return np.concatenate((own, n * d + np.arange(problem.in_border)))
+
+    def of_points(self, control: NDArray[np.bool_]) -> tuple[_Moves, _Moves]:
+        """Return what image coordinates (m, 2) and control coordinates (p, 3) move.
+
+        Parameters
+        ----------
+        control
+            (p, 3) which coordinates are observed.
+        """
+        problem, normal = self._problem, self._cofactors.normal
+        linear = normal.linear
+        d, g = problem.per_photo, problem.in_border
+        of_rays, of_control = _Moves.none(linear.e.shape), _Moves.none(control.shape)
+        columns = normal.border_columns(problem.additional_group) if g else None
+        for group in problem.groups:
+            k = group.rays
+            for point, rays in _rays_of(group):
+                axes = np.nonzero(control[point])[0]
+                count = 2 * k + len(axes)
+                b = np.zeros((3, count))
+                b[:, : 2 * k] = linear.b[rays].reshape(2 * k, 3).T
+                b[axes, 2 * k + np.arange(len(axes))] = np.sqrt(linear.point_weight[point, axes])
+                root = normal.inverse_root[point]
+                y = root @ b
+                right = np.concatenate((-np.matmul(normal.z[rays], y).reshape(k * d, count),
+                                        -normal.t[point].T @ y))  # fmt: skip
+                for ray in range(k):
+                    mine = slice(2 * ray, 2 * ray + 2)
+                    right[ray * d : ray * d + d, mine] += linear.a[rays[ray]].T
+                    if columns is not None:
+                        right[k * d + columns[rays[ray]], mine] += linear.h[rays[ray]].T
+                moved = (right.T @ self._k[self._unknowns(rays)]).reshape(count, -1, 3)
+                own = (root.T @ y).T
+                moved[:, point] += own
+                if self._change is not None:
+                    part = np.linalg.solve(
+                        self._change.defect, self._change.held_points[point].T @ own.T
+                    )
+                    moved -= np.einsum("nil,lk->kni", self._change.null_points, part)
+                most, effect = _largest(moved)
+                of_rays.point[rays] = most[: 2 * k].reshape(k, 2)
+                of_rays.of_one_sigma[rays] = effect[: 2 * k].reshape(k, 2, 3)
+                of_control.point[point, axes] = most[2 * k :]
+                of_control.of_one_sigma[point, axes] = effect[2 * k :]
+        return of_rays, of_control
+
+    def of_photos(self) -> _Moves:
+        """Return what the priors on orientations (n, 6) move."""
+        problem, rows = self._problem, self._cofactors.normal.linear.photo_rows
+        out = _Moves.none(rows.shape[:2])
+        d = problem.per_photo
+        for photo in np.nonzero(np.isfinite(self._cofactors.r_photo).any(axis=1))[0].tolist():
+            moved = rows[photo] @ self._k[photo * d : (photo + 1) * d]
+            out.point[photo], out.of_one_sigma[photo] = _largest(moved.reshape(6, -1, 3))
+        return out
+
+    def of_parameters(self) -> _Moves:
+        """Return what the priors on additional parameters move, (n, q) or (g,)."""
+        problem, linear = self._problem, self._cofactors.normal.linear
+        n, d = len(problem.photos), problem.per_photo
+        if not len(problem.additional_sigma):
+            return _Moves.none((0,))
+        if problem.photo_invariant:
+            columns = np.arange(n)[:, None] * d + np.arange(6, d)
+            weight = np.broadcast_to(linear.own_weight, columns.shape)
+        else:
+            columns, weight = n * d + np.arange(problem.in_border), linear.shared_weight
+        moved = self._k[columns.ravel()] * np.sqrt(weight).reshape(-1, 1)
+        most, effect = _largest(moved.reshape(columns.size, -1, 3))
+        return _Moves(most.reshape(columns.shape), effect.reshape(*columns.shape, 3))
+
+
+def _rays_of(group: Group) -> Iterator[tuple[int, Index]]:
+    """Return the points of a group with their rays."""
+    for at in range(group.points):
+        first = group.first_ray + at * group.rays
+        yield group.first_point + at, np.arange(first, first + group.rays)
+
+
+def _largest(moved: Array) -> tuple[Index, Array]:
+    """Return (c,) the points that c observations move farthest, of (c, p, 3), and (c, 3) how."""
+    most = np.argmax(np.einsum("cpi,cpi->cp", moved, moved), axis=1)
+    return most, moved[np.arange(len(moved)), most]

@@ -1,0 +1,301 @@
+"""The minimum of v'Pv by damped Gauss-Newton steps, or why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.solve.datum import Anchor, anchor, relocate
+from anaplot.bundle.solve.factor import Factor, NotPositiveError
+from anaplot.bundle.solve.normal import (
+    Linearised,
+    NormalEquations,
+    PointError,
+    State,
+    Structure,
+    Unknowns,
+    effect,
+    linearise,
+    move,
+    objective,
+    rounding,
+)
+from anaplot.bundle.solve.openmovement import undetermined
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.reintersect import reintersected
+from anaplot.errors import NotComputableError
+
+__all__ = [
+    "Convergence",
+    "Found",
+    "NoConvergenceError",
+    "damped_step",
+    "equations_at",
+    "find_minimum",
+]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+MAX_ITERATIONS = 200
+_CONVERGED = 1e-13  # of n: squared change of the whitened residuals in the last step
+_LEAST = 1e-9  # damping below which there is none
+_FADE = 0.1  # of the damping is left, at least, after a step as good as foreseen
+_STRAINED = 0.25  # of what was foreseen: a step that brings less has strained the points
+_STANDS = 1e-6  # of v'Pv: a step that brings less, while something is left open
+_HARDLY = 1e-6  # damping that holds nothing but what is left open
+_BEHIND = 1e2  # damping from which a step may put a point behind its photo
+_RUNAWAY = 1e12  # damping at which no step downhill is left
+
+
+class NoConvergenceError(NotComputableError):
+    """The iteration found no minimum.
+
+    Parameters
+    ----------
+    text
+        What is said of it.
+    state
+        Where the iteration ended, or the place from which measurements were seen to disagree.
+    """
+
+    def __init__(self, text: str, state: State) -> None:
+        super().__init__(text)
+        self.state = state
+
+
+class Convergence(NamedTuple):
+    """How the minimum was found.
+
+    Attributes
+    ----------
+    iterations
+        Accepted steps.
+    damped
+        Steps that had to be damped or taken back.
+    first, last
+        v'Pv at the approximate values and at the end.
+    """
+
+    iterations: int
+    damped: int
+    first: float
+    last: float
+
+
+class Found(NamedTuple):
+    """A minimum and the equations there."""
+
+    state: State
+    normal: NormalEquations
+    factor: Factor
+    anchor: Anchor | None
+    convergence: Convergence
+
+
+def find_minimum(
+    problem: Problem,
+    start: State,
+    structure: Structure,
+    *,
+    progress: Progress | None = None,
+    limit: int = MAX_ITERATIONS,
+) -> Found:
+    """Minimise v'Pv by damped Gauss-Newton steps (Levenberg and Marquardt).
+
+    A step is full until one would increase v'Pv or put more points behind their photos. Where a
+    step brings much less than foreseen, the points are intersected again from its photos; where
+    that does not help, damping grows, and it fades by the gain ratio as steps succeed (Nielsen
+    1999, eq. 2.9).
+
+    Parameters
+    ----------
+    problem, start, structure
+        The bundle, approximate values, and the structure of its normal equations.
+    progress
+        Called with what is being done and the fraction of it.
+    limit
+        Steps after which the search ends.
+
+    Raises
+    ------
+    NoConvergenceError
+        There is no minimum to be found from here; `no_minimum` says why.
+    NotComputableError
+        The observations leave something open at the minimum.
+    """
+    state = start
+    value, depth = objective(problem, state)
+    if not value < float("inf"):
+        raise NoConvergenceError(
+            f"block {problem.block.name}: the approximate values put a point into a photo's centre",
+            start,
+        )
+    first, behind = value, int((depth <= 0.0).sum())
+    tie = anchor(problem, state) if problem.defect else None
+    weights = None if tie is None else tie.weights
+    damping, growth, accepted, damped = 0.0, 2.0, 0, 0
+    while accepted < limit:
+        linear = linearise(problem, state)
+        # what rounding does to the sum cannot be told from a step
+        noise = rounding(problem, state, depth)
+        tolerance = max(_CONVERGED * problem.observations, noise)
+        slack = 2.0 * sqrt(value * noise) + noise
+        open_here = False
+        while True:
+            if progress is not None:
+                progress(f"iteration {accepted + 1}", 0.0)
+            step = damped_step(problem, structure, linear, damping, weights, progress)
+            if step is not None:
+                dx, change = step
+                trial = move(problem, state, *dx)
+                new_value, depth = objective(problem, trial)
+                done = change <= tolerance
+                if not done and not value - new_value > _STRAINED * change:
+                    trial = reintersected(problem, trial)
+                    new_value, depth = objective(problem, trial)
+                new_behind = int((depth <= 0.0).sum())
+                downhill = new_value <= value + (slack if done else 0.0)
+                if downhill and (done or new_behind <= behind or damping > _BEHIND):
+                    break
+            damped += 1
+            if step is None and damping == 0.0:
+                open_here = True
+            damping, growth = max(damping * growth, _LEAST), 2.0 * growth
+            if damping > _RUNAWAY:
+                raise NoConvergenceError(_ended(problem, value, accepted), state)
+        fallen = value - new_value
+        gain = fallen / _foreseen(problem, linear, dx) if change > 0.0 else 1.0
+        state, value, behind = trial, new_value, new_behind
+        accepted += 1
+        if done and damping == 0.0:
+            if problem.defect:
+                state = relocate(problem, start, state)
+            return _closed(problem, structure, state, accepted, damped, first)
+        if open_here and damping < _HARDLY and fallen < _STANDS * value:
+            # what nothing determines runs away, the farther the better: there is no minimum
+            raise NoConvergenceError(str(_open_part(problem, structure, state)), state)
+        # Nielsen (1999): as good as foreseen, and the damping falls to a third or less
+        damping *= max(_FADE, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3)
+        growth = 2.0
+        # a step that hardly moves is only believed without damping
+        damping = 0.0 if damping < _LEAST or done else damping
+    raise NoConvergenceError(_ended(problem, value, accepted), state)
+
+
+def _ended(problem: Problem, value: float, steps: int) -> str:
+    """Say that no minimum was reached, and how far it got."""
+    sigma0 = sqrt(value / max(problem.redundancy, 1))
+    return (
+        f"block {problem.block.name}: no minimum was reached in {steps} steps; the best state has "
+        f"sigma0 {sigma0:.3g}"
+    )
+
+
+def _open_part(problem: Problem, structure: Structure, state: State) -> NotComputableError:
+    """Return what is to be said where the full step cannot be solved for."""
+    try:
+        equations_at(problem, structure, state)
+    except NotComputableError as error:
+        return error
+    return NotComputableError(f"block {problem.block.name}: nearly not determined")
+
+
+def _foreseen(problem: Problem, linear: Linearised, dx: Unknowns) -> float:
+    """Return what v'Pv would fall by if the observations were linear."""
+    moved = effect(problem, linear, dx)
+    pairs = (
+        (linear.e, moved.e),
+        (linear.point_e, moved.point_e),
+        (linear.photo_e, moved.photo_e),
+        (linear.own_e, moved.own_e),
+        (linear.shared_e, moved.shared_e),
+    )
+    along = sum(float(np.vdot(e, change)) for e, change in pairs)
+    return max(-2.0 * along - moved.vtpv, np.finfo(float).tiny)
+
+
+def damped_step(
+    problem: Problem,
+    structure: Structure,
+    linear: Linearised,
+    damping: float,
+    weights: Array | None,
+    progress: Progress | None,
+) -> tuple[tuple[Array, Array, Array], float] | None:
+    """Return corrections of photos, points and shared parameters, and the change of residuals.
+
+    Parameters
+    ----------
+    problem, structure, linear
+        The bundle, and where it is linearised.
+    damping
+        Of Levenberg and Marquardt; 0: the full step.
+    weights
+        Of the datum's anchor, or None.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Returns
+    -------
+    ((photos, d), (points, 3), (q,)) arrays and float, or None
+        The squared change of the whitened residuals; None when nothing can be solved for.
+    """
+    try:
+        normal = NormalEquations(problem, structure, linear, damping, weights)
+        factor = normal.factor(None if progress is None else (lambda f: progress("factor", f)))
+    except (NotPositiveError, PointError):
+        return None
+    photos, points, shared = normal.gradient()
+    dx = normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
+    d_photos, d_points, d_shared = dx[0][:, :, 0], dx[1][:, :, 0], dx[2][:, 0]
+    change = float(np.vdot(photos, d_photos) + np.vdot(points, d_points) + shared @ d_shared)
+    if not change < float("inf"):
+        return None
+    return (d_photos, d_points, d_shared), max(change, 0.0)
+
+
+def _closed(
+    problem: Problem,
+    structure: Structure,
+    state: State,
+    accepted: int,
+    damped: int,
+    first: float,
+) -> Found:
+    """Equations at the minimum, without damping."""
+    normal, factor, tie = equations_at(problem, structure, state)
+    return Found(
+        state, normal, factor, tie, Convergence(accepted, damped, first, normal.linear.vtpv)
+    )
+
+
+def equations_at(
+    problem: Problem, structure: Structure, state: State
+) -> tuple[NormalEquations, Factor, Anchor | None]:
+    """Return the equations at a state, their factor, and what holds a datum that is missing.
+
+    Parameters
+    ----------
+    problem, structure, state
+        The bundle, the structure of its normal equations, and where it is linearised.
+
+    Raises
+    ------
+    NotComputableError
+        The observations leave something open there.
+    """
+    tie = anchor(problem, state) if problem.defect else None
+    linear = linearise(problem, state)
+    try:
+        normal = NormalEquations(
+            problem, structure, linear, 0.0, None if tie is None else tie.weights
+        )
+        factor = normal.factor()
+    except (PointError, NotPositiveError) as error:
+        raise undetermined(problem, structure, linear, tie, error) from error
+    return normal, factor, tie

@@ -1,0 +1,136 @@
+"""Where the points of a bundle are seen: collinearity and additional parameters together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.solve.problem import Problem
+from anaplot.photogrammetry.collinearity import Projection, project, project_with_derivatives
+from anaplot.photogrammetry.lens import seen_through
+
+__all__ = ["Imaged", "State", "imaged", "imaged_with_derivatives"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Values of the unknowns.
+
+    Attributes
+    ----------
+    centres, rotations
+        (photos, 3) projection centres [m] relative to `origin`, (photos, 3, 3) image to ground.
+    points
+        (points, 3) [m] relative to `origin`.
+    own
+        (photos, q) photo-invariant additional parameters.
+    shared
+        (g,) additional parameters of several photos.
+    origin
+        (3,) [m], so that the numbers stay small. A given coordinate is compared with an unknown by
+        taking the origin from the given one: added to the unknown, it would cost the digits that
+        it is there to keep.
+    """
+
+    centres: Array
+    rotations: Array
+    points: Array
+    own: Array
+    shared: Array
+    origin: Array
+
+
+class Imaged(NamedTuple):
+    """Image coordinates of rays and their derivatives.
+
+    Attributes
+    ----------
+    xy
+        (n, 2) image coordinates [mm], additional parameters included.
+    depth
+        (n,) distance of the point in front of the photo [m].
+    photo
+        (n, 2, 6) derivatives by the projection centre [mm/m] and a small rotation [mm/rad].
+    point
+        (n, 2, 3) derivatives by the point [mm/m].
+    parameter
+        (n, 2, q) derivatives by the additional parameters of the ray's group.
+    """
+
+    xy: Array
+    depth: Array
+    photo: Array
+    point: Array
+    parameter: Array
+
+
+def _values(problem: Problem, state: State, rays: Index | slice) -> Array:
+    """(n, q) additional parameters of the rays' groups."""
+    if problem.photo_invariant:
+        return np.asarray(state.own[problem.photo[rays]])
+    by_group = state.shared.reshape(-1, problem.basis.shape[2])
+    return np.asarray(by_group[problem.additional_group[rays]])
+
+
+def _lens(problem: Problem, units: Array, state: State, rays: Index | slice) -> Array:
+    """(n, 10) parameters of the lens of every ray."""
+    out: Array = units[problem.additional_group[rays]] * _values(problem, state, rays)
+    out[:, 0] += problem.c[problem.photo[rays]]
+    return out
+
+
+def imaged(problem: Problem, state: State) -> Projection:
+    """Return where every ray's point is seen [mm], and how far in front of the photo [m]."""
+    photo, units = problem.photo, problem.lens_units
+    where = state.centres[photo], state.rotations[photo]
+    points = state.points[problem.point]
+    if units is None:
+        seen = project(*where, problem.c[photo], points)
+        if problem.basis.shape[2] == 0:
+            return seen
+        off = np.einsum("mij,mj->mi", problem.basis, _values(problem, state, slice(None)))
+        return Projection(seen.xy + off, seen.depth)
+    seen = project(*where, np.ones(len(photo)), points)
+    with np.errstate(invalid="ignore", over="ignore"):
+        xy = seen_through(seen.xy, _lens(problem, units, state, slice(None))).xy
+    return Projection(xy, seen.depth)
+
+
+def imaged_with_derivatives(
+    problem: Problem, state: State, rays: Index | slice = slice(None)
+) -> Imaged:
+    """Return where points are seen, and derivatives by everything that is unknown.
+
+    Parameters
+    ----------
+    problem, state
+        The bundle and its unknowns.
+    rays
+        Which rays; all when left out.
+    """
+    photo, units = problem.photo[rays], problem.lens_units
+    where = state.centres[photo], state.rotations[photo]
+    points = state.points[problem.point[rays]]
+    if units is None:
+        seen = project_with_derivatives(*where, problem.c[photo], points)
+        basis = problem.basis[rays]
+        xy = seen.xy
+        if basis.shape[2]:
+            xy = xy + np.einsum("mij,mj->mi", basis, _values(problem, state, rays))
+        return Imaged(xy, seen.depth, seen.photo, seen.point, basis)
+    seen = project_with_derivatives(*where, np.ones(len(photo)), points)
+    with np.errstate(invalid="ignore", over="ignore"):
+        lens = seen_through(seen.xy, _lens(problem, units, state, rays))
+        return Imaged(
+            lens.xy,
+            seen.depth,
+            np.matmul(lens.by_direction, seen.photo),
+            np.matmul(lens.by_direction, seen.point),
+            lens.by_parameter * units[problem.additional_group[rays]][:, None, :],
+        )

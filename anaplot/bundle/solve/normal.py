@@ -1,0 +1,563 @@
+"""Normal equations of the photos: every point eliminated as soon as its rays are known.
+
+With A, B, H the whitened derivatives of a ray with respect to its photo, its point and the
+additional parameters that belong to several photos, V = sum B'B + prior = L L' of a point,
+Z = A'B L^-T and T = L^-1 sum B'H, the points leave
+
+    N_pq = sum A'A - Z_p Z_q',   N_pg = sum A'H - Z_p T,   N_gg = sum H'H - T'T.
+
+Points are taken in groups of equal numbers of rays, all points of a group at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from anaplot.bundle.solve.dissection import dissect
+from anaplot.bundle.solve.factor import Factor, Pattern, make_pattern
+from anaplot.bundle.solve.imaging import State, imaged, imaged_with_derivatives
+from anaplot.bundle.solve.pointroots import PointError, inverse_roots
+from anaplot.bundle.solve.problem import Group, Problem
+from anaplot.photogrammetry.collinearity import turns
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
+
+__all__ = [
+    "Linearised",
+    "NormalEquations",
+    "PointError",
+    "State",
+    "Structure",
+    "Unknowns",
+    "effect",
+    "image_misclosures",
+    "linearise",
+    "make_structure",
+    "move",
+    "objective",
+    "rounding",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Unknowns = tuple[Array, Array, Array]  # of photos (n, d), of points (p, 3), shared (g,)
+
+_CHUNK = 40_000_000  # bytes of the largest temporary array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    """Some points of a group: no temporary array becomes large."""
+
+    group: Group
+    start: int
+    stop: int
+    pairs: tuple[Index, Index, Index]  # point within piece, row ray, column ray
+    sums: sparse.csr_matrix  # (blocks, pairs): which pair belongs to which block
+    block: Index  # (points, k, k) ids of the blocks, for the selected inverse
+    flipped: NDArray[np.bool_]  # (points, k, k): the block is stored the other way round
+
+    @property
+    def points(self) -> slice:
+        first = self.group.first_point
+        return slice(first + self.start, first + self.stop)
+
+    @property
+    def rays(self) -> slice:
+        first, k = self.group.first_ray, self.group.rays
+        return slice(first + self.start * k, first + self.stop * k)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Structure:
+    """What depends on who is seen where, but on no number.
+
+    Attributes
+    ----------
+    pattern
+        The symbolic factorisation.
+    pieces
+        Points in portions.
+    by_photo
+        (photos, rays) sums over the rays of each photo.
+    """
+
+    pattern: Pattern
+    pieces: tuple[_Piece, ...]
+    by_photo: sparse.csr_matrix
+
+
+def make_structure(problem: Problem, places: Array) -> Structure:
+    """Find the pattern of the normal equations and the order of elimination.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    places
+        (photos, 3) rough projection centres, for the dissection.
+    """
+    n = len(problem.photos)
+    d, g = problem.per_photo, problem.in_border
+    keys = []
+    for group in problem.groups:
+        photo = problem.photo[group.ray_slice].reshape(group.points, group.rays)
+        pair = (photo[:, :, None] * n + photo[:, None, :]).reshape(-1)
+        keys.append(np.unique(pair))
+    both = np.unique(np.concatenate(keys))
+    indptr = np.searchsorted(both, np.arange(n + 1) * n)
+    order = dissect(places, indptr.astype(np.intp), both % n)
+    position = order.position
+    first, second = both // n, both % n
+    lower = position[first] >= position[second]
+    rows, columns = first[lower], second[lower]
+    # id of the block of every ordered pair of photos, by binary search in `both`
+    ids = np.full(len(both), -1)
+    ids[lower] = np.arange(len(rows))
+    mirrored = np.searchsorted(both, second[~lower] * n + first[~lower])
+    ids[~lower] = ids[mirrored]
+    pieces = []
+    for group in problem.groups:
+        k = group.rays
+        step = max(1, _CHUNK // (8 * (k * d) ** 2))
+        photo = problem.photo[group.ray_slice].reshape(group.points, k)
+        for start in range(0, group.points, step):
+            stop = min(start + step, group.points)
+            mine = photo[start:stop]
+            at = np.searchsorted(both, mine[:, :, None] * n + mine[:, None, :])
+            keep = lower[at]
+            which, row, column = np.nonzero(keep)
+            block = ids[at]
+            count = len(which)
+            sums = sparse.csr_matrix(
+                (np.ones(count), (block[keep], np.arange(count))), shape=(len(rows), count)
+            )
+            pieces.append(_Piece(group, start, stop, (which, row, column), sums, block, ~keep))
+    m = len(problem.photo)
+    by_photo = sparse.csr_matrix((np.ones(m), (problem.photo, np.arange(m))), shape=(n, m))
+    return Structure(make_pattern(order, rows, columns, d, g), tuple(pieces), by_photo)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """Whitened derivatives and misclosures at a state: rows are divided by their sigmas.
+
+    Attributes
+    ----------
+    a
+        (m, 2, d) with respect to the ray's photo.
+    b
+        (m, 2, 3) with respect to its point; columns of coordinates free of error are zero.
+    h
+        (m, 2, q) with respect to the additional parameters of its group; q = 0 when they are
+        photo-invariant or none.
+    e
+        (m, 2) computed minus observed.
+    point_weight, point_e
+        (points, 3) weights of control and its whitened misclosure.
+    photo_rows, photo_e
+        (photos, 6, d) rows of the priors of every photo (zero where there is none) and (photos, 6)
+        their misclosures.
+    own_e, shared_e
+        Misclosures of the priors on additional parameters.
+    own_weight, shared_weight
+        Their weights.
+    depth
+        (m,) distance of the point in front of the photo [m].
+    """
+
+    a: Array
+    b: Array
+    h: Array
+    e: Array
+    point_weight: Array
+    point_e: Array
+    photo_rows: Array
+    photo_e: Array
+    own_weight: Array
+    own_e: Array
+    shared_weight: Array
+    shared_e: Array
+    depth: Array
+
+    @property
+    def vtpv(self) -> float:
+        """Weighted sum of squares of all misclosures."""
+        return sum(
+            float(np.vdot(e, e))
+            for e in (self.e, self.point_e, self.photo_e, self.own_e, self.shared_e)
+        )
+
+
+def _angles(rotations: Array) -> Array:
+    return np.array([rotation_angles(r) for r in rotations]).reshape(-1, 3)
+
+
+def _wrapped(angle: Array) -> Array:
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _prior_misclosures(problem: Problem, state: State) -> tuple[Array, Array, Array, Array]:
+    """Whitened misclosures of control, photo priors, own and shared additional parameters."""
+    point = np.where(
+        np.isfinite(problem.known_sigma),
+        (state.points - (problem.known - state.origin)) / problem.known_sigma,
+        0.0,
+    )
+    photo = np.zeros((len(problem.photos), 6))
+    with_position = np.isfinite(problem.position_sigma)
+    if with_position.any():
+        off = (state.centres - (problem.position - state.origin)) / problem.position_sigma
+        photo[:, :3] = np.where(with_position, off, 0.0)
+    with_rotation = np.isfinite(problem.rotation_sigma).any(axis=1)
+    if with_rotation.any():
+        found = _angles(state.rotations[with_rotation])
+        off = _wrapped(found - problem.rotation[with_rotation])
+        sigma = problem.rotation_sigma[with_rotation]
+        photo[with_rotation, 3:] = np.where(np.isfinite(sigma), off / sigma, 0.0)
+    own, shared = np.zeros_like(state.own), np.zeros_like(state.shared)
+    if len(problem.additional_sigma):
+        own = state.own / problem.additional_sigma if state.own.size else own
+        if shared.size:
+            shared = state.shared / np.tile(
+                problem.additional_sigma, len(problem.additional_groups)
+            )
+    return point, photo, own, shared
+
+
+def image_misclosures(problem: Problem, state: State) -> tuple[Array, Array]:
+    """Return (m, 2) computed minus observed in sigmas, also of rejected ones; (m,) depths [m]."""
+    seen = imaged(problem, state)
+    e = (seen.xy - problem.xy) / problem.sigma_xy
+    return e, seen.depth
+
+
+def objective(problem: Problem, state: State) -> tuple[float, Array]:
+    """Return v'Pv at a state, and the depth of every ray's point [m]."""
+    e, depth = image_misclosures(problem, state)
+    if problem.rejected is not None:
+        e[problem.rejected] = 0.0
+    total = float(np.vdot(e, e))
+    for part in _prior_misclosures(problem, state):
+        total += float(np.vdot(part, part))
+    return (total if total == total else float("inf")), depth
+
+
+def linearise(problem: Problem, state: State) -> Linearised:
+    """Return derivatives and misclosures at a state."""
+    seen = imaged_with_derivatives(problem, state)
+    weight = 1.0 / problem.sigma_xy
+    n, m = len(problem.photos), len(problem.photo)
+    d = problem.per_photo
+    white = seen.parameter * weight[:, :, None]
+    if problem.photo_invariant:
+        a = np.empty((m, 2, d))
+        np.multiply(seen.photo, weight[:, :, None], out=a[:, :, :6])
+        a[:, :, 6:] = white
+        h = np.empty((m, 2, 0))
+    else:
+        a, h = seen.photo * weight[:, :, None], white
+    b = seen.point * weight[:, :, None]
+    if problem.fixed.any():
+        b *= ~problem.fixed[problem.point][:, None, :]
+    e = (seen.xy - problem.xy) * weight
+    if problem.rejected is not None:
+        for part in (a, b, h, e):
+            part[problem.rejected] = 0.0
+    point_e, photo_e, own_e, shared_e = _prior_misclosures(problem, state)
+    rows = np.zeros((n, 6, d))
+    with_position = np.isfinite(problem.position_sigma)
+    for axis in range(3):
+        rows[:, axis, axis] = np.where(
+            with_position[:, axis], 1.0 / problem.position_sigma[:, axis], 0.0
+        )
+    for k in np.nonzero(np.isfinite(problem.rotation_sigma).any(axis=1))[0]:
+        omega, phi, _ = rotation_angles(state.rotations[k])
+        # d angles = axes^-1 d(small rotation)
+        inverse = np.linalg.pinv(rotation_axes(omega, phi), rcond=1e-9)
+        weighted = inverse / problem.rotation_sigma[k][:, None]
+        rows[k, 3:, 3:6] = np.where(np.isfinite(weighted), weighted, 0.0)
+    prior = 1.0 / problem.additional_sigma**2 if len(problem.additional_sigma) else None
+    return Linearised(
+        a=a,
+        b=b,
+        h=h,
+        e=e,
+        point_weight=np.where(np.isfinite(problem.known_sigma), problem.known_sigma**-2.0, 0.0),
+        point_e=point_e,
+        photo_rows=rows,
+        photo_e=photo_e,
+        own_weight=prior if prior is not None and problem.photo_invariant else np.zeros(d - 6),
+        own_e=own_e,
+        shared_weight=(
+            np.tile(prior, len(problem.additional_groups))
+            if prior is not None and not problem.photo_invariant
+            else np.zeros(problem.in_border)
+        ),
+        shared_e=shared_e,
+        depth=seen.depth,
+    )
+
+
+def effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearised:
+    """Return what changes of the unknowns do to every observation, in place of the misclosures."""
+    photos, points, shared = unknowns
+    e = np.einsum("mij,mj->mi", linear.a, photos[problem.photo])
+    e += np.einsum("mij,mj->mi", linear.b, points[problem.point])
+    if len(shared):
+        of_ray = shared.reshape(-1, linear.h.shape[2])[problem.additional_group]
+        e += np.einsum("mij,mj->mi", linear.h, of_ray)
+    return replace(
+        linear,
+        e=e,
+        point_e=np.sqrt(linear.point_weight) * points,
+        photo_e=np.einsum("nij,nj->ni", linear.photo_rows, photos),
+        own_e=np.sqrt(linear.own_weight) * photos[:, 6:],
+        shared_e=np.sqrt(linear.shared_weight) * shared,
+    )
+
+
+def rounding(problem: Problem, state: State, depth: Array) -> float:
+    """Return the squared norm of what rounding does to the misclosures, in a-priori sigmas.
+
+    Parameters
+    ----------
+    problem, state
+        The bundle, and where it is evaluated.
+    depth
+        (m,) of the rays there [m].
+    """
+    away = np.abs(state.points).max(axis=1)[problem.point]
+    away = away + np.abs(state.centres).max(axis=1)[problem.photo]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        image = problem.c[problem.photo] * (1.0 + away / np.abs(depth))
+        size = (image + np.abs(problem.xy).max(axis=1)) / problem.sigma_xy.min(axis=1)
+        of_points = np.abs(state.points) / problem.known_sigma
+        of_photos = np.abs(state.centres) / problem.position_sigma
+    total = 2.0 * float(np.vdot(size, size))
+    total += float(np.nansum(of_points**2)) + float(np.nansum(of_photos**2))
+    return total * float(np.finfo(np.float64).eps) ** 2
+
+
+def move(problem: Problem, state: State, photos: Array, points: Array, shared: Array) -> State:
+    """Add corrections: (photos, d), (points, 3) and (g,)."""
+    return State(
+        centres=state.centres + photos[:, :3],
+        rotations=turns(photos[:, 3:6]) @ state.rotations,
+        points=state.points + points,
+        own=state.own + photos[:, 6:],
+        shared=state.shared + shared,
+        origin=state.origin,
+    )
+
+
+class NormalEquations:
+    """The reduced normal equations of the photos at one state.
+
+    Parameters
+    ----------
+    problem, structure, linear
+        The bundle, its structure and its derivatives.
+    damping
+        Levenberg-Marquardt: every diagonal element grows by this fraction of itself.
+    anchor
+        (photos, d) weights that take the datum's defect away, or None.
+
+    Raises
+    ------
+    PointError
+        Points whose rays do not meet at an angle.
+
+    Attributes
+    ----------
+    inverse_root
+        (points, 3, 3) L^-1 of every point.
+    z
+        (m, d, 3) Z of every ray.
+    t
+        (points, 3, g) T of every point.
+    blocks, border, corner
+        The matrix.
+    corner_scale
+        (g,) diagonal of the corner before the points were eliminated.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        structure: Structure,
+        linear: Linearised,
+        damping: float = 0.0,
+        anchor: Array | None = None,
+    ) -> None:
+        self.problem = problem
+        self.structure = structure
+        self.linear = linear
+        d, g = problem.per_photo, problem.in_border
+        n, m = len(problem.photos), len(problem.photo)
+        a, b, h = linear.a, linear.b, linear.h
+        q = h.shape[2]
+        grow = 1.0 + damping
+        blocks = np.zeros((len(structure.pattern.rows), d * d))
+        at = a.transpose(0, 2, 1)
+        photo_own = structure.by_photo @ np.matmul(at, a).reshape(m, d * d)
+        own = photo_own.reshape(n, d, d)
+        own += np.matmul(linear.photo_rows.transpose(0, 2, 1), linear.photo_rows)
+        diagonal = np.einsum("nii->ni", own)
+        diagonal[:, 6:] += linear.own_weight
+        if anchor is not None:
+            diagonal += anchor * diagonal
+        diagonal *= grow
+        blocks[structure.pattern.diagonal] = own.reshape(n, d * d)
+        self.border = np.zeros((n, d, g))
+        self.corner = np.zeros((g, g))
+        self.corner_scale = np.zeros(g)
+        self.z = np.empty((m, d, 3))
+        self.inverse_root = np.empty((len(problem.points), 3, 3))
+        self.t = np.zeros((len(problem.points), 3, g))
+        if g:
+            self._border_of_rays(at, h)
+            corner_diagonal = np.einsum("ii->i", self.corner)
+            corner_diagonal += linear.shared_weight
+            corner_diagonal *= grow
+            self.corner_scale = corner_diagonal.copy()
+        for piece in structure.pieces:
+            k, count = piece.group.rays, piece.stop - piece.start
+            rays, points = piece.rays, piece.points
+            bp = b[rays]
+            stacked = bp.reshape(count, 2 * k, 3)
+            fixed = problem.fixed[points]
+            try:
+                root = inverse_roots(stacked, linear.point_weight[points], grow, fixed)
+            except PointError as error:
+                raise PointError(error.points + points.start) from None
+            self.inverse_root[points] = root
+            scaled = np.matmul(bp.reshape(count, 2 * k, 3), root.transpose(0, 2, 1)).reshape(
+                count * k, 2, 3
+            )
+            z = np.matmul(at[rays], scaled)
+            self.z[rays] = z
+            tall = z.reshape(count, k * d, 3)
+            product = np.matmul(tall, tall.transpose(0, 2, 1))
+            which, i, j = piece.pairs
+            picked = product.reshape(count, k, d, k, d)[which, i, :, j, :]
+            blocks -= piece.sums @ picked.reshape(len(which), d * d)
+            if g:
+                self._border_of_points(piece, scaled, z, h, q)
+        self.blocks = blocks.reshape(-1, d, d)
+
+    def border_columns(self, group: Index) -> Index:
+        """(rays, q) columns of the border that rays of these groups touch."""
+        q = self.linear.h.shape[2]
+        out: Index = group[:, None] * q + np.arange(q)
+        return out
+
+    def _border_of_rays(self, at: Array, h: Array) -> None:
+        """Add sum A'H and sum H'H."""
+        problem = self.problem
+        q = h.shape[2]
+        for k in range(len(problem.additional_groups)):
+            mine = problem.additional_group == k
+            if not mine.any():
+                continue
+            hk = h[mine]
+            flat = hk.reshape(-1, q)
+            part = slice(k * q, (k + 1) * q)
+            self.corner[part, part] = flat.T @ flat
+            columns = np.nonzero(mine)[0]
+            sums = self.structure.by_photo[:, columns]
+            product = np.matmul(at[mine], hk).reshape(len(columns), -1)
+            self.border[:, :, part] += (sums @ product).reshape(len(self.border), -1, q)
+
+    def _border_of_points(self, piece: _Piece, scaled: Array, z: Array, h: Array, q: int) -> None:
+        """Subtract Z T and T'T."""
+        problem = self.problem
+        count, k = piece.stop - piece.start, piece.group.rays
+        d, g = z.shape[1], self.corner.shape[0]
+        each = np.matmul(scaled.transpose(0, 2, 1), h[piece.rays]).reshape(count, k, 3, q)
+        group = problem.additional_group[piece.rays].reshape(count, k)
+        t = self.t[piece.points]
+        if g == q:
+            t += each.sum(axis=1)
+        else:
+            for ray in range(k):
+                columns = self.border_columns(group[:, ray])
+                t[np.arange(count)[:, None, None], np.arange(3)[:, None], columns[:, None, :]] += (
+                    each[:, ray]
+                )
+        flat = t.reshape(-1, g)
+        self.corner -= flat.T @ flat
+        zt = np.matmul(z.reshape(count, k * d, 3), t).reshape(count * k, d * g)
+        sums = self.structure.by_photo[:, piece.rays]
+        self.border -= (sums @ zt).reshape(self.border.shape)
+
+    def factor(self, progress: Callable[[float], None] | None = None) -> Factor:
+        """Factorise; raises NotPositiveError."""
+        return Factor(
+            self.structure.pattern,
+            self.blocks,
+            self.border,
+            self.corner,
+            progress,
+            self.corner_scale,
+        )
+
+    def gradient(self, linear: Linearised | None = None) -> tuple[Array, Array, Array]:
+        """Right-hand sides -J'e of photos (n, d), points (p, 3) and border (g,).
+
+        Parameters
+        ----------
+        linear
+            Where the misclosures come from; None for the state of the matrix itself.
+        """
+        problem = self.problem
+        other = self.linear if linear is None else linear
+        mine = self.linear
+        ae = np.einsum("mij,mi->mj", mine.a, other.e)
+        photos = -(self.structure.by_photo @ ae)
+        photos -= np.einsum("nij,ni->nj", mine.photo_rows, other.photo_e)
+        photos[:, 6:] -= np.sqrt(mine.own_weight) * other.own_e
+        be = np.einsum("mij,mi->mj", mine.b, other.e)
+        points = np.empty((len(problem.points), 3))
+        for group in problem.groups:
+            mine_be = be[group.ray_slice].reshape(group.points, group.rays, 3)
+            points[group.point_slice] = -mine_be.sum(axis=1)
+        points -= np.sqrt(mine.point_weight) * other.point_e
+        shared = -np.sqrt(mine.shared_weight) * other.shared_e
+        if len(shared):
+            he = np.einsum("mij,mi->mj", mine.h, other.e)
+            columns = self.border_columns(problem.additional_group)
+            shared -= np.bincount(columns.ravel(), he.ravel(), minlength=len(shared))
+        return photos, points, shared
+
+    def solve(
+        self, factor: Factor, photos: Array, points: Array, shared: Array
+    ) -> tuple[Array, Array, Array]:
+        """Solve the full normal equations for k right-hand sides.
+
+        Parameters
+        ----------
+        factor
+            The factor of this matrix.
+        photos, points, shared
+            (n, d, k), (p, 3, k), (g, k).
+        """
+        problem = self.problem
+        k = photos.shape[2]
+        m, d = self.z.shape[:2]
+        y = np.matmul(self.inverse_root, points)
+        zy = np.matmul(self.z, y[problem.point]).reshape(m, d * k)
+        right = photos - (self.structure.by_photo @ zy).reshape(photos.shape)
+        corner = shared - np.einsum("pig,pik->gk", self.t, y) if len(shared) else shared
+        x, s = factor.solve(right, corner)
+        back = np.matmul(self.z.transpose(0, 2, 1), x[problem.photo])
+        for group in problem.groups:
+            rays = back[group.ray_slice].reshape(group.points, group.rays, 3, k)
+            y[group.point_slice] -= rays.sum(axis=1)
+        if len(shared):
+            y -= np.matmul(self.t, s)
+        return x, np.matmul(self.inverse_root.transpose(0, 2, 1), y), s

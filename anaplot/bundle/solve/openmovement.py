@@ -1,0 +1,279 @@
+"""Movements of photos that the observations leave open: exactly, or but for their noise.
+
+A movement that measurements without error would leave open is resisted by measurements with noise,
+but only because noise has spoilt the geometry that leaves it open: photos that may turn about a
+line of common points are held by what noise has put between those points and the line. Such a
+resistance is no more than what another noise of the same size would give, and nothing that a
+minimum could be found by. A weak movement that is determined is resisted in the same way whatever
+the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.solve.datum import Anchor, anchor
+from anaplot.bundle.solve.factor import Factor, NotPositiveError
+from anaplot.bundle.solve.normal import (
+    Linearised,
+    NormalEquations,
+    PointError,
+    State,
+    Structure,
+    Unknowns,
+    effect,
+    linearise,
+    move,
+)
+from anaplot.bundle.solve.problem import Problem, listed
+from anaplot.errors import NotComputableError
+
+__all__ = ["held_by_noise", "parameters_left_open", "undetermined"]
+
+Array = NDArray[np.float64]
+
+_ITERATIONS = 4
+_MOVES = 0.2  # of the largest movement: a photo that moves less is not named
+_WEAKEST = 8  # movements that are looked at
+_NOISES = 4  # realisations of noise
+_NOISE = 0.1  # of a movement's resistance that changes with noise: all of it may be noise
+_APART = 0.2  # of what noise does to the movements left open: to the others it does less
+_MOST = 10.0  # sigmas that errors spoil the geometry by, at most: larger ones lose their pull
+_FAR = 20.0  # sigmas that a photo's rays are off in the median: it lies nowhere near its place
+
+
+def undetermined(
+    problem: Problem,
+    structure: Structure,
+    linear: Linearised,
+    tie: Anchor | None,
+    error: PointError | NotPositiveError,
+) -> NotComputableError:
+    """Return the error that names the photos or points that the observations leave open.
+
+    Parameters
+    ----------
+    problem, structure, linear
+        The bundle, and where it is linearised.
+    tie
+        What holds a datum that is missing, or None.
+    error
+        Why the normal equations have no factor.
+    """
+    name = problem.block.name
+    if isinstance(error, PointError):
+        open_points = [problem.points[k] for k in error.points.tolist()]
+        return NotComputableError(
+            f"block {name}: not determined: points {listed(open_points)}: their rays do not meet "
+            "at an angle"
+        )
+    weights = None if tie is None else tie.weights
+    try:
+        normal = NormalEquations(problem, structure, linear, 1e-7, weights)
+        factor = normal.factor()
+    except (PointError, NotPositiveError):
+        photo = "" if error.photo is None else f": photo {problem.photos[error.photo]}"
+        return NotComputableError(f"block {name}: not determined{photo}")
+    return NotComputableError(
+        _left_open(problem, _share(_weakest(normal, factor, 1).size[:, :, 0]))
+    )
+
+
+def held_by_noise(problem: Problem, structure: Structure, state: State) -> str | None:
+    """Return what is to be said of photos which nothing holds but the errors of measurements.
+
+    Parameters
+    ----------
+    problem, structure
+        The bundle.
+    state
+        Where photos lie about where they should.
+
+    Returns
+    -------
+    str or None
+        As `undetermined` says it; None where more than errors holds every photo, or where the
+        photos in question are far from their rays: of such a state nothing can be said.
+    """
+    linear = linearise(problem, state)
+    tie = anchor(problem, state) if problem.defect else None
+    solvable = _solvable(problem, structure, linear, None if tie is None else tie.weights)
+    if solvable is None:
+        return None
+    normal, factor = solvable
+    # gross errors spoil the geometry as noise does
+    sigma0 = np.sqrt(linear.vtpv / max(problem.redundancy, 1))
+    try:
+        found = _weakest(normal, factor, _WEAKEST)
+        by_noise = _by_noise(normal, factor, state, found, float(np.clip(sigma0, 1.0, _MOST)))
+    except np.linalg.LinAlgError:
+        return None
+    loose = np.flatnonzero(by_noise > _NOISE)
+    if len(loose) == 0:
+        return None
+    # a weak network is soft in all its movements, and held by its geometry all the same
+    others = np.delete(by_noise, loose)
+    if others.max(initial=0.0) > _APART * by_noise[loose].min() or len(others) == 0:
+        return None
+    share = np.max([_share(found.size[:, :, k]) for k in loose], axis=0)
+    off = np.linalg.norm(linear.e, axis=1)
+    for photo in np.flatnonzero(share > _MOVES).tolist():
+        if not np.median(off[problem.photo == photo]) <= _FAR:
+            return None
+    return _left_open(problem, share)
+
+
+def parameters_left_open(problem: Problem) -> str:
+    """Return what is said of free additional parameters that the observations do not determine."""
+    assert problem.additional is not None
+    return (
+        f"block {problem.block.name}: not determined: the additional parameters "
+        f"({problem.additional.set.name}, {problem.additional.scope}-invariant) together with "
+        "the orientations; use fewer or weight them"
+    )
+
+
+def _left_open(problem: Problem, share: Array) -> str:
+    """Say what may move, from the share that each of n photos has in the movement."""
+    names = [problem.photos[k] for k in np.nonzero(share > _MOVES)[0].tolist()]
+    # weighted parameters are observed: they leave nothing open
+    free = problem.additional is not None and len(problem.additional_sigma) == 0
+    if free and len(names) > len(problem.photos) // 2:
+        return parameters_left_open(problem)
+    begin = f"block {problem.block.name}: not determined: "
+    what = "photos" if len(names) > 1 else "photo"
+    return f"{begin}{what} {listed(names)}: their common points and control leave a movement open"
+
+
+def _share(size: Array) -> Array:
+    """(n,) largest part that each photo has in a movement (n, d), of the largest of all."""
+    moved = np.abs(size).max(axis=1)
+    return np.asarray(moved / moved.max())
+
+
+class _Movements(NamedTuple):
+    """k movements, that which is resisted least first; none of them pulls at another.
+
+    Attributes
+    ----------
+    unknowns
+        Of each: (n, d) of the photos, (p, 3) of the points and (g,) shared parameters.
+    right
+        (n, d, k) what the normal equations make of them; of points and shared parameters nothing.
+    resisted
+        (k,) product of both.
+    size
+        (n, d, k) movements of the photos in units of what the observations determine alone.
+    """
+
+    unknowns: tuple[Unknowns, ...]
+    right: Array
+    resisted: Array
+    size: Array
+
+
+def _solvable(
+    problem: Problem, structure: Structure, linear: Linearised, weights: Array | None
+) -> tuple[NormalEquations, Factor] | None:
+    """Return equations that can be solved, as little damped as possible; None: by no damping."""
+    for damping in (0.0, 1e-10, 1e-7):
+        try:
+            normal = NormalEquations(problem, structure, linear, damping, weights)
+            return normal, normal.factor()
+        except PointError:
+            return None
+        except NotPositiveError:
+            continue
+    return None
+
+
+def _weakest(normal: NormalEquations, factor: Factor, count: int) -> _Movements:
+    """Inverse iteration: what the observations resist least, in units of what they do alone."""
+    problem, structure = normal.problem, normal.structure
+    n, d = len(problem.photos), problem.per_photo
+    count = min(count, n * d)
+    diagonal = np.einsum("nii->ni", normal.blocks[structure.pattern.diagonal])
+    unit = np.sqrt(np.maximum(diagonal, 1e-300))[:, :, None]
+    points = np.zeros((len(problem.points), 3, count))
+    shared = np.zeros((problem.in_border, count))
+    right = np.random.default_rng(1).normal(size=(n, d, count))
+    for _ in range(_ITERATIONS):
+        x = normal.solve(factor, right * unit, points, shared)
+        right = np.linalg.qr((x[0] * unit).reshape(n * d, count))[0].reshape(n, d, count)
+    x = normal.solve(factor, right * unit, points, shared)
+    yielding = right.reshape(n * d, count).T @ (x[0] * unit).reshape(n * d, count)
+    resisted, axes = np.linalg.eigh((yielding + yielding.T) / 2.0)
+    axes = axes[:, ::-1]
+    photos, points, shared = (part @ axes for part in x)
+    unknowns = tuple((photos[..., k], points[..., k], shared[..., k]) for k in range(count))
+    return _Movements(unknowns, (right * unit) @ axes, resisted[::-1], photos * unit)
+
+
+def _by_noise(
+    normal: NormalEquations, factor: Factor, state: State, found: _Movements, noise: float
+) -> Array:
+    """(k,) how much of what resists each movement changes where noise has moved all else.
+
+    Parameters
+    ----------
+    normal, factor, state
+        The equations, and where they are linearised.
+    found
+        The movements.
+    noise
+        Of the measurements, in a-priori sigmas.
+    """
+    problem, linear = normal.problem, normal.linear
+    resistance = [effect(problem, linear, movement) for movement in found.unknowns]
+    changed = np.zeros(len(resistance))
+    rng = np.random.default_rng(2)
+    for _ in range(_NOISES):
+        moved = list(_solved(normal, factor, normal.gradient(_random(linear, rng, noise))))
+        along = np.tensordot(moved[0], found.right, 2) / found.resisted
+        for movement, amount in zip(found.unknowns, along.tolist(), strict=True):
+            for part, own in zip(moved, movement, strict=True):
+                part -= amount * own
+        there = linearise(problem, move(problem, state, moved[0], moved[1], moved[2]))
+        for k, movement in enumerate(found.unknowns):
+            change = _less(effect(problem, there, movement), resistance[k])
+            # what the other unknowns take up resists nothing
+            right = normal.gradient(change)
+            taken = zip(right, _solved(normal, factor, right), strict=True)
+            changed[k] += max(change.vtpv - sum(float(np.vdot(a, b)) for a, b in taken), 0.0)
+    resisted = np.array([max(each.vtpv, np.finfo(float).tiny) for each in resistance])
+    return np.asarray(np.sqrt(changed / _NOISES / resisted))
+
+
+def _solved(normal: NormalEquations, factor: Factor, right: Unknowns) -> Unknowns:
+    photos, points, shared = normal.solve(
+        factor, right[0][:, :, None], right[1][:, :, None], right[2][:, None]
+    )
+    return photos[:, :, 0], points[:, :, 0], shared[:, 0]
+
+
+def _less(one: Linearised, other: Linearised) -> Linearised:
+    """Return the difference of misclosures."""
+    return replace(
+        one,
+        e=one.e - other.e,
+        point_e=one.point_e - other.point_e,
+        photo_e=one.photo_e - other.photo_e,
+        own_e=one.own_e - other.own_e,
+        shared_e=one.shared_e - other.shared_e,
+    )
+
+
+def _random(linear: Linearised, rng: np.random.Generator, sigma: float) -> Linearised:
+    """Return misclosures by chance; those of observations that do not exist are never used."""
+    return replace(
+        linear,
+        e=rng.normal(size=linear.e.shape) * sigma,
+        point_e=rng.normal(size=linear.point_e.shape) * sigma,
+        photo_e=rng.normal(size=linear.photo_e.shape) * sigma,
+        own_e=rng.normal(size=linear.own_e.shape) * sigma,
+        shared_e=rng.normal(size=linear.shared_e.shape) * sigma,
+    )

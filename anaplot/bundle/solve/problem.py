@@ -1,0 +1,516 @@
+"""The bundle as arrays: what is observed, what is unknown, what is held (conventions, Bundle).
+
+Counting: control free of error (sigma 0) is neither observation nor unknown; weighted control adds
+observations and its coordinates to the unknowns; so does every prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.solve.additional import AdditionalParameters, lens_units
+from anaplot.errors import InputError, NotComputableError
+from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
+
+__all__ = ["Datum", "Group", "LeftOut", "Problem", "listed", "make_problem"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Datum = Literal["control", "minimal", "free"]
+
+_AXES = "XYZ"
+
+
+class LeftOut(NamedTuple):
+    """Something declared or measured that takes no part.
+
+    Attributes
+    ----------
+    kind
+        "photo", "point" or "control".
+    name, reason
+        What, and why.
+    """
+
+    kind: Literal["photo", "point", "control"]
+    name: str
+    reason: str
+
+
+class Group(NamedTuple):
+    """Points that have the same number of rays, next to each other.
+
+    Attributes
+    ----------
+    rays
+        Rays of each of its points.
+    first_point, points
+        Its points are first_point ... first_point + points - 1.
+    first_ray
+        Their rays begin here.
+    """
+
+    rays: int
+    first_point: int
+    points: int
+    first_ray: int
+
+    @property
+    def point_slice(self) -> slice:
+        """Of arrays over points."""
+        return slice(self.first_point, self.first_point + self.points)
+
+    @property
+    def ray_slice(self) -> slice:
+        """Of arrays over rays."""
+        return slice(self.first_ray, self.first_ray + self.points * self.rays)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """A bundle to be adjusted.
+
+    Attributes
+    ----------
+    block
+        What it was made from.
+    datum
+        "control": control and priors; "free": inner constraints; "minimal": seven coordinates.
+    photos, points
+        Names; points ordered by their number of rays.
+    cameras
+        (photos,) index of the camera in block.cameras.
+    c
+        (photos,) camera constants [mm].
+    photo, point
+        (m,) photo and point of each ray.
+    xy, sigma
+        (m, 2) observed image coordinates and (m,) their a-priori standard deviation [mm].
+    source
+        (m,) row in block.image_points.
+    groups
+        Points by number of rays.
+    fixed, known
+        (points, 3) coordinates free of error, and the values of all control coordinates (NaN where
+        there are none).
+    known_sigma
+        (points, 3) standard deviations of weighted control [m]; NaN where there is no observation.
+    position, position_sigma, rotation, rotation_sigma
+        (photos, 3) approximate or prior orientations and their standard deviations; NaN without.
+    additional
+        Additional parameters, or None.
+    basis
+        (m, 2, q) what they do at the rays to first order.
+    lens_units
+        (groups, q) parameters of a lens for 1 mm of effect; None for sets that are linear.
+    additional_group, additional_groups
+        (m,) group of each ray, and the names of the groups.
+    additional_sigma
+        (q,) a-priori standard deviations [mm]; empty when free.
+    left_out
+        What takes no part.
+    unused_rays
+        Rows of block.image_points that take no part.
+    control_rows
+        Control and check points, by name.
+    rejected
+        (m, 2) image coordinates of weight zero, or None.
+    axis_factor
+        (m, 2) factors of `sigma` for x and y, where they are not both 1, or None.
+    """
+
+    block: Block = field(repr=False)
+    datum: Datum
+    photos: tuple[str, ...]
+    points: tuple[str, ...] = field(repr=False)
+    cameras: Index
+    c: Array
+    photo: Index
+    point: Index
+    xy: Array
+    sigma: Array
+    source: Index
+    groups: tuple[Group, ...]
+    fixed: NDArray[np.bool_]
+    known: Array
+    known_sigma: Array
+    position: Array
+    position_sigma: Array
+    rotation: Array
+    rotation_sigma: Array
+    additional: AdditionalParameters | None
+    basis: Array
+    lens_units: Array | None
+    additional_group: Index
+    additional_groups: tuple[str, ...]
+    additional_sigma: Array
+    left_out: tuple[LeftOut, ...]
+    unused_rays: Index
+    control_rows: Mapping[str, ControlPoint] = field(repr=False)
+    rejected: NDArray[np.bool_] | None = field(default=None, repr=False)
+    axis_factor: Array | None = field(default=None, repr=False)
+
+    @property
+    def bare(self) -> Problem:
+        """The same without additional parameters."""
+        if self.additional is None:
+            return self
+        return replace(
+            self,
+            additional=None,
+            basis=self.basis[:, :, :0],
+            lens_units=None,
+            additional_group=np.zeros_like(self.additional_group),
+            additional_groups=(),
+            additional_sigma=np.empty(0),
+        )
+
+    @property
+    def sigma_xy(self) -> Array:
+        """(m, 2) standard deviations of x and y [mm]."""
+        if self.axis_factor is None:
+            return np.repeat(self.sigma[:, None], 2, axis=1)
+        return self.sigma[:, None] * self.axis_factor
+
+    @property
+    def prior_sigma(self) -> Array:
+        """(photos, 6) standard deviations of prior orientations [m, rad]; NaN without."""
+        return np.concatenate((self.position_sigma, self.rotation_sigma), axis=1)
+
+    @property
+    def test(self) -> TestSettings:
+        """The test that flags observations."""
+        return self.block.test
+
+    @property
+    def per_photo(self) -> int:
+        """Unknowns of a photo: six, and its own additional parameters."""
+        return 6 + (int(self.basis.shape[2]) if self.photo_invariant else 0)
+
+    @property
+    def in_border(self) -> int:
+        """Additional parameters that belong to several photos."""
+        if self.photo_invariant:
+            return 0
+        return len(self.additional_groups) * int(self.basis.shape[2])
+
+    @property
+    def photo_invariant(self) -> bool:
+        """Whether every photo has additional parameters of its own."""
+        return self.additional is not None and self.additional.scope == "photo"
+
+    @property
+    def observations(self) -> int:
+        """Number of observations n."""
+        priors = sum(
+            int(np.isfinite(a).sum())
+            for a in (self.known_sigma, self.position_sigma, self.rotation_sigma)
+        )
+        extra = len(self.additional_groups) * len(self.additional_sigma)
+        out = 0 if self.rejected is None else int(self.rejected.sum())
+        return int(2 * len(self.photo) - out + priors + extra)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns u."""
+        extra = len(self.additional_groups) * int(self.basis.shape[2])
+        return 6 * len(self.photos) + int((~self.fixed).sum()) + extra
+
+    @property
+    def defect(self) -> int:
+        """Rank defect that the datum takes care of."""
+        return 0 if self.datum == "control" else 7
+
+    @property
+    def redundancy(self) -> int:
+        """Observations minus unknowns plus the datum's defect."""
+        return self.observations - self.unknowns + self.defect
+
+
+def listed(names: Sequence[str], limit: int = 8) -> str:
+    """Return names for a message, not more than `limit` of them."""
+    if len(names) <= limit:
+        return ", ".join(names)
+    return f"{', '.join(names[:limit])} and {len(names) - limit} more"
+
+
+def make_problem(
+    block: Block, *, datum: Datum = "control", additional: AdditionalParameters | None = None
+) -> Problem:
+    """Lay out a block as a bundle.
+
+    Parameters
+    ----------
+    block
+        The block.
+    datum
+        "control": control and priors as declared; "free" and "minimal": they are not observed.
+    additional
+        Additional parameters.
+
+    Raises
+    ------
+    InputError
+        No image points, a standard deviation that is not positive, control twice.
+    NotComputableError
+        Nothing is left once points with too few rays and photos with too few points are gone.
+
+    Notes
+    -----
+    A point with one ray and no known coordinate, and a photo with fewer than three points and no
+    prior orientation, determine nothing; they are left out, together with their rays, and listed.
+    """
+    held = datum == "control"
+    control = _control(block)
+    photo_names = {p.id: k for k, p in enumerate(block.photos)}
+    rows = block.image_points
+    if not rows:
+        raise InputError(f"block {block.name}: no image points")
+    every_xy = np.array([(r.x, r.y) for r in rows])
+    sigmas = np.array(
+        [block.precision.image_um if r.sigma_um is None else r.sigma_um for r in rows]
+    )
+    _check_rows(block, every_xy, sigmas)
+    stray = next((r for r in rows if r.photo not in photo_names), None)
+    if stray is not None:
+        raise InputError(f"image point {stray.point}: unknown photo {stray.photo}")
+    point_names: dict[str, int] = {}
+    photo = np.array([photo_names[r.photo] for r in rows], dtype=np.intp)
+    point = np.array([point_names.setdefault(r.point, len(point_names)) for r in rows], np.intp)
+    names = list(point_names)
+    known, known_sigma, fixed = _known(block, names, control, held)
+    priors = _priors(block, held)
+    useful, left_out = _select(
+        block, photo, point, names, control, known, known_sigma, fixed, priors
+    )
+    left_out += [
+        LeftOut("control", name, "is not measured in any photo")
+        for name, row in control.items()
+        if name not in point_names and row.use == "control"
+    ]
+    ray = np.nonzero(useful)[0]
+    if len(ray) == 0:
+        raise NotComputableError(
+            f"block {block.name}: nothing can be computed: "
+            + "; ".join(f"{o.kind} {o.name} {o.reason}" for o in left_out[:4])
+        )
+    count = np.bincount(point[ray], minlength=len(names))
+    order = np.lexsort((np.arange(len(ray)), point[ray], count[point[ray]]))
+    ray = ray[order]
+    used_points, first = np.unique(point[ray], return_index=True)
+    used_points = used_points[np.argsort(first)]
+    used_photos = np.unique(photo[ray])
+    new_point = np.full(len(names), -1)
+    new_point[used_points] = np.arange(len(used_points))
+    new_photo = np.full(len(block.photos), -1)
+    new_photo[used_photos] = np.arange(len(used_photos))
+    camera_index = {c.id: k for k, c in enumerate(block.cameras)}
+    cameras = np.array([camera_index[block.photos[k].camera] for k in used_photos], dtype=np.intp)
+    xy = every_xy[ray]
+    compact_photo = new_photo[photo[ray]]
+    c = np.array([block.cameras[k].c for k in cameras])
+    basis, units, group, groups, sigma = _additional(
+        block, additional, [block.photos[k].id for k in used_photos], cameras, c, compact_photo, xy
+    )
+    return Problem(
+        block=block,
+        datum=datum,
+        photos=tuple(block.photos[k].id for k in used_photos),
+        points=tuple(names[k] for k in used_points),
+        cameras=cameras,
+        c=c,
+        photo=compact_photo,
+        point=new_point[point[ray]],
+        xy=xy,
+        sigma=sigmas[ray] * 1e-3,
+        source=ray,
+        groups=_groups(count[used_points]),
+        fixed=fixed[used_points],
+        known=known[used_points],
+        known_sigma=known_sigma[used_points],
+        position=priors[0][used_photos],
+        position_sigma=priors[1][used_photos],
+        rotation=priors[2][used_photos],
+        rotation_sigma=priors[3][used_photos],
+        additional=additional,
+        basis=basis,
+        lens_units=units,
+        additional_group=group,
+        additional_groups=groups,
+        additional_sigma=sigma,
+        left_out=tuple(left_out),
+        unused_rays=np.nonzero(~useful)[0],
+        control_rows=control,
+    )
+
+
+def _control(block: Block) -> dict[str, ControlPoint]:
+    control: dict[str, ControlPoint] = {}
+    for row in block.control:
+        if row.point in control:
+            raise InputError(f"control point {row.point}: stands twice")
+        for axis, sigma in zip(_AXES, row.sigma, strict=True):
+            if sigma is not None and not 0.0 <= sigma < float("inf"):
+                raise InputError(f"control point {row.point}: s{axis} = {sigma:g} is not a sigma")
+        for axis, value in zip(_AXES, row.xyz, strict=True):
+            if value is not None and not abs(value) < float("inf"):
+                raise InputError(f"control point {row.point}: {axis} = {value:g} is no coordinate")
+        if row.use != "off":
+            control[row.point] = row
+    return control
+
+
+def _check_rows(block: Block, xy: Array, sigmas: Array) -> None:
+    if not bool(np.isfinite(xy).all()):
+        raise InputError(f"block {block.name}: an image coordinate is not finite")
+    bad = np.nonzero(~((sigmas > 0.0) & np.isfinite(sigmas)))[0]
+    if len(bad):
+        row = block.image_points[int(bad[0])]
+        raise InputError(
+            f"image point {row.point} of photo {row.photo}: "
+            f"the sigma {sigmas[bad[0]]:g} um must be positive"
+        )
+
+
+def _known(
+    block: Block, names: list[str], control: Mapping[str, ControlPoint], held: bool
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    n = len(names)
+    known, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    fixed = np.zeros((n, 3), dtype=bool)
+    for k, name in enumerate(names):
+        row = control.get(name)
+        if row is None or row.use != "control":
+            continue
+        for axis, (value, stated) in enumerate(zip(row.xyz, block.sigma_of(row), strict=True)):
+            if value is None:
+                continue
+            known[k, axis] = value
+            if held and stated == 0.0:
+                fixed[k, axis] = True
+            elif held:
+                sigma[k, axis] = stated
+    return known, sigma, fixed
+
+
+def _priors(block: Block, held: bool) -> tuple[Array, Array, Array, Array]:
+    n = len(block.photos)
+    out = tuple(np.full((n, 3), np.nan) for _ in range(4))
+    for k, photo in enumerate(block.photos):
+        for what, values, sigmas, at in (
+            ("position", photo.position, photo.position_sigma, 0),
+            ("rotation", photo.rotation, photo.rotation_sigma, 2),
+        ):
+            if values is None:
+                continue
+            out[at][k] = values
+            if sigmas is None:
+                continue
+            if not all(0.0 < s < float("inf") for s in sigmas):
+                raise InputError(f"photo {photo.id}: {what}_sigma must be positive")
+            if held:
+                out[at + 1][k] = sigmas
+    return out  # type: ignore[return-value]
+
+
+def _select(
+    block: Block,
+    photo: Index,
+    point: Index,
+    names: list[str],
+    control: Mapping[str, ControlPoint],
+    known: Array,
+    known_sigma: Array,
+    fixed: NDArray[np.bool_],
+    priors: tuple[Array, Array, Array, Array],
+) -> tuple[NDArray[np.bool_], list[LeftOut]]:
+    """Rays that take part, and what does not."""
+    pair, pair_of = np.unique(photo * len(names) + point, return_inverse=True)
+    pair_photo, pair_point = pair // len(names), pair % len(names)
+    alive = np.ones(len(pair), dtype=bool)
+    observed = (fixed | np.isfinite(known_sigma)).sum(axis=1)
+    has_prior = np.isfinite(priors[1]).sum(axis=1) + np.isfinite(priors[3]).sum(axis=1)
+    left: list[LeftOut] = []
+    gone_points = np.zeros(len(names), dtype=bool)
+    gone_photos = np.zeros(len(block.photos), dtype=bool)
+    while True:
+        rays = np.bincount(pair_point[alive], minlength=len(names))
+        # one ray and one known coordinate still determine a point
+        poor = ~gone_points & ((2 * rays + observed < 3) | (rays == 0))
+        for k in np.nonzero(poor)[0]:
+            reason = "has one ray only" if rays[k] == 1 else "has no ray left"
+            left.append(LeftOut("point", names[int(k)], reason))
+        gone_points |= poor
+        alive &= ~gone_points[pair_point]
+        seen = np.bincount(pair_photo[alive], minlength=len(block.photos))
+        few = ~gone_photos & ((2 * seen + has_prior < 6) | (seen == 0))
+        for k in np.nonzero(few)[0]:
+            count = int(seen[k])
+            what = "no usable points" if count == 0 else f"{count} usable point{'s' * (count > 1)}"
+            left.append(LeftOut("photo", block.photos[int(k)].id, f"has {what}"))
+        gone_photos |= few
+        alive &= ~gone_photos[pair_photo]
+        if not few.any():
+            return alive[pair_of], left
+
+
+def _groups(count: Index) -> tuple[Group, ...]:
+    """Group points that are already ordered by their number of rays."""
+    groups = []
+    first_point = first_ray = 0
+    for rays, points in zip(*np.unique(count, return_counts=True), strict=True):
+        groups.append(Group(int(rays), first_point, int(points), first_ray))
+        first_point += int(points)
+        first_ray += int(points) * int(rays)
+    return tuple(groups)
+
+
+def _additional(
+    block: Block,
+    additional: AdditionalParameters | None,
+    photos: list[str],
+    cameras: Index,
+    c: Array,
+    photo: Index,
+    xy: Array,
+) -> tuple[Array, Array | None, Index, tuple[str, ...], Array]:
+    """Basis functions, units of a lens, the group of every ray, names of groups, sigmas [mm]."""
+    n = len(photo)
+    if additional is None:
+        return np.empty((n, 2, 0)), None, np.zeros(n, dtype=np.intp), (), np.empty(0)
+    if additional.scope == "block":
+        names: tuple[str, ...] = ("block",)
+        of_photo = np.zeros(len(photos), dtype=np.intp)
+    elif additional.scope == "photo":
+        names, of_photo = tuple(photos), np.arange(len(photos))
+    elif additional.scope == "camera":
+        used, of_photo = np.unique(cameras, return_inverse=True)
+        names = tuple(block.cameras[k].id for k in used)
+    else:
+        strips = {name: strip.id for strip in block.strips for name in strip.photos}
+        labels = [strips.get(name, "(no strip)") for name in photos]
+        names = tuple(dict.fromkeys(labels))
+        of_photo = np.array([names.index(label) for label in labels], dtype=np.intp)
+    # a lens is one thing for its group, whatever the cameras; other terms belong to the format
+    of_ray = of_photo[photo] if additional.set.lens else cameras[photo]
+    reach = np.zeros(len(block.cameras))
+    np.maximum.at(reach, cameras[photo], np.abs(xy).max(axis=1))
+    basis = np.empty((n, 2, len(additional.set.names)))
+    units = []
+    for part in np.unique(of_ray):
+        mine = of_ray == part
+        b = float(reach[cameras[photo[mine]]].max()) or 1.0
+        cs = c[photo[mine]]
+        basis[mine] = additional.set.basis(xy[mine, 0], xy[mine, 1], b, cs)
+        units.append(lens_units(b, float(np.mean(cs))))
+    sigma = np.empty(0)
+    if additional.sigma_um is not None:
+        largest = np.abs(basis).max(axis=(0, 1))
+        sigma = additional.sigma_um * 1e-3 / np.where(largest > 0.0, largest, 1.0)
+    lens = np.array(units) if additional.set.lens else None
+    return basis, lens, of_photo[photo].astype(np.intp), names, sigma

@@ -1,0 +1,394 @@
+"""Exact cofactors and redundancy numbers of every observation of a bundle.
+
+Nothing of the size of the block is inverted. With Q_c the part of the inverse of the reduced
+normal equations that belongs to the photos (and the shared parameters) of one point, and
+M = V^-1 W' of that point, everything follows point by point:
+
+    cov(photo, point) = -Q_c M',    Q_point = V^-1 + M Q_c M',
+    q_ll(ray) = A Q_c A' + A cov B' + B cov' A' + B Q_point B'.
+
+All is whitened (observations divided by their a-priori sigmas), so that r = 1 - diag(q_ll).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.solve.factor import Factor, SelectedInverse
+from anaplot.bundle.solve.normal import NormalEquations
+from anaplot.bundle.solve.problem import Problem
+
+__all__ = ["Cofactors", "DatumChange", "cofactor_column", "compute_cofactors"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_ROUNDING = 1e-11  # variance after a change of datum over what it is the difference of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DatumChange:
+    """From the datum the equations were solved in to the one that is reported.
+
+    Attributes
+    ----------
+    null_photos, null_points
+        (n, d, 7) and (p, 3, 7): what the seven changes of datum do to the unknowns (G).
+    held_photos, held_points
+        The combinations D held to zero, of the same shapes.
+    """
+
+    null_photos: Array
+    null_points: Array
+    held_photos: Array
+    held_points: Array
+
+    def of_points(self, photos: Array, points: Array) -> Array:
+        """Return (p, 3, k) changes of points in this datum, from k changes of all unknowns.
+
+        Parameters
+        ----------
+        photos, points
+            (n, d, k) and (p, 3, k) in the datum of the solution.
+        """
+        moved = np.linalg.solve(self.defect, self.held(photos, points))
+        out: Array = points - np.einsum("nil,lk->nik", self.null_points, moved)
+        return out
+
+    def held(self, photos: Array, points: Array) -> Array:
+        """Return (7, k) what the held combinations make of k changes of the unknowns."""
+        out: Array = np.einsum("nil,nik->lk", self.held_photos, photos)
+        out += np.einsum("nil,nik->lk", self.held_points, points)
+        return out
+
+    @property
+    def defect(self) -> Array:
+        """(7, 7) D'G."""
+        return self.held(self.null_photos, self.null_points)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cofactors:
+    """Cofactors with the a-priori variances of the observations.
+
+    Attributes
+    ----------
+    normal, factor, inverse
+        What they were computed from; in the datum of the solution.
+    ray
+        (m, 2, 2) cofactors of the adjusted image coordinates, whitened.
+    r
+        (m, 2) redundancy numbers of x and y; zero where a coordinate is rejected.
+    response
+        (m, 3, 2) change of the ray's own point per whitened error of x and y [m].
+    points, photos
+        (p, 3, 3) [m^2] and (n, d, d) cofactors in the reported datum; rows and columns of what
+        the datum holds are zero.
+    shared
+        (g, g) of the shared additional parameters.
+    photos_shared
+        (n, d, g) between photos and shared additional parameters, in the reported datum.
+    r_control
+        (p, 3) redundancy numbers of weighted control; NaN where nothing is observed.
+    r_photo
+        (n, 6) of the priors of the photos; NaN where there are none.
+    r_own, r_shared
+        Of the priors on additional parameters; NaN without.
+    change
+        What leads to the reported datum; None where it is that of the solution.
+    """
+
+    normal: NormalEquations = field(repr=False)
+    factor: Factor = field(repr=False)
+    inverse: SelectedInverse = field(repr=False)
+    ray: Array
+    r: Array
+    response: Array
+    points: Array
+    photos: Array
+    shared: Array
+    photos_shared: Array
+    r_control: Array
+    r_photo: Array
+    r_own: Array
+    r_shared: Array
+    change: DatumChange | None = field(default=None, repr=False)
+
+    def point_rays(self, point: int) -> tuple[Index, Array]:
+        """Return the rays of a point and the (2k, 2k) whitened cofactors of their residuals."""
+        problem = self.normal.problem
+        group = next(g for g in problem.groups if point < g.first_point + g.points)
+        k = group.rays
+        start = group.first_ray + (point - group.first_point) * k
+        rays = np.arange(start, start + k)
+        linear = self.normal.linear
+        piece = next(
+            p for p in self.normal.structure.pieces if p.points.start <= point < p.points.stop
+        )
+        at = point - piece.points.start
+        d = linear.a.shape[2]
+        q = np.empty((k * d, k * d))
+        for i in range(k):
+            for j in range(k):
+                block = self.inverse.blocks[piece.block[at, i, j]]
+                q[i * d : i * d + d, j * d : j * d + d] = (
+                    block.T if piece.flipped[at, i, j] else block
+                )
+        design = np.zeros((2 * k, k * d))
+        for i, ray in enumerate(rays):
+            design[2 * i : 2 * i + 2, i * d : i * d + d] = linear.a[ray]
+        root = self.normal.inverse_root[point]
+        b = linear.b[rays].reshape(2 * k, 3)
+        m = root.T @ np.concatenate([self.normal.z[ray].T for ray in rays], axis=1)
+        reduced = design - b @ m
+        own = root.T @ root
+        adjusted = reduced @ q @ reduced.T + b @ own @ b.T
+        g = len(self.shared)
+        if g:
+            h = np.zeros((2 * k, g))
+            columns = self.normal.border_columns(problem.additional_group[rays])
+            for i, ray in enumerate(rays):
+                h[2 * i : 2 * i + 2, columns[i]] = linear.h[ray]
+            h -= b @ root.T @ self.normal.t[point]
+            beside = np.concatenate([self.inverse.border[problem.photo[ray]] for ray in rays])
+            cross = reduced @ beside @ h.T
+            adjusted += cross + cross.T + h @ self.inverse.corner @ h.T
+        return rays, np.diag(_weighted(problem)[rays].ravel()) - adjusted
+
+    def column(self, ray: int, axis: int) -> Array:
+        """Return (m, 2): a column of Q_vv P of the image coordinates, see `cofactor_column`."""
+        return cofactor_column(self.normal, self.factor, ray, axis)
+
+    def correlation(self, first: tuple[int, int], second: tuple[int, int]) -> float:
+        """Return the correlation of the residuals of two image coordinates (ray, axis)."""
+        if self.normal.problem.point[first[0]] == self.normal.problem.point[second[0]]:
+            rays, q = self.point_rays(int(self.normal.problem.point[first[0]]))
+            i = 2 * int(np.nonzero(rays == first[0])[0][0]) + first[1]
+            j = 2 * int(np.nonzero(rays == second[0])[0][0]) + second[1]
+            value = float(q[i, j])
+        else:
+            value = float(self.column(*first)[second])
+        size = float(self.r[first] * self.r[second])
+        return min(1.0, max(-1.0, value / size**0.5)) if size > 0.0 else float("nan")
+
+
+def cofactor_column(normal: NormalEquations, factor: Factor, ray: int, axis: int) -> Array:
+    """Return (m, 2): a column of Q_vv P of the image coordinates (Gruen 1980, eq. 12-17).
+
+    One right-hand side reduced and one back-substitution; whitened, so an element is the cofactor
+    of two residuals divided by the product of their a-priori sigmas.
+
+    Parameters
+    ----------
+    normal, factor
+        Normal equations without damping, and their factor.
+    ray, axis
+        The image coordinate.
+    """
+    problem, linear = normal.problem, normal.linear
+    n, d = len(problem.photos), linear.a.shape[2]
+    photos = np.zeros((n, d, 1))
+    points = np.zeros((len(problem.points), 3, 1))
+    shared = np.zeros((len(normal.corner), 1))
+    photos[problem.photo[ray], :, 0] = linear.a[ray, axis]
+    points[problem.point[ray], :, 0] = linear.b[ray, axis]
+    if len(shared):
+        columns = normal.border_columns(problem.additional_group[[ray]])[0]
+        shared[columns, 0] = linear.h[ray, axis]
+    x, p, s = normal.solve(factor, photos, points, shared)
+    adjusted = np.einsum("mij,mj->mi", linear.a, x[problem.photo, :, 0])
+    adjusted += np.einsum("mij,mj->mi", linear.b, p[problem.point, :, 0])
+    if len(shared):
+        columns = normal.border_columns(problem.additional_group)
+        adjusted += np.einsum("mij,mj->mi", linear.h, s[columns, 0])
+    out: Array = -adjusted
+    out[ray, axis] += _weighted(problem)[ray, axis]
+    return out
+
+
+def _weighted(problem: Problem) -> Array:
+    """(m, 2) ones; zeros for rejected image coordinates, which have no residual to speak of."""
+    if problem.rejected is None:
+        return np.ones((len(problem.photo), 2))
+    return np.asarray(~problem.rejected, dtype=float)
+
+
+def compute_cofactors(
+    normal: NormalEquations,
+    factor: Factor,
+    change: DatumChange | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Cofactors:
+    """Compute the cofactors of every observation and unknown.
+
+    Parameters
+    ----------
+    normal, factor
+        Normal equations without damping, and their factor.
+    change
+        Datum of the reported cofactors of unknowns; residuals do not depend on it.
+    progress
+        Called with the fraction done.
+    """
+    problem, linear = normal.problem, normal.linear
+    inverse = factor.selected_inverse(progress)
+    m, d, g = len(problem.photo), linear.a.shape[2], len(normal.corner)
+    count = len(problem.points)
+    both = np.concatenate((inverse.blocks, inverse.blocks.transpose(0, 2, 1)))
+    stored = len(inverse.blocks)
+    within = np.arange(d)[:, None]
+    adjusted = np.empty((m, 2, 2))
+    response = np.empty((m, 3, 2))
+    q_points = np.empty((count, 3, 3))
+    own = inverse.blocks[normal.structure.pattern.diagonal]
+    for piece in normal.structure.pieces:
+        k, size = piece.group.rays, piece.stop - piece.start
+        rays, points = piece.rays, piece.points
+        root = normal.inverse_root[points]
+        photo = problem.photo[rays]
+        z = normal.z[rays].reshape(size, k * d, 3)
+        mt = np.matmul(z, root)  # M', k d x 3
+        ids = piece.block + stored * piece.flipped
+        q = both[ids[:, :, None, :], within].reshape(size, k * d, k * d)
+        cov = np.matmul(q, mt)  # minus the covariance of photo and point
+        q_point = np.matmul(root.transpose(0, 2, 1), root)
+        a, b = linear.a[rays], linear.b[rays]
+        if g:
+            mg = np.matmul(root.transpose(0, 2, 1), normal.t[points])  # 3 x g
+            beside = inverse.border[photo].reshape(size, k * d, g)
+            cov_shared = np.matmul(beside.transpose(0, 2, 1), mt)
+            cov_shared += np.matmul(inverse.corner, mg.transpose(0, 2, 1))
+            cov += np.matmul(beside, mg.transpose(0, 2, 1))
+            q_point += np.matmul(mg, cov_shared)
+        q_point += np.matmul(mt.transpose(0, 2, 1), cov)
+        q_points[points] = q_point
+        cov = cov.reshape(size * k, d, 3)
+        per_ray = np.repeat(q_point, k, axis=0)
+        ac = np.matmul(a, cov)
+        bq = np.matmul(b, per_ray)
+        bt = b.transpose(0, 2, 1)
+        at = a.transpose(0, 2, 1)
+        left = np.matmul(a, own[photo])
+        if g:
+            h = linear.h[rays]
+            columns = normal.border_columns(problem.additional_group[rays])
+            owner = np.repeat(np.arange(size), k)
+            # rows of the shared parameters that this ray depends on
+            cov_h = cov_shared[owner[:, None], columns]
+            beside_h = inverse.border[photo[:, None, None], np.arange(d)[:, None], columns[:, None]]
+            corner_h = inverse.corner[columns[:, :, None], columns[:, None, :]]
+            ht = h.transpose(0, 2, 1)
+            hc = np.matmul(h, cov_h)
+            hb = np.matmul(a, np.matmul(beside_h, ht))
+            side = np.matmul(hc, bt)
+            q_ray = hb + hb.transpose(0, 2, 1) - side - side.transpose(0, 2, 1)
+            q_ray += np.matmul(np.matmul(h, corner_h), ht)
+        else:
+            q_ray = np.zeros((size * k, 2, 2))
+        mixed = np.matmul(ac, bt)
+        q_ray += np.matmul(left, at) - mixed - mixed.transpose(0, 2, 1) + np.matmul(bq, bt)
+        adjusted[rays] = q_ray
+        back = bq - ac
+        if g:
+            back -= hc
+        response[rays] = back.transpose(0, 2, 1)
+    r = _weighted(problem) - np.einsum("mii->mi", adjusted)
+    np.clip(r, 0.0, 1.0, out=r)
+    weight = linear.point_weight
+    r_control = np.where(
+        weight > 0.0, np.clip(1.0 - np.einsum("nii->ni", q_points) * weight, 0.0, 1.0), np.nan
+    )
+    r_photo = _photo_priors(linear.photo_rows, own)
+    with np.errstate(invalid="ignore"):
+        r_own = np.where(
+            linear.own_weight > 0.0,
+            1.0 - np.einsum("nii->ni", own)[:, 6:] * linear.own_weight,
+            np.nan,
+        )
+        r_shared = np.where(
+            linear.shared_weight > 0.0, 1.0 - np.diag(inverse.corner) * linear.shared_weight, np.nan
+        )
+    photos, beside_photos = own, inverse.border
+    if change is not None:
+        photos, q_points, beside_photos, response = _changed(
+            normal, factor, change, own, q_points, beside_photos, response
+        )
+    return Cofactors(
+        normal,
+        factor,
+        inverse,
+        adjusted,
+        r,
+        response,
+        q_points,
+        photos,
+        inverse.corner,
+        beside_photos,
+        r_control,
+        r_photo,
+        r_own,
+        r_shared,
+        change,
+    )
+
+
+def _photo_priors(rows: Array, own: Array) -> Array:
+    out = np.full(rows.shape[:2], np.nan)
+    some = np.nonzero(np.any(rows != 0.0, axis=(1, 2)))[0]
+    if len(some):
+        q = np.einsum("nij,njk,nik->ni", rows[some], own[some], rows[some])
+        present = np.any(rows[some] != 0.0, axis=2)
+        out[some] = np.where(present, np.clip(1.0 - q, 0.0, 1.0), np.nan)
+    return out
+
+
+def _changed(
+    normal: NormalEquations,
+    factor: Factor,
+    change: DatumChange,
+    photos: Array,
+    points: Array,
+    border: Array,
+    response: Array,
+) -> tuple[Array, Array, Array, Array]:
+    """S Q S' with S = I - G (D'G)^-1 D', of photos, of points and of photos with the parameters.
+
+    Also S times the response of a point to its rays. The datum moves no additional parameter:
+    their rows of G are zero.
+    """
+    problem, linear = normal.problem, normal.linear
+    shared = np.zeros((len(normal.corner), 7))
+    e_photo, e_point, e_shared = normal.solve(
+        factor, change.held_photos, change.held_points, shared
+    )
+    middle = np.linalg.inv(change.defect)
+    spread = middle @ change.held(e_photo, e_point) @ middle.T
+
+    def transformed(q: Array, null: Array, e: Array) -> Array:
+        side = np.einsum("nik,kl,njl->nij", null, middle, e)
+        moved = np.einsum("nik,kl,njl->nij", null, spread, null)
+        out: Array = q - side - side.transpose(0, 2, 1) + moved
+        # the variance of what the datum holds is zero but for the rounding of what cancels
+        whole = np.einsum("nii->ni", q) + np.einsum("nii->ni", moved)
+        free = np.einsum("nii->ni", out) > _ROUNDING * whole
+        return np.where(free[:, :, None] & free[:, None, :], out, 0.0)
+
+    seen = np.matmul(linear.a, e_photo[problem.photo])
+    seen += np.matmul(linear.b, e_point[problem.point])
+    if len(shared):
+        columns = normal.border_columns(problem.additional_group)
+        seen += np.matmul(linear.h, e_shared[columns])
+    shift = np.einsum("nik,kl,njl->nij", change.null_points[problem.point], middle, seen)
+    new_photos = transformed(photos, change.null_photos, e_photo)
+    new_border = border - np.einsum("nik,kl,gl->nig", change.null_photos, middle, e_shared)
+    held = np.einsum("nii->ni", new_photos) == 0.0
+    return (
+        new_photos,
+        transformed(points, change.null_points, e_point),
+        np.where(held[:, :, None], 0.0, new_border),
+        response - shift,
+    )

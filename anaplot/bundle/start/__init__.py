@@ -1,0 +1,1 @@
+"""Approximate values of photos and points from nothing."""

@@ -1,0 +1,188 @@
+"""From the system of a part of the block to the ground: control, stated positions and angles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.start.subblock import Cluster
+from anaplot.photogrammetry.collinearity import project, turns
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.photogrammetry.similarity import Similarity, fit_to_partial, robust_similarity
+
+__all__ = ["give_nominal_place", "to_ground"]
+
+Array = NDArray[np.float64]
+
+
+def to_ground(problem: Problem, cluster: Cluster) -> bool:
+    """Lay a cluster onto control and stated positions.
+
+    A similarity that most full points agree on, refined with all single coordinates; False when
+    they do not suffice, the cluster then stays as it is.
+    """
+    placed = cluster.placed & np.isfinite(problem.known).any(axis=1)
+    stated = cluster.oriented & np.isfinite(problem.position[:, 0])
+    source = np.concatenate((cluster.points[placed], cluster.centres[stated]))
+    target = np.concatenate((problem.known[placed], problem.position[stated]))
+    if len(source) == 0:
+        return False
+    full = np.isfinite(target).all(axis=1)
+    start: Similarity | None = None
+    found = robust_similarity(source[full], target[full])
+    if found is not None:
+        start = found[0]
+    candidates = [start] if start is not None else _level_starts(problem, cluster, source, target)
+    if start is None and int(full.sum()) >= 2:
+        candidates += _line_starts(source[full], target[full])
+    best, best_size = None, float("inf")
+    for candidate in candidates:
+        refined = fit_to_partial(source, target, candidate)
+        if refined is None:
+            continue
+        off = np.abs(refined.apply(source) - target)
+        size = float(np.nanmedian(off))
+        if start is not None and int(full.sum()) > 3:
+            # a refinement that wanders off from the full points is not believed
+            before = float(np.nanmedian(np.abs(start.apply(source) - target)))
+            if size > 3.0 * before + 1e-9:
+                continue
+        if size < best_size:
+            best, best_size = refined, size
+    if best is None:
+        best = start
+    if best is None or start is not None:
+        # single coordinates have not closed the rotation about a line of full points
+        turned = _about_the_line(problem, cluster, source[full], target[full], best)
+        best = best if turned is None else turned
+    if best is None:
+        return False
+    cluster.transform(best)
+    return True
+
+
+def _about_the_line(
+    problem: Problem, cluster: Cluster, source: Array, target: Array, start: Similarity | None
+) -> Similarity | None:
+    """Turn a cluster about a line of control until the other control points' rays fit.
+
+    Two points, or points nearly on a line, leave the rotation about the line open; control points
+    that are measured but could not be intersected close it. None when there is nothing to do.
+    """
+    if len(source) < 2:
+        return None
+    spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False)
+    if len(source) > 2 and spread[1] > 0.15 * spread[0]:
+        return None
+    known = np.asarray(np.isfinite(problem.known).all(axis=1))
+    use = np.nonzero(cluster.oriented[problem.photo] & known[problem.point])[0]
+    start = _along_the_line(source, target) if start is None else start
+    if start is None:
+        return None
+    if len(use) < 3:
+        return start
+    axis = np.linalg.svd(target - target.mean(axis=0))[2][0]
+    middle = target.mean(axis=0)
+    best, best_size = start, float("inf")
+    for angle in np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False).tolist():
+        rotation = turns(angle * axis[None])[0]
+        trial = Similarity(
+            start.scale, rotation @ start.rotation, middle + rotation @ (start.shift - middle)
+        )
+        seen = project(
+            trial.apply(cluster.centres[problem.photo[use]]),
+            trial.rotation @ cluster.rotations[problem.photo[use]],
+            problem.c[problem.photo[use]],
+            problem.known[problem.point[use]],
+        )
+        c = problem.c[problem.photo[use]]
+        miss = np.linalg.norm(seen.xy - problem.xy[use], axis=1)
+        miss = np.where((seen.depth > 0.0) & np.isfinite(miss), np.minimum(miss, c), 4.0 * c)
+        if float(miss.sum()) < best_size - 1e-9:
+            best, best_size = trial, float(miss.sum())
+    return best
+
+
+def _along_the_line(source: Array, target: Array) -> Similarity | None:
+    """Return a similarity that lays the two points farthest apart onto each other."""
+    first = int(np.argmin(target[:, 0] + target[:, 1]))
+    last = int(np.argmax(np.linalg.norm(target - target[first], axis=1)))
+    a, b = source[last] - source[first], target[last] - target[first]
+    lengths = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    if min(lengths) <= 0.0:
+        return None
+    rotation = _turn_onto(a / lengths[0], b / lengths[1])
+    scale = lengths[1] / lengths[0]
+    return Similarity(scale, rotation, target[first] - scale * rotation @ source[first])
+
+
+def _line_starts(source: Array, target: Array) -> list[Similarity]:
+    """Similarities on two points, turned about their line; single coordinates choose among them."""
+    start = _along_the_line(source, target)
+    if start is None:
+        return []
+    middle = target.mean(axis=0)
+    axis = np.linalg.svd(target - middle)[2][0]
+    found = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False).tolist():
+        rotation = turns(angle * axis[None])[0]
+        shift = middle + rotation @ (start.shift - middle)
+        found.append(Similarity(start.scale, rotation @ start.rotation, shift))
+    return found
+
+
+def _turn_onto(a: Array, b: Array) -> Array:
+    """Return the shortest rotation that takes the unit vector a to b."""
+    axis = np.cross(a, b)
+    size = float(np.linalg.norm(axis))
+    angle = float(np.arctan2(size, float(a @ b)))
+    if size < 1e-12:
+        axis, size = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))]), 1.0
+        axis /= np.linalg.norm(axis)
+    out: Array = turns((angle / size * axis)[None])[0]
+    return out
+
+
+def _level_starts(
+    problem: Problem, cluster: Cluster, source: Array, target: Array
+) -> list[Similarity]:
+    """Similarities of a cluster that stands roughly upright, or whose photos have known angles."""
+    starts: list[Similarity] = []
+    plan = np.isfinite(target[:, :2]).all(axis=1)
+    rotations = [
+        rotation_matrix(*problem.rotation[k].tolist()) @ cluster.rotations[k].T
+        for k in np.nonzero(cluster.oriented & np.isfinite(problem.rotation[:, 0]))[0].tolist()[:5]
+    ]
+    if plan.sum() >= 2:
+        s, t = source[plan], target[plan]
+        for lean in rotations or [np.eye(3)]:
+            turned = s @ lean.T
+            a = (turned[:, 0] + 1j * turned[:, 1]) - (turned[:, 0] + 1j * turned[:, 1]).mean()
+            b = (t[:, 0] + 1j * t[:, 1]) - (t[:, 0] + 1j * t[:, 1]).mean()
+            size = float((np.abs(a) ** 2).sum())
+            if size <= 0.0:
+                continue
+            factor = complex((b * a.conj()).sum() / size)
+            scale, kappa = abs(factor), float(np.angle(factor))
+            if scale <= 0.0:
+                continue
+            rotation = rotation_matrix(0.0, 0.0, kappa) @ lean
+            shift = np.zeros(3)
+            moved = scale * source @ rotation.T
+            shift[:2] = (t - moved[plan])[:, :2].mean(axis=0)
+            heights = np.isfinite(target[:, 2])
+            if heights.any():
+                shift[2] = float((target[heights, 2] - moved[heights, 2]).mean())
+            starts.append(Similarity(scale, rotation, shift))
+    return starts
+
+
+def give_nominal_place(problem: Problem, cluster: Cluster) -> None:
+    """Give a cluster without control a size like that of its control or of its own system."""
+    both = np.isfinite(problem.known).all(axis=1) & cluster.placed
+    if both.sum() == 0:
+        return
+    target = problem.known[both]
+    shift = target.mean(axis=0) - cluster.points[both].mean(axis=0)
+    cluster.transform(Similarity(1.0, np.eye(3), shift))

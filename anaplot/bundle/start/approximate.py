@@ -1,0 +1,450 @@
+"""Approximate values from nothing but image coordinates and control.
+
+Strips that can be bridged come first; strips join over common points, photos in no strip are
+resected to the points that exist by then. Where nothing can be bridged (close range, convergent or
+rotated photos) control alone orients the photos, or else a pair oriented relative to each other
+from any attitude is the seed. What has grown is laid onto all control at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from anaplot.bundle.solve.normal import State
+from anaplot.bundle.solve.problem import Problem, listed
+from anaplot.bundle.start.absolute import give_nominal_place, to_ground
+from anaplot.bundle.start.bridging import bridged_parts
+from anaplot.bundle.start.relative import orient_pair
+from anaplot.bundle.start.subblock import Cluster, intersect_rays
+from anaplot.bundle.start.vertical import level_cluster
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.rotation import rotation_matrix
+
+__all__ = [
+    "approximate_ways",
+    "extended_state",
+    "laid_onto_control",
+    "restricted",
+    "state_of",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Progress = Callable[[str, float], None]
+Way = Callable[[Progress | None], State | None]
+
+_BELIEVED = 0.05  # share of c by which given orientations may miss, in the median
+
+
+def approximate_ways(problem: Problem) -> list[Way]:
+    """Return the ways to approximate values, in the order in which to try them.
+
+    What the block states; bridged strips; the photos as vertical ones; bridged strips together with
+    pairs in any attitude; such pairs alone. A way returns None where it does not apply, and raises
+    NotComputableError where it does not get through.
+    """
+    rays, by_photo = _rays(problem)
+
+    def stated(progress: Progress | None) -> State | None:
+        given = _given(problem, rays)
+        if given is None or not given.oriented.all():
+            return None
+        return state_of(problem, _completed(problem, given, rays))
+
+    def parts(progress: Progress | None) -> list[Cluster]:
+        return bridged_parts(problem, rays, progress) if problem.block.strips else []
+
+    def bridged(progress: Progress | None) -> State | None:
+        free = parts(progress)
+        if not free:
+            return None
+        return _joined(problem, rays, by_photo, free, progress, others=False)
+
+    def level(progress: Progress | None) -> State | None:
+        cluster = level_cluster(problem)
+        return None if cluster is None else state_of(problem, cluster)
+
+    def mixed(progress: Progress | None) -> State | None:
+        free = parts(progress)
+        if not free:
+            return None
+        return _joined(problem, rays, by_photo, free, progress)
+
+    def paired(progress: Progress | None) -> State | None:
+        return _joined(problem, rays, by_photo, [], progress)
+
+    return [stated, bridged, level, mixed, paired]
+
+
+def _joined(
+    problem: Problem,
+    rays: Array,
+    by_photo: list[Index],
+    free: list[Cluster],
+    progress: Progress | None,
+    *,
+    others: bool = True,
+) -> State:
+    """Join parts over common points and control, and add what is not in them.
+
+    With `others`, pairs in any attitude orient what does not hang together with that.
+    """
+    ground = _given(problem, rays)
+    if ground is None:
+        ground = Cluster.empty(problem)
+    for cluster in free:
+        if ground.oriented.any() and ground.join(cluster):
+            continue
+        if to_ground(problem, cluster):
+            _merge(ground, cluster)
+    if not ground.oriented.any():
+        ground = _from_control(problem, by_photo)
+        if not ground.oriented.any():
+            if not free:
+                free = _seed_pairs(problem, rays, by_photo, progress)
+            if free:
+                ground = free[0]
+                if not to_ground(problem, ground):
+                    give_nominal_place(problem, ground)
+    _grow(problem, ground, rays, by_photo, free, progress)
+    missing = np.nonzero(~ground.oriented)[0]
+    if len(missing) and others:
+        ground = _other_parts(problem, ground, rays, by_photo, progress)
+        missing = np.nonzero(~ground.oriented)[0]
+    if len(missing):
+        raise _not_oriented(problem, ground, missing)
+    return state_of(problem, _completed(problem, ground, rays))
+
+
+def extended_state(problem: Problem, last: Problem, state: State) -> State | None:
+    """Return the state of a smaller or earlier block, grown by what is new.
+
+    Parameters
+    ----------
+    problem
+        The bundle as it is now.
+    last, state
+        A bundle before and its solution, in the same system.
+
+    Returns
+    -------
+    State or None
+        None when something new cannot be placed from what is there.
+    """
+    rays, by_photo = _rays(problem)
+    cluster = _taken_over(problem, last, state)
+    if not cluster.oriented.any():
+        return None
+    _grow(problem, cluster, rays, by_photo, [], None)
+    if not cluster.oriented.all():
+        return None
+    kept = cluster.points.copy()
+    known = np.isfinite(kept[:, 0])
+    cluster = _completed(problem, cluster, rays)
+    # adjusted coordinates are better than intersected ones
+    cluster.points[known] = kept[known]
+    found = state_of(problem, cluster)
+    if len(state.shared) == problem.in_border:
+        found = replace(found, shared=state.shared)
+    return found
+
+
+def laid_onto_control(problem: Problem, free: Problem, state: State) -> State | None:
+    """Return a solution without datum laid onto control and stated positions.
+
+    Parameters
+    ----------
+    problem
+        The bundle with its datum.
+    free, state
+        A bundle of the same block without, which may lack some points and photos, and its solution.
+
+    Returns
+    -------
+    State or None
+        None when control does not suffice, or what is lacking cannot be added.
+    """
+    rays, by_photo = _rays(problem)
+    cluster = _taken_over(problem, free, state)
+    if not to_ground(problem, cluster):
+        return None
+    _grow(problem, cluster, rays, by_photo, [], None)
+    if not cluster.oriented.all():
+        return None
+    return state_of(problem, _completed(problem, cluster, rays))
+
+
+def restricted(smaller: Problem, problem: Problem, state: State) -> State:
+    """Return the state of a bundle for another one with some of its photos and points."""
+    cluster = _taken_over(smaller, problem, state)
+    return state_of(smaller, cluster)
+
+
+def _taken_over(problem: Problem, last: Problem, state: State) -> Cluster:
+    """Return what another bundle has of this one's photos and points."""
+    cluster = Cluster.empty(problem)
+    photos = {name: k for k, name in enumerate(last.photos)}
+    points = {name: k for k, name in enumerate(last.points)}
+    for k, name in enumerate(problem.photos):
+        old = photos.get(name)
+        if old is not None:
+            cluster.centres[k] = state.centres[old] + state.origin
+            cluster.rotations[k] = state.rotations[old]
+    for k, name in enumerate(problem.points):
+        old = points.get(name)
+        if old is not None:
+            cluster.points[k] = state.points[old] + state.origin
+    return cluster
+
+
+def _rays(problem: Problem) -> tuple[Array, list[Index]]:
+    """Rays of unit length in image axes, and the rays of each photo."""
+    rays = np.column_stack((problem.xy, -problem.c[problem.photo]))
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    order = np.argsort(problem.photo, kind="stable")
+    ends = np.searchsorted(problem.photo[order], np.arange(len(problem.photos) + 1))
+    return rays, [order[ends[k] : ends[k + 1]] for k in range(len(problem.photos))]
+
+
+def state_of(problem: Problem, cluster: Cluster) -> State:
+    """Return a complete cluster as the state of a bundle."""
+    points = np.where(problem.fixed, problem.known, cluster.points)
+    lost = np.nonzero(~np.isfinite(points).all(axis=1))[0]
+    if len(lost) or not bool(np.isfinite(cluster.centres).all()):
+        raise NotComputableError(
+            f"block {problem.block.name}: no approximate coordinates found for the points "
+            f"{listed([problem.points[k] for k in lost.tolist()])}"
+        )
+    origin = np.round(points.mean(axis=0))
+    return State(
+        centres=cluster.centres - origin,
+        rotations=cluster.rotations,
+        points=points - origin,
+        own=np.zeros((len(problem.photos), problem.per_photo - 6)),
+        shared=np.zeros(problem.in_border),
+        origin=origin,
+    )
+
+
+def _given(problem: Problem, rays: Array) -> Cluster | None:
+    """Photos whose orientation the block states, when their rays meet."""
+    stated = np.isfinite(problem.position[:, 0]) & np.isfinite(problem.rotation[:, 0])
+    if not stated.any():
+        return None
+    cluster = Cluster.empty(problem)
+    for k in np.nonzero(stated)[0].tolist():
+        cluster.centres[k] = problem.position[k]
+        cluster.rotations[k] = rotation_matrix(*problem.rotation[k].tolist())
+    known = np.isfinite(problem.known).all(axis=1)
+    cluster.points[known] = problem.known[known]
+    cluster.place(problem, rays)
+    size = cluster.residuals(problem) / problem.c[problem.photo]
+    size = size[~np.isnan(size)]
+    if len(size) == 0 or float(np.median(size)) > _BELIEVED:
+        return None
+    return cluster
+
+
+def _from_control(problem: Problem, by_photo: list[Index]) -> Cluster:
+    """Photos that see at least four full control points."""
+    cluster = Cluster.empty(problem)
+    known = np.isfinite(problem.known).all(axis=1)
+    cluster.points[known] = problem.known[known]
+    cluster.add_photos(problem, by_photo)
+    return cluster
+
+
+def _seed_pairs(
+    problem: Problem, rays: Array, by_photo: list[Index], progress: Progress | None
+) -> list[Cluster]:
+    """Start from a pair of photos in any attitude, the one from which most photos follow."""
+    sets = [set(problem.point[index].tolist()) for index in by_photo]
+    n = len(problem.photos)
+    candidates = _most_in_common(problem, by_photo)
+    best: Cluster | None = None
+    best_score = (-1, 0.0)
+    for count, (_, i, j) in enumerate(candidates[:4]):
+        if progress is not None:
+            progress("orienting pairs", count / min(4, len(candidates)))
+        both = np.array(sorted(sets[i] & sets[j]))
+        index = [{int(problem.point[r]): int(r) for r in by_photo[k][::-1]} for k in (i, j)]
+        first = rays[[index[0][int(p)] for p in both]]
+        second = rays[[index[1][int(p)] for p in both]]
+        for found in orient_pair(first, second)[:3]:
+            cluster = Cluster.empty(problem)
+            cluster.centres[i], cluster.rotations[i] = np.zeros(3), np.eye(3)
+            cluster.centres[j], cluster.rotations[j] = found.base, found.rotation
+            cluster.place(problem, rays)
+            _spread(problem, cluster, rays, by_photo)
+            size = cluster.residuals(problem)
+            size = size[~np.isnan(size)]
+            error = float(np.median(size)) if len(size) else float("inf")
+            score = (int(cluster.oriented.sum()), -error)
+            if score > best_score:
+                best, best_score = cluster, score
+        if best is not None and best_score[0] == n and count >= 1:
+            break
+    return [] if best is None else [best]
+
+
+def _most_in_common(problem: Problem, by_photo: list[Index]) -> list[tuple[int, int, int]]:
+    """Return (common points, photo, photo) of pairs with six or more, most first."""
+    n, p = len(problem.photos), len(problem.points)
+    used = np.concatenate(by_photo)
+    seen = sparse.coo_matrix(
+        (np.ones(len(used)), (problem.photo[used], problem.point[used])), shape=(n, p)
+    ).tocsr()
+    seen.data[:] = 1.0
+    common = sparse.triu(seen @ seen.T, 1).tocoo()
+    good = common.data >= 6
+    order = np.lexsort((common.col[good], common.row[good], -common.data[good]))
+    triples = np.stack((common.data[good], common.row[good], common.col[good]), axis=1)
+    return [(int(c), int(i), int(j)) for c, i, j in triples[order].tolist()]
+
+
+def _spread(problem: Problem, cluster: Cluster, rays: Array, by_photo: list[Index]) -> None:
+    """Add photos and points until nothing more can be added; all points from all rays."""
+    while True:
+        added = 0
+        for fewest in (6, 5, 4):
+            added = cluster.add_photos(problem, by_photo, fewest)
+            if added:
+                break
+        placed = cluster.place(problem, rays)
+        if not added and not placed:
+            break
+
+
+def _grow(
+    problem: Problem,
+    ground: Cluster,
+    rays: Array,
+    by_photo: list[Index],
+    others: list[Cluster],
+    progress: Progress | None,
+) -> None:
+    """Add photos, points and parts to the ground cluster until nothing more can be added."""
+    known = np.isfinite(problem.known).all(axis=1) & ~ground.placed
+    if problem.datum == "control" and _in_ground(problem, ground):
+        ground.points[known] = problem.known[known]
+    waiting = [c for c in others if c is not ground and (c.oriented & ~ground.oriented).any()]
+    while True:
+        if progress is not None:
+            progress("orienting photos", float(ground.oriented.mean()))
+        ground.place(problem, rays)
+        joined = [c for c in waiting if ground.join(c)]
+        waiting = [c for c in waiting if c not in joined]
+        if joined:
+            continue
+        if ground.add_photos(problem, by_photo, 5) or ground.add_photos(problem, by_photo, 4):
+            continue
+        hinged = next((c for c in waiting if ground.join(c, hinged=True)), None)
+        if hinged is None:
+            break
+        waiting = [c for c in waiting if c is not hinged]
+
+
+def _in_ground(problem: Problem, cluster: Cluster) -> bool:
+    """Whether the cluster's points lie near the control they should coincide with."""
+    both = np.isfinite(problem.known).all(axis=1) & cluster.placed
+    if both.sum() < 3:
+        return False
+    off = np.linalg.norm(cluster.points[both] - problem.known[both], axis=1)
+    return bool(np.median(off) < 0.2 * np.ptp(problem.known[both], axis=0).max())
+
+
+def _other_parts(
+    problem: Problem,
+    ground: Cluster,
+    rays: Array,
+    by_photo: list[Index],
+    progress: Progress | None,
+) -> Cluster:
+    """Orient photos that do not hang together with the ground cluster by themselves."""
+    for _ in range(len(problem.photos)):
+        missing = ~ground.oriented
+        if not missing.any():
+            break
+        control = _from_control(problem, by_photo)
+        new = control.oriented & missing
+        if new.any():
+            ground.centres[new] = control.centres[new]
+            ground.rotations[new] = control.rotations[new]
+            _grow(problem, ground, rays, by_photo, [], progress)
+            continue
+        left = [index if missing[k] else index[:0] for k, index in enumerate(by_photo)]
+        seeds = _seed_pairs(problem, rays, left, progress)
+        if not seeds:
+            break
+        part = seeds[0]
+        if not ground.join(part):
+            if not to_ground(problem, part):
+                give_nominal_place(problem, part)
+            _merge(ground, part)
+        _grow(problem, ground, rays, by_photo, [], progress)
+        if (~ground.oriented).sum() == missing.sum():
+            break
+    return ground
+
+
+def _merge(ground: Cluster, part: Cluster) -> None:
+    """Take up a part that is in the same system already."""
+    photos, points = part.oriented & ~ground.oriented, part.placed & ~ground.placed
+    ground.centres[photos] = part.centres[photos]
+    ground.rotations[photos] = part.rotations[photos]
+    ground.points[points] = part.points[points]
+
+
+def _completed(problem: Problem, cluster: Cluster, rays: Array) -> Cluster:
+    """Give every point coordinates: intersected, known, or on its ray."""
+    found = intersect_rays(problem, cluster, rays)
+    good = np.isfinite(found[:, 0])
+    cluster.points[good] = found[good]
+    known = np.isfinite(problem.known)
+    missing = ~cluster.placed
+    depths = np.linalg.norm(cluster.points[problem.point] - cluster.centres[problem.photo], axis=1)
+    typical = float(np.nanmedian(depths)) if np.isfinite(depths).any() else 1.0
+    behind = _behind(problem, cluster)
+    for k in np.nonzero(missing | behind)[0].tolist():
+        ray = int(np.nonzero(problem.point == k)[0][0])
+        photo = problem.photo[ray]
+        direction = cluster.rotations[photo] @ rays[ray]
+        along = typical
+        if known[k, 2] and abs(direction[2]) > 1e-6:
+            reach = (problem.known[k, 2] - cluster.centres[photo, 2]) / direction[2]
+            along = reach if reach > 0.0 else along
+        cluster.points[k] = cluster.centres[photo] + along * direction
+    if problem.datum == "control":
+        near = known & ~np.isnan(cluster.points)
+        full = known.all(axis=1)
+        # control with few rays is better known than intersected
+        few = np.bincount(problem.point, minlength=len(problem.points)) < 2
+        take = (full & few)[:, None] & near
+        cluster.points = np.where(take, problem.known, cluster.points)
+    return cluster
+
+
+def _behind(problem: Problem, cluster: Cluster) -> NDArray[np.bool_]:
+    """Points that lie behind most of their photos."""
+    away = cluster.points[problem.point] - cluster.centres[problem.photo]
+    depth = -np.einsum("ni,ni->n", cluster.rotations[problem.photo][:, :, 2], away)
+    count = np.bincount(problem.point, minlength=len(problem.points))
+    with np.errstate(invalid="ignore"):
+        wrong = np.bincount(problem.point, depth <= 0.0, minlength=len(problem.points))
+    return wrong > 0.5 * count
+
+
+def _not_oriented(problem: Problem, ground: Cluster, missing: Index) -> NotComputableError:
+    placed = ground.placed
+    counts = np.bincount(problem.photo[placed[problem.point]], minlength=len(problem.photos))
+    names = [f"{problem.photos[k]} ({int(counts[k])} points known)" for k in missing.tolist()]
+    return NotComputableError(
+        f"block {problem.block.name}: no approximate orientation found for photo"
+        f"{'s' * (len(names) > 1)} {listed(names)}: they share too few points with the others, or "
+        "their measurements contradict each other"
+    )

@@ -1,0 +1,151 @@
+"""Parts of a block from its strips: bridged models, joined over common points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.start.subblock import Cluster
+from anaplot.errors import NotComputableError
+from anaplot.orientation.model import WrongPointsError, orient
+from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.strip import stereopair
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo
+
+__all__ = ["bridged_parts"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+
+def bridged_parts(problem: Problem, rays: Array, progress: Progress | None = None) -> list[Cluster]:
+    """Bridge the strips and join them over common points.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    rays
+        (m, 3) its rays, of unit length in image axes.
+    progress
+        Called with what is being done and the fraction of it.
+
+    Returns
+    -------
+    list[Cluster]
+        Parts that could not be joined, each in the system of one of its strips; the largest first.
+    """
+    parts: list[Cluster] = []
+    block = problem.block
+    unused = set(problem.unused_rays.tolist())
+    rows = rows_by_photo(row for k, row in enumerate(block.image_points) if k not in unused)
+    for count, strip in enumerate(block.strips):
+        if progress is not None:
+            progress("bridging strips", count / len(block.strips))
+        parts += _bridged(problem, strip, rows)
+    parts.sort(key=lambda part: -int(part.oriented.sum()))
+    joined: list[Cluster] = []
+    while parts:
+        main = parts.pop(0)
+        main.place(problem, rays)
+        again = True
+        while again:
+            again = False
+            shared = [int((main.placed & part.placed).sum()) for part in parts]
+            for k in np.argsort(shared)[::-1].tolist():
+                if shared[k] >= 3 and main.join(parts[k]):
+                    parts.pop(k)
+                    main.place(problem, rays)
+                    again = True
+                    break
+        joined.append(main)
+    return joined
+
+
+def _bridged(problem: Problem, strip: Strip, rows: dict[str, list[ImagePoint]]) -> list[Cluster]:
+    """Clusters of one strip: a new one begins wherever the chain of models breaks."""
+    block = problem.block
+    at_photo = {name: k for k, name in enumerate(problem.photos)}
+    at_point = {name: k for k, name in enumerate(problem.points)}
+    cameras = {camera.id: camera for camera in block.cameras}
+    camera_of = {photo.id: cameras[photo.camera] for photo in block.photos}
+    found: list[Cluster] = []
+    current: Cluster | None = None
+    preceding: ModelSolution | None = None
+    for left, right in strip.models():
+        model = None
+        if left in at_photo and right in at_photo:
+            model = _model(block, strip, (left, right), rows, camera_of, preceding)
+            if model is None and preceding is not None:
+                current, preceding = None, None
+                model = _model(block, strip, (left, right), rows, camera_of, None)
+        if model is None:
+            current, preceding = None, None
+            continue
+        if current is None:
+            current = Cluster.empty(problem)
+            found.append(current)
+            k = at_photo[left]
+            current.centres[k], current.rotations[k] = np.array(model.centre), np.eye(3)
+        k = at_photo[right]
+        current.centres[k] = np.array(model.centre) + np.array(model.base)
+        current.rotations[k] = rotation_matrix(*model.rotation)
+        for p in model.points:
+            index = at_point.get(p.point)
+            if index is not None and not np.isfinite(current.points[index, 0]):
+                current.points[index] = p.X, p.Y, p.Z
+        preceding = model
+    return found
+
+
+def _model(
+    block: Block,
+    strip: Strip,
+    photos: tuple[str, str],
+    rows: dict[str, list[ImagePoint]],
+    camera_of: dict[str, Camera],
+    preceding: ModelSolution | None,
+) -> ModelSolution | None:
+    """Orient one model without the points that contradict the others most."""
+    name = model_name(*photos)
+    left, right = (
+        {n: (p.x, p.y) for n, p in points_of(rows.get(photo, ()), photo, name).items()}
+        for photo in photos
+    )
+    precision = block.precision
+    if precision.tie_variance == "exact":
+        # the same orientation, without statistics that nobody looks at
+        precision = replace(precision, tie_variance="propagated")
+    allowed = 2 + len(left) // 10
+    while True:
+        pair = stereopair(
+            photos,
+            left,
+            right,
+            (camera_of[photos[0]], camera_of[photos[1]]),
+            preceding=preceding,
+            base=strip.base,
+        )
+        try:
+            model = orient(pair, precision, block.test)
+        except WrongPointsError as error:
+            if allowed <= 0:
+                return None
+            wrong = list(error.suspects)
+        except NotComputableError:
+            return None
+        else:
+            worst = max(model.table, key=lambda row: row.sigf or 0.0)
+            rough = (model.sigma0_um or 0.0) > 20.0 * block.precision.image_um
+            if not rough or not worst.flagged or allowed <= 0:
+                return model
+            wrong = [worst.point]
+        for point in wrong:
+            left.pop(point, None)
+        allowed -= len(wrong)

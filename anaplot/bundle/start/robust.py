@@ -1,0 +1,412 @@
+"""Where gross errors have lost their pull: the place from which they are seen, and named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.solve.datum import anchor
+from anaplot.bundle.solve.factor import NotPositiveError
+from anaplot.bundle.solve.gaussnewton import NoConvergenceError, damped_step
+from anaplot.bundle.solve.normal import (
+    Linearised,
+    NormalEquations,
+    PointError,
+    State,
+    Structure,
+    linearise,
+    move,
+    objective,
+)
+from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.start.resection import resect
+from anaplot.bundle.start.subblock import Cluster, intersect_rays
+from anaplot.errors import NotComputableError
+
+__all__ = [
+    "FarOff",
+    "RobustState",
+    "Suspect",
+    "far_off",
+    "no_minimum",
+    "robust_state",
+    "robust_suspects",
+]
+
+Array = NDArray[np.float64]
+
+_ROBUST = 1e-4  # of n: squared change of the whitened residuals where robust steps end
+_STEPS = 12
+_RESECTED = 30  # photos that are resected at most when a culprit is looked for
+_FAR = 10.0  # times what measurements are off in the median: so far off is a suspect
+
+
+def no_minimum(
+    problem: Problem, structure: Structure, start: State, state: State | None = None
+) -> NotComputableError:
+    """Return the error that says why `find_minimum` finds nothing.
+
+    It names what is not determined, or only by the noise of the measurements; else the observations
+    farthest from a robust solution. How good the best state is, what fits worst there and what to
+    try is said with it.
+
+    Parameters
+    ----------
+    problem, structure, start
+        As `find_minimum` had them.
+    state
+        The best that it reached; None: the start.
+    """
+    clearest = _clearest(problem, structure, start, _STEPS)
+    # where gross errors have bent the start, it is seen without them
+    for at in (start, _with_fixed(problem, clearest.state)):
+        by_noise = held_by_noise(problem, structure, at)
+        if by_noise is not None:
+            # not final: without what is far off there may be a minimum all the same
+            return NoConvergenceError(by_noise, start)
+    tie = anchor(problem, start) if problem.defect else None
+    best = start if state is None else state
+    linear = linearise(problem, best)
+    open_part: NotComputableError | None = None
+    try:
+        weights = None if tie is None else tie.weights
+        NormalEquations(problem, structure, linear, 0.0, weights).factor()
+    except (PointError, NotPositiveError) as error:
+        open_part = undetermined(problem, structure, linear, tie, error)
+    worst = _suspects(problem, clearest)
+    if not worst and open_part is not None:
+        return open_part
+    said = [f"block {problem.block.name}: no solution found"]
+    if worst:
+        others = "".join(f"; then {suspect.what}" for suspect in worst[1:3])
+        said[0] += f": {worst[0].what} disagrees by {worst[0].size} with all others{others}"
+    said.append(_best_reached(problem, linear))
+    if open_part is not None:
+        said.append(f"there {str(open_part).removeprefix(f'block {problem.block.name}: ')}")
+    said.append(
+        "remeasure what is named or switch it off (use = off), or let --errors search begin "
+        "without it"
+        if worst
+        else "look at these, or state where the photos are ([[photo]] position and rotation)"
+    )
+    return NoConvergenceError("; ".join(said), start)
+
+
+def _best_reached(problem: Problem, linear: Linearised) -> str:
+    """Say how well the best state fits, and name the rays that fit worst there."""
+    size = np.linalg.norm(linear.e * problem.sigma_xy, axis=1)
+    order = np.argsort(-np.nan_to_num(size, nan=np.inf), kind="stable")[:3]
+    sigma0 = np.sqrt(linear.vtpv / max(problem.redundancy, 1))
+    named = ", ".join(
+        f"{problem.points[problem.point[k]]} in {problem.photos[problem.photo[k]]} "
+        f"({size[k]:.3g} mm)"
+        for k in order.tolist()
+    )
+    return f"the best state has sigma0 {sigma0:.3g}, the worst rays {named}"
+
+
+class Suspect(NamedTuple):
+    """A measurement far from a robust solution.
+
+    Attributes
+    ----------
+    what
+        "point P in photo F", "control point P" or "the stated position of photo F".
+    size
+        How far it is off, with its unit.
+    times
+        The same, in units of what the measurements of its kind are off in the median.
+    """
+
+    what: str
+    size: str
+    times: float
+
+
+def robust_suspects(
+    problem: Problem, structure: Structure, start: State, steps: int = _STEPS
+) -> list[Suspect]:
+    """Return the measurements that a robust adjustment leaves far off, the worst first.
+
+    As `robust_state`; where that leaves many rays off, photos that fit badly are resected to the
+    points of the others first.
+    """
+    return _suspects(problem, _clearest(problem, structure, start, steps))
+
+
+def _suspects(problem: Problem, clearest: _Clearest) -> list[Suspect]:
+    """Return what a robust solution leaves far off, the worst first."""
+    image, control, priors = clearest.misfits
+    held = clearest.held
+    found = []
+    scale = clearest.ray_scale(problem)
+    rays = np.bincount(problem.point, minlength=len(problem.points))
+    bad = np.bincount(problem.point[image > _FAR * scale], minlength=len(problem.points))
+    named: set[str] = set()
+    for k in np.argsort(-image, kind="stable")[:20].tolist():
+        p = int(problem.point[k])
+        photo, point = problem.photos[problem.photo[k]], problem.points[p]
+        what = f"point {point} in photo {photo}"
+        if held[p].any() and rays[p] == 1:
+            # a single ray and control contradict each other: nothing tells which is wrong
+            what = f"control point {point} or {what}"
+        elif held[p].any() and bad[p] > rays[p] // 2:
+            what = f"control point {point}"
+        if what in named:
+            continue
+        named.add(what)
+        found.append(Suspect(what, f"{image[k]:.3g} mm", image[k] / scale))
+    if held.any():
+        scale = clearest.control_scale()
+        for k in np.argsort(-control, kind="stable")[:10].tolist():
+            what = f"control point {problem.points[k]}"
+            if what in named:
+                continue
+            found.append(Suspect(what, f"{control[k]:.3g} m", control[k] / scale))
+    scale = clearest.prior_scale()
+    for k, group in np.argwhere(priors > _FAR * scale).tolist():
+        what = f"the stated {('position', 'rotation')[group]} of photo {problem.photos[k]}"
+        found.append(Suspect(what, f"{priors[k, group]:.3g} sigma", priors[k, group] / scale))
+    found = [suspect for suspect in found if suspect.times > _FAR]
+    found.sort(key=lambda suspect: -suspect.times)
+    return found
+
+
+class FarOff(NamedTuple):
+    """What is far off from a robust solution.
+
+    Attributes
+    ----------
+    state
+        The solution; coordinates free of error have their values.
+    rays, control, priors
+        (m,) which rays, (points,) which points' control, (photos, 2) which prior positions and
+        rotations.
+    reach
+        What a ray may be off [mm].
+    """
+
+    state: State
+    rays: NDArray[np.bool_]
+    control: NDArray[np.bool_]
+    priors: NDArray[np.bool_]
+    reach: float
+
+
+def far_off(problem: Problem, structure: Structure, start: State, steps: int = _STEPS) -> FarOff:
+    """Return what a robust adjustment leaves far off, by the measure of `robust_suspects`."""
+    clearest = _clearest(problem, structure, start, steps)
+    held = clearest.held.any(axis=1)
+    control = np.zeros(len(problem.points), dtype=bool)
+    if held.any():
+        control = held & (clearest.misfits.control > _FAR * clearest.control_scale())
+    reach = _FAR * clearest.ray_scale(problem)
+    rays = clearest.misfits.image > reach
+    priors = clearest.misfits.priors > _FAR * clearest.prior_scale()
+    return FarOff(_with_fixed(problem, clearest.state), rays, control, priors, reach)
+
+
+class _Misfits(NamedTuple):
+    """(m,) of rays [mm], (points,) of control [m], (photos, 2) of prior orientations [sigmas]."""
+
+    image: Array
+    control: Array
+    priors: Array
+
+
+class _Clearest(NamedTuple):
+    """A robust solution; held and least as `_robust` returns them."""
+
+    state: State
+    held: NDArray[np.bool_]
+    least: Array
+    misfits: _Misfits
+
+    def ray_scale(self, problem: Problem) -> float:
+        """Return what a ray is off in the median, not less than its sigma [mm]."""
+        return max(float(np.median(self.misfits.image)), float(np.median(problem.sigma)))
+
+    def control_scale(self) -> float:
+        """Return what control is off in the median, not less than its smallest sigma [m]."""
+        held = self.held
+        middle = float(np.median(self.misfits.control[held.any(axis=1)]))
+        return max(middle, float(self.least[held].min()))
+
+    def prior_scale(self) -> float:
+        """Return what prior orientations are off in the median, not less than their sigma."""
+        return _prior_scale(self.misfits.priors)
+
+
+def _clearest(problem: Problem, structure: Structure, start: State, steps: int) -> _Clearest:
+    """Return the robust solution that leaves fewer rays off, with and without new orientations."""
+    state, held, least = _robust(problem, structure, start, steps)
+    misfits = _misfits(problem, held, state)
+    off = _off(problem, misfits.image)
+    if off > max(1, len(misfits.image) // 200):
+        again, _, _ = _robust(problem, structure, _reoriented(problem, start), steps)
+        others = _misfits(problem, held, again)
+        if _off(problem, others.image) <= off:
+            state, misfits = again, others
+    return _Clearest(state, held, least, misfits)
+
+
+class RobustState(NamedTuple):
+    """Where gross errors have lost their pull.
+
+    Attributes
+    ----------
+    state
+        The state; coordinates free of error have their values.
+    misfit
+        Median misfit of the rays [mm].
+    rays_off, control_off
+        How many rays and control points are off by more than 20 times what is expected.
+    """
+
+    state: State
+    misfit: float
+    rays_off: int
+    control_off: int
+
+    def explains(self, rays: int) -> bool:
+        """Whether all but a few of the rays fit: what is off is wrong, not the orientations."""
+        return self.rays_off <= max(1, rays // 200)
+
+    @property
+    def off(self) -> tuple[int, int]:
+        """How many rays and how many control points are off."""
+        return self.rays_off, self.control_off
+
+
+def robust_state(
+    problem: Problem, structure: Structure, start: State, steps: int = _STEPS
+) -> RobustState:
+    """Return the state after some steps of a robust adjustment.
+
+    The sigma of every ray, control point and prior grows with its residual (Cauchy's weight
+    function), so that gross errors lose their pull. The steps are damped; control free of error is
+    weighted here, for it may be what is wrong.
+    """
+    state, held, least = _robust(problem, structure, start, steps)
+    image, control, _ = _misfits(problem, held, state)
+    off = control > 20.0 * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
+    return RobustState(
+        _with_fixed(problem, state),
+        float(np.median(image)),
+        _off(problem, image),
+        int((off & held.any(axis=1)).sum()),
+    )
+
+
+def _with_fixed(problem: Problem, state: State) -> State:
+    """Return the state with the values of coordinates free of error."""
+    points = np.where(problem.fixed, problem.known - state.origin, state.points)
+    return replace(state, points=points)
+
+
+def _off(problem: Problem, image: Array) -> int:
+    """Count the rays that are off by more than 20 times their sigma."""
+    return int((image > 20.0 * problem.sigma).sum())
+
+
+def _robust(
+    problem: Problem, structure: Structure, start: State, steps: int
+) -> tuple[State, NDArray[np.bool_], Array]:
+    """Robust steps; also which coordinates are control, and its smallest sigmas [m]."""
+    held = problem.fixed | np.isfinite(problem.known_sigma)
+    seen = linearise(problem, start)
+    ground = float(np.median(np.abs(seen.depth) / problem.c[problem.photo] * problem.sigma))
+    least = np.where(problem.fixed, ground, np.nan_to_num(problem.known_sigma, nan=ground))
+    soft = replace(
+        problem,
+        fixed=np.zeros_like(problem.fixed),
+        known_sigma=np.where(held, least, np.nan),
+    )
+    state = start
+    tie = anchor(problem, state) if problem.defect else None
+    weights = None if tie is None else tie.weights
+    damping = 1e-3
+    for _ in range(steps):
+        image, control, priors = _misfits(problem, held, state)
+        scale = max(float(np.median(image)), float(np.median(problem.sigma)))
+        soft = replace(soft, sigma=scale * np.sqrt(1.0 + (image / scale) ** 2))
+        if held.any():
+            scale = max(float(np.median(control[held.any(axis=1)])), float(least[held].min()))
+            grown = least * np.sqrt(1.0 + (control / scale) ** 2)[:, None]
+            soft = replace(soft, known_sigma=np.where(held, grown, np.nan))
+        if priors.any():
+            grown = np.sqrt(1.0 + (priors / _prior_scale(priors)) ** 2)
+            soft = replace(
+                soft,
+                position_sigma=problem.position_sigma * grown[:, :1],
+                rotation_sigma=problem.rotation_sigma * grown[:, 1:],
+            )
+        linear = linearise(soft, state)
+        step = damped_step(soft, structure, linear, damping, weights, None)
+        if step is None:
+            damping *= 10.0
+            continue
+        trial = move(soft, state, *step[0])
+        if objective(soft, trial)[0] <= linear.vtpv:
+            state, damping = trial, damping * 0.3
+            if step[1] < _ROBUST * problem.observations:
+                break
+        else:
+            damping *= 10.0
+    return state, held, least
+
+
+def _reoriented(problem: Problem, start: State, rounds: int = 3) -> State:
+    """Points from their rays alone, and photos that fit them badly resected to the others' points.
+
+    Whatever control says, and however a gross error has bent the approximate orientations.
+    """
+    rays = np.column_stack((problem.xy, -problem.c[problem.photo]))
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    cluster = Cluster(start.centres.copy(), start.rotations.copy(), start.points.copy())
+    cluster.place(problem, rays, again=True)
+    order = np.argsort(problem.photo, kind="stable")
+    ends = np.searchsorted(problem.photo[order], np.arange(len(problem.photos) + 1))
+    for _ in range(rounds):
+        size = np.nan_to_num(cluster.residuals(problem), nan=np.inf)
+        worst = np.array(
+            [np.max(size[order[ends[k] : ends[k + 1]]]) for k in range(len(problem.photos))]
+        )
+        limit = 10.0 * max(float(np.median(size)), float(np.median(problem.sigma)))
+        for photo in np.argsort(-worst, kind="stable")[:_RESECTED].tolist():
+            if not worst[photo] > limit:
+                break
+            mine = order[ends[photo] : ends[photo + 1]]
+            # points as the other photos alone place them
+            others = Cluster(cluster.centres.copy(), cluster.rotations, cluster.points.copy())
+            others.centres[photo] = np.nan
+            seen = intersect_rays(problem, others, rays)[problem.point[mine]]
+            good = np.isfinite(seen[:, 0])
+            c = float(problem.c[photo])
+            found = resect(problem.xy[mine[good]], c, seen[good])
+            if found is None:
+                continue
+            before = float(np.sum(np.minimum(size[mine[good]], 0.02 * c)))
+            if float(np.sum(np.minimum(found.residual, 0.02 * c))) < before:
+                cluster.centres[photo], cluster.rotations[photo] = found.centre, found.rotation
+        cluster.place(problem, rays, again=True)
+    return replace(
+        start, centres=cluster.centres, rotations=cluster.rotations, points=cluster.points
+    )
+
+
+def _misfits(problem: Problem, held: NDArray[np.bool_], state: State) -> _Misfits:
+    linear = linearise(problem, state)
+    e = linear.e * problem.sigma_xy
+    image = np.nan_to_num(np.linalg.norm(e, axis=1), nan=1e6, posinf=1e6)
+    off = np.where(held, state.points - (problem.known - state.origin), 0.0)
+    priors = np.abs(linear.photo_e).reshape(-1, 2, 3).max(axis=2)
+    return _Misfits(image, np.linalg.norm(off, axis=1), priors)
+
+
+def _prior_scale(priors: Array) -> float:
+    return max(float(np.median(priors[priors > 0.0])), 1.0) if priors.any() else 1.0

@@ -1,0 +1,215 @@
+"""A part of a block whose photos are oriented in one system, and how such parts grow and join."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.start.resection import resect
+from anaplot.photogrammetry.collinearity import project, turns
+from anaplot.photogrammetry.similarity import Similarity, fit_similarity, line_of, robust_similarity
+
+__all__ = ["Cluster", "intersect_rays"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_ALONG = 0.01  # share of the extent within which points on a line coincide
+_PARALLEL = 1e-10  # smallest over largest eigenvalue below which rays count as parallel
+
+
+@dataclass(slots=True, eq=False)
+class Cluster:
+    """Photos and points in one system; NaN for what is not in it.
+
+    Attributes
+    ----------
+    centres, rotations
+        (photos, 3) and (photos, 3, 3).
+    points
+        (points, 3).
+    """
+
+    centres: Array
+    rotations: Array
+    points: Array
+
+    @classmethod
+    def empty(cls, problem: Problem) -> Cluster:
+        """Return a cluster of nothing."""
+        n, p = len(problem.photos), len(problem.points)
+        return cls(np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((p, 3), np.nan))
+
+    @property
+    def oriented(self) -> NDArray[np.bool_]:
+        """(photos,) which photos are in it."""
+        out: NDArray[np.bool_] = np.isfinite(self.centres[:, 0])
+        return out
+
+    @property
+    def placed(self) -> NDArray[np.bool_]:
+        """(points,) which points are in it."""
+        return np.asarray(np.isfinite(self.points).all(axis=1))
+
+    def transform(self, similarity: Similarity) -> None:
+        """Move everything into another system."""
+        self.centres = similarity.apply(self.centres)
+        self.rotations = similarity.rotation @ self.rotations
+        self.points = similarity.apply(self.points)
+
+    def place(self, problem: Problem, rays: Array, *, again: bool = False) -> int:
+        """Intersect every point that two photos of the cluster see; returns how many are new."""
+        before = self.placed
+        found = intersect_rays(problem, self, rays)
+        new = np.isfinite(found[:, 0]) & (~before | again)
+        self.points[new] = found[new]
+        return int((new & ~before).sum())
+
+    def add_photos(self, problem: Problem, by_photo: list[Index], fewest: int = 4) -> int:
+        """Orient photos to points of the cluster, those with most points first; returns how many.
+
+        A photo is taken when most of its points agree within 2 % of the camera constant.
+        """
+        added = 0
+        placed = self.placed
+        counts = np.bincount(problem.photo[placed[problem.point]], minlength=len(problem.photos))
+        for photo in np.argsort(-counts, kind="stable").tolist():
+            if counts[photo] < fewest:
+                break
+            if self.oriented[photo]:
+                continue
+            rays = by_photo[photo]
+            rays = rays[placed[problem.point[rays]]]
+            names, first = np.unique(problem.point[rays], return_index=True)
+            if len(names) < fewest:
+                continue
+            c = float(problem.c[photo])
+            found = resect(problem.xy[rays[first]], c, self.points[names])
+            if found is None:
+                continue
+            good = found.residual < 0.02 * c
+            if good.sum() < max(fewest, 0.6 * len(names)):
+                continue
+            self.centres[photo], self.rotations[photo] = found.centre, found.rotation
+            added += 1
+        return added
+
+    def join(self, other: Cluster, *, hinged: bool = False) -> bool:
+        """Take up another cluster by the points and projection centres common to both.
+
+        Parameters
+        ----------
+        other
+            The other cluster, moved into this system.
+        hinged
+            Whether common points nearly on a line suffice (strips with little side lap over flat
+            ground): noise alone would tell how the other cluster is turned about it, so both are
+            made to look the same way.
+        """
+        points = self.placed & other.placed
+        photos = self.oriented & other.oriented
+        source = np.concatenate((other.points[points], other.centres[photos]))
+        target = np.concatenate((self.points[points], self.centres[photos]))
+        if len(source) < 3:
+            return False
+        found = robust_similarity(source, target)
+        if found is None and hinged:
+            found = _on_a_line(source, target)
+        if found is None:
+            return False
+        similarity, inliers = found
+        if inliers.sum() < max(3, 0.5 * len(source)):
+            return False
+        axis = line_of(target[inliers])
+        if axis is not None and not hinged:
+            return False
+        other.transform(similarity)
+        if axis is not None:
+            turn = self._looking_alike(other, axis)
+            middle = target[inliers].mean(axis=0)
+            other.transform(Similarity(1.0, turn, middle - turn @ middle))
+        new_photos, new_points = other.oriented & ~self.oriented, other.placed & ~self.placed
+        self.centres[new_photos] = other.centres[new_photos]
+        self.rotations[new_photos] = other.rotations[new_photos]
+        self.points[new_points] = other.points[new_points]
+        return True
+
+    def _looking_alike(self, other: Cluster, axis: Array) -> Array:
+        """(3, 3) turn of another cluster about an axis after which both look the same way."""
+        mine, its = (
+            np.nanmean(cluster.rotations[:, :, 2], axis=0)
+            - axis * (np.nanmean(cluster.rotations[:, :, 2], axis=0) @ axis)
+            for cluster in (self, other)
+        )
+        angle = float(np.arctan2(np.cross(its, mine) @ axis, its @ mine))
+        turn: Array = turns(angle * axis[None])[0]
+        return turn
+
+    def residuals(self, problem: Problem) -> Array:
+        """(m,) distances of the rays from their points in the image [mm]; NaN when unknown."""
+        seen = project(
+            self.centres[problem.photo],
+            self.rotations[problem.photo],
+            problem.c[problem.photo],
+            self.points[problem.point],
+        )
+        size = np.linalg.norm(seen.xy - problem.xy, axis=1)
+        return np.where(seen.depth > 0.0, size, np.where(np.isfinite(size), np.inf, np.nan))
+
+
+def _on_a_line(source: Array, target: Array) -> tuple[Similarity, NDArray[np.bool_]] | None:
+    """Return a similarity of points on a line, anyhow turned about it; None where they differ."""
+    extent = float(np.ptp(target, axis=0).max())
+    if not extent > 0.0:
+        return None
+    similarity = fit_similarity(source, target)
+    inliers = np.linalg.norm(similarity.apply(source) - target, axis=1) < _ALONG * extent
+    return (similarity, inliers) if inliers.all() else None
+
+
+def intersect_rays(problem: Problem, cluster: Cluster, rays: Array, rounds: int = 6) -> Array:
+    """Return (points, 3): where the rays of the cluster's photos meet best; NaN elsewhere.
+
+    Weighted by Cauchy's function of the angle by which a ray misses, so that one wrong ray among
+    three or more loses its pull.
+
+    Parameters
+    ----------
+    rays
+        (m, 3) rays of unit length in image axes.
+    """
+    count = len(problem.points)
+    use = np.nonzero(cluster.oriented[problem.photo])[0]
+    photo, point = problem.photo[use], problem.point[use]
+    direction = np.einsum("nij,nj->ni", cluster.rotations[photo], rays[use])
+    centre = cluster.centres[photo]
+    origin = np.nanmean(cluster.centres, axis=0) if len(use) else np.zeros(3)
+    centre = centre - origin
+    plane = np.eye(3) - direction[:, :, None] * direction[:, None, :]
+    toward = np.einsum("nij,nj->ni", plane, centre)
+    weight = np.ones(len(use))
+    out = np.full((count, 3), np.nan)
+    for _ in range(rounds):
+        matrix = np.empty((count, 3, 3))
+        right = np.empty((count, 3))
+        for i in range(3):
+            right[:, i] = np.bincount(point, weight * toward[:, i], minlength=count)
+            for j in range(3):
+                matrix[:, i, j] = np.bincount(point, weight * plane[:, i, j], minlength=count)
+        values = np.linalg.eigvalsh(matrix)
+        good = values[:, 0] > _PARALLEL * values[:, 2]
+        good &= values[:, 2] > 0.0
+        out[:] = np.nan
+        out[good] = np.linalg.solve(matrix[good], right[good][:, :, None])[:, :, 0]
+        away = out[point] - centre
+        distance = np.linalg.norm(away, axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            miss = np.linalg.norm(np.einsum("nij,nj->ni", plane, away), axis=1) / distance
+            known = miss[np.isfinite(miss)]
+            scale = max(3.0 * float(np.median(known)), 1e-9) if len(known) else 1.0
+            weight = np.nan_to_num(1.0 / (1.0 + (miss / scale) ** 2), nan=1.0)
+    out[:] = out + origin
+    return out

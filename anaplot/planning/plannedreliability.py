@@ -1,0 +1,90 @@
+"""What a planned point or photo is worth: its redundancy numbers and its weakest observation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.rows import RayRow
+
+__all__ = ["PointWorth", "photo_worth", "point_worth"]
+
+
+class PointWorth(NamedTuple):
+    """A point or a photo, and the weakest of its observations.
+
+    Attributes
+    ----------
+    name
+        Of the point, or of the photo.
+    rays
+        How many rays it has.
+    mean_r, low_r
+        Mean and smallest redundancy number.
+    weakest
+        Photo of the weakest observation of a point; point of that of a photo.
+    axis
+        Its axis.
+    mdb_um
+        Its smallest detectable error [um]; None when nothing checks it.
+    s_xyz
+        Expected standard deviations of a point [m]; None for a photo.
+    """
+
+    name: str
+    rays: int
+    mean_r: float
+    low_r: float
+    weakest: str
+    axis: Literal["x", "y"]
+    mdb_um: float | None
+    s_xyz: tuple[float | None, float | None, float | None] | None
+
+
+def point_worth(block: AdjustedBlock) -> tuple[PointWorth, ...]:
+    """Return every adjusted point, the one with the weakest observation first."""
+    deviations = {row.point: row.s_xyz for row in block.point_rows()}
+    of: dict[str, list[RayRow]] = {}
+    for row in block.ray_rows():
+        of.setdefault(row.point, []).append(row)
+    return _sorted(
+        _worth(point, rows, [row.photo for row in rows], deviations[point])
+        for point, rows in of.items()
+    )
+
+
+def photo_worth(block: AdjustedBlock) -> tuple[PointWorth, ...]:
+    """Return every photo, the one with the weakest observation first."""
+    of: dict[str, list[RayRow]] = {}
+    for row in block.ray_rows():
+        of.setdefault(row.photo, []).append(row)
+    return _sorted(
+        _worth(photo, rows, [row.point for row in rows], None) for photo, rows in of.items()
+    )
+
+
+def _worth(
+    name: str,
+    rows: list[RayRow],
+    others: list[str],
+    s_xyz: tuple[float | None, float | None, float | None] | None,
+) -> PointWorth:
+    r = np.array([row.r for row in rows])
+    k, axis = np.unravel_index(int(r.argmin()), r.shape)
+    return PointWorth(
+        name,
+        len(rows),
+        float(r.mean()),
+        max(float(r[k, axis]), 0.0),
+        others[int(k)],
+        "y" if axis else "x",
+        rows[int(k)].mdb_um[int(axis)],
+        s_xyz,
+    )
+
+
+def _sorted(found: Iterable[PointWorth]) -> tuple[PointWorth, ...]:
+    return tuple(sorted(found, key=lambda worth: round(worth.low_r, 9)))
