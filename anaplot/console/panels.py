@@ -14,7 +14,8 @@ from anaplot.console.describe import Entry, advice_of, describe_row
 from anaplot.console.inwork import in_work
 from anaplot.console.rows import ShownRow
 from anaplot.console.text import fit, number, plain, wrap
-from anaplot.station.snapshot import ReadOut, Snapshot
+from anaplot.session.plates import ReadOut
+from anaplot.station.snapshot import Snapshot
 
 __all__ = [
     "AdvicePanel",

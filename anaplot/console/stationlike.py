@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from anaplot.session.events import Axis
-from anaplot.station.snapshot import ReadOut, Snapshot
+from anaplot.session.plates import ReadOut
+from anaplot.station.snapshot import Snapshot
 from anaplot.station.stereo import StereoPair
 
 __all__ = ["StationLike"]

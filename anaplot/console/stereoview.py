@@ -17,7 +17,7 @@ from anaplot.console.halftone import TONES
 from anaplot.console.stereodrawing import StereoLayer, draw_patch, patch_size
 from anaplot.console.text import fit
 from anaplot.console.wheels import Wheels
-from anaplot.station.snapshot import ReadOut
+from anaplot.session.plates import ReadOut
 from anaplot.station.stereo import StereoPair
 
 __all__ = ["StereoView", "Viewed"]

@@ -13,7 +13,15 @@ from anaplot.plotter.jumps import JumpWatch
 from anaplot.plotter.numbering import Numbering
 from anaplot.plotter.poller import Poller, Request
 from anaplot.plotter.presses import Presses
-from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
+from anaplot.plotter.readings import (
+    UNREFERENCED,
+    Fault,
+    InPosition,
+    Position,
+    Reading,
+    Record,
+    Refused,
+)
 from anaplot.plotter.readout import Gatherer, ReadOut
 from anaplot.plotter.refusal import RefusedError
 from anaplot.plotter.schema import Footswitch, Profile, RecordFormat
@@ -22,7 +30,6 @@ from anaplot.plotter.values import axis_number, whole_number
 
 __all__ = [
     "RULES",
-    "UNREFERENCED",
     "Decoder",
     "check_examples",
 ]
@@ -30,7 +37,6 @@ __all__ = [
 RULES = 2
 """By which a decoder decides today what is a measurement; 1 are those of version 0.1."""
 _UNDER_WAY = 0.25  # s that what a device says by itself may have been on its way
-UNREFERENCED = "the counters are unreferenced since the line was lost: measure a reference again"
 
 
 @dataclass(slots=True)

@@ -1,52 +1,21 @@
-"""What a plotter says, once its bytes are understood."""
+"""The readings, under the name by which other programs know them."""
 
-from __future__ import annotations
+from anaplot.photogrammetry.readings import (
+    UNREFERENCED,
+    Fault,
+    InPosition,
+    Position,
+    Reading,
+    Record,
+    Refused,
+)
 
-from dataclasses import dataclass
-
-__all__ = ["Fault", "InPosition", "Position", "Reading", "Record", "Refused"]
-
-
-@dataclass(frozen=True, slots=True)
-class Position:
-    """Where the carriages stand: plate coordinates [mm] of the left and the right photo."""
-
-    xl: float
-    yl: float
-    xr: float
-    yr: float
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """A footswitch was pressed at a position; `number` is the device's own count, if it has one."""
-
-    position: Position
-    switch: str
-    number: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class InPosition:
-    """A drive has ended at its target."""
-
-    position: Position | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """The device reports a fault; text is made safe for display."""
-
-    code: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Refused:
-    """Bytes that are no valid reading, and why; `raw` is kept for the journal."""
-
-    raw: bytes
-    reason: str
-
-
-Reading = Position | Record | InPosition | Fault | Refused
+__all__ = [
+    "UNREFERENCED",
+    "Fault",
+    "InPosition",
+    "Position",
+    "Reading",
+    "Record",
+    "Refused",
+]

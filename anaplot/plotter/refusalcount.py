@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from anaplot.plotter.decoder import UNREFERENCED
-from anaplot.plotter.readings import Reading, Refused
+from anaplot.plotter.readings import UNREFERENCED, Reading, Refused
 
 __all__ = ["RefusalCount"]
 

@@ -33,6 +33,7 @@ from anaplot.session.events import (
     PointMeasured,
 )
 from anaplot.session.innerwork import InnerOutlook
+from anaplot.session.plates import Plates, image_of, plates_of
 from anaplot.session.state import EventRefusedError, SessionState, apply, start
 from anaplot.session.workflow import Outlook, outlook
 from anaplot.station.payloads import (
@@ -44,7 +45,6 @@ from anaplot.station.payloads import (
     refusal,
     table_of,
 )
-from anaplot.station.plates import Plates, image_of, plates_of
 from anaplot.station.tables import inner_table_difference, table_difference
 
 __all__ = ["Difference", "Replayed", "Step", "recorded_block", "replay", "replay_session"]

@@ -21,13 +21,12 @@ from anaplot.session.events import (
     PhotoLaid,
     PointMeasured,
 )
+from anaplot.session.plates import ReadOut, image_of, plates_of
 from anaplot.session.state import start
 from anaplot.session.workflow import outlook
 from anaplot.station.blockwatch import BlockWatch
-from anaplot.station.picture import picture
-from anaplot.station.plates import image_of, plates_of
 from anaplot.station.replay import Step, recorded_block, replay
-from anaplot.station.snapshot import LinkView, ReadOut, Snapshot
+from anaplot.station.snapshot import LinkView, Snapshot, picture
 from anaplot.station.stereo import StereoPair
 
 __all__ = ["ReplayStation"]

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from anaplot.orientation.results import Diagnosis, ModelSolution
+from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import InnerOrientation
+from anaplot.planning.fiducialplan import expected_fiducials
 from anaplot.session.events import Axis, Role, Side
+from anaplot.session.innerstate import InnerState
+from anaplot.session.innerwork import InnerOutlook, inner_outlook
+from anaplot.session.referencing import Reference, Referencing
+from anaplot.session.state import ModelState, SessionState
+from anaplot.session.workflow import Outlook
 from anaplot.station.blockview import BlockView
 
 __all__ = [
@@ -16,8 +23,9 @@ __all__ = [
     "LinkView",
     "PointStatus",
     "PointView",
-    "ReadOut",
     "Snapshot",
+    "asking",
+    "picture",
 ]
 
 PointStatus = Literal["pending", "measured", "flagged", "off"]
@@ -47,34 +55,6 @@ class LinkView:
     simulated: bool = False
     detail: str = ""
     parity_unchecked: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class ReadOut:
-    """The live read-out: image coordinates [mm], parallaxes px = x' - x'', py = y' - y'' [mm].
-
-    `plate_left` and `plate_right` say that the coordinates of that photo are plate coordinates,
-    for its inner orientation is still to be accepted; parallaxes mean nothing then. `mono`: both
-    are those of the one photo in a mono comparator.
-    """
-
-    xl: float
-    yl: float
-    xr: float
-    yr: float
-    plate_left: bool = False
-    plate_right: bool = False
-    mono: bool = False
-
-    @property
-    def px(self) -> float:
-        """x-parallax [mm]."""
-        return self.xl - self.xr
-
-    @property
-    def py(self) -> float:
-        """y-parallax [mm]."""
-        return self.yl - self.yr
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,3 +208,143 @@ class Snapshot:
         """
         there = (i for i in self.inners if not self.mono or i.photo == self.laid)
         return next((inner for inner in there if not inner.accepted), None)
+
+
+def picture(
+    block: Block,
+    state: SessionState,
+    view: Outlook,
+    serial: int,
+    target: str | None,
+    link: LinkView,
+) -> Snapshot:
+    """Return everything a screen needs, consistent in itself.
+
+    Parameters
+    ----------
+    block
+        As declared.
+    state, view
+        The session's state and what follows from it.
+    serial
+        Number of the snapshot.
+    target
+        The point at which the plates are, or to which they drive.
+    link
+        The link as a person sees it.
+    """
+    model = state.current
+    strip = model.strip if model is not None else ""
+    number = count = 0
+    if model is not None:
+        models = next(s for s in block.strips if s.id == strip).models()
+        number, count = models.index(model.photos) + 1, len(models)
+    return Snapshot(
+        serial=serial,
+        block=block.name,
+        strip=strip,
+        left=model.left if model is not None else "",
+        right=model.right if model is not None else "",
+        model_number=number,
+        model_count=count,
+        accepted=tuple(m.photos for m in state.models),
+        points=() if model is None else _points(model, view),
+        target=target,
+        next_point=view.next_point,
+        solution=view.solution,
+        diagnosis=view.diagnosis,
+        problem=view.problem,
+        expected=view.expected,
+        may_accept=view.may_accept,
+        may_undo=state.may_undo,
+        suspended=state.suspended,
+        finished=view.finished,
+        link=link,
+        tie_variance=block.precision.tie_variance,
+        test=f"{block.test.kind} {block.test.alpha:g}",
+        inners=() if model is None else tuple(_inner(block, i, view) for i in model.inner),
+        mono=model is not None and model.mono,
+        laid=model.photo(model.laid) if model is not None and model.laid is not None else "",
+        next_photo=None
+        if model is None or view.next_photo is None
+        else model.photo(view.next_photo),
+    )
+
+
+def _inner(block: Block, inner: InnerState, view: Outlook) -> InnerView:
+    current = view.inner is not None and view.inner.state is inner
+    found: InnerOutlook = view.inner if current and view.inner else inner_outlook(block, inner)
+    solution = found.solution
+    flagged = set() if solution is None else {row.fiducial for row in solution.flagged}
+    calibration = block.camera_of(inner.photo).calibration
+    places = {} if calibration is None else expected_fiducials(calibration)
+    fiducials = []
+    for name in inner.fiducials:
+        m = inner.measurement(name)
+        status: PointStatus = "pending"
+        if m is not None:
+            status = "flagged" if name in flagged else "measured"
+            if inner.is_off(name):
+                status = "off"
+        off = tuple(axis for axis in ("x", "y") if (name, axis) in inner.off)
+        times = 0 if m is None else m.times
+        fiducials.append(FiducialView(name, places.get(name), status, times, off))
+    return InnerView(
+        photo=inner.photo,
+        side=inner.side,
+        fiducials=tuple(fiducials),
+        solution=solution,
+        suspects=found.suspects,
+        advice=found.advice,
+        accepted=inner.accepted is not None,
+    )
+
+
+def _points(model: ModelState, view: Outlook) -> tuple[PointView, ...]:
+    flagged = set() if view.solution is None else {row.point for row in view.solution.flagged}
+    measured = {m.point: m for m in model.measured}
+    out = []
+    for planned in model.plan:
+        name = planned.point
+        m = measured.get(name)
+        status: PointStatus = "pending"
+        if m is not None:
+            status = "flagged" if name in flagged else "measured"
+            if model.is_off(name):
+                status = "off"
+        off = tuple(axis for axis in model.axes(name) if (name, axis) in model.off)
+        x, y = (planned.xl, planned.yl) if m is None else (m.xl, m.yl)
+        times = 0 if m is None else m.times
+        seen = tuple(s.side for s in model.seen if s.point == name)
+        out.append(PointView(name, planned.role, x, y, status, times, off, seen))
+    return tuple(out)
+
+
+def asking(
+    shown: Snapshot,
+    referencing: Referencing,
+    found: tuple[tuple[Side, ...], tuple[Reference, ...]],
+) -> Snapshot:
+    """Return a picture that says what is to be done about the reference before anything else.
+
+    Parameters
+    ----------
+    shown
+        The picture as it would be otherwise.
+    referencing
+        How far re-measuring has come.
+    found
+        What `references` returned.
+    """
+    needed, known = found
+    at = referencing.proposed(needed, known)
+    lost = "the counters have lost their reference"
+    if at is not None:
+        again = " again" if any(side in referencing.once for side in at.places) else ""
+        words = f"{lost}: set the mark on {at.title}{again} and press R"
+    elif needed:
+        words = f"{lost}: nothing is measured to refer them to; set them, and press K"
+    else:
+        words = f"{lost}: nothing measured depends on it; press R"
+    name = None if at is None else at.name
+    return replace(shown, expected=words, unreferenced=True, reference_point=name, next_point=name)

@@ -28,8 +28,7 @@ from anaplot.photogrammetry.inner import InnerRow
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.planning.modelplan import Candidates
 from anaplot.plotter.commands import UNCHECKED
-from anaplot.plotter.decoder import UNREFERENCED
-from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
+from anaplot.plotter.readings import UNREFERENCED, Fault, InPosition, Position, Record, Refused
 from anaplot.plotter.simulator import HandSettled, fiducial_name, monocular_name
 from anaplot.session.events import (
     EVENT_KINDS,
@@ -50,31 +49,29 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
+from anaplot.session.fiducialdrive import fiducial_target
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, acceptance
-from anaplot.session.state import EventRefusedError, ModelState, SessionState, apply, start
-from anaplot.session.workflow import Outlook, outlook
-from anaplot.station.automatic import AutomaticOperator
-from anaplot.station.blockwatch import BlockWatch
-from anaplot.station.ear import Ear, End, Heard, LinkChange, Told, Traffic, WarmUp
-from anaplot.station.fiducialdrive import fiducial_target
-from anaplot.station.header import session_header
-from anaplot.station.imagepoints import measured_here, merged_rows
-from anaplot.station.journaling import Recorder
-from anaplot.station.measuring import check_instrument, measurement_of
-from anaplot.station.picture import picture
-from anaplot.station.plans import added_point, plan_of, point_target
-from anaplot.station.plates import image_of, plate_of, plates_of
-from anaplot.station.plotting import InstrumentSetup, Plotting, SimulationSetup
-from anaplot.station.referencing import (
+from anaplot.session.measuring import check_instrument, measurement_of
+from anaplot.session.plans import added_point, plan_of, point_target
+from anaplot.session.plates import ReadOut, image_of, plate_of, plates_of
+from anaplot.session.referencing import (
     Reference,
     Referencing,
-    asking,
     in_words,
     references,
     tolerance_mm,
 )
-from anaplot.station.snapshot import LinkView, ReadOut, Snapshot
+from anaplot.session.state import EventRefusedError, ModelState, SessionState, apply, start
+from anaplot.session.workflow import Outlook, outlook
+from anaplot.station.automatic import AutomaticOperator
+from anaplot.station.blockwatch import BlockWatch
+from anaplot.station.header import session_header
+from anaplot.station.imagepoints import measured_here, merged_rows
+from anaplot.station.inbox import End, Heard, Inbox, LinkChange, Told, Traffic, WarmUp
+from anaplot.station.journaling import Recorder
+from anaplot.station.plotting import InstrumentSetup, Plotting, SimulationSetup
+from anaplot.station.snapshot import LinkView, Snapshot, asking, picture
 from anaplot.station.stereo import StereoPair
 from anaplot.station.tables import inner_table_payload, table_payload
 
@@ -136,7 +133,7 @@ class Station:
         self._auto_drive = auto_drive
         self._block = read_block(folder)
         self._lock = threading.RLock()
-        self._ear = Ear()
+        self._inbox = Inbox()
         self._subscribers: list[Callable[[Snapshot], None]] = []
         self._listeners: list[Callable[[Severity, str], None]] = []
         self._closed = False
@@ -157,12 +154,15 @@ class Station:
         self._notices: list[tuple[Severity, str]] = []
         self._after: list[Callable[[], None]] = []
         self._watch = BlockWatch(self._block_seen)
+        self._plotting: Plotting | None = None
         with contextlib.ExitStack() as undo:
-            self._plotting = None if plotter is None else Plotting(plotter, self._ear, self._block)
+            self._plotting = (
+                None if plotter is None else Plotting(plotter, self._inbox, self._block)
+            )
             if self._plotting is not None:
                 undo.callback(self._plotting.close)
                 link = self._plotting.link
-                self._ear.time = lambda: link.event_time
+                self._inbox.time = lambda: link.event_time
             self._journal, recovered = Journal.open(
                 folder,
                 session_header(self._block, operator, self._plotting, story),
@@ -454,7 +454,7 @@ class Station:
             self._write_points()
             plan = plan_of(self._state, self._pattern, self._candidates, strip, left, right)
             self._happen(ModelChosen(strip, left, right, plan, mono=self._mono))
-            self._ear.items.put(WarmUp())
+            self._inbox.items.put(WarmUp())
             self._tell("info", f"photos {left} and {right}: {len(plan)} points to measure")
             if self._mono and self._model().laid is None:
                 self._lay_photo(left)
@@ -763,7 +763,7 @@ class Station:
                 self._plotting.close()
         finally:
             self._watch.close()
-            self._ear.items.put(End())
+            self._inbox.items.put(End())
             if self._thread is not threading.current_thread():
                 self._thread.join()
             try:
@@ -815,7 +815,7 @@ class Station:
         ended = False
         try:
             while True:
-                item = self._ear.items.get()
+                item = self._inbox.items.get()
                 if isinstance(item, End):
                     ended = True
                     return

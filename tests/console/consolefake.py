@@ -19,7 +19,8 @@ from anaplot.orientation.results import (
     Transfer,
 )
 from anaplot.plotter.readings import Position
-from anaplot.station.snapshot import LinkView, PointView, ReadOut, Snapshot
+from anaplot.session.plates import ReadOut
+from anaplot.station.snapshot import LinkView, PointView, Snapshot
 from anaplot.station.stereo import StereoGround
 
 # point, role, x, y of the left photo [mm]

@@ -13,7 +13,8 @@ from anaplot.console.keys import ACTIONS
 from anaplot.console.panels import DetailsPane, MessagePanel, ReadOutLine
 from anaplot.console.tableview import TableView
 from anaplot.errors import InputError, LinkError
-from anaplot.station.snapshot import LinkView, ReadOut
+from anaplot.session.plates import ReadOut
+from anaplot.station.snapshot import LinkView
 
 SIZES = [(80, 24), (120, 40), (160, 50)]
 

@@ -21,7 +21,8 @@ from anaplot.photogrammetry.inner import orient_inner
 from anaplot.photogrammetry.inneradvice import advise
 from anaplot.photogrammetry.platetransformation import random_placement
 from anaplot.planning.syntheticcamera import with_calibration
-from anaplot.station.snapshot import FiducialView, InnerView, ReadOut
+from anaplot.session.plates import ReadOut
+from anaplot.station.snapshot import FiducialView, InnerView
 
 CAMERA = with_calibration(Camera("rmk", 152.4, (230.0, 230.0))).calibration
 assert CAMERA is not None

@@ -12,7 +12,8 @@ from anaplot.console.keys import ACTIONS, is_live, label_now
 from anaplot.console.rows import shown_rows
 from anaplot.console.tableview import TableView
 from anaplot.errors import InputError
-from anaplot.station.snapshot import ReadOut, Snapshot
+from anaplot.session.plates import ReadOut
+from anaplot.station.snapshot import Snapshot
 
 LOST = "the counters have lost their reference: set the mark on point 114 and press R"
 

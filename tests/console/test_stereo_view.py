@@ -21,9 +21,10 @@ from anaplot.exchange.blockfolder import write_block_toml
 from anaplot.photogrammetry.block import TestSettings as Settings
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.plotter.readings import Position
+from anaplot.session.plates import ReadOut
 from anaplot.station.demo import rough
 from anaplot.station.plotting import SimulationSetup
-from anaplot.station.snapshot import LinkView, ReadOut
+from anaplot.station.snapshot import LinkView
 from anaplot.station.station import Station
 from anaplot.station.stereo import MarkedPoint, StereoGround
 

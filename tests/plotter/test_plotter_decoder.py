@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
-from anaplot.plotter.decoder import UNREFERENCED, Decoder
+from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.profile import find_profiles, load_profile, parse_profile
-from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
+from anaplot.plotter.readings import UNREFERENCED, Fault, InPosition, Position, Record, Refused
 from anaplot.plotter.simulator import Hand, SimulatedPlotter
 
 CONFIRMED = load_profile("anaplot-ascii")

@@ -15,10 +15,10 @@ import serial.rfc2217
 
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter import serialport
-from anaplot.plotter.decoder import UNREFERENCED, Decoder
+from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.link import Link
 from anaplot.plotter.profile import find_profiles, load_profile, parse_profile
-from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
+from anaplot.plotter.readings import UNREFERENCED, Fault, InPosition, Position, Record, Refused
 from anaplot.plotter.server import SimulatorServer
 from anaplot.plotter.simulator import Hand, SimulatedPlotter
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from anaplot.exchange.journal import read_journal
 from anaplot.planning.synthetic import SyntheticStrip
 from anaplot.plotter.simulator import Offsets
+from anaplot.session.plates import image_of, plates_of
 from anaplot.station.demo import rough
 from anaplot.station.laidplates import random_placements
-from anaplot.station.plates import image_of, plates_of
 from anaplot.station.plotting import SimulationSetup
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.station import Station

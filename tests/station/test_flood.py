@@ -13,7 +13,7 @@ from anaplot.plotter.link import Link
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position, Record, Refused
 from anaplot.plotter.refusalcount import RefusalCount
-from anaplot.station.ear import _CROWDED, _FULL, Ear, Traffic
+from anaplot.station.inbox import _CROWDED, _FULL, Inbox, Traffic
 
 PROFILE = load_profile("anaplot-ascii-crc")
 PLACE = b"+012.3456 -034.5678 +012.0000 -034.5000"
@@ -57,7 +57,7 @@ def flood() -> Iterator[str]:
 
 
 def test_a_flood_is_bounded_and_loses_no_record(flood: str) -> None:
-    ear = Ear()
+    ear = Inbox()
     link = Link(PROFILE, flood, on_reading=ear.on_reading, on_traffic=ear.on_traffic, room=ear.room)
     with link:
         for _ in range(600):

@@ -90,9 +90,9 @@ def test_the_lines_bytes_do_not_flood_a_full_disks_operator(
     start = watch.mark
     for k in range(3000):
         recorder._since = float("-inf")  # a second has gone by
-        station._ear.on_traffic("in", "main", b"\xff" * 100 + bytes([k % 256]))
+        station._inbox.on_traffic("in", "main", b"\xff" * 100 + bytes([k % 256]))
     done = threading.Event()
-    station._ear.items.put(_Call(done))  # type: ignore[arg-type]
+    station._inbox.items.put(_Call(done))  # type: ignore[arg-type]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(station, "_take", _taking(station, station._take))
         assert done.wait(WAIT)
@@ -311,7 +311,7 @@ def test_a_fault_of_the_device_ends_the_drive(bench: Bench) -> None:
     station, watch = bench.open(time_scale=0.01)
     station.next_model()
     assert station.snapshot().target is not None
-    station._ear.on_reading(Fault("3", "left x lost counts"))
+    station._inbox.on_reading(Fault("3", "left x lost counts"))
     watch.heard("plotter fault 3: left x lost counts")
     assert station.snapshot().target is None
     with pytest.raises(InputError, match="drive to a point first"):
@@ -324,7 +324,7 @@ def test_a_fault_while_the_plates_stand_changes_nothing(bench: Bench) -> None:
     station.next_model()
     settled(watch)
     target = station.snapshot().target
-    station._ear.on_reading(Fault("4", "command not understood"))
+    station._inbox.on_reading(Fault("4", "command not understood"))
     watch.heard("plotter fault 4")
     assert station.snapshot().target == target
 
@@ -334,9 +334,9 @@ def test_hostile_text_stays_text(bench: Bench) -> None:
     station.next_model()
     settled(watch)
     state = station.state
-    station._ear.on_reading(Refused(b"\x1b[2J\x1b]0;owned\x07", "not a record: [red]x[/red]"))
+    station._inbox.on_reading(Refused(b"\x1b[2J\x1b]0;owned\x07", "not a record: [red]x[/red]"))
     watch.heard("line: not a record")
-    station._ear.on_traffic("in", "main", b"\x1b[2J\r\n\x00\xff" * 50)
+    station._inbox.on_traffic("in", "main", b"\x1b[2J\r\n\x00\xff" * 50)
     evil = "\x1b[31m101-1\x07"
     for command in (
         lambda: station.drive(evil),
@@ -345,7 +345,7 @@ def test_hostile_text_stays_text(bench: Bench) -> None:
     ):
         with pytest.raises(InputError):
             command()
-    station._ear.on_reading(Record(Position(float("nan"), 0.0, 0.0, float("inf")), "pedal"))
+    station._inbox.on_reading(Record(Position(float("nan"), 0.0, 0.0, float("inf")), "pedal"))
     watch.heard("not recorded: ")
     assert station.state is state
     station.close()
@@ -429,11 +429,11 @@ def test_a_mark_set_after_an_earlier_drive_does_not_count(bench: Bench) -> None:
     station.drive(station.snapshot().points[0].point)
     watch.until(lambda _: simulator.drives == 2)
     # what the first drive had the hand do comes late
-    station._ear.on_settled(HandSettled("101-1", position, 1, 1))
-    station._ear.on_reading(InPosition(station._drive_target))
+    station._inbox.on_settled(HandSettled("101-1", position, 1, 1))
+    station._inbox.on_reading(InPosition(station._drive_target))
     mark = watch.mark
-    station._ear.on_reading(Record(position, "pedal"))
+    station._inbox.on_reading(Record(position, "pedal"))
     watch.heard("not recorded: the simulated operator is still setting the mark", mark)
-    station._ear.on_settled(HandSettled("101-1", position, 2, 2))
-    station._ear.on_reading(Record(position, "pedal"))
+    station._inbox.on_settled(HandSettled("101-1", position, 2, 2))
+    station._inbox.on_reading(Record(position, "pedal"))
     watch.until(lambda p: p.points[0].times == 1)

@@ -25,8 +25,8 @@ from anaplot.orientation.strip import bridge_strip
 from anaplot.plotter.readings import Position
 from anaplot.plotter.simulator import Offsets, fiducial_name
 from anaplot.session.models import solve
+from anaplot.session.plates import IN_IMAGE, image_of, plate_of, plates_of
 from anaplot.station.laidplates import laid_photographs, random_placements
-from anaplot.station.plates import IN_IMAGE, image_of, plate_of, plates_of
 from anaplot.station.rebuild import rebuild
 from anaplot.station.replay import replay_session
 from anaplot.station.replayed import ReplayStation

@@ -426,7 +426,7 @@ def test_a_failing_listener_does_not_pass_for_a_station_at_work(bench: Bench) ->
     hook, threading.excepthook = threading.excepthook, lambda _: None
     try:
         end = station.subscribe(_fails)
-        station._ear.on_link_state("live", "again")
+        station._inbox.on_link_state("live", "again")
         station._thread.join(60.0)
         assert not station._thread.is_alive()
         end()

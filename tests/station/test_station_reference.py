@@ -9,8 +9,7 @@ from monobench import bench_in, finish, open_on, solutions
 from stationbench import Bench, Watch
 
 from anaplot.errors import InputError
-from anaplot.plotter.decoder import UNREFERENCED
-from anaplot.plotter.readings import Position
+from anaplot.plotter.readings import UNREFERENCED, Position
 from anaplot.plotter.simulator import SimulatedPlotter
 from anaplot.station.replay import replay_session
 from anaplot.station.station import Station

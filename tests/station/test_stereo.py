@@ -14,7 +14,7 @@ from anaplot.planning.synthetic import synthetic_strip
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.simulator import Hand, SimulatedPlotter
-from anaplot.station.snapshot import ReadOut
+from anaplot.session.plates import ReadOut
 from anaplot.station.stereo import StereoGround
 
 TRUTH = synthetic_strip(3, seed=1).truth

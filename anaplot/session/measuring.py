@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from anaplot.errors import InputError
-from anaplot.plotter.readings import Record
+from anaplot.photogrammetry.readings import Record
 from anaplot.session.events import Event, FiducialMeasured, MonoMeasured, PointMeasured
 from anaplot.session.modelstate import ModelState
+from anaplot.session.plates import image_of, plates_of
 from anaplot.session.state import SessionState
-from anaplot.station.plates import image_of, plates_of
 
 __all__ = ["check_instrument", "measurement_of"]
 

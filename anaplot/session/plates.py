@@ -14,17 +14,17 @@ import numpy as np
 
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.platetransformation import PlateTransformation
+from anaplot.photogrammetry.readings import Position
 from anaplot.photogrammetry.refinement import Refinement
-from anaplot.plotter.readings import Position
 from anaplot.session.events import Side
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState
-from anaplot.station.snapshot import ReadOut
 
 __all__ = [
     "IN_IMAGE",
     "PlateSystem",
     "Plates",
+    "ReadOut",
     "image_of",
     "plate_of",
     "plates_of",
@@ -37,6 +37,34 @@ _DIGITS = 7
 Far below what any instrument resolves, and above what the arithmetic of different machines leaves
 uncertain: a replay finds the same coordinates to the last digit.
 """
+
+
+@dataclass(frozen=True, slots=True)
+class ReadOut:
+    """The live read-out: image coordinates [mm], parallaxes px = x' - x'', py = y' - y'' [mm].
+
+    `plate_left` and `plate_right` say that the coordinates of that photo are plate coordinates,
+    for its inner orientation is still to be accepted; parallaxes mean nothing then. `mono`: both
+    are those of the one photo in a mono comparator.
+    """
+
+    xl: float
+    yl: float
+    xr: float
+    yr: float
+    plate_left: bool = False
+    plate_right: bool = False
+    mono: bool = False
+
+    @property
+    def px(self) -> float:
+        """x-parallax [mm]."""
+        return self.xl - self.xr
+
+    @property
+    def py(self) -> float:
+        """y-parallax [mm]."""
+        return self.yl - self.yr
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.plotter.readings import Position
-from anaplot.station.referencing import Reference, Referencing, in_words, tolerance_mm
+from anaplot.session.referencing import Reference, Referencing, in_words, tolerance_mm
 
 ZERO = Position(0.0, 0.0, 0.0, 0.0)
 TOLERANCE = 0.05

@@ -6,8 +6,8 @@ import numpy as np
 
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.platetransformation import Placement, PlateTransformation
+from anaplot.photogrammetry.readings import Position
 from anaplot.planning.fiducialplan import expected_fiducials, predicted_fiducial
-from anaplot.plotter.readings import Position
 from anaplot.session.events import Side
 from anaplot.session.innerstate import InnerState
 from anaplot.session.state import SessionState

@@ -11,7 +11,7 @@ from typing import Literal
 from anaplot.plotter.readings import Position, Reading
 from anaplot.plotter.simulator import HandSettled
 
-__all__ = ["Ear", "End", "Heard", "LinkChange", "Told", "Traffic", "WarmUp"]
+__all__ = ["End", "Heard", "Inbox", "LinkChange", "Told", "Traffic", "WarmUp"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,8 @@ _CROWDED = 200  # items waiting, from which on positions are left out: others wi
 _FULL = 2000  # items waiting, from which on the line is read no further
 
 
-class Ear:
-    """Hears the plotter on whatever thread and puts everything into one queue, in order.
+class Inbox:
+    """Takes what the plotter says on whatever thread and puts everything into one queue, in order.
 
     The queue is bounded: when much is waiting, positions are left out, and then the line is not
     read (`room`). Records are never left out.

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from anaplot.orientation.patterns import Pattern
+from anaplot.photogrammetry.readings import Position
 from anaplot.planning.modelplan import Candidates, plan_positions, predicted_right
-from anaplot.plotter.readings import Position
 from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.modelstate import ModelState
+from anaplot.session.plates import ReadOut, plate_of, plates_of
 from anaplot.session.state import SessionState
-from anaplot.station.plates import plate_of, plates_of
-from anaplot.station.snapshot import ReadOut
 
 __all__ = ["added_point", "plan_of", "point_target"]
 

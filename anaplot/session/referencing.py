@@ -12,18 +12,16 @@ from dataclasses import dataclass, field, replace
 from math import sqrt
 
 from anaplot.errors import InputError, NotComputableError
-from anaplot.plotter.readings import Position
+from anaplot.photogrammetry.readings import Position
 from anaplot.session.events import Side
 from anaplot.session.modelstate import ModelState
+from anaplot.session.plates import plate_of, plates_of_model
 from anaplot.session.state import SessionState
-from anaplot.station.plates import plate_of, plates_of_model
-from anaplot.station.snapshot import Snapshot
 
 __all__ = [
     "Offset",
     "Reference",
     "Referencing",
-    "asking",
     "in_words",
     "references",
     "tolerance_mm",
@@ -238,36 +236,6 @@ class Referencing:
             return Position(*one, *one)
         left, right = ({**before, **self.agreed}[side] for side in ("left", "right"))
         return Position(*left, *right)
-
-
-def asking(
-    shown: Snapshot,
-    referencing: Referencing,
-    found: tuple[tuple[Side, ...], tuple[Reference, ...]],
-) -> Snapshot:
-    """Return a picture that says what is to be done about the reference before anything else.
-
-    Parameters
-    ----------
-    shown
-        The picture as it would be otherwise.
-    referencing
-        How far re-measuring has come.
-    found
-        What `references` returned.
-    """
-    needed, known = found
-    at = referencing.proposed(needed, known)
-    lost = "the counters have lost their reference"
-    if at is not None:
-        again = " again" if any(side in referencing.once for side in at.places) else ""
-        words = f"{lost}: set the mark on {at.title}{again} and press R"
-    elif needed:
-        words = f"{lost}: nothing is measured to refer them to; set them, and press K"
-    else:
-        words = f"{lost}: nothing measured depends on it; press R"
-    name = None if at is None else at.name
-    return replace(shown, expected=words, unreferenced=True, reference_point=name, next_point=name)
 
 
 def in_words(shift: Position, *, mono: bool) -> str:
