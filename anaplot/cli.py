@@ -40,8 +40,8 @@ def _bridge(options: argparse.Namespace) -> int:
     from anaplot.orientation.diagnosis import diagnose
     from anaplot.orientation.strip import bridge_strip, pooled_sigma_um
     from anaplot.report.contract import bridge_json
-    from anaplot.report.printable import printable
     from anaplot.report.text import model_printout
+    from anaplot.textfiles.wording import plain
 
     block = read_block(options.block)
     check_for_bridge(block)
@@ -78,7 +78,7 @@ def _bridge(options: argparse.Namespace) -> int:
                 print()
     errors = [strip.error for strip in strips if strip.error is not None]
     for error in errors:
-        print(f"anaplot: {printable(error)}", file=sys.stderr)
+        print(f"anaplot: {plain(error)}", file=sys.stderr)
     if errors:
         return 4
     if options.fail_on_flag and any(m.flagged for strip in strips for m in strip.models):

@@ -48,7 +48,15 @@ def test_the_command_line_starts_with_nothing(code: str) -> None:
     assert not {"numpy", "scipy", "textual", "serial"} & set(loaded)
 
 
-ROOMS = ("adjustment", "photogrammetry", "orientation", "planning", "session", "exchange")
+ROOMS = (
+    "textfiles",
+    "adjustment",
+    "photogrammetry",
+    "orientation",
+    "planning",
+    "session",
+    "exchange",
+)
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -11,7 +11,7 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
-from anaplot.console.text import plain
+from anaplot.textfiles.wording import plain
 
 __all__ = ["Ask", "AskName", "Page"]
 

@@ -11,9 +11,10 @@ from textual.content import Content
 from anaplot.adjustment.findings import Findings, SearchSettings, Step
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.console.dialogs import Page
-from anaplot.console.text import cell, fit, fit_end, number, plain, wrap
+from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.orientation.grosserrors import strategy_findings
 from anaplot.orientation.results import ModelSolution
+from anaplot.textfiles.wording import plain
 
 __all__ = ["CHOICES", "FIRST", "ErrorsPage", "errors_line", "errors_lines", "model_findings"]
 

@@ -10,11 +10,10 @@ from pathlib import Path
 from textual.keys import KEY_TO_UNICODE_NAME, Keys, _character_to_key
 
 from anaplot.console.keys import ACTIONS
-from anaplot.console.text import plain
 from anaplot.errors import InputError
-from anaplot.exchange.inputfile import read_text
-from anaplot.exchange.tomlvalues import TomlError, toml_values
-from anaplot.exchange.wording import place
+from anaplot.textfiles.inputfile import read_text
+from anaplot.textfiles.tomlvalues import TomlError, toml_values
+from anaplot.textfiles.wording import place, plain
 
 __all__ = ["check_keymap", "default_path", "keys_in_force", "load_keymap"]
 
@@ -61,13 +60,13 @@ def check_keymap(keymap: Mapping[str, object], source: str = "keymap") -> dict[s
         if name not in known:
             near = difflib.get_close_matches(name, sorted(known), n=1)
             hint = f"; did you mean {near[0]}?" if near else f"; known: {', '.join(sorted(known))}"
-            raise InputError(f"{source}: no action is called {plain(name)!r}{hint}")
+            raise InputError(f"{source}: no action is called {plain(name, 120)!r}{hint}")
         if not isinstance(value, str):
             raise InputError(f'{source}: {name}: a key is a string, as in {name} = "f5"')
         keys = [key.strip() for key in value.split(",")]
         for key in keys:
             if not _is_key(key):
-                raise InputError(f"{source}: {name}: {plain(key)!r} is no key")
+                raise InputError(f"{source}: {name}: {plain(key, 120)!r} is no key")
             if key in _RESERVED:
                 raise InputError(f"{source}: {name}: {key} is kept for leaving and the palette")
         checked[name] = ",".join(keys)
@@ -100,7 +99,7 @@ def load_keymap(path: Path, *, required: bool = True) -> dict[str, str]:
     try:
         table = toml_values(read_text(path, _LARGEST))
     except TomlError as fault:
-        raise InputError(f"{place(path, fault.line)}: {plain(str(fault))}") from None
+        raise InputError(f"{place(path, fault.line)}: {plain(str(fault), 120)}") from None
     return check_keymap(table, str(path))
 
 

@@ -14,9 +14,9 @@ from rich.cells import cell_len
 
 from anaplot.console.braille import Canvas
 from anaplot.console.inwork import InWork, in_work
-from anaplot.console.text import plain
 from anaplot.orientation.results import Transfer
 from anaplot.station.snapshot import PointView, Snapshot
+from anaplot.textfiles.wording import plain
 
 __all__ = ["Layer", "Projection", "draw_map", "nice_above"]
 

@@ -8,7 +8,7 @@ from rich.text import Text
 from textual.command import Hit, Hits, Provider
 
 from anaplot.console.screen import OrientationScreen
-from anaplot.console.text import plain
+from anaplot.textfiles.wording import plain
 
 __all__ = ["PointProvider"]
 

@@ -13,9 +13,10 @@ from textual.widget import Widget
 from anaplot.console.describe import Entry, advice_of, describe_row
 from anaplot.console.inwork import in_work
 from anaplot.console.rows import ShownRow
-from anaplot.console.text import fit, number, plain, wrap
+from anaplot.console.text import fit, number, wrap
 from anaplot.session.plates import ReadOut
 from anaplot.station.snapshot import Snapshot
+from anaplot.textfiles.wording import plain
 
 __all__ = [
     "AdvicePanel",

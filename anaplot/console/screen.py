@@ -39,9 +39,9 @@ from anaplot.console.rows import SORT_ORDERS, ShownRow, shown_rows, sort_rows
 from anaplot.console.stationlike import StationLike
 from anaplot.console.stereoview import StereoView, Viewed
 from anaplot.console.tableview import TableView
-from anaplot.console.text import plain
 from anaplot.console.wheels import Wheels
 from anaplot.station.snapshot import Snapshot
+from anaplot.textfiles.wording import plain
 
 __all__ = ["OrientationScreen"]
 

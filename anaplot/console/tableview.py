@@ -16,8 +16,9 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from anaplot.console.rows import ShownRow, SortOrder
-from anaplot.console.text import cell, fit, fit_end, plain
+from anaplot.console.text import cell, fit, fit_end
 from anaplot.session.events import Axis
+from anaplot.textfiles.wording import plain
 
 __all__ = ["TableView"]
 

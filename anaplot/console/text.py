@@ -1,28 +1,14 @@
-"""Foreign text made harmless, and text cut, padded and wrapped by terminal cells."""
+"""Text cut, padded and wrapped by terminal cells."""
 
 from __future__ import annotations
 
 import math
-import unicodedata
 
 from rich.cells import cell_len, chop_cells, set_cell_size
 
-__all__ = ["cell", "fit", "fit_end", "number", "plain", "wrap"]
+from anaplot.textfiles.wording import plain
 
-_UNSAFE = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
-_LONGEST = 2000
-
-
-def plain(text: str) -> str:
-    """Return text without anything a terminal could take for control.
-
-    Control, format (bidirectional ones among them), surrogate, private and unassigned
-    characters and line separators become U+FFFD; of very long text only the start is kept.
-    """
-    text = text[:_LONGEST]
-    if text.isascii() and text.isprintable():
-        return text
-    return "".join("\ufffd" if unicodedata.category(c) in _UNSAFE else c for c in text)
+__all__ = ["cell", "fit", "fit_end", "number", "wrap"]
 
 
 def fit(text: str, width: int, *, right: bool = False) -> str:

@@ -12,17 +12,17 @@ from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_bl
 from anaplot.exchange.bridgecheck import check_for_bridge
 from anaplot.exchange.camerafile import read_camera, write_camera
 from anaplot.exchange.controlcsv import format_control, parse_control
-from anaplot.exchange.csvtable import MAX_CSV_BYTES
 from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
-from anaplot.exchange.inputfile import read_text
-from anaplot.exchange.wholefile import (
+from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
+from anaplot.textfiles.csvtable import MAX_CSV_BYTES
+from anaplot.textfiles.inputfile import read_text
+from anaplot.textfiles.wholefile import (
     clear_left_over,
     create_whole,
     make_folder,
     replace_whole,
 )
-from anaplot.exchange.wording import place, reason
-from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
+from anaplot.textfiles.wording import place, reason
 
 __all__ = [
     "block_files",

@@ -15,9 +15,6 @@ from anaplot.exchange.camerafile import (
     parse_camera,
     read_camera,
 )
-from anaplot.exchange.tomlfile import TomlFile, TomlTable
-from anaplot.exchange.tomltext import toml_number, toml_numbers, toml_text
-from anaplot.exchange.wording import hint, quoted
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -28,6 +25,9 @@ from anaplot.photogrammetry.block import (
     TestSettings,
     TieVariance,
 )
+from anaplot.textfiles.tomlfile import TomlFile, TomlTable
+from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = [
     "BLOCK_FORMAT",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from anaplot.errors import InputError
-from anaplot.exchange.wording import quoted
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo
+from anaplot.textfiles.wording import quoted
 
 __all__ = ["check_for_bridge"]
 

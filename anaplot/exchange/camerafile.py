@@ -31,12 +31,6 @@ from pathlib import Path
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.exchange.inputfile import read_text
-from anaplot.exchange.names import name_fault
-from anaplot.exchange.tomlfile import TomlFile, TomlTable
-from anaplot.exchange.tomltext import toml_number, toml_numbers, toml_text
-from anaplot.exchange.wholefile import create_whole
-from anaplot.exchange.wording import describe_type, place, quoted
 from anaplot.photogrammetry.camera import (
     CameraCalibration,
     Fiducial,
@@ -45,6 +39,12 @@ from anaplot.photogrammetry.camera import (
     RadialTable,
 )
 from anaplot.photogrammetry.refinement import Refinement
+from anaplot.textfiles.inputfile import read_text
+from anaplot.textfiles.names import name_fault
+from anaplot.textfiles.tomlfile import TomlFile, TomlTable
+from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
+from anaplot.textfiles.wholefile import create_whole
+from anaplot.textfiles.wording import describe_type, place, quoted
 
 __all__ = [
     "CAMERA_FORMAT",

@@ -8,10 +8,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal, cast
 
-from anaplot.exchange.csvtable import CsvTable
-from anaplot.exchange.names import name_fault
-from anaplot.exchange.wording import hint, quoted
 from anaplot.photogrammetry.block import ControlPoint
+from anaplot.textfiles.csvtable import CsvTable
+from anaplot.textfiles.names import name_fault
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["format_control", "parse_control"]
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.exchange.names import name_fault
-from anaplot.exchange.wording import describe_type, hint, quoted
 from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS
 from anaplot.session.events import EVENT_KINDS, Event, PlannedPoint
+from anaplot.textfiles.names import name_fault
+from anaplot.textfiles.wording import describe_type, hint, quoted
 
 __all__ = ["event_from_dict", "event_from_payload", "event_to_dict", "event_to_payload"]
 

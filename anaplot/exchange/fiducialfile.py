@@ -21,12 +21,12 @@ from pathlib import Path
 
 from anaplot.exchange.blocktoml import read_test
 from anaplot.exchange.camerafile import camera_path, read_camera
-from anaplot.exchange.inputfile import read_text
-from anaplot.exchange.names import name_fault
-from anaplot.exchange.tomlfile import TomlFile, TomlTable
-from anaplot.exchange.wording import hint, quoted
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.textfiles.inputfile import read_text
+from anaplot.textfiles.names import name_fault
+from anaplot.textfiles.tomlfile import TomlFile, TomlTable
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = [
     "FIDUCIALS_FORMAT",

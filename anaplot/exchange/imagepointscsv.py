@@ -9,11 +9,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.csvtable import CsvTable
-from anaplot.exchange.names import name_fault
-from anaplot.exchange.wording import hint, quoted
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.selection import model_name
+from anaplot.textfiles.csvtable import CsvTable
+from anaplot.textfiles.names import name_fault
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["format_image_points", "parse_image_points"]
 

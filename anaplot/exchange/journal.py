@@ -28,7 +28,6 @@ from anaplot.exchange.journalread import (
     scan_folder,
 )
 from anaplot.exchange.lockfile import FolderLock
-from anaplot.exchange.ownfile import check_own, is_same, open_own
 from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
     JournalError,
@@ -36,9 +35,10 @@ from anaplot.exchange.recordline import (
     Record,
     encode_line,
 )
-from anaplot.exchange.wholefile import sync_folder, write_all
-from anaplot.exchange.wording import place, quoted, reason
 from anaplot.session.events import Event
+from anaplot.textfiles.ownfile import check_own, is_same, open_own
+from anaplot.textfiles.wholefile import sync_folder, write_all
+from anaplot.textfiles.wording import place, quoted, reason
 
 __all__ = [
     "Journal",

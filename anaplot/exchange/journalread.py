@@ -12,7 +12,6 @@ from typing import BinaryIO
 
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_from_payload
-from anaplot.exchange.inputfile import open_input
 from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
     MAX_LINE,
@@ -22,8 +21,9 @@ from anaplot.exchange.recordline import (
     claimed_format,
     decode_line,
 )
-from anaplot.exchange.wording import place, plain, reason
 from anaplot.session.events import EVENT_KINDS, Event
+from anaplot.textfiles.inputfile import open_input
+from anaplot.textfiles.wording import place, plain, reason
 
 __all__ = [
     "MAX_FILE_BYTES",
@@ -224,7 +224,9 @@ def numbered_files(folder: Path) -> tuple[dict[int, Path], tuple[str, ...]]:
         if match is not None and name == f"{int(match[1]):04d}.jsonl":
             numbered[int(match[1])] = folder / name
         elif name.endswith(".jsonl"):
-            remarks.append(f"{plain(str(folder / name))}: not a file of this journal, not read")
+            remarks.append(
+                f"{plain(str(folder / name), 120)}: not a file of this journal, not read"
+            )
     return numbered, tuple(remarks)
 
 

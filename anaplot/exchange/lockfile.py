@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.ownfile import is_same, open_own
-from anaplot.exchange.wholefile import write_all
-from anaplot.exchange.wording import place, plain, reason
+from anaplot.textfiles.ownfile import is_same, open_own
+from anaplot.textfiles.wholefile import write_all
+from anaplot.textfiles.wording import place, plain, reason
 
 if sys.platform == "win32":
     import msvcrt
@@ -124,7 +124,7 @@ class FolderLock:
         if match is None:
             return "process not known"
         process = match[1].decode("ascii")
-        host = "" if match[2] is None else f" on {plain(match[2].decode('utf-8', 'replace'))}"
+        host = "" if match[2] is None else f" on {plain(match[2].decode('utf-8', 'replace'), 120)}"
         return f"process {process}{host}"
 
     if sys.platform == "win32":

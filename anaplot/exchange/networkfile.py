@@ -9,10 +9,10 @@ from pathlib import Path
 
 from anaplot.exchange.blocktoml import read_rotation
 from anaplot.exchange.camerafile import frame_format
-from anaplot.exchange.inputfile import read_text
-from anaplot.exchange.tomlfile import TomlFile, TomlTable
-from anaplot.exchange.wording import quoted
 from anaplot.photogrammetry.block import Camera
+from anaplot.textfiles.inputfile import read_text
+from anaplot.textfiles.tomlfile import TomlFile, TomlTable
+from anaplot.textfiles.wording import quoted
 
 __all__ = ["NETWORK_FORMAT", "NetworkFile", "ObjectPoint", "StationEntry", "read_network"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-from anaplot.exchange.csvtable import CsvTable
-from anaplot.exchange.names import name_fault
-from anaplot.exchange.wording import hint, quoted
+from anaplot.textfiles.csvtable import CsvTable
+from anaplot.textfiles.names import name_fault
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["read_operators"]
 

@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from anaplot.errors import InputError
-from anaplot.exchange.csvtable import CsvTable
-from anaplot.exchange.inputfile import read_text
-from anaplot.exchange.names import name_fault
-from anaplot.exchange.tomlfile import TomlFile
-from anaplot.exchange.wording import describe_type, quoted
+from anaplot.textfiles.csvtable import CsvTable
+from anaplot.textfiles.inputfile import read_text
+from anaplot.textfiles.names import name_fault
+from anaplot.textfiles.tomlfile import TomlFile
+from anaplot.textfiles.wording import describe_type, quoted
 
 __all__ = ["MAX_PATTERN_POINTS", "PATTERN_FORMAT", "read_pattern"]
 

@@ -11,7 +11,7 @@ from datetime import datetime
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.exchange.wording import quoted, reason
+from anaplot.textfiles.wording import quoted, reason
 
 __all__ = [
     "JOURNAL_FORMAT",

@@ -17,8 +17,8 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 from anaplot.errors import InputError
-from anaplot.exchange.inputfile import read_bytes
-from anaplot.exchange.wording import place, plain, quoted, reason
+from anaplot.textfiles.inputfile import read_bytes
+from anaplot.textfiles.wording import place, plain, quoted, reason
 
 __all__ = ["RUNS_FORMAT", "KeptChunk", "KeptSums", "RunsFile"]
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import BinaryIO
 
 from anaplot.errors import InputError
-from anaplot.exchange.inputfile import open_input
 from anaplot.exchange.journalread import MAX_FILE_BYTES, check_format, folder_of, numbered_files
 from anaplot.exchange.recordline import (
     MAX_LINE,
@@ -21,7 +20,8 @@ from anaplot.exchange.recordline import (
     claimed_format,
     decode_line,
 )
-from anaplot.exchange.wording import place, reason
+from anaplot.textfiles.inputfile import open_input
+from anaplot.textfiles.wording import place, reason
 
 __all__ = ["Gap", "Readable", "read_what_can_be_read"]
 

@@ -20,8 +20,8 @@ from anaplot.plotter.schema import Profile
 from anaplot.plotter.serialport import ports
 from anaplot.plotter.server import SimulatorServer
 from anaplot.plotter.simulator import Hand, HandSettled, Photographs, Side, SimulatedPlotter
-from anaplot.plotter.text import safe_text
 from anaplot.plotter.tomltable import nearest
+from anaplot.textfiles.wording import plain
 
 __all__ = [
     "UNCHECKED",
@@ -69,7 +69,7 @@ def list_instruments(out: TextIO) -> int:
     found = ports()
     for info in found:
         identity = f"  usb:{info.identity}" if info.identity else ""
-        out.write(f"  {safe_text(info.address):20}  {info.description}{identity}\n")
+        out.write(f"  {plain(info.address, 120):20}  {info.description}{identity}\n")
     if not found:
         out.write("  none found; socket://host:port and rfc2217://host:port work as well\n")
     out.write("profiles\n")
@@ -158,12 +158,12 @@ def parse_ports(profile: Profile, texts: Iterable[str]) -> dict[str, str]:
         name, equals, address = item.partition("=")
         if not equals or not address:
             raise InputError(
-                f'"{safe_text(item, 60)}": {profile.id} needs LINK=PORT for each of its links '
+                f'"{plain(item, 60)}": {profile.id} needs LINK=PORT for each of its links '
                 f"({', '.join(profile.links)})"
             )
         if name not in profile.links:
             near = nearest(name, list(profile.links))
-            raise InputError(f'{profile.id} has no link "{safe_text(name, 40)}"{near}')
+            raise InputError(f'{profile.id} has no link "{plain(name, 40)}"{near}')
         if name in found:
             raise InputError(f'{profile.id}: link "{name}" is given twice')
         found[name] = address
@@ -230,7 +230,7 @@ def watch(
 
     def on_traffic(direction: str, link: str, data: bytes) -> None:
         if raw and lines.qsize() < _CROWDED:
-            lines.put(f"{direction:9} {link}: {safe_text(data, 400)}")
+            lines.put(f"{direction:9} {link}: {plain(data, 400)}")
 
     link = Link(
         profile,
@@ -275,13 +275,13 @@ def describe(reading: Reading) -> str:
             return f"position  {_place(reading)}"
         case Record(position, switch, number):
             count = f" {number}" if number is not None else ""
-            return f"record{count}  {_place(position)}  {safe_text(switch, 40)}"
+            return f"record{count}  {_place(position)}  {plain(switch, 40)}"
         case InPosition(position):
             return f"arrived   {_place(position) if position is not None else ''}".rstrip()
         case Fault(code, text):
             return f"fault     {code} {text}".rstrip()
         case Refused(data, why):
-            return f"refused   {safe_text(why, 200)}  <{safe_text(data, 100)}>"
+            return f"refused   {plain(why, 200)}  <{plain(data, 100)}>"
 
 
 def _place(position: Position) -> str:
@@ -390,7 +390,7 @@ def run_simulator(
 
     def on_settled(settled: HandSettled) -> None:
         point = settled.point if settled.point is not None else "no point"
-        tell(f"SIMULATED  mark on {safe_text(point, 40)}")
+        tell(f"SIMULATED  mark on {plain(point, 40)}")
 
     simulator = SimulatedPlotter(
         profile,
@@ -483,7 +483,7 @@ def obey(simulator: SimulatedPlotter, words: list[str]) -> str:
         return f"at {_place(place)}"
     if verb == "lay" and len(rest) in (1, 2):
         simulator.lay(rest[0], rest[1] if len(rest) == 2 else None)
-        return "laid " + safe_text(" ".join(rest))
+        return "laid " + plain(" ".join(rest), 120)
     if verb == "attend" and len(rest) == 1 and rest[0] in _ATTENDED:
         simulator.attend(_ATTENDED[rest[0]])
         return f"the hand looks for {_LOOKS_FOR[rest[0]]}"
@@ -495,7 +495,7 @@ def obey(simulator: SimulatedPlotter, words: list[str]) -> str:
     if verb in FAULTS and len(rest) <= 1:
         simulator.inject(verb, seconds=_number(rest[0]) if rest else None)
         return f"fault {verb}"
-    raise InputError(f'"{safe_text(" ".join(words), 60)}" is not understood: {_HELP}')
+    raise InputError(f'"{plain(" ".join(words), 60)}" is not understood: {_HELP}')
 
 
 def _number(word: str) -> float:
@@ -504,5 +504,5 @@ def _number(word: str) -> float:
     except ValueError:
         value = float("nan")
     if not abs(value) < 1e6:
-        raise InputError(f'"{safe_text(word, 30)}" is not a number')
+        raise InputError(f'"{plain(word, 30)}" is not a number')
     return value

@@ -25,8 +25,8 @@ from anaplot.plotter.readings import (
 from anaplot.plotter.readout import Gatherer, ReadOut
 from anaplot.plotter.refusal import RefusedError
 from anaplot.plotter.schema import Footswitch, Profile, RecordFormat
-from anaplot.plotter.text import safe_text
 from anaplot.plotter.values import axis_number, whole_number
+from anaplot.textfiles.wording import plain
 
 __all__ = [
     "RULES",
@@ -438,8 +438,8 @@ class Decoder:
             return []
         if record.kind == "fault":
             groups = match.groupdict(b"")
-            code = safe_text((groups.get("code") or b"fault").strip(), 20)
-            return [Fault(code, safe_text((groups.get("text") or b"").strip()))]
+            code = plain((groups.get("code") or b"fault").strip(), 20)
+            return [Fault(code, plain((groups.get("text") or b"").strip(), 120))]
         if not self._confirmed(record, frame, now, link):
             return []
         switch, number = "", None
@@ -512,7 +512,7 @@ class Decoder:
         if record.units is not None:
             unit = match.group(record.unit_group) or b""
             if unit not in record.units:
-                raise RefusedError(f'unknown unit "{safe_text(unit, 20)}"')
+                raise RefusedError(f'unknown unit "{plain(unit, 20)}"')
             factor = record.units[unit]
         values: dict[str, float] = {}
         for axis in self._profile.axes.values():
@@ -714,9 +714,9 @@ def _line(
     if number is not None:
         parts.append(f"number {number}")
     if switch:
-        parts.append(f"of {safe_text(switch, 40)}")
+        parts.append(f"of {plain(switch, 40)}")
     if position:
         parts.append("at " + " ".join(f"{value + 0.0:.6f}" for value in position))
     if text:
-        parts.append(safe_text(text))
+        parts.append(plain(text, 120))
     return " ".join(parts)

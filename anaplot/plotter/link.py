@@ -14,7 +14,7 @@ from anaplot.plotter.readings import InPosition, Position, Reading, Record
 from anaplot.plotter.refusalcount import RefusalCount
 from anaplot.plotter.schema import Footswitch, Profile
 from anaplot.plotter.serialport import SerialPort, find_port, identity_of
-from anaplot.plotter.text import safe_text
+from anaplot.textfiles.wording import plain
 
 __all__ = ["DecoderEvent", "Link", "LinkState", "Traffic"]
 
@@ -171,7 +171,7 @@ class Link:
             self._lines = {}
         self._announce("closed", "")
         if stuck:
-            raise LinkError(f"port {safe_text(stuck)}: the driver does not let go of it")
+            raise LinkError(f"port {plain(stuck, 120)}: the driver does not let go of it")
 
     def __enter__(self) -> Link:
         self.open()
@@ -641,7 +641,7 @@ class _Line:
             self._heard = self.link.now()
         quiet = self.link.now() - self._heard
         if quiet >= limit:
-            where = safe_text(self.address, 60)
+            where = plain(self.address, 60)
             self.link.change(self, "silent", f"nothing understood from {where} for {limit:g} s")
         elif self._answered:
             self.link.change(self, "live")
@@ -690,7 +690,7 @@ def _addresses(profile: Profile, ports: Mapping[str, str] | str) -> dict[str, st
     for name in ports:
         if name not in profile.links:
             known = ", ".join(profile.links)
-            raise InputError(f'{profile.id} has no link "{safe_text(name, 40)}" (known: {known})')
+            raise InputError(f'{profile.id} has no link "{plain(name, 40)}" (known: {known})')
     for name in profile.links:
         if name not in ports:
             raise InputError(f'{profile.id}: no port is given for its link "{name}"')

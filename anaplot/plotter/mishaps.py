@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from anaplot.errors import InputError
 from anaplot.plotter.simulator import Offsets, SimulatedPlotter, transfer_error
-from anaplot.plotter.text import safe_text
 from anaplot.plotter.tomltable import nearest
+from anaplot.textfiles.wording import plain
 
 __all__ = ["MISHAPS", "MISHAP_USAGE", "plant"]
 
@@ -48,7 +48,7 @@ def plant(simulator: SimulatedPlotter, words: Sequence[str]) -> str:
     """
     name, rest = words[0], list(words[1:])
     if name not in MISHAPS:
-        raise InputError(f'no mistake "{safe_text(name, 40)}"{nearest(name, list(MISHAPS))}')
+        raise InputError(f'no mistake "{plain(name, 40)}"{nearest(name, list(MISHAPS))}')
     if len(rest) != len(MISHAPS[name]):
         raise InputError(f"{name} asks for {' '.join(MISHAPS[name])}")
     left, right = simulator.laid
@@ -59,18 +59,18 @@ def plant(simulator: SimulatedPlotter, words: Sequence[str]) -> str:
     here = _place(simulator, point)
     if name == "parallax":
         simulator.add_mistakes({(left, right, point): Offsets(dyr=_mm(rest[1]))})
-        return f"the parallax at {safe_text(point, 40)} will be set wrong once"
+        return f"the parallax at {plain(point, 40)} will be set wrong once"
     if name == "transfer":
         dx, dy = _mm(rest[1]), _mm(rest[2])
         simulator.add_mistakes(transfer_error(left, right, point, dx, dy))
-        return f"{safe_text(point, 40)} will be transferred wrongly once"
+        return f"{plain(point, 40)} will be transferred wrongly once"
     other = rest[1]
     there = _place(simulator, other)
     mistakes = {(left, right, point): _from_to(here, there)}
     if name == "swap":
         mistakes[left, right, other] = _from_to(there, here)
     simulator.add_mistakes(mistakes)
-    return f"{safe_text(other, 40)} will be taken for {safe_text(point, 40)} once" + (
+    return f"{plain(other, 40)} will be taken for {plain(point, 40)} once" + (
         ", and the other way round" if name == "swap" else ""
     )
 
@@ -87,7 +87,7 @@ def _place(simulator: SimulatedPlotter, point: str) -> _Place:
     left, right = simulator.laid
     in_left, in_right = simulator.points_of(left), simulator.points_of(right, "right")
     if point not in in_left or point not in in_right:
-        raise InputError(f"point {safe_text(point, 40)} does not lie in both photographs")
+        raise InputError(f"point {plain(point, 40)} does not lie in both photographs")
     return (*in_left[point], *in_right[point])
 
 
@@ -97,5 +97,5 @@ def _mm(word: str) -> float:
     except ValueError:
         value = float("nan")
     if not abs(value) <= 1e6:
-        raise InputError(f'"{safe_text(word, 30)}" is not a number of um')
+        raise InputError(f'"{plain(word, 30)}" is not a number of um')
     return value / _UM

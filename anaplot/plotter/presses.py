@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from anaplot.plotter.readings import Reading, Record, Refused
 from anaplot.plotter.readout import ReadOut
 from anaplot.plotter.schema import AxisFormat, Poll
-from anaplot.plotter.text import safe_text
+from anaplot.textfiles.wording import plain
 
 __all__ = ["Presses"]
 
@@ -275,4 +275,4 @@ class Presses:
 
 
 def _not_recorded(switch: str, reason: str) -> Refused:
-    return Refused(b"", f"{safe_text(switch, 40)} was not recorded: {reason}")
+    return Refused(b"", f"{plain(switch, 40)} was not recorded: {reason}")

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Literal, cast
 
 from anaplot.errors import InputError
-from anaplot.exchange.inputfile import read_bytes
 from anaplot.plotter.linear import SingularError, inverse
 from anaplot.plotter.pattern import PatternError, compile_pattern
 from anaplot.plotter.schema import (
@@ -31,8 +30,9 @@ from anaplot.plotter.schema import (
     Stage,
 )
 from anaplot.plotter.template import Template, TemplateError, parse_template
-from anaplot.plotter.text import safe_text
 from anaplot.plotter.tomltable import TomlTable, nearest, parse_toml
+from anaplot.textfiles.inputfile import read_bytes
+from anaplot.textfiles.wording import plain
 
 __all__ = [
     "MAX_PROFILE_BYTES",
@@ -140,11 +140,11 @@ def load_profile(name_or_path: str | Path) -> Profile:
         profiles = find_profiles()
         if text not in profiles:
             near = nearest(text, list(profiles))
-            raise InputError(f'no device profile "{safe_text(text, 60)}"{near}')
+            raise InputError(f'no device profile "{plain(text, 60)}"{near}')
         path = profiles[text]
     if "\0" in text:
-        raise InputError(f"{safe_text(text)}: not a file name")
-    return parse_profile(read_bytes(path, MAX_PROFILE_BYTES), safe_text(path.name))
+        raise InputError(f"{plain(text, 120)}: not a file name")
+    return parse_profile(read_bytes(path, MAX_PROFILE_BYTES), plain(path.name, 120))
 
 
 def parse_profile(raw: bytes, name: str) -> Profile:
@@ -194,7 +194,7 @@ def recorded_profile(name: str, sha256: str | None, text: str | None) -> Profile
         When there is none of that name, or the text is not a valid profile.
     """
     if text is not None:
-        return parse_profile(text.encode(), f"recorded profile {safe_text(name, 60)}")
+        return parse_profile(text.encode(), f"recorded profile {plain(name, 60)}")
     if _NAME.fullmatch(name):
         for file in sorted((profile_folders()[-1] / "former").glob(f"{name}.*.toml")):
             former = load_profile(file)
@@ -226,9 +226,9 @@ class _Loader:
         identifier = root.string("id", limit=61)
         if not _NAME.fullmatch(identifier):
             root.fail("must be lower case letters, digits, . _ or -", "id")
-        title = safe_text(root.string("title"))
+        title = plain(root.string("title"), 120)
         status = root.choice("status", ("verified", "from-manual", "simulated"))
-        sources = tuple(safe_text(item, 300) for item in root.strings("sources"))
+        sources = tuple(plain(item, 300) for item in root.strings("sources"))
         self._links = self._read_links()
         self._framing = self._read_framing()
         checksum = self._read_checksum()
@@ -295,7 +295,7 @@ class _Loader:
         names = table.strings(key, tuple(self._links))
         for name in names:
             if name not in self._links:
-                table.fail(f'no link "{safe_text(name)}"{nearest(name, list(self._links))}', key)
+                table.fail(f'no link "{plain(name, 120)}"{nearest(name, list(self._links))}', key)
         return names
 
     def _read_framing(self) -> Framing:
@@ -377,7 +377,7 @@ class _Loader:
         try:
             pattern = compile_pattern(text)
         except PatternError as error:
-            table.fail(safe_text(str(error)), "pattern")
+            table.fail(plain(str(error), 120), "pattern")
         groups = set(pattern.groupindex)
         send = self._template(table, "send", groups) if table.has("send") else None
         faults: dict[str, dict[bytes, str]] = {}
@@ -387,7 +387,7 @@ class _Loader:
                 if inner is None or group not in groups:
                     fault_table.fail(f"the pattern has no such group{_among(group, groups)}", group)
                 faults[group] = {
-                    self._bytes_key(inner, key): safe_text(inner.string(key))
+                    self._bytes_key(inner, key): plain(inner.string(key), 120)
                     for key in inner.keys()  # noqa: SIM118
                 }
             fault_table.done()
@@ -442,7 +442,7 @@ class _Loader:
         try:
             template = parse_template(table.string(key, limit=300))
         except TemplateError as error:
-            table.fail(safe_text(str(error)), key)
+            table.fail(plain(str(error), 120), key)
         for name in sorted(template.names - names):
             table.fail(f"{{{name}}} is unknown{nearest(name, sorted(names))}", key)
         return template
@@ -476,13 +476,13 @@ class _Loader:
         for record_name in records:
             if record_name not in self._records:
                 near = nearest(record_name, list(self._records))
-                table.fail(f'no record "{safe_text(record_name)}"{near}', "record")
+                table.fail(f'no record "{plain(record_name, 120)}"{near}', "record")
             if record_name not in holding:
-                table.fail(f'record "{record_name}" has no group "{safe_text(group)}"', "group")
+                table.fail(f'record "{record_name}" has no group "{plain(group, 120)}"', "group")
         if not records:
             every = set().union(*(record.groups for record in self._records.values()))
             near = nearest(group, sorted(every))
-            table.fail(f'no record has the group "{safe_text(group)}"{near}', "group")
+            table.fail(f'no record has the group "{plain(group, 120)}"{near}', "group")
         direction = table.integer("direction", 1, low=-1, high=1)
         if direction == 0:
             table.fail("must be 1 or -1", "direction")

@@ -16,7 +16,7 @@ from serial.tools import list_ports
 
 from anaplot.errors import LinkError
 from anaplot.plotter.schema import LineSettings
-from anaplot.plotter.text import safe_text
+from anaplot.textfiles.wording import plain
 
 __all__ = ["ParityMarks", "PortInfo", "SerialPort", "find_port", "identity_of", "ports"]
 
@@ -91,8 +91,8 @@ def ports() -> list[PortInfo]:
     for port in found:
         identity = ""
         if port.vid is not None and port.pid is not None:
-            identity = f"{port.vid:04X}:{port.pid:04X}:{safe_text(port.serial_number or '', 60)}"
-        infos.append(PortInfo(port.device, safe_text(port.description or ""), identity))
+            identity = f"{port.vid:04X}:{port.pid:04X}:{plain(port.serial_number or '', 60)}"
+        infos.append(PortInfo(port.device, plain(port.description or "", 120), identity))
     return sorted(infos, key=lambda info: info.address)
 
 
@@ -139,7 +139,7 @@ def _resolved(address: str) -> str:
         return address
     found = find_port(address.removeprefix(BY_IDENTITY))
     if found is None:
-        raise LinkError(f"port {safe_text(address)}: no such adapter is connected, or several are")
+        raise LinkError(f"port {plain(address, 120)}: no such adapter is connected, or several are")
     return found
 
 
@@ -208,7 +208,7 @@ class SerialPort:
     """
 
     def __init__(self, address: str, settings: LineSettings) -> None:
-        self._name = safe_text(address)
+        self._name = plain(address, 120)
         self._write_lock = threading.Lock()
         self._close_lock = threading.Lock()
         self._closed = False
@@ -434,7 +434,7 @@ def _reason(error: Exception) -> str:
         if number == errno.EAGAIN:
             return "in use by another program"
         return reason[:1].lower() + reason[1:]
-    text = safe_text(str(error), 200) or type(error).__name__
+    text = plain(str(error), 200) or type(error).__name__
     marker = text.rfind("[Errno ")
     if marker >= 0 and (end := text.find("]", marker)) > 0:
         text = text[end + 1 :].strip()

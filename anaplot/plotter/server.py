@@ -18,7 +18,7 @@ from typing import Protocol
 
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter.simulator import SimulatedPlotter
-from anaplot.plotter.text import safe_text
+from anaplot.textfiles.wording import plain
 
 __all__ = ["SimulatorServer"]
 
@@ -367,9 +367,9 @@ class _Pty:
     def _link(self, target: str) -> None:
         """Point the symbolic link at the terminal; nothing but a symbolic link is replaced."""
         if self._name.exists() and not self._name.is_symlink():
-            raise InputError(f"{safe_text(str(self._name))}: exists and is no symbolic link")
+            raise InputError(f"{plain(str(self._name), 120)}: exists and is no symbolic link")
         if self._name.is_symlink() and self._name.exists() and _is_foreign(self._name):
-            raise InputError(f"{safe_text(str(self._name))}: is another plotter's line")
+            raise InputError(f"{plain(str(self._name), 120)}: is another plotter's line")
         temporary = self._name.with_name(f".{self._name.name}.{os.getpid()}")
         with contextlib.suppress(FileNotFoundError):
             temporary.unlink()

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NoReturn
 
 from anaplot.errors import InputError
-from anaplot.exchange.tomlvalues import TomlError, toml_values
-from anaplot.plotter.text import safe_text
+from anaplot.textfiles.tomlvalues import TomlError, toml_values
+from anaplot.textfiles.wording import plain
 
 __all__ = [
     "TomlTable",
@@ -48,7 +48,7 @@ def parse_toml(raw: bytes, name: str) -> TomlTable:
         data = toml_values(text)
     except TomlError as error:
         where = name if error.line is None else f"{name}: line {error.line}"
-        raise InputError(f"{where}: {safe_text(str(error))}") from None
+        raise InputError(f"{where}: {plain(str(error), 120)}") from None
     return TomlTable(data, _Source(name, text.splitlines()), ())
 
 
@@ -138,7 +138,7 @@ class TomlTable:
     @property
     def title(self) -> str:
         """The table as it is written in a file, e.g. ``[record.position]``."""
-        names = [safe_text(str(part), 40) for part in self._path if isinstance(part, str)]
+        names = [plain(str(part), 40) for part in self._path if isinstance(part, str)]
         index = next((part for part in self._path if isinstance(part, int)), None)
         if not names:
             return ""
@@ -156,7 +156,7 @@ class TomlTable:
         where = [self._source.name]
         if line is not None:
             where.append(f"line {line}")
-        place = " ".join(part for part in (self.title, safe_text(key, 60) if key else "") if part)
+        place = " ".join(part for part in (self.title, plain(key, 60) if key else "") if part)
         if place:
             where.append(place)
         raise InputError(f"{': '.join(where)}: {reason}")
@@ -198,7 +198,7 @@ class TomlTable:
         words = list(allowed)
         if value not in words:
             near = nearest(value, words)
-            self.fail(f'"{safe_text(value, 40)}" is none of {", ".join(words)}{near}', key)
+            self.fail(f'"{plain(value, 40)}" is none of {", ".join(words)}{near}', key)
         return value
 
     def number(

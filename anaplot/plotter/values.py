@@ -6,7 +6,7 @@ import re
 
 from anaplot.plotter.refusal import RefusedError
 from anaplot.plotter.schema import AxisFormat
-from anaplot.plotter.text import safe_text
+from anaplot.textfiles.wording import plain
 
 __all__ = ["axis_number", "whole_number"]
 
@@ -33,13 +33,13 @@ def axis_number(raw: bytes, axis: AxisFormat) -> float:
     if encoding == "decimal":
         match = _DECIMAL.fullmatch(raw.strip(b" "))
         if match is None:
-            raise RefusedError(f'axis {axis.name}: "{safe_text(raw, 30)}" is not a number')
+            raise RefusedError(f'axis {axis.name}: "{plain(raw, 30)}" is not a number')
         value = float(match.group(2))
         return -value if match.group(1) == b"-" else value
     if encoding in ("integer", "hex"):
         pattern = _INTEGER if encoding == "integer" else _HEX
         if pattern.fullmatch(raw) is None:
-            raise RefusedError(f'axis {axis.name}: "{safe_text(raw, 30)}" is not a number')
+            raise RefusedError(f'axis {axis.name}: "{plain(raw, 30)}" is not a number')
         return float(int(raw, 10 if encoding == "integer" else 16))
     if len(raw) > 8:
         raise RefusedError(f"axis {axis.name}: more than 8 bytes")

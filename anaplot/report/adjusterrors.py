@@ -19,8 +19,8 @@ from anaplot.photogrammetry.block import Block
 from anaplot.report.columns import cell, column, counted
 from anaplot.report.groundchange import change_json, change_lines
 from anaplot.report.modelvalues import model_values_json, model_values_line
-from anaplot.report.printable import printable
 from anaplot.report.searchoptions import search_settings, sigma0_in_words
+from anaplot.textfiles.wording import plain
 
 __all__ = [
     "block_errors_json",
@@ -97,7 +97,7 @@ def clean_step_by_step(
 def _named(name: ObservationName) -> str:
     """Return an observation in words, without control characters."""
     kind, *rest = name
-    words = [printable(part) if part is not None else "" for part in rest]
+    words = [plain(part) if part is not None else "" for part in rest]
     if kind == "image":
         photo, point, model, axis = words
         inside = f" in {model}" if model else ""
@@ -110,7 +110,7 @@ def _named(name: ObservationName) -> str:
 def _short(name: ObservationName) -> str:
     """Return a partner in words: its point is that of the row that it stands beside."""
     if name[0] == "image":
-        return f"{name[4]} of photo {printable(str(name[1]))}"
+        return f"{name[4]} of photo {plain(str(name[1]))}"
     return _named(name)
 
 
@@ -156,7 +156,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
         ],
     )
     lines += _listed(
-        "cannot be left out", [f"{_named(r.name)}: {printable(r.reason)}" for r in cleaned.refused]
+        "cannot be left out", [f"{_named(r.name)}: {plain(r.reason)}" for r in cleaned.refused]
     )
     lines += _listed(
         "cannot be tested: nothing checks them", [_named(name) for name in cleaned.untestable]
@@ -164,7 +164,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
     lines += _odds(cleaned)
     if found.model_values is not None:
         lines.append(f"  {model_values_line(found.model_values)}")
-    lines += [f"  note: {printable(remark)}" for remark in cleaned.remarks]
+    lines += [f"  note: {plain(remark)}" for remark in cleaned.remarks]
     return "\n".join(lines)
 
 
@@ -196,7 +196,7 @@ def _before_and_after(cleaned: BlockFindings) -> list[str]:
     return [
         f"  sigma0 {after}; redundancy {block.redundancy}",
         *_listed(
-            f"{printable(cleaned.begun.reason)}; the search began without",
+            f"{plain(cleaned.begun.reason)}; the search began without",
             [_named(name) for name in cleaned.begun.left_out],
         ),
     ]

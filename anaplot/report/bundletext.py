@@ -17,7 +17,7 @@ from anaplot.bundle.solve.externalreliability import (
     external_reliability,
 )
 from anaplot.report.columns import cell, column, counted
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["adjust_printout"]
 
@@ -26,7 +26,7 @@ _MOST = 30  # of flagged rows, spurs and correlations in the summary; the tables
 
 
 def _width(names: Iterator[str], least: int = 5) -> int:
-    return max([least, *(len(printable(name)) for name in names)])
+    return max([least, *(len(plain(name)) for name in names)])
 
 
 def adjust_printout(block: AdjustedBlock) -> str:
@@ -57,7 +57,7 @@ def _summary(block: AdjustedBlock) -> list[str]:
     }[problem.datum]
     i = block.indicators()
     lines = [
-        f"BLOCK {printable(problem.block.name)}",
+        f"BLOCK {plain(problem.block.name)}",
         f"  {len(problem.photos)} photos, {len(problem.points)} points, {len(problem.photo)} rays;"
         f" datum: {datum}",
         f"  observations {problem.observations}, unknowns {problem.unknowns}, "
@@ -74,16 +74,16 @@ def _summary(block: AdjustedBlock) -> list[str]:
     out = int(block.rejected.sum())
     if out:
         lines.append(f"  {out} image coordinate{'s are' if out > 1 else ' is'} rejected")
-    lines += [f"  note: {printable(remark)}" for remark in block.remarks]
+    lines += [f"  note: {plain(remark)}" for remark in block.remarks]
     suspects = likeliest_suspects(block)
     if suspects:
         first, flagged = suspects[0], int(block.flagged.sum())
         lines.append(
-            f"  {counted(flagged, 'image coordinate')} flagged; remeasure {printable(first.point)} "
+            f"  {counted(flagged, 'image coordinate')} flagged; remeasure {plain(first.point)} "
             f"in {_photo(first.where)} ({first.where.axis}) first:"
         )
         lines += [
-            f"    {_photo(one.where)}  point {printable(one.point)}  {one.where.axis}  "
+            f"    {_photo(one.where)}  point {plain(one.point)}  {one.where.axis}  "
             f"w {one.w:.2f}  r {one.r:.3f}{_alike(one)}"
             for one in suspects[:_MOST]
         ]
@@ -98,14 +98,14 @@ def _summary(block: AdjustedBlock) -> list[str]:
             f"  {counted(len(spurs), 'image coordinate')} (spurs, r below {SPUR:g}) "
             f"{'is' if len(spurs) == 1 else 'are'} checked by nothing:"
         )
-        cells = [f"{printable(f)}:{printable(p)} {axis}" for f, p, axis in spurs[:_MOST]]
+        cells = [f"{plain(f)}:{plain(p)} {axis}" for f, p, axis in spurs[:_MOST]]
         lines.append("    " + ", ".join(cells) + (" ..." if len(spurs) > _MOST else ""))
     return [*lines, ""]
 
 
 def _photo(where: Coordinate) -> str:
-    inside = f" in {printable(where.model)}" if where.model is not None else ""
-    return f"photo {printable(where.photo)}{inside}"
+    inside = f" in {plain(where.model)}" if where.model is not None else ""
+    return f"photo {plain(where.photo)}{inside}"
 
 
 def _alike(suspect: Suspect) -> str:
@@ -136,12 +136,12 @@ def _accusations(block: AdjustedBlock, points: list[str]) -> list[str]:
     for point in points[:_MOST]:
         rays = accuse(block, point)
         cells = [
-            f"photo {printable(ray.photo)}"
-            + (f" in {printable(ray.model)}" if ray.model is not None else "")
+            f"photo {plain(ray.photo)}"
+            + (f" in {plain(ray.model)}" if ray.model is not None else "")
             + f" {100.0 * ray.probability:.0f} %"
             for ray in rays[:4]
         ]
-        lines.append(f"    point {printable(point)}: {', '.join(cells)}")
+        lines.append(f"    point {plain(point)}: {', '.join(cells)}")
     return lines
 
 
@@ -157,7 +157,7 @@ def _photos(block: AdjustedBlock) -> list[str]:
         angles = [degrees(angle) for angle in row.angles]
         spread = [None if s is None else degrees(s) for s in row.s_angles]
         lines.append(
-            f"  {printable(row.photo):<{width}}{cell(x, 3, 15)}{cell(y, 3, 15)}{cell(z, 3, 12)}"
+            f"  {plain(row.photo):<{width}}{cell(x, 3, 15)}{cell(y, 3, 15)}{cell(z, 3, 12)}"
             + "".join(cell(s, 3, 8) for s in row.s_position)
             + "".join(cell(a, 5, size) for a, size in zip(angles, (11, 11, 12), strict=True))
             + "".join(cell(s, 5, 9) for s in spread)
@@ -174,7 +174,7 @@ def _control(block: AdjustedBlock, external: ExternalReliability) -> list[str]:
     lines = [f"  {'CONTROL':<{width}}       v [m]     r       w   MDB [m]{_effect_head(at)}"]
     lines += [
         (
-            f"  {printable(row.point):<{width}} {row.axis}{cell(row.v, 4, 10)}{cell(row.r, 3, 6)}"
+            f"  {plain(row.point):<{width}} {row.axis}{cell(row.v, 4, 10)}{cell(row.r, 3, 6)}"
             f"{cell(row.w, 2, 8)}{cell(row.mdb, 4, 10)}{_effect_cells(effect, at)}"
             + ("  << CHECK" if row.flagged else "")
         ).rstrip()
@@ -190,7 +190,7 @@ def _check(block: AdjustedBlock) -> list[str]:
     width = _width(name for name, _ in rows)
     lines = [f"  {'CHECK':<{width}}    dX [m]    dY [m]    dZ [m]   (adjusted minus given)"]
     lines += [
-        f"  {printable(name):<{width}}" + "".join(cell(value, 4, 10) for value in difference)
+        f"  {plain(name):<{width}}" + "".join(cell(value, 4, 10) for value in difference)
         for name, difference in rows
     ]
     return [*lines, ""]
@@ -208,7 +208,7 @@ def _priors(block: AdjustedBlock, external: ExternalReliability) -> list[str]:
     ]
     lines += [
         (
-            f"  {printable(row.owner):<{width}} {row.unknown:<8} {unit.get(row.unknown, 'mm'):<3}"
+            f"  {plain(row.owner):<{width}} {row.unknown:<8} {unit.get(row.unknown, 'mm'):<3}"
             f"{cell(row.v, 6, 12)}{cell(row.r, 3, 6)}{cell(row.w, 2, 8)}{cell(row.mdb, 6, 12)}"
             + _effect_cells(effect, at)
             + ("  << CHECK" if row.flagged else "")
@@ -229,7 +229,7 @@ def _parameters(block: AdjustedBlock) -> list[str]:
     for row in rows:
         spread = None if row.s is None else row.s * 1e3
         lines.append(
-            f"  {printable(row.group):<{width}} {row.name:<9}{cell(row.value * 1e3, 3, 12)}"
+            f"  {plain(row.group):<{width}} {row.name:<9}{cell(row.value * 1e3, 3, 12)}"
             f"{cell(spread, 3, 10)}"
         )
         if row.coefficient is not None:
@@ -245,7 +245,7 @@ def _parameters(block: AdjustedBlock) -> list[str]:
     if found:
         lines.append("  correlated beyond 0.9:")
         lines += [
-            f"    {printable(first)} with {printable(second)}: {rho:.3f}"
+            f"    {plain(first)} with {plain(second)}: {rho:.3f}"
             for first, second, rho in found[:_MOST]
         ]
     return [*lines, ""]
@@ -258,7 +258,7 @@ def _points(block: AdjustedBlock) -> list[str]:
     for row in rows:
         x, y, z = row.xyz
         lines.append(
-            f"  {printable(row.point):<{width}}{cell(x, 4, 15)}{cell(y, 4, 15)}{cell(z, 4, 12)}"
+            f"  {plain(row.point):<{width}}{cell(x, 4, 15)}{cell(y, 4, 15)}{cell(z, 4, 12)}"
             + "".join(cell(s, 4, 9) for s in row.s_xyz)
             + column(row.rays, 6)
         )
@@ -286,7 +286,7 @@ def _rays(block: AdjustedBlock, external: ExternalReliability) -> list[str]:
                 verdict, r = "rejected", None
             lines.append(
                 (
-                    f"  {printable(row.photo):<{photos}} {printable(row.point):<{points}}  "
+                    f"  {plain(row.photo):<{photos}} {plain(row.point):<{points}}  "
                     f"{'xy'[axis]}{cell(row.v_um[axis], 1, 9)}{cell(r, 3, 8)}{cell(w, 2, 8)}"
                     f"{cell(row.mdb_um[axis], 1, 10)}{cell(size, 2, 13)}"
                     f"{_effect_cells(effects[axis], at)}  {verdict}"
@@ -318,6 +318,6 @@ def _effect_head(at: int) -> str:
 def _effect_cells(found: UndetectedEffect | None, at: int) -> str:
     """Return what an undetected error does: the farthest point, and the standardized length."""
     size = None if found is None or found.effect_m is None else hypot(*found.effect_m) * 1e3
-    point = "-" if found is None or found.point is None else printable(found.point)
+    point = "-" if found is None or found.point is None else plain(found.point)
     length = None if found is None else found.standardized
     return f"{cell(size, 2, 14)}  {point:<{at}}{cell(length, 2, 8)}"

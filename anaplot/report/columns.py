@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["PAGE", "cell", "column", "counted", "fitted", "shortened", "wrapped"]
 
@@ -19,11 +19,11 @@ def counted(number: float, one: str, more: str | None = None) -> str:
 
 
 def shortened(name: str, width: int) -> str:
-    """Return a name made printable, in at most `width` characters.
+    """Return a name made plain, in at most `width` characters.
 
     A long one keeps its two ends: names of a family differ at their ends.
     """
-    text = printable(name)
+    text = plain(name)
     if len(text) <= width:
         return text
     kept = width - len(_GAP)

@@ -18,8 +18,8 @@ from anaplot.report.columns import cell, column
 from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.hypothesestext import probability, verdict_json
 from anaplot.report.power import check_power
-from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
+from anaplot.textfiles.wording import plain
 
 __all__ = ["compare_json", "compare_printout", "run_compare"]
 
@@ -187,7 +187,7 @@ def _mm(value: float | None) -> str:
 
 
 def _few(names: tuple[str, ...]) -> str:
-    text = ", ".join(printable(n) for n in names[:_LISTED])
+    text = ", ".join(plain(n) for n in names[:_LISTED])
     return text + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
 
 
@@ -198,7 +198,7 @@ def compare_printout(found: EpochTests) -> str:
         f"sigma0 {(of.vtpv / of.redundancy) ** 0.5:.3f}" if of.redundancy > 0 else "no redundancy"
     )
     lines = [
-        f"COMPARE  {printable(of.epochs[0])} (1) and {printable(of.epochs[1])} (2), "
+        f"COMPARE  {plain(of.epochs[0])} (1) and {plain(of.epochs[1])} (2), "
         f"{'adjusted jointly' if of.joint else 'adjusted separately'}, redundancy "
         f"{of.redundancy}, {sigma0}; tests with "
         f"{'the a-priori sigma0' if of.by_known else 'the estimated sigma0'}"
@@ -215,7 +215,7 @@ def compare_printout(found: EpochTests) -> str:
     for number, names in ((1, of.only_first), (2, of.only_second)):
         if names:
             lines.append(f"  in epoch {number} alone: {_few(names)}")
-    lines += [f"  note: {printable(remark)}" for remark in found.remarks]
+    lines += [f"  note: {plain(remark)}" for remark in found.remarks]
     if found.variance is not None:
         lines.append(
             f"  variance of epoch 1 over epoch 2: {found.variance.ratio:.3f}, "
@@ -228,7 +228,7 @@ def compare_printout(found: EpochTests) -> str:
     if found.agreement is not None:
         lines.append(_line("the stable points have not moved", found.agreement))
         lines += _explained(found.located_stable)
-    width = max(5, *(len(printable(p.point)) for p in found.points))
+    width = max(5, *(len(plain(p.point)) for p in found.points))
     lines += [
         "",
         f"  {'POINT':<{width}}  dX [mm]  dY [mm]  dZ [mm]       sX       sY       sZ   length"
@@ -237,7 +237,7 @@ def compare_printout(found: EpochTests) -> str:
     for p in found.points:
         test = None if p.verdict is None else p.verdict.decisive
         lines.append(
-            f"  {printable(p.point):<{width}}"
+            f"  {plain(p.point):<{width}}"
             + "".join(column("given", 9) if c.given else _mm(c.d) for c in p.coordinates)
             + "".join(_mm(c.s) for c in p.coordinates)
             + _mm(p.length)

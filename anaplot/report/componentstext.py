@@ -8,7 +8,7 @@ from typing import Any
 from anaplot.adjustment.variancecomponents import VarianceComponent
 from anaplot.bundle.hypotheses.components import BlockComponents, ComponentSigma
 from anaplot.report.columns import cell, counted
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["components_json", "components_printout"]
 
@@ -52,7 +52,7 @@ def components_json(found: BlockComponents) -> Json:
 def components_printout(found: BlockComponents) -> str:
     """Return the table of variance components."""
     variances = found.variances
-    width = max([5, *(len(printable(c.name)) for c in variances.components)])
+    width = max([5, *(len(plain(c.name)) for c in variances.components)])
     lines = [
         f"VARIANCE COMPONENTS, by {found.grouping}; {counted(variances.iterations, 'adjustment')}",
         f"  {'group':<{width}}  {'n':>6}  {'r':>9}  {'s^2/s0^2':>9}  {'s/s0':>7}  from, to (95 %)  "
@@ -65,11 +65,11 @@ def components_printout(found: BlockComponents) -> str:
         if roots is not None:
             within = cell(roots[0], 3, 7) + cell(roots[1], 3, 8)
         lines.append(
-            f"  {printable(c.name):<{width}}  {c.observations:6d}  {c.redundancy:9.2f}  "
+            f"  {plain(c.name):<{width}}  {c.observations:6d}  {c.redundancy:9.2f}  "
             f"{c.factor:9.3f}  {c.sigma_factor:7.3f}  {within}  {_sigma(sigma, 0)}  "
             f"{_sigma(sigma, 1)}"
         )
-    lines += [f"  note: {printable(remark)}" for remark in found.remarks()]
+    lines += [f"  note: {plain(remark)}" for remark in found.remarks()]
     return "\n".join(lines)
 
 

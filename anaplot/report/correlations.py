@@ -8,7 +8,7 @@ import numpy as np
 
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["RayPair", "correlated_rays", "correlations_json", "correlations_printout"]
 
@@ -74,7 +74,7 @@ def correlations_printout(pairs: tuple[RayPair, ...], limit: float) -> str:
         )
     lines = [f"CORRELATED RESIDUALS of a point's rays, {limit:g} or more"]
     lines += [
-        f"  point {printable(pair.point)}: {_named(pair.first)} with {_named(pair.second)}: "
+        f"  point {plain(pair.point)}: {_named(pair.first)} with {_named(pair.second)}: "
         f"{pair.correlation:+.3f}"
         for pair in pairs
     ]
@@ -83,8 +83,8 @@ def correlations_printout(pairs: tuple[RayPair, ...], limit: float) -> str:
 
 def _named(coordinate: Coordinate) -> str:
     photo, model, axis = coordinate
-    where = "" if model is None else f" in {printable(model)}"
-    return f"photo {printable(photo)}{where} {axis}"
+    where = "" if model is None else f" in {plain(model)}"
+    return f"photo {plain(photo)}{where} {axis}"
 
 
 def correlations_json(pairs: tuple[RayPair, ...]) -> list[Json]:

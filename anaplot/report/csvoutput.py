@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.wholefile import replace_whole
-from anaplot.exchange.wording import place, reason
+from anaplot.textfiles.wholefile import replace_whole
+from anaplot.textfiles.wording import place, reason
 
 __all__ = ["check_csv", "write_csv"]
 

@@ -7,18 +7,18 @@ from collections.abc import Iterable
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.report.innertext import inner_table_lines
-from anaplot.report.printable import printable
 from anaplot.report.text import table_lines
 from anaplot.station.automatic import Handled, InnerRecord, ModelRecord
 from anaplot.station.demo import Outcome
 from anaplot.station.mistakes import Planted
+from anaplot.textfiles.wording import plain
 
 __all__ = ["model_story", "outcome_text"]
 
 
 def model_story(record: ModelRecord) -> str:
     """Return a model's tables before and after, and what was done in between."""
-    lines = [f"MODEL {printable(record.left)}/{printable(record.right)}"]
+    lines = [f"MODEL {plain(record.left)}/{plain(record.right)}"]
     for inner in record.inners:
         lines += _inner_story(inner, [h for h in record.handled if h.photo == inner.photo])
     points = [h for h in record.handled if not h.photo]
@@ -37,7 +37,7 @@ def model_story(record: ModelRecord) -> str:
 def _inner_story(record: InnerRecord, handled: list[Handled]) -> list[str]:
     """Return what happened in an inner orientation; its tables when something was wrong in it."""
     lines = []
-    title = f"  photo {printable(record.photo)} ({record.side})"
+    title = f"  photo {plain(record.photo)} ({record.side})"
     if handled and record.before is not None:
         lines.append(f"{title}: fiducials measured, {_sigma(record.before.sigma0_um)}")
         lines += inner_table_lines(record.before)
@@ -51,7 +51,7 @@ def _inner_story(record: InnerRecord, handled: list[Handled]) -> list[str]:
 
 
 def _actions(handled: Iterable[Handled]) -> list[str]:
-    rows = [(printable(h.point) + ("" if h.axis is None else f" ({h.axis})"), h) for h in handled]
+    rows = [(plain(h.point) + ("" if h.axis is None else f" ({h.axis})"), h) for h in handled]
     return [f"  {'fiducial ' if h.photo else ''}{row} {h.action}" for row, h in rows]
 
 
@@ -61,7 +61,7 @@ def _sigma(sigma0_um: float | None) -> str:
 
 def _entries(title: str, entries: Iterable[Planted]) -> list[str]:
     lines = [
-        f"    {p.model}  {printable(p.point):<8} {p.axis}  {p.size_um:9.1f} um  {_kind(p)}"
+        f"    {p.model}  {plain(p.point):<8} {p.axis}  {p.size_um:9.1f} um  {_kind(p)}"
         + ("" if p.detectable or p.kind == "none" else _elsewhere(p))
         for p in entries
     ]
@@ -70,7 +70,7 @@ def _entries(title: str, entries: Iterable[Planted]) -> list[str]:
 
 def _kind(planted: Planted) -> str:
     if planted.kind == "wrong fiducial":
-        return f"{planted.kind} of photo {printable(planted.photo)}"
+        return f"{planted.kind} of photo {plain(planted.photo)}"
     return planted.kind
 
 

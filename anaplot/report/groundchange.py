@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from anaplot.photogrammetry.pointchange import PointChange
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["change_json", "change_lines"]
 
@@ -26,13 +26,13 @@ def change_lines(change: PointChange | None, where: str, unit: str) -> list[str]
         return []
     x, y, z = change.rms
     text = (
-        f"{where}: {printable(change.point)} moves most, {change.axis} by {change.change:.4f} "
+        f"{where}: {plain(change.point)} moves most, {change.axis} by {change.change:.4f} "
         f"{unit} (rms of all points X {x:.4f}  Y {y:.4f}  Z {z:.4f})"
     )
     sigma = change.sigma
     if sigma is not None:
         text += (
-            f"; the standard deviation of {sigma.axis} of {printable(sigma.point)} becomes "
+            f"; the standard deviation of {sigma.axis} of {plain(sigma.point)} becomes "
             f"{sigma.after:.4f} {unit}, it was {sigma.before:.4f}"
         )
     return [text]

@@ -12,7 +12,7 @@ from anaplot.bundle.hypotheses.controltests import ControlTests
 from anaplot.bundle.hypotheses.parametertests import ComponentTest, ParameterTests, SetTest
 from anaplot.bundle.hypotheses.verdict import Verdict
 from anaplot.report.columns import cell, column
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["hypotheses_json", "hypotheses_printout", "probability", "verdict_json"]
 
@@ -120,14 +120,14 @@ def _count(verdicts: Iterable[Verdict | None]) -> int:
 
 
 def _remarks(remarks: tuple[str, ...]) -> list[str]:
-    return [f"  note: {printable(remark)}" for remark in remarks]
+    return [f"  note: {plain(remark)}" for remark in remarks]
 
 
 def _additional(found: ParameterTests, limit: float) -> list[str]:
     several = len({row.group for row in found.parameters}) > 1
 
     def label(name: Label) -> str:
-        return f"{name[1]} of {printable(name[0])}" if several else name[1]
+        return f"{name[1]} of {plain(name[0])}" if several else name[1]
 
     labels = [label((row.group, row.name)) for row in found.parameters]
     width = max(24, *(len(text) + 2 for text in labels))
@@ -136,7 +136,7 @@ def _additional(found: ParameterTests, limit: float) -> list[str]:
     for group in found.groups[:_MOST]:
         test = group.verdict.decisive
         if test is not None:
-            lines.append(f"  {'those of ' + printable(group.group):<{width}}{_cells(test)}"
+            lines.append(f"  {'those of ' + plain(group.group):<{width}}{_cells(test)}"
                          f"{_mark(group.verdict)}")  # fmt: skip
     lines += _remarks(found.remarks)
     lines += ["", *_parameters(found, labels, width, shorten=several)]
@@ -257,7 +257,7 @@ def _check(found: CheckTests) -> list[str]:
         f"  {'COORDINATE':<{width}}difference         s   s block   s given        P  detectable",
     ]
     lines += [
-        f"  {printable(row.point) + ' ' + row.axis:<{width}}"
+        f"  {plain(row.point) + ' ' + row.axis:<{width}}"
         + "".join(cell(v, 4, 10) for v in (row.difference, row.s, row.s_block, row.s_given))
         + f"{_p(row.verdict)}{cell(row.detectable, 4, 12)}{_mark(row.verdict)}"
         for row in rows[:_MOST]
@@ -309,7 +309,7 @@ def _control(found: ControlTests) -> list[str]:
         "minus given)",
     ]
     for row in rows[:_MOST]:
-        name = f"{printable(row.point)} {row.axis}" + (" fixed" if row.fixed else "")
+        name = f"{plain(row.point)} {row.axis}" + (" fixed" if row.fixed else "")
         lines.append(
             f"  {name:<{width}}{cell(row.difference, 4, 10)}{cell(row.s, 4, 10)}"
             f"{_p(row.verdict)}{cell(row.detectable, 4, 12)}{_mark(row.verdict)}"

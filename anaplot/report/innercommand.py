@@ -75,11 +75,10 @@ def run_inner(options: argparse.Namespace) -> int:
     """
     # what the command needs is loaded when it runs, not when the command line is read
     from anaplot.exchange.fiducialfile import read_fiducials
-    from anaplot.exchange.wording import hint, quoted
     from anaplot.photogrammetry.inner import TRANSFORMATIONS, InnerOrientation, orient_inner
     from anaplot.report.innercontract import inner_json
     from anaplot.report.innertext import camera_remarks, inner_printout
-    from anaplot.report.printable import printable
+    from anaplot.textfiles.wording import hint, plain, quoted
 
     name = options.transformation
     wanted = next((known for known in TRANSFORMATIONS if known == name), None)
@@ -111,10 +110,10 @@ def run_inner(options: argparse.Namespace) -> int:
             if isinstance(inner, InnerOrientation):
                 print(inner_printout(photo_name, inner), end="\n\n")
         for remark in camera_remarks(file.camera):
-            print(printable(remark))
+            print(plain(remark))
     errors = [(photo_name, why) for photo_name, why in found if isinstance(why, str)]
     for photo_name, why in errors:
-        print(f"anaplot: photo {printable(photo_name)}: {printable(why)}", file=sys.stderr)
+        print(f"anaplot: photo {plain(photo_name)}: {plain(why)}", file=sys.stderr)
     if errors:
         return NotComputableError.exit_code
     if options.fail_on_flag and any(inner.flagged or inner.refused for inner in oriented):

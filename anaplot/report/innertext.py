@@ -9,7 +9,7 @@ from anaplot.photogrammetry.inner import InnerOrientation, InnerRow
 from anaplot.photogrammetry.inneradvice import advise
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.report.columns import cell
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["camera_remarks", "inner_printout", "inner_table_lines"]
 
@@ -21,14 +21,14 @@ def inner_table_lines(inner: InnerOrientation) -> list[str]:
     deviation, SIGF their ratio, MDB smallest detectable error; all but RED-N and SIGF in um.
     """
     accused = inner.flagged[0].key if inner.flagged and inner.locatable else None
-    width = max([8, *(len(printable(row.fiducial)) for row in inner.rows)])
+    width = max([8, *(len(plain(row.fiducial)) for row in inner.rows)])
     lines = [
         f"  {'FIDUCIAL':<{width}}     RED-N   RESID    EXPD    SIGF     MDB",
         f"  {'':<{width}}{'um':>18}{'um':>8}{'um':>16}",
     ]
     for row in inner.rows:
         line = (
-            f"  {printable(row.fiducial):<{width}}  {row.axis}  {row.redn:6.3f}"
+            f"  {plain(row.fiducial):<{width}}  {row.axis}  {row.redn:6.3f}"
             f"{_um(row.residual_um)}{_um(row.expd_um)}{cell(row.sigf, 2, 8)}{_um(row.mdb_um)}"
             f"  {_verdict(row, accused)}"
         )
@@ -44,7 +44,7 @@ def inner_printout(photo: str, inner: InnerOrientation) -> str:
     critical = "none" if inner.test.critical is None else f"{inner.test.critical:.2f}"
     limit = "" if inner.overall is None else f", sigma0 at most {inner.overall:.2f} um"
     lines = [
-        f"PHOTO {printable(photo)}  camera {printable(inner.camera)}",
+        f"PHOTO {plain(photo)}  camera {plain(inner.camera)}",
         f"  found     {TITLES[inner.kind]}",
         f"  sigma0    {sigma0}, a priori {inner.apriori_um:g} um, redundancy {inner.redundancy}",
         f"  test      {inner.test.kind}, alpha {inner.test.alpha:g}, critical value {critical}"
@@ -67,11 +67,11 @@ def inner_printout(photo: str, inner: InnerOrientation) -> str:
     if inner.distances:
         lines.append("  DISTANCES [mm], transformed minus calibrated [um]")
         lines += [
-            f"  {printable(d.first)} - {printable(d.second)}  {d.mm:.3f}{_um(d.difference_um)}"
+            f"  {plain(d.first)} - {plain(d.second)}  {d.mm:.3f}{_um(d.difference_um)}"
             for d in inner.distances
         ]
         lines.append("")
-    lines += [f"  {printable(sentence)}" for sentence in advise(inner)]
+    lines += [f"  {plain(sentence)}" for sentence in advise(inner)]
     return "\n".join(lines)
 
 

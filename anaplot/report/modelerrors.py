@@ -20,10 +20,10 @@ from anaplot.report.contract import bridge_json
 from anaplot.report.groundchange import change_json, change_lines
 from anaplot.report.interrupts import ending_early
 from anaplot.report.modelvalues import model_values_json, model_values_line
-from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
 from anaplot.report.searchoptions import search_settings, sigma0_in_words
 from anaplot.report.text import model_printout
+from anaplot.textfiles.wording import plain
 
 __all__ = ["errors_json", "errors_printout", "run_bridge_errors"]
 
@@ -97,7 +97,7 @@ def run_bridge_errors(
                 print(errors_printout(cleaned), end="\n\n")
     errors = [strip.bridged.error for strip in strips if strip.bridged.error is not None]
     for error in errors:
-        print(f"anaplot: {printable(error)}", file=sys.stderr)
+        print(f"anaplot: {plain(error)}", file=sys.stderr)
     if errors:
         return NotComputableError.exit_code
     found = any(m.rejected or m.solution.flagged for strip in strips for m in strip.models)
@@ -111,7 +111,7 @@ def errors_printout(cleaned: CleanedModel) -> str:
     if cleaned.begun_without:
         lines.append(f"    far off, the search began without: {_listed(cleaned.begun_without)}")
     for row in cleaned.rejected:
-        line = f"    {printable(row.point)} {row.axis}  rejected"
+        line = f"    {plain(row.point)} {row.axis}  rejected"
         if row.w is None:
             line += ": with it the orientation goes astray, and the others cannot test it"
         else:
@@ -125,23 +125,23 @@ def errors_printout(cleaned: CleanedModel) -> str:
         lines += [f"    {line}" for line in change_lines(cleaned.ground, "in the model", "mm")]
     for (point, axis), (other, other_axis), rho in cleaned.hard_to_tell:
         lines.append(
-            f"    {printable(point)} {axis} and {printable(other)} {other_axis} are hard to tell "
+            f"    {plain(point)} {axis} and {plain(other)} {other_axis} are hard to tell "
             f"apart (correlation {rho:.2f})"
         )
     for key, reason in cleaned.refused:
-        lines.append(f"    {_listed((key,))} cannot be left out: {printable(reason)}")
+        lines.append(f"    {_listed((key,))} cannot be left out: {plain(reason)}")
     blind = _untestable(cleaned)
     if blind:
         lines.append(f"    cannot be tested: {_listed(blind)}")
     if found.model_values is not None:
         lines.append(f"    {model_values_line(found.model_values)}")
     lines += _odds_lines(cleaned)
-    lines += [f"    note: {printable(remark)}" for remark in cleaned.remarks]
+    lines += [f"    note: {plain(remark)}" for remark in cleaned.remarks]
     return "\n".join(lines)
 
 
 def _listed(keys: Sequence[tuple[str, str]]) -> str:
-    return ", ".join(f"{printable(point)} {axis}" for point, axis in keys)
+    return ", ".join(f"{plain(point)} {axis}" for point, axis in keys)
 
 
 def _because(row: RejectedRow, strategy: str) -> str:

@@ -10,7 +10,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.planning.networkplan import Network, NetworkWorth
 from anaplot.planning.plannedreliability import PointWorth
 from anaplot.report.columns import PAGE, counted, fitted, shortened, wrapped
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["first_lines", "network_lines", "point_lines"]
 
@@ -49,7 +49,7 @@ def network_lines(network: Network, block: AdjustedBlock, worth: NetworkWorth) -
     lines += _more(len(worth.points)) + _few(network, worth)
     spurs = block.spurs()
     if spurs:
-        names = [f"{printable(point)} {axis} in {printable(photo)}" for photo, point, axis in spurs]
+        names = [f"{plain(point)} {axis} in {plain(photo)}" for photo, point, axis in spurs]
         lines += ["", f"SPUR OBSERVATIONS: next to nothing checks these {len(spurs)}"]
         lines += wrapped("  ", _named(names))
     return lines
@@ -104,17 +104,17 @@ def _open(worth: NetworkWorth) -> list[str]:
     """Return what the network leaves open."""
     lines = []
     if worth.not_determined:
-        names = [f"{printable(p)} ({_photos(worth.rays[p])})" for p in worth.not_determined]
+        names = [f"{plain(p)} ({_photos(worth.rays[p])})" for p in worth.not_determined]
         count = len(names)
         lines.append(f"NOT DETERMINED: {count} new point{'s' * (count > 1)}")
         lines += wrapped("  ", _named(names))
     if worth.unused_photos:
         lines += wrapped(
-            "STATIONS WITHOUT USABLE RAYS: ", _named([printable(p) for p in worth.unused_photos])
+            "STATIONS WITHOUT USABLE RAYS: ", _named([plain(p) for p in worth.unused_photos])
         )
     if worth.unused_control:
         lines += wrapped(
-            "CONTROL WITHOUT USABLE RAYS: ", _named([printable(p) for p in worth.unused_control])
+            "CONTROL WITHOUT USABLE RAYS: ", _named([plain(p) for p in worth.unused_control])
         )
     return ["", *lines] if lines else []
 
@@ -125,7 +125,7 @@ def _few(network: Network, worth: NetworkWorth) -> list[str]:
     seen = {point: rays for point, rays in worth.rays.items() if point not in apart}
     lines = []
     for count in range(_FEW):
-        names = [printable(name) for name, rays in seen.items() if rays == count]
+        names = [plain(name) for name, rays in seen.items() if rays == count]
         if names:
             lines += wrapped(f"  {_photos(count)}: ", _named(names))
     if lines:

@@ -15,11 +15,8 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.residuals import ObservationName, block_residuals
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
-from anaplot.exchange.inputfile import read_text
 from anaplot.exchange.networkfile import read_network
 from anaplot.exchange.patternfile import read_pattern
-from anaplot.exchange.tomlfile import TomlFile
-from anaplot.exchange.wording import hint, quoted
 from anaplot.orientation.modelvalues import ideal_roots
 from anaplot.orientation.patterns import pattern
 from anaplot.orientation.residuals import correlated_units, residual_system
@@ -36,6 +33,9 @@ from anaplot.planning.patternplan import (
 )
 from anaplot.report.ownplaces import RowName, rows_in
 from anaplot.report.plannetwork import network_from_file
+from anaplot.textfiles.inputfile import read_text
+from anaplot.textfiles.tomlfile import TomlFile
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["MOST_ROWS", "ModelOptions", "own_scenario"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.errors import InputError
-from anaplot.exchange.wording import quoted
+from anaplot.textfiles.wording import quoted
 
 __all__ = ["RowName", "rows_in"]
 

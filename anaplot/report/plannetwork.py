@@ -15,7 +15,6 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.networkfile import NetworkFile, read_network
-from anaplot.exchange.wording import quoted
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.idealblock import IdealBlock, Station
@@ -38,6 +37,7 @@ from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.networktext import first_lines, network_lines, point_lines
 from anaplot.report.planblock import write_planned
 from anaplot.report.progress import ProgressLine
+from anaplot.textfiles.wording import quoted
 
 __all__ = ["network_from_file", "run_plan_network"]
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from anaplot.errors import InputError
 from anaplot.exchange.patternfile import read_pattern
-from anaplot.exchange.wording import place, quoted
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.patterns import PATTERNS, pattern, trace_in_bases
 from anaplot.orientation.results import ModelSolution
@@ -31,6 +30,7 @@ from anaplot.planning.patternplan import (
 )
 from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.plantext import advice_lines, drawing, set_lines, transfer_lines
+from anaplot.textfiles.wording import place, quoted
 
 __all__ = ["pattern_json", "run_plan_pattern"]
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from anaplot.orientation.results import ModelSolution, Transfer
 from anaplot.planning.patternplan import Advice, Place, PlannedPattern, SetAdvice
 from anaplot.report.columns import cell
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["advice_lines", "drawing", "set_lines", "transfer_lines"]
 
@@ -88,7 +88,7 @@ def _ranks(values: list[float]) -> list[int]:
 def _cell(labels: list[str], redn: dict[tuple[str, str], float], width: int) -> list[str]:
     lines = []
     for label in labels:
-        lines.append(f"o {printable(label)}"[: width - 1])
+        lines.append(f"o {plain(label)}"[: width - 1])
         lines += [f"  {a} {redn[label, a]:.3f}" for a in ("y", "x") if (label, a) in redn]
     return lines or [""]
 
@@ -179,7 +179,7 @@ def _listed(plan: PlannedPattern, redn: dict[tuple[str, str], float]) -> list[st
     for label, x, y in plan.points:
         tie = cell(redn[label, "x"], 3, 10) if (label, "x") in redn else ""
         lines.append(
-            f"{printable(label)[:12]:<12}{cell(x, 3, 10)}{cell(y, 3, 9)}"
+            f"{plain(label)[:12]:<12}{cell(x, 3, 10)}{cell(y, 3, 9)}"
             f"{cell(redn[label, 'y'], 3, 10)}{tie}"
         )
     return lines
@@ -191,7 +191,7 @@ def transfer_lines(transfers: tuple[Transfer, ...]) -> list[str]:
         return ["no critical transfers"]
     lines = ["critical transfers (an error in the first shows at least as large in the second)"]
     for t in transfers:
-        first, second = (f"{printable(point)} ({axis})" for point, axis in (t.source, t.target))
+        first, second = (f"{plain(point)} ({axis})" for point, axis in (t.source, t.target))
         lines.append(f"  {first} --> {second}  {t.value:+.3f}")
     return lines
 
@@ -222,7 +222,5 @@ def set_lines(best: Iterable[SetAdvice]) -> list[str]:
 
 def _further(place: Place, at: str) -> str:
     x, y, doubles, tie = place
-    what = (
-        f"{at}x {x:.1f}, y {y:.1f} mm" if doubles is None else f"a double of {printable(doubles)}"
-    )
+    what = f"{at}x {x:.1f}, y {y:.1f} mm" if doubles is None else f"a double of {plain(doubles)}"
     return what + (" as a tie" if tie else "")

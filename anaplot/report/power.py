@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.wording import place
 from anaplot.photogrammetry.block import TestSettings
+from anaplot.textfiles.wording import place
 
 __all__ = ["check_power"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from anaplot.exchange.wording import place
 from anaplot.station.salvage import Salvaged
+from anaplot.textfiles.wording import place
 
 __all__ = ["salvage_json", "salvage_text"]
 

@@ -21,7 +21,6 @@ from anaplot import __version__
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
-from anaplot.exchange.wording import hint, quoted
 from anaplot.planning.levels import LEVEL, at_level, level_of
 from anaplot.planning.montecarlo import ChunkDone, Figure, Key, Scenario, Sums, figures, simulate
 from anaplot.planning.ownerrors import OwnErrors
@@ -30,8 +29,8 @@ from anaplot.planning.scenarios import scenarios
 from anaplot.report.columns import counted
 from anaplot.report.csvoutput import check_csv, write_csv
 from anaplot.report.owngeometry import ModelOptions, own_scenario
-from anaplot.report.printable import printable
 from anaplot.report.progress import ProgressLine
+from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = ["run_simulate"]
 
@@ -223,12 +222,12 @@ def _row(figure: Figure) -> dict[str, Any]:
 def _printout(
     scenario: Scenario, found: tuple[Figure, ...], remarks: Iterable[str], runs: int, seed: int
 ) -> str:
-    title = textwrap.wrap(f"{printable(scenario.name)}: {printable(scenario.about)}", _WIDTH)
+    title = textwrap.wrap(f"{plain(scenario.name)}: {plain(scenario.about)}", _WIDTH)
     alpha = level_of(scenario)
     level = "" if alpha in (None, LEVEL) else f", alpha {alpha:g}"
     lines = [*title, f"{counted(runs, 'run')}, seed {seed}{level}", ""]
-    method = max([len("method"), *(len(printable(f.method)) for f in found)])
-    quantity = max([len("quantity"), *(len(printable(f.quantity)) for f in found)])
+    method = max([len("method"), *(len(plain(f.method)) for f in found)])
+    quantity = max([len("quantity"), *(len(plain(f.quantity)) for f in found)])
     head = f"  {'method':<{method}}  {'quantity':<{quantity}}  {'mean':>8}  95 % interval"
     known = any(f.reference is not None for f in found)
     lines.append(head + ("        known" if known else ""))
@@ -236,19 +235,19 @@ def _printout(
     for figure in found:
         if figure.case != case:
             case = figure.case
-            lines.append(printable(case))
+            lines.append(plain(case))
         interval = "-"
         if figure.low is not None and figure.high is not None:
             interval = f"{_number(figure.low)} to {_number(figure.high)}"
         line = (
-            f"  {printable(figure.method):<{method}}  {printable(figure.quantity):<{quantity}}  "
+            f"  {plain(figure.method):<{method}}  {plain(figure.quantity):<{quantity}}  "
             f"{_number(figure.mean):>8}  {interval:<19}"
         )
         if figure.reference is not None:
             line += f"  {_number(figure.reference)}"
         lines.append(line.rstrip())
     for remark in remarks:
-        lines += ["", *textwrap.wrap(printable(remark), _WIDTH)]
+        lines += ["", *textwrap.wrap(plain(remark), _WIDTH)]
     return "\n".join(lines)
 
 

@@ -19,7 +19,7 @@ from anaplot.bundle.errors.snooping import (
 )
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.report.columns import cell, column
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["SnoopedBlock", "snoop_block", "snooping_json", "snooping_printout"]
 
@@ -278,12 +278,12 @@ def _list(title: str, rows: tuple[Decided, ...]) -> list[str]:
         return []
     lines = [f"  {title}:"]
     for row in rows[:_MOST]:
-        model = "" if row.model is None else f" in {printable(row.model)}"
+        model = "" if row.model is None else f" in {plain(row.model)}"
         w = "-" if row.w is None else f"{row.w:.2f}"
         verdict = "rejected" if row.rejected else "not testable" if row.w is None else "accepted"
         other = "" if row.rejected == row.exact else f", exact test {_word(row.exact)}"
         lines.append(
-            f"    photo {printable(row.photo)}{model}  point {printable(row.point)}  {row.axis}  "
+            f"    photo {plain(row.photo)}{model}  point {plain(row.point)}  {row.axis}  "
             f"w {w}  {verdict}{other}"
         )
     if len(rows) > _MOST:

@@ -7,7 +7,7 @@ import io
 import os
 import sys
 
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
 __all__ = ["complain", "drop_output", "prepare_streams", "system_message"]
 
@@ -39,7 +39,7 @@ def _opened(how: int) -> io.TextIOWrapper:
 def complain(message: str) -> None:
     """Write one line to standard error; where that cannot be written nobody can be told."""
     with contextlib.suppress(OSError):
-        print(f"anaplot: {printable(message)}", file=sys.stderr, flush=True)
+        print(f"anaplot: {plain(message)}", file=sys.stderr, flush=True)
 
 
 def drop_output() -> bool:

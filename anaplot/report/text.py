@@ -7,9 +7,9 @@ from math import degrees
 
 from anaplot.orientation.results import Diagnosis, ModelSolution, TableRow
 from anaplot.report.columns import cell
-from anaplot.report.printable import printable
+from anaplot.textfiles.wording import plain
 
-__all__ = ["model_printout", "printable", "table_lines", "verdict"]
+__all__ = ["model_printout", "table_lines", "verdict"]
 
 _PER_LINE = 6
 
@@ -37,14 +37,14 @@ def table_lines(table: Iterable[TableRow], suspects: Sequence[tuple[str, str]] =
     """
     accused = suspects[0] if suspects else None
     rows = list(table)
-    width = max([5, *(len(printable(row.point)) for row in rows)])
+    width = max([5, *(len(plain(row.point)) for row in rows)])
     lines = [
         f"  {'POINT':<{width}}     RED-N    PARX    EXPD    SIGF",
         f"  {'':<{width}}{'um':>17}{'um':>8}",
     ]
     for row in rows:
         line = (
-            f"  {printable(row.point):<{width}}  {row.axis}  {row.redn:6.3f}"
+            f"  {plain(row.point):<{width}}  {row.axis}  {row.redn:6.3f}"
             f"{cell(row.parx_um, 1, 8)}{cell(row.expd_um, 1, 8)}{cell(row.sigf, 2, 8)}"
             f"  {verdict(row, accused)}"
         )
@@ -55,8 +55,8 @@ def table_lines(table: Iterable[TableRow], suspects: Sequence[tuple[str, str]] =
 def _discrepancies(title: str, rows: list[TableRow]) -> list[str]:
     if not rows:
         return []
-    width = max(len(printable(row.point)) for row in rows)
-    cells = [f"{printable(row.point):>{width}} {row.parx_um:8.1f}" for row in rows]
+    width = max(len(plain(row.point)) for row in rows)
+    cells = [f"{plain(row.point):>{width}} {row.parx_um:8.1f}" for row in rows]
     lines = [f"  {title}"]
     lines += ["  " + "   ".join(cells[k : k + _PER_LINE]) for k in range(0, len(cells), _PER_LINE)]
     return lines
@@ -87,7 +87,7 @@ def model_printout(
     critical = "none" if model.test.critical is None else f"{model.test.critical:.2f}"
     sigma0 = "none" if model.sigma0_um is None else f"{model.sigma0_um:.2f} um"
     lines = [
-        f"STRIP {printable(strip)}  MODEL {printable(model.left)}/{printable(model.right)}"
+        f"STRIP {plain(strip)}  MODEL {plain(model.left)}/{plain(model.right)}"
         f"  ({number} of {count})",
         f"  base      bx {bx:.4f}  by {by:.4f}  bz {bz:.4f} mm",
         f"  rotation  omega {omega:.5f}  phi {phi:.5f}  kappa {kappa:.5f} deg",
@@ -102,5 +102,5 @@ def model_printout(
         "TIE DISCREPANCIES [um]", [row for row in model.table if row.axis == "x"]
     )
     lines += ["", *table_lines(model.table, diagnosis.suspects), ""]
-    lines += [f"  {printable(sentence)}" for sentence in diagnosis.advice]
+    lines += [f"  {plain(sentence)}" for sentence in diagnosis.advice]
     return "\n".join(lines)

@@ -12,8 +12,8 @@ from typing import Any
 
 from anaplot.errors import InputError
 from anaplot.exchange.journal import Record
-from anaplot.exchange.wording import describe_type, plain
 from anaplot.plotter.readings import Position
+from anaplot.textfiles.wording import describe_type, plain
 
 __all__ = [
     "Heard",

@@ -18,7 +18,6 @@ from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blocktoml import parse_block_toml
 from anaplot.exchange.journal import Record, event_of, read_journal
-from anaplot.exchange.wording import quoted
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.profile import recorded_profile
@@ -46,6 +45,7 @@ from anaplot.station.payloads import (
     table_of,
 )
 from anaplot.station.tables import inner_table_difference, table_difference
+from anaplot.textfiles.wording import quoted
 
 __all__ = ["Difference", "Replayed", "Step", "recorded_block", "replay", "replay_session"]
 

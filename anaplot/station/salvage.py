@@ -19,8 +19,6 @@ from anaplot.exchange.journal import Record, event_of
 from anaplot.exchange.journalread import SESSIONS
 from anaplot.exchange.recordline import JOURNAL_FORMAT, encode_line
 from anaplot.exchange.salvage import Gap, read_what_can_be_read
-from anaplot.exchange.wholefile import create_whole, make_folder
-from anaplot.exchange.wording import place, plain
 from anaplot.session.events import (
     EVENT_KINDS,
     Event,
@@ -37,6 +35,8 @@ from anaplot.session.state import EventRefusedError, SessionState, apply, start
 from anaplot.station.payloads import heard_in, inner_table_of, opened_by, table_of
 from anaplot.station.rebuild import rebuild
 from anaplot.station.replay import Replayed, recorded_block
+from anaplot.textfiles.wholefile import create_whole, make_folder
+from anaplot.textfiles.wording import place, plain
 
 __all__ = ["Salvaged", "salvage"]
 

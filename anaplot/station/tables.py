@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from math import isclose
 from typing import Any, NamedTuple
 
-from anaplot.exchange.wording import plain
 from anaplot.orientation.results import ModelSolution, TableRow
 from anaplot.photogrammetry.inner import InnerOrientation, InnerRow
 from anaplot.session.innerstate import InnerState
 from anaplot.station.payloads import RecordedInnerTable, RecordedTable, Value
+from anaplot.textfiles.wording import plain
 
 __all__ = ["inner_table_difference", "inner_table_payload", "table_difference", "table_payload"]
 

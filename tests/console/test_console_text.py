@@ -1,27 +1,9 @@
-import unicodedata
-
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from anaplot.console.text import cell, fit, fit_end, number, plain, wrap
-
-
-def test_control_and_direction_characters_are_replaced():
-    assert plain("\x1b[2J") == "\ufffd[2J"
-    assert (
-        plain("a\nb\tc\r\x9b7m\u202e\u2028\x00")
-        == "a\ufffdb\ufffdc\ufffd\ufffd7m\ufffd\ufffd\ufffd"
-    )
-    assert plain("[red]x[/]") == "[red]x[/]"
-    assert plain("Müller 点") == "Müller 点"
-
-
-@given(st.text())
-def test_nothing_that_controls_gets_through(text):
-    categories = {unicodedata.category(c) for c in plain(text)}
-    assert not any(category.startswith("C") for category in categories)
-    assert len(plain(text)) == len(text)
+from anaplot.console.text import cell, fit, fit_end, number, wrap
+from anaplot.textfiles.wording import plain
 
 
 @given(st.text(), st.integers(0, 40), st.booleans())

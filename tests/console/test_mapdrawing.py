@@ -118,7 +118,7 @@ def test_a_name_is_drawn_as_it_is_but_never_as_control():
     points = picture().points
     snapshot = picture(points=(*points[:2], odd, *points[3:]), solution=None, diagnosis=None)
     text = draw_map(snapshot, None, 60, 30).text()
-    assert "\ufffd[2J" in text
+    assert "\\x1b[2J" in text
     assert "\x1b" not in text
 
 

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_block_toml
 from anaplot.exchange.blocktoml import format_block_toml, parse_block_toml
-from anaplot.exchange.names import name_fault
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -22,6 +21,7 @@ from anaplot.photogrammetry.block import (
     Strip,
     TestSettings,
 )
+from anaplot.textfiles.names import name_fault
 
 MINIMAL = """\
 format = 1

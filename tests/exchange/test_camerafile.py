@@ -20,7 +20,6 @@ from anaplot.exchange.camerafile import (
     read_camera,
     write_camera,
 )
-from anaplot.exchange.names import name_fault
 from anaplot.photogrammetry.block import Camera
 from anaplot.photogrammetry.camera import (
     CameraCalibration,
@@ -29,6 +28,7 @@ from anaplot.photogrammetry.camera import (
     RadialPolynomial,
     RadialTable,
 )
+from anaplot.textfiles.names import name_fault
 
 RMK = """\
 format = 1

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_from_dict, event_to_dict
-from anaplot.exchange.names import name_fault
 from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS
 from anaplot.session.events import (
     EVENT_KINDS,
@@ -31,6 +30,7 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
+from anaplot.textfiles.names import name_fault
 
 
 def assert_one_safe_line(error: InputError) -> None:

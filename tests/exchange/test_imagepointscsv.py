@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
-from anaplot.exchange import wholefile
 from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.exchange.imagepointscsv import format_image_points
-from anaplot.exchange.names import name_fault
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint
+from anaplot.textfiles import wholefile
+from anaplot.textfiles.names import name_fault
 
 HEADER = "photo,point,x,y\n"
 WITH_MODEL = "photo,point,x,y,sigma_um,model\n"

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from anaplot.errors import InputError
-from anaplot.exchange import wholefile
 from anaplot.exchange.blockfolder import clear_image_points, read_block, write_new_block
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_block_toml
 from anaplot.exchange.camerafile import write_camera
-from anaplot.exchange.wholefile import make_folder
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.planning.syntheticcamera import SYNTHETIC_CAMERA_FILE, with_calibration
+from anaplot.textfiles import wholefile
+from anaplot.textfiles.wholefile import make_folder
 
 
 @pytest.fixture

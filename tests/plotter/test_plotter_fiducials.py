@@ -46,7 +46,7 @@ def drive(plotter: SimulatedPlotter, side: Side | None, target: Position) -> Non
 
 
 def test_no_point_can_be_named_like_a_fiducial() -> None:
-    from anaplot.exchange.names import name_fault
+    from anaplot.textfiles.names import name_fault
 
     for side in ("left", "right"):
         assert name_fault(fiducial_name(side, "1")) is not None

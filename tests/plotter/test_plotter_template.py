@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.plotter.template import TemplateError, parse_template
-from anaplot.plotter.text import safe_text
 
 
 @pytest.mark.parametrize(
@@ -71,18 +70,3 @@ def test_the_matcher_reads_back_what_was_written(x, y):
     assert match is not None
     assert abs(float(match["x"]) - x) <= 5.1e-5
     assert abs(float(match["y"]) - y) <= 5.1e-5
-
-
-@given(st.one_of(st.text(max_size=200), st.binary(max_size=200)), st.integers(10, 150))
-def test_safe_text_is_short_printable_ascii(raw, limit):
-    shown = safe_text(raw, limit)
-    assert len(shown) <= limit
-    assert all(0x20 <= ord(character) < 0x7F for character in shown)
-
-
-def test_safe_text_escapes():
-    assert safe_text(b"\x1b[2J ok") == "\\x1b[2J ok"
-    assert safe_text("a\u202eb\n") == "a\\u{202e}b\\x0a"
-    assert safe_text("x" * 120) == "x" * 120
-    assert safe_text("x" * 121) == "x" * 117 + "..."
-    assert safe_text("[red]x[/]") == "[red]x[/]"

@@ -10,8 +10,8 @@ import pytest
 from clibench import anaplot, contents, make_block, one_line
 
 from anaplot.cli import main
-from anaplot.exchange import wholefile
 from anaplot.planning.networkplan import CUBE_VERSIONS
+from anaplot.textfiles import wholefile
 
 PATTERN = ["plan", "pattern", "6"]
 BLOCK = ["plan", "block", "--strips", "2", "--photos", "3"]

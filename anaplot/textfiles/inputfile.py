@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from anaplot.errors import InputError
-from anaplot.exchange.wording import place, reason
+from anaplot.textfiles.wording import place, reason
 
 __all__ = ["not_utf8", "open_input", "read_bytes", "read_text"]
 

@@ -7,7 +7,7 @@ import stat
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.wording import place
+from anaplot.textfiles.wording import place
 
 __all__ = ["check_own", "is_same", "open_own"]
 

@@ -11,8 +11,8 @@ from types import TracebackType
 from typing import NoReturn, Self
 
 from anaplot.errors import InputError
-from anaplot.exchange.inputfile import not_utf8, open_input
-from anaplot.exchange.wording import hint, place, quoted, reason
+from anaplot.textfiles.inputfile import not_utf8, open_input
+from anaplot.textfiles.wording import hint, place, quoted, reason
 
 __all__ = ["MAX_CSV_BYTES", "CsvTable"]
 

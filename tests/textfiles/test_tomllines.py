@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anaplot.exchange.tomllines import TomlLines
+from anaplot.textfiles.tomllines import TomlLines
 
 TEXT = '''\
 # [a] is no table here

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import anaplot
-from anaplot.exchange.tomlvalues import MOST_DOTS, TomlError, toml_values
+from anaplot.textfiles.tomlvalues import MOST_DOTS, TomlError, toml_values
 
 LONG = ".".join(["a"] * (MOST_DOTS + 2))
 ALLOWED = ".".join(["a"] * (MOST_DOTS + 1))

@@ -2,23 +2,47 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
 __all__ = ["describe_type", "hint", "place", "plain", "quoted", "reason"]
 
 
-def plain(text: str, limit: int = 120) -> str:
-    """Return text as one printable line of bounded length.
+def plain(text: str | bytes, limit: int | None = None) -> str:
+    r"""Return outside text as one line in which nothing can control a terminal.
 
-    Whatever is not printable (control characters, line ends, direction marks) is shown as an
-    escape, so that text from a file never reaches a terminal as a command.
+    The one function for everything that comes from a file, a device or a person. Letters of all
+    languages stay as they are; what is not printable (control characters, line ends, direction
+    marks) and every byte that is not ASCII is shown as an escape (``\x1b``, ``\u202e``). Markup is
+    the display's business: the text must be shown as plain text.
+
+    Parameters
+    ----------
+    text
+        What a file, a device or a person said.
+    limit
+        Longest result in characters; more is cut and marked with ``...``.
     """
-    cut = text if len(text) <= limit else text[:limit] + "..."
-    if cut.isprintable():
-        return cut
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in cut)
+    most = 10 * len(text) if limit is None else limit  # no escape is longer than ten characters
+    if isinstance(text, bytes):
+        shown = [
+            chr(byte) if 0x20 <= byte < 0x7F else f"\\x{byte:02x}" for byte in text[: most + 1]
+        ]
+    elif text.isprintable() and len(text) <= most:
+        return text
+    else:
+        shown = [c if c.isprintable() else _escape(ord(c)) for c in text[: most + 1]]
+    if sum(map(len, shown)) <= most:
+        return "".join(shown)
+    while sum(map(len, shown)) > most - 3:
+        shown.pop()
+    return "".join(shown) + "..."
+
+
+def _escape(code: int) -> str:
+    if code <= 0xFF:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
 
 
 def quoted(text: str) -> str:
@@ -35,12 +59,14 @@ def place(path: Path, line: int | None = None) -> str:
 def reason(error: BaseException) -> str:
     """Return why a system call failed, without the file name."""
     if isinstance(error, OSError) and error.strerror:
-        return plain(error.strerror)
-    return plain(str(error) or type(error).__name__)
+        return plain(error.strerror, 120)
+    return plain(str(error) or type(error).__name__, 120)
 
 
 def hint(unknown: str, known: Iterable[str], *, listing: bool = True) -> str:
     """Return " (did you mean 'x'?)" for the nearest known name, else a few names in a list."""
+    import difflib  # light to start with: every error of the command line passes this module
+
     names = {name.lower(): name for name in known}
     close = difflib.get_close_matches(unknown[:60].lower(), names, n=1, cutoff=0.5)
     if close:

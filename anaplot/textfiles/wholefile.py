@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.wording import place, reason
+from anaplot.textfiles.wording import place, reason
 
 __all__ = [
     "clear_left_over",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from anaplot.errors import InputError
-from anaplot.exchange.wording import quoted
+from anaplot.textfiles.wording import quoted
 
 __all__ = ["toml_number", "toml_numbers", "toml_text"]
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.exchange.names import name_fault
-from anaplot.exchange.tomllines import KeyPath, TomlLines
-from anaplot.exchange.tomlvalues import TomlError, toml_values
-from anaplot.exchange.wording import describe_type, hint, place, plain, quoted
+from anaplot.textfiles.names import name_fault
+from anaplot.textfiles.tomllines import KeyPath, TomlLines
+from anaplot.textfiles.tomlvalues import TomlError, toml_values
+from anaplot.textfiles.wording import describe_type, hint, place, plain, quoted
 
 __all__ = ["TomlFile", "TomlTable"]
 
@@ -54,7 +54,7 @@ class TomlFile:
         at = f" (column {error.column})" if error.column else ""
         at = " (at the end of the file)" if error.at_end else at
         return InputError(
-            f"{place(self.path, error.line)}: not valid TOML: {plain(str(error))}{at}"
+            f"{place(self.path, error.line)}: not valid TOML: {plain(str(error), 120)}{at}"
         )
 
 

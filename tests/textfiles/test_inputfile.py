@@ -16,12 +16,12 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.camerafile import read_camera
 from anaplot.exchange.fiducialfile import read_fiducials
-from anaplot.exchange.inputfile import open_input, read_bytes
 from anaplot.exchange.journal import Journal, read_journal
 from anaplot.exchange.networkfile import read_network
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.exchange.runsfile import RunsFile
 from anaplot.plotter.profile import load_profile
+from anaplot.textfiles.inputfile import open_input, read_bytes
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="named pipes of POSIX")
 

@@ -1,0 +1,1 @@
+"""What people and devices write, read strictly and shown safely; files written whole."""
