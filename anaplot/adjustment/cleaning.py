@@ -228,7 +228,7 @@ class Cleaning(Generic[S, K]):
                 except NotComputableError as error:
                     astray += self.subject.astray(error)
                     # what was checked least of all is what the solution cannot do without
-                    least = min(found.rejected, key=lambda r: r.redundancy_number, default=None)
+                    least = min(found.rejected, key=lambda one: one.r, default=None)
                     if least is None or astray > _MOST_ASTRAY:
                         raise
                     barred[names[least.row]] = str(error)

@@ -120,8 +120,8 @@ class Rejection(NamedTuple):
     error, sigma
         Estimated gross error and its a-priori standard deviation, all other rejected rows left
         out as well, in a-priori sigmas of the row; None when the remaining rows cannot tell.
-    redundancy_number
-        r of the row when it was rejected (before it was taken out).
+    r
+        Its redundancy number when it was rejected (before it was taken out).
     """
 
     row: int
@@ -131,7 +131,7 @@ class Rejection(NamedTuple):
     critical: float | None
     error: float | None
     sigma: float | None
-    redundancy_number: float
+    r: float
 
 
 class HardToTell(NamedTuple):

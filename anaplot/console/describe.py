@@ -106,14 +106,14 @@ def describe_row(shown: ShownRow, snapshot: Snapshot) -> list[Entry]:
         entries.append(("verdict", shown.verdict))
     else:
         entries += [
-            ("RED-N", f"{row.redn:.3f}"),
-            ("PARX" if snapshot.inner is None else "RESID", _um(row.parx_um)),
-            ("EXPD", _um(row.expd_um)),
-            ("SIGF", "–" if row.sigf is None else f"{row.sigf:.2f}"),
+            ("RED-N", f"{row.r:.3f}"),
+            ("PARX" if snapshot.inner is None else "RESID", _um(row.residual)),
+            ("EXPD", _um(row.expected)),
+            ("SIGF", "–" if row.w is None else f"{row.w:.2f}"),
             ("verdict", shown.verdict),
         ]
     if shown.diagnosis is not None:
-        entries.append(("finds errors from", _um(shown.diagnosis.mdb_um)))
+        entries.append(("finds errors from", _um(shown.diagnosis.mdb)))
         none = None if snapshot.diagnosis is None else snapshot.diagnosis.none
         if snapshot.inner is not None and snapshot.inner.solution is not None:
             none = snapshot.inner.solution.none

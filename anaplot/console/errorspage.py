@@ -125,7 +125,7 @@ def _rejected(solution: ModelSolution, found: Findings, width: int) -> list[Cont
             + number(w, 8, 2)
             + cell(error, 11, 1)
             + cell(sigma, 8, 1)
-            + cell(gone.redundancy_number, 7, 3)
+            + cell(gone.r, 7, 3)
         )
         lines.append(Content.styled(fit(text, width), "bold $text-error"))
         for pair in found.hard_to_tell:

@@ -25,7 +25,7 @@ class InWork:
     keys
         Every row (point, axis) that there is or will be, in the order of the table.
     table, diagnoses
-        The rows so far; `parx_um` of a fiducial's row is its residual.
+        The rows so far.
     suspects
         Rows to measure again, the one to begin with first; axis None: the whole fiducial.
     flagged
@@ -88,11 +88,11 @@ def _inner(inner: InnerView) -> InWork:
         points=points,
         keys=keys,
         table=tuple(
-            TableRow(r.fiducial, r.axis, r.redn, r.residual_um, r.expd_um, r.sigf, r.flagged)
+            TableRow(r.fiducial, r.axis, r.r, r.residual, r.expected, r.w, r.flagged)
             for r in solution.rows
         ),
         diagnoses=tuple(
-            RowDiagnosis(r.fiducial, r.axis, r.mdb_um, r.probability) for r in solution.rows
+            RowDiagnosis(r.fiducial, r.axis, r.mdb, r.probability) for r in solution.rows
         ),
         suspects=inner.suspects,
         flagged=tuple(row.key for row in solution.flagged),

@@ -137,7 +137,7 @@ def _um_per_dot(work: InWork, raster: Canvas) -> float | None:
     """
     if not work.solved:
         return None
-    sizes = [abs(row.parx_um) for row in work.table if math.isfinite(row.parx_um)]
+    sizes = [abs(row.residual) for row in work.table if math.isfinite(row.residual)]
     largest = max([3.0 * work.apriori_um, *sizes])
     return nice_above(largest / _longest(raster)) if 0.0 < largest < math.inf else None
 
@@ -327,7 +327,7 @@ def _draw_residuals(
         place = places.get(row.point)
         if place is None:
             continue
-        length = row.parx_um / um_per_dot
+        length = row.residual / um_per_dot
         x, y = place
         end = (x + length, y) if row.axis == "x" else (x, y - length)
         (flagged if row.flagged else calm).append((x, y, *end))

@@ -70,13 +70,13 @@ class ShownRow:
             return "next" if self.expected else "pending"
         if self.row is None:
             return "measured"
-        if self.accused and self.row.sigf is not None:
+        if self.accused and self.row.w is not None:
             return "<< REMEASURE"
         if self.row.flagged:
             return "< flagged"
-        if self.row.redn < _NOT_TESTABLE:
+        if self.row.r < _NOT_TESTABLE:
             return "not testable"
-        return "ok" if self.row.sigf is not None else "no check"
+        return "ok" if self.row.w is not None else "no check"
 
 
 def _row(
@@ -132,8 +132,8 @@ def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
 
 
 def _by_significance(shown: ShownRow) -> float:
-    sigf = shown.row.sigf if shown.row is not None else None
-    return 1.0 if sigf is None else -sigf
+    w = shown.row.w if shown.row is not None else None
+    return 1.0 if w is None else -w
 
 
 def sort_rows(rows: tuple[ShownRow, ...], order: SortOrder) -> tuple[ShownRow, ...]:
@@ -144,7 +144,7 @@ def sort_rows(rows: tuple[ShownRow, ...], order: SortOrder) -> tuple[ShownRow, .
     if order == "significance":
         return tuple(sorted(rows, key=_by_significance))
     if order == "redundancy":
-        return tuple(sorted(rows, key=lambda shown: shown.row.redn if shown.row else 2.0))
+        return tuple(sorted(rows, key=lambda shown: shown.row.r if shown.row else 2.0))
     if order == "point":
         return tuple(sorted(rows, key=lambda shown: _natural(shown.point)))
     return rows

@@ -34,23 +34,23 @@ class _Column:
 
 
 def _redn(shown: ShownRow, width: int) -> str:
-    return cell(shown.row.redn, width, 3) if shown.row else " " * width
+    return cell(shown.row.r, width, 3) if shown.row else " " * width
 
 
 def _parx(shown: ShownRow, width: int) -> str:
-    return cell(shown.row.parx_um, width, 1) if shown.row else " " * width
+    return cell(shown.row.residual, width, 1) if shown.row else " " * width
 
 
 def _expd(shown: ShownRow, width: int) -> str:
-    return cell(shown.row.expd_um, width, 1) if shown.row else " " * width
+    return cell(shown.row.expected, width, 1) if shown.row else " " * width
 
 
 def _sigf(shown: ShownRow, width: int) -> str:
-    return cell(shown.row.sigf, width, 2) if shown.row else " " * width
+    return cell(shown.row.w, width, 2) if shown.row else " " * width
 
 
 def _mdb(shown: ShownRow, width: int) -> str:
-    return cell(shown.diagnosis.mdb_um, width, 0) if shown.diagnosis else " " * width
+    return cell(shown.diagnosis.mdb, width, 0) if shown.diagnosis else " " * width
 
 
 def _chance(shown: ShownRow, width: int) -> str:

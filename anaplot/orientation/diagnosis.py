@@ -48,8 +48,8 @@ def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
         Power that smallest detectable errors refer to.
     """
     table = solution.table
-    r = np.array([row.redn for row in table])
-    ratio = np.array([np.nan if row.sigf is None else row.sigf for row in table])
+    r = np.array([row.r for row in table])
+    ratio = np.array([np.nan if row.w is None else row.w for row in table])
     apparent = solution.apparent_q_l
     detectable = smallest_detectable_errors(
         r, apparent, apriori=solution.apriori_um, alpha=solution.test.alpha, power=power
@@ -126,7 +126,7 @@ def _evidence(solution: ModelSolution, rows: tuple[RowDiagnosis, ...], none: flo
     """
     if solution.exact is None or solution.redundancy < 1:
         chance: dict[Key, float] = {(row.point, row.axis): row.probability for row in rows}
-        size: dict[Key, float] = {row.key: row.sigf or 0.0 for row in solution.table}
+        size: dict[Key, float] = {row.key: row.w or 0.0 for row in solution.table}
         return _Evidence(chance, size, point_odds(rows), none)
     system = residual_system(solution)
     w = np.full(len(system.e), np.nan)

@@ -51,9 +51,9 @@ class RejectedRow(NamedTuple):
     w
         Standardized residual it has when it alone comes back, a-priori sigma; None when the other
         rows cannot test it.
-    parx_um
+    residual
         Parallax at the row when it alone is back [um]; None likewise.
-    redn
+    r
         Its redundancy number then; None likewise.
     order
         Place among the actions that took it out, from 1; 0 for a row that the strategy did not
@@ -67,8 +67,8 @@ class RejectedRow(NamedTuple):
     point: str
     axis: str
     w: float | None
-    parx_um: float | None
-    redn: float | None
+    residual: float | None
+    r: float | None
     order: int
     statistic: float | None
     critical: float | None
@@ -397,14 +397,14 @@ def _rejected(
             if because is None
             else (because.order, because.statistic, because.critical)
         )
-        w = parx = redn = size = None
+        w = parallax = r = size = None
         at = keys.index(key) if key in keys else -1
         if at in estimated:
             value, deviation = estimated[at]
             unit = float(residuals.unit_um[at])
-            w, redn, size = value / deviation, deviation**-2, value * unit
-            parx = redn * size
-        rows.append(RejectedRow(*key, w, parx, redn, order, statistic, critical, size))
+            w, r, size = value / deviation, deviation**-2, value * unit
+            parallax = r * size
+        rows.append(RejectedRow(*key, w, parallax, r, order, statistic, critical, size))
     return tuple(rows)
 
 

@@ -111,7 +111,7 @@ class Pattern:
         tie_variance: TieVariance = "paper",
     ) -> dict[tuple[str, str], float]:
         """Return the redundancy number of every row (label, axis) of the ideal model."""
-        return {row.key: row.redn for row in self.ideal(base, d, c, tie_variance).table}
+        return {row.key: row.r for row in self.ideal(base, d, c, tie_variance).table}
 
     def trace_q_gg(
         self,

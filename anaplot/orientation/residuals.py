@@ -78,18 +78,18 @@ def residual_system(solution: ModelSolution) -> DenseResiduals:
     if solution.exact is not None:
         return _correlated(
             tuple(row.key for row in solution.table),
-            np.array([row.parx_um for row in solution.table]) / solution.apriori_um,
+            np.array([row.residual for row in solution.table]) / solution.apriori_um,
             solution.exact.weight,
             solution.redundancy,
             correlated_units(solution.exact.misclosures),
         )
     root = np.sqrt(solution.q_l)
-    parallax = np.array([row.parx_um for row in solution.table])
+    parallax = np.array([row.residual for row in solution.table])
     e = parallax / (solution.apriori_um * root)
     return DenseResiduals(
         tuple(row.key for row in solution.table),
         e,
-        np.array([row.redn for row in solution.table]),
+        np.array([row.r for row in solution.table]),
         float(e @ e),
         solution.redundancy,
         solution.q_vv / root[:, None] / root,

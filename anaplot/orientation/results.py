@@ -32,24 +32,24 @@ class TableRow(NamedTuple):
     ----------
     point, axis
         Name of the point, "y" or "x".
-    redn
+    r
         Redundancy number r_i.
-    parx_um
+    residual
         Parallax left at the point [um].
-    expd_um
+    expected
         Its expected standard deviation [um]; None when sigma does not exist.
-    sigf
+    w
         Standardized residual; None when the row cannot be tested.
     flagged
-        Whether sigf exceeds the critical value.
+        Whether w exceeds the critical value.
     """
 
     point: str
     axis: Literal["x", "y"]
-    redn: float
-    parx_um: float
-    expd_um: float | None
-    sigf: float | None
+    r: float
+    residual: float
+    expected: float | None
+    w: float | None
     flagged: bool
 
     @property
@@ -157,7 +157,7 @@ class ModelSolution:
         """
         if self.exact is None:
             return self.q_l
-        r = np.array([row.redn for row in self.table])
+        r = np.array([row.r for row in self.table])
         return np.diag(self.q_vv) / np.where(r >= TESTABLE, r, np.nan)
 
     @property
@@ -192,19 +192,19 @@ class RowDiagnosis(NamedTuple):
     ----------
     point, axis
         The row.
-    mdb_um
+    mdb
         Smallest detectable error [um]; None when the row cannot be tested.
     probability
         Posterior probability that this row holds the one gross error.
     effect
-        External reliability: largest effect of an undetected error of size `mdb_um` on any
+        External reliability: largest effect of an undetected error of size `mdb` on any
         function of the unknowns, in standard deviations of that function; None when the row
         cannot be tested.
     """
 
     point: str
     axis: Literal["x", "y"]
-    mdb_um: float | None
+    mdb: float | None
     probability: float
     effect: float | None = None
 
@@ -227,7 +227,7 @@ class Diagnosis:
         (point, axis) of flagged rows, the most probable first; under "exact" also of rows that
         are not flagged but may be why others are.
     power
-        Power that the applied test really has against errors of the size `mdb_um`; under "tau"
+        Power that the applied test really has against errors of the size `mdb`; under "tau"
         with few redundancies less than was asked. None where there is no test.
     """
 

@@ -194,17 +194,17 @@ def _result(
     keys = [key for key, kept in zip(every, keep.tolist(), strict=True) if kept]
     rows = []
     for k, (name, axis) in enumerate(keys):
-        sigf = None if tested.ratio is None else _number(tested.ratio[k])
+        w = None if tested.ratio is None else _number(tested.ratio[k])
         rows.append(
             InnerRow(
                 fiducial=name,
                 axis=axis,
-                redn=float(adjusted.r[k]),
-                residual_um=float(adjusted.w[k]) * 1e3,
-                expd_um=None if tested.expected is None else float(tested.expected[k]) * 1e3,
-                sigf=sigf,
-                flagged=sigf is not None and tested.critical is not None and sigf > tested.critical,
-                mdb_um=_number(detectable[k]),
+                r=float(adjusted.r[k]),
+                residual=float(adjusted.w[k]) * 1e3,
+                expected=None if tested.expected is None else float(tested.expected[k]) * 1e3,
+                w=w,
+                flagged=w is not None and tested.critical is not None and w > tested.critical,
+                mdb=_number(detectable[k]),
                 probability=float(odds.rows[k]),
             )
         )

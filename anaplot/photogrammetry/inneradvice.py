@@ -90,7 +90,7 @@ def _what_cannot_be_known(inner: InnerOrientation) -> list[str]:
             f"{title} (redundancy {inner.redundancy}): residuals of different fiducials are equal "
             "but for sign and size"
         ]
-    blind = [f"{row.fiducial} {row.axis}" for row in inner.rows if row.mdb_um is None]
+    blind = [f"{row.fiducial} {row.axis}" for row in inner.rows if row.mdb is None]
     return [f"cannot be tested: {', '.join(blind)}"] if blind else []
 
 

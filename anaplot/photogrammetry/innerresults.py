@@ -34,17 +34,17 @@ class InnerRow(NamedTuple):
     ----------
     fiducial, axis
         Name, and "x" or "y" along the image's axes.
-    redn
+    r
         Redundancy number r_i.
-    residual_um
+    residual
         Residual [um in the image], adjusted minus measured: - r_i times an error of the row.
-    expd_um
+    expected
         Its expected standard deviation [um]; None when sigma does not exist.
-    sigf
+    w
         Standardized residual; None when the row cannot be tested.
     flagged
-        Whether sigf exceeds the critical value.
-    mdb_um
+        Whether w exceeds the critical value.
+    mdb
         Smallest detectable error [um], for the a-priori sigma0; None when it cannot be tested.
     probability
         Posterior probability that this row holds the one gross error.
@@ -52,12 +52,12 @@ class InnerRow(NamedTuple):
 
     fiducial: str
     axis: Axis
-    redn: float
-    residual_um: float
-    expd_um: float | None
-    sigf: float | None
+    r: float
+    residual: float
+    expected: float | None
+    w: float | None
     flagged: bool
-    mdb_um: float | None
+    mdb: float | None
     probability: float
 
     @property
@@ -115,7 +115,7 @@ class InnerOrientation:
     none
         Posterior probability that no row holds a gross error.
     power
-        Power that the test really has against errors of the size `mdb_um`; None where there is no
+        Power that the test really has against errors of the size `mdb`; None where there is no
         test.
     overall
         Critical value of sigma0_um by the test of the whole adjustment, same alpha (chi-square of
@@ -174,7 +174,7 @@ class InnerOrientation:
         It cannot where every testable residual is the copy of another fiducial's but for sign and
         size: among four fiducials of an affine transformation, say.
         """
-        tested = {row.key for row in self.rows if row.mdb_um is not None}
+        tested = {row.key for row in self.rows if row.mdb is not None}
         copies = {
             key
             for p in self.partners

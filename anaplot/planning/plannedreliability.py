@@ -81,7 +81,7 @@ def _worth(
         max(float(r[k, axis]), 0.0),
         others[int(k)],
         "y" if axis else "x",
-        rows[int(k)].mdb_um[int(axis)],
+        rows[int(k)].mdb[int(axis)],
         s_xyz,
     )
 

@@ -138,7 +138,7 @@ class _StripTrial:
         """Return the smallest detectable errors of the last model's y rows [mm]."""
         last = self._bridged(None, tie_variance)[-1]
         rows = diagnose(last, POWER).rows
-        return np.array([row.mdb_um or np.inf for row in rows if row.axis == "y"]) / 1000.0
+        return np.array([row.mdb or np.inf for row in rows if row.axis == "y"]) / 1000.0
 
     def _one(
         self,
@@ -202,7 +202,7 @@ def _flags(solution: ModelSolution, method: str, axis: str, alpha: float) -> lis
         sigma0, critical = solution.sigma0_um, critical_tau(alpha, solution.redundancy)
         limit = None if not sigma0 or critical is None else critical * sigma0 / solution.apriori_um
     return [
-        limit is not None and row.sigf is not None and row.sigf > limit
+        limit is not None and row.w is not None and row.w > limit
         for row in solution.table
         if row.axis == axis
     ]

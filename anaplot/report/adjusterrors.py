@@ -217,7 +217,7 @@ def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
     return (
         f"  {column(row.order, 5)}  {_named(row.name):<{width}}  {cell(error, 1, 10)}"
         f"{cell(sigma, 1, 10)} {unit}{cell(row.w, 2, 11 - len(unit))}"
-        f"{cell(row.redundancy_number, 3, 8)}  {because}{weight}{alike}"
+        f"{cell(row.r_rejected, 3, 8)}  {because}{weight}{alike}"
     ).rstrip()
 
 
@@ -313,7 +313,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
                 "unit": row.unit,
                 "w": row.w,
                 "r": row.r,
-                "redundancy_number": row.redundancy_number,
+                "redundancy_number": row.r_rejected,
                 "weight": row.weight,
                 "partners": [_name_json(name) for name in row.partners],
             }

@@ -72,7 +72,7 @@ def adjust_json(block: AdjustedBlock) -> Json:
             {
                 "point": row.point,
                 "axis": row.axis,
-                "v": row.v,
+                "v": row.residual,
                 "r": row.r,
                 "w": row.w,
                 "mdb": row.mdb,
@@ -99,7 +99,7 @@ def adjust_json(block: AdjustedBlock) -> Json:
             {
                 "owner": row.owner,
                 "unknown": row.unknown,
-                "v": row.v,
+                "v": row.residual,
                 "r": row.r,
                 "w": row.w,
                 "mdb": row.mdb,
@@ -155,14 +155,14 @@ def _ray(
         return out | _effect(None, "_x") | _effect(None, "_y") | {"flagged": False}
     row, effects = found
     return out | {
-        "vx_um": row.v_um[0],
-        "vy_um": row.v_um[1],
+        "vx_um": row.residual[0],
+        "vy_um": row.residual[1],
         "rx": None if row.rejected[0] else row.r[0],
         "ry": None if row.rejected[1] else row.r[1],
         "wx": row.w[0],
         "wy": row.w[1],
-        "mdb_x_um": row.mdb_um[0],
-        "mdb_y_um": row.mdb_um[1],
+        "mdb_x_um": row.mdb[0],
+        "mdb_y_um": row.mdb[1],
         "effect_x": _list(row.effect_m[0]),
         "effect_y": _list(row.effect_m[1]),
         **_effect(effects[0], "_x"),

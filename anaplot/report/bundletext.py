@@ -174,8 +174,9 @@ def _control(block: AdjustedBlock, external: ExternalReliability) -> list[str]:
     lines = [f"  {'CONTROL':<{width}}       v [m]     r       w   MDB [m]{_effect_head(at)}"]
     lines += [
         (
-            f"  {plain(row.point):<{width}} {row.axis}{cell(row.v, 4, 10)}{cell(row.r, 3, 6)}"
-            f"{cell(row.w, 2, 8)}{cell(row.mdb, 4, 10)}{_effect_cells(effect, at)}"
+            f"  {plain(row.point):<{width}} {row.axis}{cell(row.residual, 4, 10)}"
+            f"{cell(row.r, 3, 6)}{cell(row.w, 2, 8)}{cell(row.mdb, 4, 10)}"
+            + _effect_cells(effect, at)
             + ("  << CHECK" if row.flagged else "")
         ).rstrip()
         for row, effect in zip(rows, external.control, strict=True)
@@ -209,7 +210,8 @@ def _priors(block: AdjustedBlock, external: ExternalReliability) -> list[str]:
     lines += [
         (
             f"  {plain(row.owner):<{width}} {row.unknown:<8} {unit.get(row.unknown, 'mm'):<3}"
-            f"{cell(row.v, 6, 12)}{cell(row.r, 3, 6)}{cell(row.w, 2, 8)}{cell(row.mdb, 6, 12)}"
+            f"{cell(row.residual, 6, 12)}{cell(row.r, 3, 6)}{cell(row.w, 2, 8)}"
+            + cell(row.mdb, 6, 12)
             + _effect_cells(effect, at)
             + ("  << CHECK" if row.flagged else "")
         ).rstrip()
@@ -287,8 +289,8 @@ def _rays(block: AdjustedBlock, external: ExternalReliability) -> list[str]:
             lines.append(
                 (
                     f"  {plain(row.photo):<{photos}} {plain(row.point):<{points}}  "
-                    f"{'xy'[axis]}{cell(row.v_um[axis], 1, 9)}{cell(r, 3, 8)}{cell(w, 2, 8)}"
-                    f"{cell(row.mdb_um[axis], 1, 10)}{cell(size, 2, 13)}"
+                    f"{'xy'[axis]}{cell(row.residual[axis], 1, 9)}{cell(r, 3, 8)}{cell(w, 2, 8)}"
+                    f"{cell(row.mdb[axis], 1, 10)}{cell(size, 2, 13)}"
                     f"{_effect_cells(effects[axis], at)}  {verdict}"
                 ).rstrip()
             )

@@ -24,10 +24,10 @@ def table_json(table: Iterable[TableRow]) -> list[Json]:
         {
             "point": row.point,
             "axis": row.axis,
-            "redn": row.redn,
-            "parx_um": row.parx_um,
-            "expd_um": row.expd_um,
-            "sigf": row.sigf,
+            "redn": row.r,
+            "parx_um": row.residual,
+            "expd_um": row.expected,
+            "sigf": row.w,
             "flagged": row.flagged,
         }
         for row in table

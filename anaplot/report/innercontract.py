@@ -65,12 +65,12 @@ def photo_json(photo: str, inner: InnerOrientation) -> Json:
             {
                 "fiducial": row.fiducial,
                 "axis": row.axis,
-                "redn": row.redn,
-                "residual_um": row.residual_um,
-                "expd_um": row.expd_um,
-                "sigf": row.sigf,
+                "redn": row.r,
+                "residual_um": row.residual,
+                "expd_um": row.expected,
+                "sigf": row.w,
                 "flagged": row.flagged,
-                "mdb_um": row.mdb_um,
+                "mdb_um": row.mdb,
                 "probability": row.probability,
             }
             for row in inner.rows

@@ -28,8 +28,8 @@ def inner_table_lines(inner: InnerOrientation) -> list[str]:
     ]
     for row in inner.rows:
         line = (
-            f"  {plain(row.fiducial):<{width}}  {row.axis}  {row.redn:6.3f}"
-            f"{_um(row.residual_um)}{_um(row.expd_um)}{cell(row.sigf, 2, 8)}{_um(row.mdb_um)}"
+            f"  {plain(row.fiducial):<{width}}  {row.axis}  {row.r:6.3f}"
+            f"{_um(row.residual)}{_um(row.expected)}{cell(row.w, 2, 8)}{_um(row.mdb)}"
             f"  {_verdict(row, accused)}"
         )
         lines.append(line.rstrip())
@@ -96,7 +96,7 @@ _SHEARED = ("affine", "bilinear", "projective")
 def _verdict(row: InnerRow, accused: tuple[str, str] | None) -> str:
     if row.flagged:
         return "<< REMEASURE" if row.key == accused else "< flagged"
-    return "not testable" if row.mdb_um is None else ""
+    return "not testable" if row.mdb is None else ""
 
 
 def _um(value: float | None) -> str:

@@ -115,7 +115,7 @@ def errors_printout(cleaned: CleanedModel) -> str:
         if row.w is None:
             line += ": with it the orientation goes astray, and the others cannot test it"
         else:
-            line += f"  RED-N {row.redn:.3f}  PARX {row.parx_um:.1f} um  w {row.w:.2f} with it in"
+            line += f"  RED-N {row.r:.3f}  PARX {row.residual:.1f} um  w {row.w:.2f} with it in"
         lines.append(line + _because(row, found.strategy))
     if cleaned.came_back:
         lines.append(f"    left out on the way, came back: {_listed(cleaned.came_back)}")
@@ -213,13 +213,27 @@ def _key_json(key: tuple[str, str]) -> Json:
     return {"point": key[0], "axis": key[1]}
 
 
+def _rejected_json(row: RejectedRow) -> Json:
+    return {
+        "point": row.point,
+        "axis": row.axis,
+        "w": row.w,
+        "parx_um": row.residual,
+        "redn": row.r,
+        "order": row.order,
+        "statistic": row.statistic,
+        "critical": row.critical,
+        "error_um": row.error_um,
+    }
+
+
 def errors_json(cleaned: CleanedModel) -> Json:
     """Return the rejected rows of a model for programs."""
     found, keys = cleaned.findings, cleaned.residuals.keys
     out = {
         "strategy": found.strategy,
         "begun_without": [_key_json(key) for key in cleaned.begun_without],
-        "rejected": [row._asdict() for row in cleaned.rejected],
+        "rejected": [_rejected_json(row) for row in cleaned.rejected],
         "ground": change_json(cleaned.ground, "mm"),
         "came_back": [_key_json(key) for key in cleaned.came_back],
         "hard_to_tell": [
@@ -236,7 +250,7 @@ def errors_json(cleaned: CleanedModel) -> Json:
                 "order": gone.order,
                 "statistic": gone.statistic,
                 "critical": gone.critical,
-                "redundancy_number": gone.redundancy_number,
+                "redundancy_number": gone.r,
             }
             for number, one in enumerate(cleaned.passes, 1)
             for gone in one.rejected
@@ -258,4 +272,4 @@ def errors_json(cleaned: CleanedModel) -> Json:
 
 
 def _untestable(cleaned: CleanedModel) -> list[tuple[str, str]]:
-    return [row.key for row in cleaned.solution.table if row.sigf is None]
+    return [row.key for row in cleaned.solution.table if row.w is None]

@@ -77,7 +77,7 @@ def point_lines(block: AdjustedBlock, point: str) -> list[str]:
         (row.photo, axis): value
         for row in block.ray_rows()
         if row.point == point
-        for axis, value in zip("xy", row.mdb_um, strict=True)
+        for axis, value in zip("xy", row.mdb, strict=True)
     }
     at_once = (PAGE - 2 - width - 9) // width
     for first in range(0, len(names), at_once):

@@ -46,7 +46,7 @@ def pattern_json(
     sets: tuple[SetAdvice, ...],
 ) -> dict[str, Any]:
     """Return what `--json` prints."""
-    redn = [row.redn for row in solution.table]
+    r = [row.r for row in solution.table]
     return {
         "points": [
             {"label": label, "x_mm": x, "y_mm": y, "tie": label in plan.ties}
@@ -54,12 +54,12 @@ def pattern_json(
         ],
         "tie_variance": solution.tie_variance,
         "rows": [
-            {"point": r.point, "axis": r.axis, "redn": r.redn, "expd": max(q, 0.0) ** 0.5}
+            {"point": r.point, "axis": r.axis, "redn": r.r, "expd": max(q, 0.0) ** 0.5}
             for r, q in zip(solution.table, np.diag(solution.q_vv).tolist(), strict=True)
         ],
-        "n": len(redn),
+        "n": len(r),
         "base_mm": plan.base,
-        "mean_redn": float(np.mean(redn)),
+        "mean_redn": float(np.mean(r)),
         "trace_q_gg": trace_in_bases(solution, plan.base),
         "transfers": [
             {"source": list(t.source), "target": list(t.target), "value": t.value}
@@ -162,7 +162,7 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
         write_csv(
             options.csv,
             ("point", "x_mm", "y_mm", "axis", "redn"),
-            ((r.point, *at[r.point], r.axis, r.redn) for r in solution.table),
+            ((r.point, *at[r.point], r.axis, r.r) for r in solution.table),
         )
     if options.json:
         answer = pattern_json(plan, solution, advice, sets)
@@ -170,7 +170,7 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
         print(json.dumps(answer, indent=1, allow_nan=False))
         return 0
     title = path.name if from_file else options.pattern
-    redn = [row.redn for row in solution.table]
+    r = [row.r for row in solution.table]
     print(f"PATTERN {quoted(title)}: redundancy numbers at the points")
     if plan.ties:
         print(f"tie variance {options.tie_variance}")
@@ -179,7 +179,7 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     transfers = diagnose(solution).transfers
     print("\n".join(["", *drawing(plan, solution, transfers), ""]))
     print(
-        f"n {len(redn)}   mean r {np.mean(redn):.3f}   "
+        f"n {len(r)}   mean r {np.mean(r):.3f}   "
         f"trace Q_gg {trace_in_bases(solution, plan.base):.2f} (lengths in bases)"
     )
     print("\n".join((*transfer_lines(transfers), *advice_lines(advice[0]), *set_lines(sets))))

@@ -40,13 +40,13 @@ def drawing(
     pair of places with its value where there is room. Points at too many different x for a
     drawing are listed instead.
     """
-    redn = {row.key: row.redn for row in solution.table}
+    r = {row.key: row.r for row in solution.table}
     column_of = _ranks([x for _, x, _ in plan.points])
     level_of = _ranks([-y for _, _, y in plan.points])
     columns, levels = max(column_of) + 1, max(level_of) + 1
     width = min(_WIDEST, (_LINE - 1) // columns)
     if width < _NARROWEST:
-        return _listed(plan, redn)
+        return _listed(plan, r)
     labels = [label for label, _, _ in plan.points]
     place = dict(zip(labels, zip(column_of, level_of, strict=True), strict=True))
     arrows = _arrows(place, transfers)
@@ -54,7 +54,7 @@ def drawing(
     lines: list[str] = []
     for level in range(levels):
         cells = [
-            _cell([p for p, at in place.items() if at == (column, level)], redn, width)
+            _cell([p for p, at in place.items() if at == (column, level)], r, width)
             for column in range(columns)
         ]
         height = max(map(len, cells))
@@ -85,11 +85,11 @@ def _ranks(values: list[float]) -> list[int]:
     return [rank[round(value, 3)] for value in values]
 
 
-def _cell(labels: list[str], redn: dict[tuple[str, str], float], width: int) -> list[str]:
+def _cell(labels: list[str], r: dict[tuple[str, str], float], width: int) -> list[str]:
     lines = []
     for label in labels:
         lines.append(f"o {plain(label)}"[: width - 1])
-        lines += [f"  {a} {redn[label, a]:.3f}" for a in ("y", "x") if (label, a) in redn]
+        lines += [f"  {a} {r[label, a]:.3f}" for a in ("y", "x") if (label, a) in r]
     return lines or [""]
 
 
@@ -174,13 +174,13 @@ def _vertical(
     return lines
 
 
-def _listed(plan: PlannedPattern, redn: dict[tuple[str, str], float]) -> list[str]:
+def _listed(plan: PlannedPattern, r: dict[tuple[str, str], float]) -> list[str]:
     lines = ["POINT             x mm     y mm    r of y    r of x"]
     for label, x, y in plan.points:
-        tie = cell(redn[label, "x"], 3, 10) if (label, "x") in redn else ""
+        tie = cell(r[label, "x"], 3, 10) if (label, "x") in r else ""
         lines.append(
             f"{plain(label)[:12]:<12}{cell(x, 3, 10)}{cell(y, 3, 9)}"
-            f"{cell(redn[label, 'y'], 3, 10)}{tie}"
+            f"{cell(r[label, 'y'], 3, 10)}{tie}"
         )
     return lines
 

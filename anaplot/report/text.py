@@ -20,7 +20,7 @@ def verdict(row: TableRow, accused: tuple[str, str] | None) -> str:
         return "<< REMEASURE"
     if row.flagged:
         return "< flagged"
-    if row.sigf is None:
+    if row.w is None:
         return "not testable"
     return ""
 
@@ -44,8 +44,8 @@ def table_lines(table: Iterable[TableRow], suspects: Sequence[tuple[str, str]] =
     ]
     for row in rows:
         line = (
-            f"  {plain(row.point):<{width}}  {row.axis}  {row.redn:6.3f}"
-            f"{cell(row.parx_um, 1, 8)}{cell(row.expd_um, 1, 8)}{cell(row.sigf, 2, 8)}"
+            f"  {plain(row.point):<{width}}  {row.axis}  {row.r:6.3f}"
+            f"{cell(row.residual, 1, 8)}{cell(row.expected, 1, 8)}{cell(row.w, 2, 8)}"
             f"  {verdict(row, accused)}"
         )
         lines.append(line.rstrip())
@@ -56,7 +56,7 @@ def _discrepancies(title: str, rows: list[TableRow]) -> list[str]:
     if not rows:
         return []
     width = max(len(plain(row.point)) for row in rows)
-    cells = [f"{plain(row.point):>{width}} {row.parx_um:8.1f}" for row in rows]
+    cells = [f"{plain(row.point):>{width}} {row.residual:8.1f}" for row in rows]
     lines = [f"  {title}"]
     lines += ["  " + "   ".join(cells[k : k + _PER_LINE]) for k in range(0, len(cells), _PER_LINE)]
     return lines

@@ -54,7 +54,7 @@ def plant_wrong_fiducial(
         test=block.test,
     )
     row = inner.rows[int(rng.integers(len(inner.rows)))]
-    smallest = SMALLEST * block.precision.image_um * 1e-3 / sqrt(max(row.redn, 1e-3))
+    smallest = SMALLEST * block.precision.image_um * 1e-3 / sqrt(max(row.r, 1e-3))
     size = (1.0 if rng.random() < 0.5 else -1.0) * smallest * float(rng.uniform(1.1, 3.0))
     name = f"{left}/{right}"
     planted = Planted(name, row.fiducial, photo, row.axis, size * 1e3, "wrong fiducial", True, name)

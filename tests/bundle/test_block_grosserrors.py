@@ -171,12 +171,12 @@ def test_a_coordinate_goes_alone_and_stays_visible() -> None:
     assert row.rejected == (False, True)
     assert row.r[1] == 0.0
     assert row.w[1] is None
-    assert row.mdb_um[1] is None
+    assert row.mdb[1] is None
     assert row.r[0] > 0.0
     assert row.w[0] is not None
     [error] = [r.error for r in found.rejected if r.name in names(scene, PLACES[:1])]
     # adjusted minus observed
-    assert row.v_um[1] == pytest.approx(-error, rel=1e-6)
+    assert row.residual[1] == pytest.approx(-error, rel=1e-6)
     assert not any(block.flagged[block.rejected])
     assert not {(p, q, a) for p, q, a in block.spurs()} & {
         (n[1], n[2], n[4]) for n in names(scene, PLACES)

@@ -109,7 +109,7 @@ def test_a_second_adjustment_moves_by_as_much() -> None:
             continue
         of_control += row.point in fixed
         image = list(scene.block.image_points)
-        image[row.row] = replace(image[row.row], x=image[row.row].x + row.mdb_um[0] * 1e-3)
+        image[row.row] = replace(image[row.row], x=image[row.row].x + row.mdb[0] * 1e-3)
         moved = points(replace(scene.block, image_points=tuple(image)))
         length = {name: np.linalg.norm(each) for name, each in moved.items()}
         assert length[effect.point] == pytest.approx(max(length.values()), rel=0.02)

@@ -58,7 +58,7 @@ def test_table_3(version: str) -> None:
     one, two = rows[photo, "1"], rows[photo, "2"]
     # the paper rounds sqrt(lambda0) up to 4.14
     scale = 4.14 / block.delta0
-    for got, printed in zip((*one.mdb_um, *two.mdb_um), TABLE_3[version], strict=True):
+    for got, printed in zip((*one.mdb, *two.mdb), TABLE_3[version], strict=True):
         if printed is None:
             # B's x rays lie almost in the epipolar planes; A's exactly
             assert got is None or got > 100.0
@@ -155,7 +155,7 @@ def test_data_snooping_finds_more_than_thresholds_do() -> None:
                     else float(bool(worst) and worst[0][1:] in planted)
                 )
                 for ray in block.ray_rows():
-                    for axis, v in zip("xy", ray.v_um, strict=True):
+                    for axis, v in zip("xy", ray.residual, strict=True):
                         if (ray.photo, ray.point, axis) in planted:
                             assert block.sigma0 is not None
                             right["3 sigma0"] += abs(v) > 15.0

@@ -19,7 +19,7 @@ def agree(first, second) -> None:
     rows = {(r.photo, r.point, r.model): r for r in first.ray_rows()}
     for other in second.ray_rows():
         row = rows[other.photo, other.point, other.model]
-        assert row.v_um == pytest.approx(other.v_um, abs=1e-3)
+        assert row.residual == pytest.approx(other.residual, abs=1e-3)
         assert row.r == pytest.approx(other.r, abs=1e-6)
 
 

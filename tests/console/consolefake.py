@@ -100,7 +100,7 @@ def diagnosis(gross: bool = True) -> Diagnosis:
             chance = 0.07
         q = 2.0 if row.axis == "y" else 6.0
         rows.append(
-            RowDiagnosis(row.point, row.axis, 4.132 * 5.0 * float(np.sqrt(q / row.redn)), chance)
+            RowDiagnosis(row.point, row.axis, 4.132 * 5.0 * float(np.sqrt(q / row.r)), chance)
         )
     if not gross:
         return Diagnosis(tuple(rows), 0.97, (), (), ("nothing is flagged: accept the model",), ())

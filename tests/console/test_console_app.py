@@ -507,7 +507,7 @@ async def test_foreign_text_is_shown_as_it_is(name, size):
     odd = replace(points[0], point=name)
     solved = picture().solution
     table = tuple(
-        row._replace(point=name, flagged=True, sigf=9.9) if row.point == "102" else row
+        row._replace(point=name, flagged=True, w=9.9) if row.point == "102" else row
         for row in solved.table
     )
     advised = replace(picture().diagnosis, advice=(f"remeasure {name}",), suspects=((name, "y"),))
@@ -719,7 +719,7 @@ async def test_large_numbers_and_longer_names_keep_apart():
     points = tuple(replace(view, point=f"{view.point}-1'") for view in picture().points)
     solved = picture().solution
     table = tuple(
-        row._replace(point=f"{row.point}-1'", parx_um=-2519.14, expd_um=1234.56, sigf=274.67)
+        row._replace(point=f"{row.point}-1'", residual=-2519.14, expected=1234.56, w=274.67)
         for row in solved.table
     )
     solved = replace(solved, sigma0_um=557.49, table=table)

@@ -28,8 +28,8 @@ def model(name: str = "13/5", wrong: str | None = "8", size_um: float = 200.0) -
 
 
 def replace_row(row, parallax, apriori, q):
-    sigf = abs(parallax) / (apriori * (q * row.redn) ** 0.5) if row.redn > 1e-9 else None
-    return row._replace(parx_um=float(parallax), sigf=sigf)
+    sigf = abs(parallax) / (apriori * (q * row.r) ** 0.5) if row.r > 1e-9 else None
+    return row._replace(residual=float(parallax), w=sigf)
 
 
 def page(solution: ModelSolution | None, strategy: str, width: int = 72) -> str:

@@ -138,7 +138,7 @@ async def test_the_table_is_that_of_the_fiducials():
         row = next(r for r in view.solution.rows if r.key == ("3", "x"))
         line = next(line for line in shown if line.startswith("▶"))
         assert line.split()[1:3] == ["3", "x"]
-        for value in (f"{row.redn:.3f}", f"{row.residual_um:.1f}", f"{row.sigf:.2f}"):
+        for value in (f"{row.r:.3f}", f"{row.residual:.1f}", f"{row.w:.2f}"):
             assert value in line
         assert "<< REMEASURE" in line
         assert "remeasure 3 (x)" in text(app)

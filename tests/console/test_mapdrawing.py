@@ -54,7 +54,7 @@ def test_every_name_is_there_when_there_is_room():
 def test_residuals_are_as_long_as_the_bar_says():
     # A single y row of 41.7 um upwards; everything else without residual.
     rows = tuple(
-        row._replace(parx_um=row.parx_um if row.key == ("103", "y") else 0.0)
+        row._replace(residual=row.residual if row.key == ("103", "y") else 0.0)
         for row in solution().table
     )
     snapshot = picture(
@@ -75,7 +75,7 @@ def test_residuals_are_as_long_as_the_bar_says():
 def test_y_rows_are_upright_and_x_rows_level():
     for axis, key in (("y", ("104", "y")), ("x", ("104", "x"))):
         rows = tuple(
-            row._replace(parx_um=60.0 if row.key == key else 0.0, flagged=False)
+            row._replace(residual=60.0 if row.key == key else 0.0, flagged=False)
             for row in solution().table
         )
         alone = replace(solution(), table=rows)

@@ -30,10 +30,10 @@ def test_smallest_detectable_errors_take_the_a_priori_sigma_whatever_the_test(pr
             d = diagnose(model)
             for row, said in zip(model.table, d.rows, strict=True):
                 q = 2.0 if row.axis == "y" else model.q_l[-1]
-                expected = noncentrality(0.001, 0.80) * 5.0 * (q / row.redn) ** 0.5
+                expected = noncentrality(0.001, 0.80) * 5.0 * (q / row.r) ** 0.5
                 assert (said.point, said.axis) == row.key
-                assert said.mdb_um == pytest.approx(expected)
-                effect = noncentrality(0.001, 0.80) * ((1 - row.redn) / row.redn) ** 0.5
+                assert said.mdb == pytest.approx(expected)
+                effect = noncentrality(0.001, 0.80) * ((1 - row.r) / row.r) ** 0.5
                 assert said.effect == pytest.approx(effect)
 
 

@@ -90,7 +90,7 @@ def seen_from_right(model: ModelSolution) -> np.ndarray:
 
 
 def shown(model: ModelSolution) -> np.ndarray:
-    parallaxes = [row.parx_um * 1e-3 for row in model.table]
+    parallaxes = [row.residual * 1e-3 for row in model.table]
     return np.array([*seen_from_right(model), *parallaxes, np.linalg.norm(model.base)])
 
 
@@ -167,11 +167,11 @@ def test_weights_and_solution_are_those_of_propagated():
         assert one.base == other.base
         assert one.rotation == other.rotation
         assert one.points == other.points
-        assert [(r.key, r.redn, r.parx_um) for r in one.table] == [
-            (r.key, r.redn, r.parx_um) for r in other.table
+        assert [(r.key, r.r, r.residual) for r in one.table] == [
+            (r.key, r.r, r.residual) for r in other.table
         ]
-        assert sum(row.redn for row in one.table) == pytest.approx(one.redundancy, abs=1e-9)
-    assert [row.expd_um for row in exact[2].table] != [row.expd_um for row in plain[2].table]
+        assert sum(row.r for row in one.table) == pytest.approx(one.redundancy, abs=1e-9)
+    assert [row.expected for row in exact[2].table] != [row.expected for row in plain[2].table]
     assert diagnose(exact[2]).transfers == diagnose(plain[2]).transfers
 
 
@@ -180,20 +180,20 @@ def test_what_the_table_says_follows_from_s(test):
     models, _ = noisy_models(test=test)
     for model in models:
         f, s = model.redundancy, model.q_vv
-        v = np.array([row.parx_um for row in model.table]) / model.apriori_um
-        r = np.array([row.redn for row in model.table])
+        v = np.array([row.residual for row in model.table]) / model.apriori_um
+        r = np.array([row.r for row in model.table])
         singular = np.linalg.svd(s, compute_uv=False)
         assert singular[f - 1] > 1e-6 * singular[0] > 1e3 * singular[f : f + 1].sum()
         square = float(v @ np.linalg.pinv(s, rcond=1e-9) @ v)
         assert model.sigma0_um == pytest.approx(model.apriori_um * (square / f) ** 0.5)
         sigma = model.apriori_um if test.kind == "baarda" else model.sigma0_um
-        assert [row.expd_um for row in model.table] == pytest.approx(sigma * np.sqrt(np.diag(s)))
-        assert [row.sigf for row in model.table] == pytest.approx(
-            [abs(row.parx_um) / row.expd_um for row in model.table]
+        assert [row.expected for row in model.table] == pytest.approx(sigma * np.sqrt(np.diag(s)))
+        assert [row.w for row in model.table] == pytest.approx(
+            [abs(row.residual) / row.expected for row in model.table]
         )
         told = diagnose(model)
         delta = noncentrality(test.alpha, 0.80)
-        assert [row.mdb_um for row in told.rows] == pytest.approx(
+        assert [row.mdb for row in told.rows] == pytest.approx(
             delta * model.apriori_um * np.sqrt(np.diag(s)) / r
         )
     total = sum(model.redundancy * model.sigma0_um**2 for model in models)
@@ -244,7 +244,7 @@ def test_an_undetected_error_moves_no_function_of_the_unknowns_further_than_its_
     function = np.random.default_rng(3).standard_normal(6)
     for row in diagnose(model).rows:
         change = unknowns(row.point, row.axis, step) - unknowns(row.point, row.axis, -step)
-        moved = np.linalg.solve(root, change / (2.0 * step)) * row.mdb_um / model.apriori_um
+        moved = np.linalg.solve(root, change / (2.0 * step)) * row.mdb / model.apriori_um
         assert row.effect == pytest.approx(np.linalg.norm(moved), rel=1e-3)
         assert abs(function @ moved) <= row.effect * np.linalg.norm(function) * 1.001
 
@@ -300,7 +300,7 @@ def test_the_advice_names_the_erroneous_row_where_the_largest_sigf_stands_elsewh
             suspects = diagnose(wrong).suspects
             if not suspects:
                 continue  # nothing is flagged
-            largest = max(wrong.table, key=lambda one: one.sigf or 0.0)
+            largest = max(wrong.table, key=lambda one: one.w or 0.0)
             elsewhere += largest.key != row.key
             assert suspects[0] == row.key
             assert diagnose(wrong).advice[0].startswith(f"remeasure {row.point} ({row.axis})")
@@ -334,8 +334,8 @@ def test_a_row_that_serves_two_models_counts_as_one_measurement(again):
     models = bridge_strip(block, block.strips[0]).models
     expected = chain.oriented(chain.measured(), EXACT)
     for model, other in zip(models, expected, strict=True):
-        by_name = {row.key: row.expd_um for row in other.table}
-        assert {row.key: row.expd_um for row in model.table} == pytest.approx(by_name, rel=1e-9)
+        by_name = {row.key: row.expected for row in other.table}
+        assert {row.key: row.expected for row in model.table} == pytest.approx(by_name, rel=1e-9)
 
 
 def test_rows_from_outside_are_those_of_the_solution():

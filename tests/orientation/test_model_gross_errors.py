@@ -40,7 +40,7 @@ def swapped(pair, one, other):
 def test_planted_row_is_left_out_and_nothing_else(strategy: str) -> None:
     pair = ideal_pair("13/5")
     for row in orient(pair, PAPER, BAARDA).table:
-        if row.axis == "y" and row.redn > 0.4:
+        if row.axis == "y" and row.r > 0.4:
             wrong = spoiled(pair, row.point, "y", 0.2)
             cleaned = model_gross_errors(wrong, PAPER, BAARDA, strategy)
             assert keys(cleaned) == [row.key]
@@ -48,8 +48,8 @@ def test_planted_row_is_left_out_and_nothing_else(strategy: str) -> None:
             assert abs(rejected.w) > 3.3
             # without any other error the estimate is the error; it shows r of it alone
             assert abs(rejected.error_um) == pytest.approx(200.0, rel=0.01)
-            assert rejected.parx_um == pytest.approx(rejected.redn * rejected.error_um)
-            assert rejected.redn == pytest.approx(row.redn, abs=0.01)
+            assert rejected.residual == pytest.approx(rejected.r * rejected.error_um)
+            assert rejected.r == pytest.approx(row.r, abs=0.01)
             assert row.key not in [r.key for r in cleaned.solution.table]
             assert not cleaned.solution.flagged
 
@@ -67,7 +67,7 @@ def test_residual_system_is_that_of_the_table() -> None:
     solution = orient(wrong, PAPER, BAARDA)
     system = residual_system(solution)
     w = abs(system.e) / system.r**0.5
-    assert w == pytest.approx([row.sigf for row in solution.table], rel=1e-9)
+    assert w == pytest.approx([row.w for row in solution.table], rel=1e-9)
     assert system.r == pytest.approx(system.matrix.diagonal(), abs=1e-12)
 
 

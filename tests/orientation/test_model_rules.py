@@ -38,16 +38,16 @@ def test_five_points_are_an_orientation_without_any_check(test):
     assert model.test.critical is None
     assert "an orientation without any check" in model.remarks[0]
     for row in model.table:
-        assert row.redn < 1e-9
-        assert row.parx_um == pytest.approx(0.0, abs=1e-6)
-        assert row.sigf is None
+        assert row.r < 1e-9
+        assert row.residual == pytest.approx(0.0, abs=1e-6)
+        assert row.w is None
         assert not row.flagged
         if test is TAU:
-            assert row.expd_um is None
+            assert row.expected is None
         else:
-            assert row.expd_um == pytest.approx(0.0, abs=1e-3)
+            assert row.expected == pytest.approx(0.0, abs=1e-3)
     d = diagnose(model)
-    assert all(row.mdb_um is None and row.effect is None for row in d.rows)
+    assert all(row.mdb is None and row.effect is None for row in d.rows)
     assert d.none == pytest.approx(0.9)
     assert d.power is None
     assert d.advice == model.remarks
@@ -58,7 +58,7 @@ def test_redundancy_one_under_tau():
     model = orient(pair_of(flight(), 0, points=SIX), PAPER, TAU)
     assert model.redundancy == 1
     assert model.test.critical is None
-    assert [row.sigf for row in model.table] == pytest.approx([1.0] * 6)
+    assert [row.w for row in model.table] == pytest.approx([1.0] * 6)
     assert not model.flagged
     assert "nothing can be located" in model.remarks[0]
     d = diagnose(model)
@@ -70,7 +70,7 @@ def test_redundancy_one_under_baarda_flags_all_rows_or_none():
     pair = pair_of(flight(), 0, points=SIX)
     good = orient(pair, PAPER, BAARDA)
     assert good.test.critical == pytest.approx(critical_normal(0.001))
-    ratios = [row.sigf for row in good.table]
+    ratios = [row.w for row in good.table]
     assert ratios == pytest.approx([ratios[0]] * 6)
     bad = orient(spoiled(pair, "0c", "y", 0.5), PAPER, BAARDA)
     assert len(bad.flagged) == 6
@@ -93,13 +93,13 @@ def test_a_row_that_nothing_checks_has_no_significance():
     row = model.table[-1]
     assert model.ties == ("1a",)
     assert row.key == ("1a", "x")
-    assert row.redn < 1e-9
-    assert row.sigf is None
+    assert row.r < 1e-9
+    assert row.w is None
     assert not row.flagged
     d = diagnose(model)
-    assert d.rows[-1].mdb_um is None
+    assert d.rows[-1].mdb is None
     assert all(("1a", "x") not in (p.first, p.second) for p in d.partners)
-    assert all(row.sigf is not None for row in model.table[:-1])
+    assert all(row.w is not None for row in model.table[:-1])
 
 
 @pytest.mark.parametrize(("k", "q"), [(1.0, 6.0), (0.0, 2.0), (0.5, 3.5), (2.0, 14.0)])
@@ -118,7 +118,7 @@ def test_tie_variance_takes_the_ratio_of_the_converged_bases():
     paper = bridge_flight(f, PAPER)[1]
     assert paper.q_l[n:] == pytest.approx(np.ones(len(paper.ties)))
     # an x row that varies more is expected to deviate more
-    assert second.table[-1].redn > paper.table[-1].redn
+    assert second.table[-1].r > paper.table[-1].r
     assert (second.tie_variance, paper.tie_variance) == ("propagated", "paper")
 
 
@@ -172,5 +172,5 @@ def test_parax_has_the_sign_of_the_error():
         for sign in (1.0, -1.0):
             model = orient(spoiled(pair, point, axis, sign * 0.05), PAPER, TAU)
             row = next(row for row in model.table if row.key == (point, axis))
-            assert row.parx_um * sign > 0.0
-            assert row.parx_um == pytest.approx(sign * row.redn * 50.0, rel=0.02)
+            assert row.residual * sign > 0.0
+            assert row.residual == pytest.approx(sign * row.r * 50.0, rel=0.02)

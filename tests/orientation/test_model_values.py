@@ -12,7 +12,7 @@ from anaplot.orientation.modelvalues import ideal_roots
 
 
 def roots(solution):
-    return np.sqrt([row.redn for row in solution.table])
+    return np.sqrt([row.r for row in solution.table])
 
 
 @pytest.mark.parametrize("precision", [PAPER, PROPAGATED])

@@ -30,7 +30,7 @@ def test_six_points_without_ties():
 def test_six_points_q_vv_of_figure_3_and_the_critical_transfers():
     m = pattern("6").ideal(*GEOMETRY)
     influence = m.q_vv / m.q_l
-    assert np.diag(m.q_vv) == pytest.approx([2.0 * row.redn for row in m.table])
+    assert np.diag(m.q_vv) == pytest.approx([2.0 * row.r for row in m.table])
     keys = [row.point for row in m.table]
     one, two = keys.index("1"), keys.index("2")
     assert m.q_vv[one, one] == pytest.approx(1.0 / 6.0, abs=1e-12)
@@ -186,4 +186,4 @@ def test_propagated_tie_variance_makes_ties_weaker_controlled_in_units_of_their_
     propagated = pattern("13/5").ideal(*GEOMETRY, "propagated")
     assert propagated.q_l[-5:] == pytest.approx(np.full(5, 6.0))
     assert paper.q_l[-5:] == pytest.approx(np.ones(5))
-    assert sum(row.redn for row in propagated.table) == pytest.approx(12.0)
+    assert sum(row.r for row in propagated.table) == pytest.approx(12.0)

@@ -60,7 +60,7 @@ def test_counts_sigma_and_bases():
 def test_the_table_holds_together():
     for precision in (PAPER, PROPAGATED, EXACT):
         for model in bridged(precision, BAARDA):
-            assert sum(row.redn for row in model.table) == pytest.approx(model.redundancy)
+            assert sum(row.r for row in model.table) == pytest.approx(model.redundancy)
             d = diagnose(model)
             flagged = {row.key for row in model.flagged}
             assert flagged <= set(d.suspects) if precision is EXACT else flagged == set(d.suspects)
@@ -77,7 +77,7 @@ def test_exact_ties_leave_the_orientation_and_explain_as_much():
     (first, exact), (_, propagated) = bridged(EXACT, TAU), bridged(PROPAGATED, TAU)
     assert exact.base == propagated.base
     assert exact.points == propagated.points
-    assert [row.parx_um for row in exact.table] == [row.parx_um for row in propagated.table]
+    assert [row.residual for row in exact.table] == [row.residual for row in propagated.table]
     assert exact.sigma0_um == pytest.approx(propagated.sigma0_um, rel=0.05)
     ratio = exact.sigma0_um / first.sigma0_um
     # two variance estimates of 228 and 295 redundancies: F within its bounds of .001

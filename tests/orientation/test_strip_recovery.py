@@ -78,7 +78,7 @@ def test_redundancy_numbers_sum_to_the_redundancy(seed, precision, test):
     for k, model in enumerate(bridge_flight(flight, precision, test)):
         n = len(model.table)
         assert model.redundancy == n - (5 if k == 0 else 6)
-        assert sum(row.redn for row in model.table) == pytest.approx(model.redundancy, abs=1e-10)
+        assert sum(row.r for row in model.table) == pytest.approx(model.redundancy, abs=1e-10)
         projector = model.q_vv / model.q_l
         assert projector @ projector == pytest.approx(projector, abs=1e-10)
         keys = [row.key for row in model.table]
@@ -86,9 +86,9 @@ def test_redundancy_numbers_sum_to_the_redundancy(seed, precision, test):
         assert keys == [(p, "y") for p in points] + [(p, "x") for p in points if p in model.ties]
         sigma = model.sigma0_um if test.kind == "tau" else 5.0
         for row, q in zip(model.table, np.diag(model.q_vv), strict=True):
-            assert row.expd_um == pytest.approx(sigma * q**0.5)
-            assert row.sigf == pytest.approx(abs(row.parx_um) / row.expd_um)
-            assert row.flagged == (row.sigf > model.test.critical)
+            assert row.expected == pytest.approx(sigma * q**0.5)
+            assert row.w == pytest.approx(abs(row.residual) / row.expected)
+            assert row.flagged == (row.w > model.test.critical)
 
 
 @settings(max_examples=40)
@@ -103,8 +103,8 @@ def test_the_order_of_points_does_not_matter(seed, random):
     assert again.rotation == pytest.approx(second.rotation, abs=1e-9)
     table = {row.key: row for row in second.table}
     for row in again.table:
-        assert row.redn == pytest.approx(table[row.key].redn, abs=1e-8)
-        assert row.parx_um == pytest.approx(table[row.key].parx_um, abs=1e-5)
+        assert row.r == pytest.approx(table[row.key].r, abs=1e-8)
+        assert row.residual == pytest.approx(table[row.key].residual, abs=1e-5)
     assert [row.point for row in again.table[: len(points)]] == points
 
 
@@ -195,7 +195,7 @@ def test_large_errors_in_one_point_still_lead_to_the_least_squares_solution():
     pair = pair_of(flight, 0)
     for size in (0.05, 1.0, 20.0):
         model = orient(spoiled(pair, "0ma", "y", size), PAPER, TAU)
-        assert max(model.table, key=lambda row: row.sigf).key == ("0ma", "y")
+        assert max(model.table, key=lambda row: row.w).key == ("0ma", "y")
         assert model.flagged
 
 

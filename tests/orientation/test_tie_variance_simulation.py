@@ -69,7 +69,7 @@ def test_propagated_flags_as_many_x_rows_as_alpha_says():
     models = second_models(PROPAGATED)
     rows = x_rows(models)
     assert np.mean([row.flagged for row in rows]) == pytest.approx(ALPHA, abs=0.015)
-    assert np.mean([row.sigf**2 for row in rows]) ** 0.5 == pytest.approx(1.0, abs=0.06)
+    assert np.mean([row.w**2 for row in rows]) ** 0.5 == pytest.approx(1.0, abs=0.06)
     assert mean_sigma(models) == pytest.approx(5.0, abs=0.2)
 
 
@@ -77,6 +77,6 @@ def test_paper_shows_the_documented_excess():
     models = second_models(PAPER)
     rows = x_rows(models)
     # x rows 2.2 times too large, sigma0 near 7.5 instead of 5
-    assert np.mean([row.sigf**2 for row in rows]) ** 0.5 == pytest.approx(2.3, abs=0.2)
+    assert np.mean([row.w**2 for row in rows]) ** 0.5 == pytest.approx(2.3, abs=0.2)
     assert mean_sigma(models) == pytest.approx(7.5, abs=0.3)
     assert np.mean([row.flagged for row in rows]) > 5.0 * ALPHA

@@ -230,7 +230,7 @@ def test_whatever_is_measured_the_answer_is_a_model_or_one_line(seed, count, wro
         assert said.startswith("model 0/1: ")
     else:
         assert np.isfinite(model.base).all()
-        assert sum(row.redn for row in model.table) == pytest.approx(model.redundancy, abs=1e-6)
+        assert sum(row.r for row in model.table) == pytest.approx(model.redundancy, abs=1e-6)
 
 
 def test_a_strip_ends_at_the_model_that_cannot_be_computed():

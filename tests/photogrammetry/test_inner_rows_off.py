@@ -59,11 +59,11 @@ def test_residuals_and_redundancy_without_the_rows(off) -> None:
     wanted = affine_without(plate, off)
     assert {row.key for row in found.rows} == set(wanted)
     assert found.redundancy == len(wanted) - 6
-    assert sum(row.redn for row in found.rows) == pytest.approx(found.redundancy, abs=1e-6)
+    assert sum(row.r for row in found.rows) == pytest.approx(found.redundancy, abs=1e-6)
     for row in found.rows:
         residual, redn = wanted[row.key]
-        assert row.residual_um == pytest.approx(residual, abs=0.01)
-        assert row.redn == pytest.approx(redn, abs=2e-3)
+        assert row.residual == pytest.approx(residual, abs=0.01)
+        assert row.r == pytest.approx(redn, abs=2e-3)
     assert found.q_vv.shape == (len(wanted), len(wanted))
 
 
@@ -74,7 +74,7 @@ def test_a_row_off_says_nothing_of_its_error() -> None:
     assert {row.key for row in other.rows} == {row.key for row in one.rows}
     for a, b in zip(one.rows, other.rows, strict=True):
         # what lies half a millimetre aside is weighed at another place of the plate, that is all
-        assert b.residual_um == pytest.approx(a.residual_um, abs=0.1)
+        assert b.residual == pytest.approx(a.residual, abs=0.1)
     assert not other.flagged
     assert orient_inner(CAMERA, wrong).flagged[0].key == ("4", "x")
 

@@ -62,7 +62,7 @@ def test_correlations_and_detectable_errors_of_a_point(capsys) -> None:
     # Table 3, C: 48.5 um for x of point 2 (sqrt(lambda0) rounded up to 4.14)
     block = plan_network(cube("C")).evaluated()
     row = next(row for row in block.ray_rows() if (row.photo, row.point) == ("3", "2"))
-    assert row.mdb_um[0] * 4.14 / block.delta0 == pytest.approx(48.5, abs=0.1)
+    assert row.mdb[0] * 4.14 / block.delta0 == pytest.approx(48.5, abs=0.1)
 
 
 def test_spurs_of_two_parallel_photos_are_named(capsys) -> None:

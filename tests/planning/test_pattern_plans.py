@@ -12,7 +12,7 @@ GEOMETRY = (90.0, 100.0, 152.0)
 
 @pytest.mark.parametrize("name", sorted(PATTERNS))
 def test_a_planned_pattern_has_the_numbers_of_the_named_one(name):
-    planned = {r.key: r.redn for r in solve(from_pattern(pattern(name), *GEOMETRY)).table}
+    planned = {r.key: r.r for r in solve(from_pattern(pattern(name), *GEOMETRY)).table}
     assert planned == pytest.approx(pattern(name).ideal_redundancy(*GEOMETRY))
 
 
@@ -20,14 +20,14 @@ def test_a_planned_pattern_has_the_numbers_of_the_named_one(name):
 def test_no_further_point_lowers_a_redundancy_number_and_the_advice_is_true(name):
     plan = from_pattern(pattern(name), *GEOMETRY)
     places = grid((0.0, 90.0), (-100.0, 100.0), 3)
-    old = {r.key: r.redn for r in solve(plan).table}
+    old = {r.key: r.r for r in solve(plan).table}
     tried = {}
     reach = max((x for label, x, _ in plan.points if label in plan.ties), default=-1.0)
     for x, y in {*places, *((x, y) for _, x, y in plan.points)}:
         for tie in (False, True)[: 1 + (x <= reach)]:
             ties = (*plan.ties, "z") if tie else plan.ties
             wider = solve(replace(plan, points=(*plan.points, ("z", x, y)), ties=ties))
-            new = {r.key: r.redn for r in wider.table}
+            new = {r.key: r.r for r in wider.table}
             assert all(new[key] >= old[key] - 1e-9 for key in old)
             tried[x, y, tie] = min(new[key] for key in old)
     advice = advise(plan, places)
@@ -80,7 +80,7 @@ def test_sets_help_where_single_points_do_not(name, one, four):
             ties=(*plan.ties, *(n for n, place in zip(names, found.places, strict=True)
                                 if place[3])),
         )  # fmt: skip
-        rows = {row.key: row.redn for row in solve(wider, choice).table}
+        rows = {row.key: row.r for row in solve(wider, choice).table}
         there = [row.key for row in solve(plan, choice).table]
         assert found.after == pytest.approx(min(rows[key] for key in there), abs=1e-9)
     assert two.after > advise(plan, places, choice)[0].after
@@ -92,5 +92,5 @@ def test_by_four_steps_six_points_do_not_come_far():
         best = advise(plan, ())[0]
         plan = replace(plan, points=(*plan.points, (f"z{step}", best.x, best.y)))
     old = {(label, "y") for label in "123456"}
-    weakest = min(row.redn for row in solve(plan).table if row.key in old)
+    weakest = min(row.r for row in solve(plan).table if row.key in old)
     assert weakest == pytest.approx(0.150, abs=5e-3)

@@ -46,7 +46,7 @@ def test_columns_of_a_list_never_touch():
     names = [f"point-{k:06d}" for k in range(12)]
     plan = PlannedPattern(tuple((n, -1e6 * k - 1e6, -123456.7) for k, n in enumerate(names)),
                           (), 90.0, 152.0)  # fmt: skip
-    rows = [SimpleNamespace(key=(n, "y"), redn=0.5) for n in names]
+    rows = [SimpleNamespace(key=(n, "y"), r=0.5) for n in names]
     lines = drawing(plan, SimpleNamespace(table=rows))
     assert [len(line.split()) for line in lines[1:]] == [4] * 12
 
@@ -286,7 +286,7 @@ def test_arrows_run_across_empty_places(capsys, tmp_path):
 def test_crossing_arrows():
     points = (("L", 0.0, 0.0), ("T", 45.0, 50.0), ("B", 44.0, -50.0), ("R", 90.0, 1.0))
     plan = PlannedPattern(points, (), 90.0, 152.0)
-    rows = tuple(SimpleNamespace(key=(label, "y"), redn=0.5) for label, _, _ in points)
+    rows = tuple(SimpleNamespace(key=(label, "y"), r=0.5) for label, _, _ in points)
     transfers = [
         Transfer(("L", "y"), ("R", "y"), 0.25),
         Transfer(("B", "y"), ("T", "y"), -0.75),

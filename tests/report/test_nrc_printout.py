@@ -60,10 +60,10 @@ def test_printout_has_parallaxes_discrepancies_table_and_advice():
     for row, line in zip(solution.table, body, strict=False):
         cells = line.split()
         assert cells[:2] == [row.point, row.axis]
-        assert float(cells[2]) == pytest.approx(row.redn, abs=5.1e-4)
-        assert float(cells[3]) == pytest.approx(row.parx_um, abs=0.051)
-        assert float(cells[4]) == pytest.approx(row.expd_um, abs=0.051)
-        assert float(cells[5]) == pytest.approx(row.sigf, abs=0.0051)
+        assert float(cells[2]) == pytest.approx(row.r, abs=5.1e-4)
+        assert float(cells[3]) == pytest.approx(row.residual, abs=0.051)
+        assert float(cells[4]) == pytest.approx(row.expected, abs=0.051)
+        assert float(cells[5]) == pytest.approx(row.w, abs=0.0051)
     assert all(line == line.rstrip() for line in lines)
 
 
@@ -81,7 +81,7 @@ def test_every_parallax_is_printed_once():
 
 def test_what_does_not_exist_is_a_dash():
     solution = model(name="6")
-    rows = [row._replace(expd_um=None, sigf=None, flagged=False) for row in solution.table]
+    rows = [row._replace(expected=None, w=None, flagged=False) for row in solution.table]
     for line in table_lines(rows)[2:]:
         assert line.split()[4:] == ["-", "-", "not", "testable"]
     bare = replace(
@@ -98,8 +98,8 @@ def test_what_does_not_exist_is_a_dash():
 
 def test_columns_never_touch():
     row = TableRow("103-1", "y", 0.727, -90998.7, 6.0, 15096.38, False)
-    wild = row._replace(parx_um=-1.23456789e9, expd_um=1234567.8, sigf=None)
-    for one in (row, wild, row._replace(parx_um=-1e300)):
+    wild = row._replace(residual=-1.23456789e9, expected=1234567.8, w=None)
+    for one in (row, wild, row._replace(residual=-1e300)):
         assert len(table_lines([one])[2].split()[:6]) == 6
     assert table_lines([row])[2].split()[2:] == ["0.727", "-90999", "6.0", "15096.4"]
 
@@ -112,7 +112,7 @@ def test_verdicts():
     assert verdict(row._replace(flagged=False), None) == ""
     # of correlated rows one that is not flagged may be why others are
     assert verdict(row._replace(flagged=False), ("1", "y")) == "<< REMEASURE"
-    assert verdict(row._replace(flagged=False, sigf=None), None) == "not testable"
+    assert verdict(row._replace(flagged=False, w=None), None) == "not testable"
 
 
 HOSTILE = ["\x1b[2J", "a\nb", "\r7", "\x07", "\u202e8", "\x9b31m", "[red]x[/red]"]

@@ -88,9 +88,9 @@ def test_strip_tables_are_like_those_without_plates(tmp_path: Path) -> None:
             assert record.after is not None
             assert same.after is not None
             sigmas.append((record.after.sigma0_um, same.after.sigma0_um))
-            redn = {row.key: row.redn for row in same.after.table}
+            redn = {row.key: row.r for row in same.after.table}
             if redn.keys() == {row.key for row in record.after.table}:
-                scatter += [abs(row.redn - redn[row.key]) for row in record.after.table]
+                scatter += [abs(row.r - redn[row.key]) for row in record.after.table]
     # 5 um of the pointing, and what eight fiducials leave of another 5 um
     assert 0.0050 < np.sqrt(np.mean(np.square(gaps))) < 0.0075
     with_plates, without = np.sqrt(np.mean(np.square(sigmas), axis=0))

@@ -42,7 +42,7 @@ def standardized(demo: Demo) -> dict[tuple[str, str, str], float]:
         )
         before = orient(pair, block.precision, block.test)
         rows = zip(before.table, before.q_l.tolist(), strict=True)
-        unit = {row.key: sigma_um * sqrt(q / row.redn) for row, q in rows}
+        unit = {row.key: sigma_um * sqrt(q / row.r) for row, q in rows}
         assert used <= set(names)
         for p in demo.plot.planted:
             if p.model == f"{left}/{right}" and p.detectable:

@@ -53,7 +53,7 @@ def test_the_models_are_those_of_a_stereo_plotter(tmp_path: Path) -> None:
     assert [s.name for s in mono] == ["101/102", "102/103", "103/104"]
     # in the first model the same pointings, so the same table
     for was, row in zip(stereo[0].table, mono[0].table, strict=True):
-        assert row.parx_um == pytest.approx(was.parx_um, abs=1e-6)
+        assert row.residual == pytest.approx(was.residual, abs=1e-6)
     for was_model, now in zip(stereo, mono, strict=True):
         assert now.redundancy == was_model.redundancy
         assert now.ties == was_model.ties
@@ -62,8 +62,8 @@ def test_the_models_are_those_of_a_stereo_plotter(tmp_path: Path) -> None:
         assert now.rotation == pytest.approx(was_model.rotation, abs=5e-4)
         for was, row in zip(was_model.table, now.table, strict=True):
             assert row.key == was.key
-            assert row.redn == pytest.approx(was.redn, abs=0.02)
-            assert row.parx_um == pytest.approx(was.parx_um, abs=25.0)
+            assert row.r == pytest.approx(was.r, abs=0.02)
+            assert row.residual == pytest.approx(was.residual, abs=25.0)
 
 
 def test_a_tablet_serves_as_a_comparator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -210,7 +210,7 @@ def test_a_job_goes_on_where_it_was_left(tmp_path: Path) -> None:
         finish(station)
         for table, solution in zip(wanted, solutions(station), strict=True):
             for was, row in zip(table, solution.table, strict=True):
-                assert row.parx_um == pytest.approx(was.parx_um, abs=25.0)
+                assert row.residual == pytest.approx(was.residual, abs=25.0)
         station.close()
     replayed = replay_session(bench.folder)
     assert replayed.differences == ()
@@ -233,7 +233,7 @@ def test_what_was_measured_once_is_one_row(tmp_path: Path) -> None:
         bridged = bridge_strip(read_block(bench.folder), station.block.strips[0]).models
         for solution, again in zip(models, bridged, strict=True):
             for row, other in zip(solution.table, again.table, strict=True):
-                assert other.parx_um == pytest.approx(row.parx_um, abs=1e-3)
+                assert other.residual == pytest.approx(row.residual, abs=1e-3)
         station.undo()
         rows = read_block(bench.folder).image_points
         assert {row.model for row in rows} == {"101/102"}

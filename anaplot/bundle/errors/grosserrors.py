@@ -100,8 +100,8 @@ class RejectedObservation(NamedTuple):
         error / sigma: its standardized residual when it alone comes back.
     r
         Its redundancy number then.
-    redundancy_number
-        When it was rejected.
+    r_rejected
+        Its redundancy number when it was rejected.
     weight
         Factor of its weight at the end of a re-weighting; None without one.
     partners
@@ -117,7 +117,7 @@ class RejectedObservation(NamedTuple):
     unit: Unit
     w: float | None
     r: float | None
-    redundancy_number: float
+    r_rejected: float
     weight: float | None
     partners: tuple[ObservationName, ...] = ()
 
@@ -207,7 +207,7 @@ class BlockFindings:
                     system.units[row.row],
                     w if np.isfinite(w) else None,
                     r if np.isfinite(r) else None,
-                    row.redundancy_number,
+                    row.r,
                     None if weights is None else float(weights[row.row]),
                     tuple(
                         system.names[pair.kept]

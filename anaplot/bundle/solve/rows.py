@@ -24,11 +24,11 @@ class RayRow(NamedTuple):
         Its row in block.image_points.
     photo, point, model
         Names.
-    v_um
+    residual
         Residuals of x and y [um], adjusted minus observed.
     r, w
         Redundancy numbers and standardized residuals.
-    mdb_um
+    mdb
         Smallest detectable errors [um].
     effect_m
         What an undetected error of that size in x, and in y, does to the point: X, Y, Z [m].
@@ -42,10 +42,10 @@ class RayRow(NamedTuple):
     photo: str
     point: str
     model: str | None
-    v_um: tuple[float, float]
+    residual: tuple[float, float]
     r: tuple[float, float]
     w: tuple[float | None, float | None]
-    mdb_um: tuple[float | None, float | None]
+    mdb: tuple[float | None, float | None]
     effect_m: tuple[tuple[float, float, float] | None, tuple[float, float, float] | None]
     flagged: bool
     rejected: tuple[bool, bool] = (False, False)
@@ -56,7 +56,7 @@ class ControlRow(NamedTuple):
 
     point: str
     axis: Literal["X", "Y", "Z"]
-    v: float
+    residual: float
     r: float
     w: float | None
     mdb: float | None
@@ -69,7 +69,7 @@ class PriorRow(NamedTuple):
 
     owner: str
     unknown: str
-    v: float
+    residual: float
     r: float
     w: float | None
     mdb: float | None
