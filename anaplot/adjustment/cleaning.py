@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
-from anaplot.adjustment.scale import Apriori, check_scale
+from anaplot.adjustment.scale import AprioriSigma, check_scale
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import find_gross_errors, findings_at, sigma_of
 from anaplot.adjustment.watch import Watch
 from anaplot.errors import NotComputableError
 
-__all__ = ["Cleaning", "End", "Refused", "Relinearised", "Solved", "best_of"]
+__all__ = ["Cleaning", "CleaningEnd", "RefusedRow", "Relinearised", "SolvedWithout", "best_of"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -36,7 +36,7 @@ _INTERRUPTED = "the search was interrupted: the best found so far is kept"
 _MOST_ASTRAY = 5  # sets without which the iteration found no end either
 
 
-class Refused(NamedTuple, Generic[K]):
+class RefusedRow(NamedTuple, Generic[K]):
     """A row that a strategy would reject, but without which there is no solution.
 
     Attributes
@@ -51,7 +51,7 @@ class Refused(NamedTuple, Generic[K]):
     reason: str
 
 
-class Solved(NamedTuple, Generic[S, K]):
+class SolvedWithout(NamedTuple, Generic[S, K]):
     """A solution without some rows.
 
     Attributes
@@ -73,7 +73,7 @@ class Relinearised(Protocol[S, K]):
     """What is cleaned: a model, a block."""
 
     @property
-    def apriori(self) -> Apriori:
+    def apriori(self) -> AprioriSigma:
         """The a-priori sigma that all rows are weighted by."""
         ...
 
@@ -94,7 +94,7 @@ class Relinearised(Protocol[S, K]):
         """
         ...
 
-    def without(self, out: frozenset[K], near: S) -> Solved[S, K]:
+    def without(self, out: frozenset[K], near: S) -> SolvedWithout[S, K]:
         """Solve without some rows, by their names, beginning at another solution.
 
         Raises
@@ -118,7 +118,7 @@ class Relinearised(Protocol[S, K]):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class End(Generic[S, K]):
+class CleaningEnd(Generic[S, K]):
     """Where the passes ended.
 
     Attributes
@@ -143,11 +143,11 @@ class End(Generic[S, K]):
         Sentences: what limited the passes.
     """
 
-    solved: Solved[S, K]
+    solved: SolvedWithout[S, K]
     system: ResidualSystem = field(repr=False)
     out: frozenset[K]
     passes: tuple[Findings, ...] = field(repr=False)
-    refused: tuple[Refused[K], ...]
+    refused: tuple[RefusedRow[K], ...]
     score: float
     held: frozenset[K]
     settled: bool
@@ -181,9 +181,9 @@ class Cleaning(Generic[S, K]):
     def run(
         self,
         start: S,
-        known: Solved[S, K] | None,
+        known: SolvedWithout[S, K] | None,
         held: frozenset[K] = frozenset(),
-    ) -> End[S, K]:
+    ) -> CleaningEnd[S, K]:
         """Go on from a solution until a set comes again.
 
         Parameters
@@ -202,7 +202,7 @@ class Cleaning(Generic[S, K]):
         NotComputableError
             There is no solution without any of the sets that were proposed.
         """
-        solved: dict[frozenset[K], Solved[S, K]] = {} if known is None else {held: known}
+        solved: dict[frozenset[K], SolvedWithout[S, K]] = {} if known is None else {held: known}
         proposals: dict[frozenset[K], tuple[ResidualSystem, Findings]] = {}
         passes: list[Findings] = []
         barred: dict[K, str] = {}
@@ -266,13 +266,13 @@ class Cleaning(Generic[S, K]):
 
     def _best(
         self,
-        solved: dict[frozenset[K], Solved[S, K]],
+        solved: dict[frozenset[K], SolvedWithout[S, K]],
         proposals: dict[frozenset[K], tuple[ResidualSystem, Findings]],
         passes: list[Findings],
         barred: dict[K, str],
         held: frozenset[K],
         why: str,
-    ) -> End[S, K]:
+    ) -> CleaningEnd[S, K]:
         """Return the best of the sets that were met, seen from its own solution."""
         cost = critical_normal(self.settings.alpha) ** 2
         known = {out: one for out, one in solved.items() if out in proposals}
@@ -298,26 +298,28 @@ class Cleaning(Generic[S, K]):
 
     def _end(
         self,
-        one: Solved[S, K],
+        one: SolvedWithout[S, K],
         out: frozenset[K],
         system: ResidualSystem,
         passes: list[Findings],
         barred: dict[K, str],
         held: frozenset[K],
-    ) -> End[S, K]:
+    ) -> CleaningEnd[S, K]:
         score = one.vtpv + critical_normal(self.settings.alpha) ** 2 * _count(out, one)
-        refused = tuple(Refused(name, reason) for name, reason in barred.items())
+        refused = tuple(RefusedRow(name, reason) for name, reason in barred.items())
         stopped = self.watch.stopped
         remarks = (_INTERRUPTED,) if stopped else ()
-        return End(one, system, out, tuple(passes), refused, score, held, not stopped, remarks)
+        return CleaningEnd(
+            one, system, out, tuple(passes), refused, score, held, not stopped, remarks
+        )
 
 
-def best_of(ends: Collection[End[S, K]]) -> End[S, K]:
+def best_of(ends: Collection[CleaningEnd[S, K]]) -> CleaningEnd[S, K]:
     """Return the end of the smallest score, of equal ones the first."""
     return min(ends, key=lambda end: round(end.score, 6))
 
 
-def _count(out: frozenset[K], one: Solved[S, K]) -> int:
+def _count(out: frozenset[K], one: SolvedWithout[S, K]) -> int:
     return len(out.union(one.also))
 
 

@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 from anaplot.adjustment.reliability import HARD_TO_TELL, Odds
 
 __all__ = [
-    "AtEnd",
+    "FinalStatistics",
     "Findings",
     "HardToTell",
-    "Kind",
     "ModelValues",
     "PairOdds",
     "Rejection",
     "SearchSettings",
-    "Step",
+    "SearchStep",
+    "TestKind",
 ]
 
 Array = NDArray[np.float64]
 
 Action = Literal["add", "drop", "swap", "reject", "reweight"]
 
-Kind = Literal["tau", "baarda"]
+TestKind = Literal["tau", "baarda"]
 """Whether a test takes sigma as estimated or as known a priori."""
 
 
@@ -80,7 +80,7 @@ class SearchSettings:
         return half if self.most is None else min(half, self.most)
 
 
-class Step(NamedTuple):
+class SearchStep(NamedTuple):
     """One action of a strategy.
 
     Attributes
@@ -143,7 +143,7 @@ class HardToTell(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AtEnd:
+class FinalStatistics:
     """The adjustment without the rejected rows, seen from every row.
 
     Attributes
@@ -249,11 +249,11 @@ class Findings:
     """
 
     strategy: str
-    steps: tuple[Step, ...]
+    steps: tuple[SearchStep, ...]
     rejected: tuple[Rejection, ...]
     hard_to_tell: tuple[HardToTell, ...]
     untestable: tuple[int, ...]
-    at_end: AtEnd
+    at_end: FinalStatistics
     odds: Odds
     pair_odds: PairOdds | None = None
     model_values: ModelValues | None = None

@@ -11,12 +11,12 @@ from scipy.sparse import csr_array
 from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.residualsystem import Designed, ResidualSystem, diagonal
 
-__all__ = ["Left", "remaining", "spread"]
+__all__ = ["ReducedSystem", "remaining", "spread"]
 
 Array = NDArray[np.float64]
 
 
-class Left:
+class ReducedSystem:
     """What a system is without some of its rows, in the same numbering; a `ResidualSystem`.
 
     Parameters

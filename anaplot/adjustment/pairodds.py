@@ -8,8 +8,8 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.adjustment.findings import Kind, PairOdds
-from anaplot.adjustment.leftout import Left, remaining, spread
+from anaplot.adjustment.findings import PairOdds, TestKind
+from anaplot.adjustment.leftout import ReducedSystem, remaining, spread
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.stepwise import NO_SIGMA
@@ -26,7 +26,7 @@ def pair_odds(
     system: ResidualSystem,
     most: int = 20,
     *,
-    kind: Kind = "baarda",
+    kind: TestKind = "baarda",
     left_out: Collection[int] = (),
 ) -> PairOdds:
     """Weigh no, one and two gross errors against each other.
@@ -66,11 +66,13 @@ def pair_odds(
     every = len(system.e)
     if every > MOST_ROWS_OF_PAIRS:
         raise ValueError(f"odds over pairs of {every} rows: at most {MOST_ROWS_OF_PAIRS}")
-    rest = Left(system, left_out) if left_out else system
+    rest = ReducedSystem(system, left_out) if left_out else system
     return pair_odds_of(rest, remaining(every, left_out), kind, most)
 
 
-def _log_factors(system: ResidualSystem, determinant: Array, square: Array, kind: Kind) -> Array:
+def _log_factors(
+    system: ResidualSystem, determinant: Array, square: Array, kind: TestKind
+) -> Array:
     """Return log BF from det(I + g R) and q of sets of rows; zero where sigma does not exist."""
     if kind == "baarda":
         return -0.5 * np.log(determinant) + 0.5 * square
@@ -83,7 +85,7 @@ def _log_factors(system: ResidualSystem, determinant: Array, square: Array, kind
 
 
 def pair_odds_of(
-    system: ResidualSystem, rows: NDArray[np.intp], kind: Kind, most: int = 20
+    system: ResidualSystem, rows: NDArray[np.intp], kind: TestKind, most: int = 20
 ) -> PairOdds:
     """As `pair_odds`, over some rows of a system."""
     e, r = np.asarray(system.e, dtype=float)[rows], np.asarray(system.r, dtype=float)[rows]

@@ -19,7 +19,7 @@ __all__ = [
     "LARGEST",
     "LEAST_REDUNDANCY",
     "SMALLEST",
-    "Apriori",
+    "AprioriSigma",
     "ScaleError",
     "check_scale",
     "robust_scale",
@@ -39,7 +39,7 @@ _LEAST_OF_SMALL = 10  # redundancy below which residuals are small by chance
 _NO_NOISE = 1e-3  # scale of a simulation without noise
 
 
-class Apriori(NamedTuple):
+class AprioriSigma(NamedTuple):
     """An a-priori sigma that a person has given.
 
     Attributes
@@ -56,7 +56,7 @@ class Apriori(NamedTuple):
     unit: str
 
     @classmethod
-    def image_um(cls, of: str, value: float) -> Apriori:
+    def image_um(cls, of: str, value: float) -> AprioriSigma:
         """Return that of image coordinates."""
         return cls(of, "image_um", value, "um")
 
@@ -100,7 +100,7 @@ def robust_scale(w: Array, r: Array, trimmed: float = 0.0) -> float | None:
 
 
 def check_scale(
-    system: ResidualSystem, found: Findings | None, alpha: float, apriori: Apriori
+    system: ResidualSystem, found: Findings | None, alpha: float, apriori: AprioriSigma
 ) -> None:
     """Complain where most residuals say that the a-priori sigma cannot be right.
 
@@ -142,7 +142,7 @@ def check_scale(
         raise scale_error(apriori, scale, float(np.nanmax(np.abs(w))) / critical_normal(alpha))
 
 
-def scale_error(apriori: Apriori, scale: float, fits: float) -> ScaleError:
+def scale_error(apriori: AprioriSigma, scale: float, fits: float) -> ScaleError:
     """Return what is to be said of an a-priori sigma.
 
     Parameters

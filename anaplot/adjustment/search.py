@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
-from anaplot.adjustment.findings import Step
+from anaplot.adjustment.findings import SearchStep
 from anaplot.adjustment.partners import EQUAL, WEAK, Proposals, likeliest
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.watch import Watch
@@ -41,7 +41,7 @@ def search(
     most: int,
     watch: Watch,
     further: tuple[int, ...] = (),
-) -> tuple[Elimination, list[Step]]:
+) -> tuple[Elimination, list[SearchStep]]:
     """Search from no rejection, from a set of others, conspicuous rows and pairs; the best wins.
 
     Parameters
@@ -132,9 +132,9 @@ class _Descent:
     proposals: Proposals
     watch: Watch
 
-    def run(self, state: Elimination, start: Iterable[int]) -> tuple[Elimination, list[Step]]:
+    def run(self, state: Elimination, start: Iterable[int]) -> tuple[Elimination, list[SearchStep]]:
         """Take the start out, then go on; the objective falls, so that no set comes twice."""
-        steps: list[Step] = []
+        steps: list[SearchStep] = []
         for first in start:
             if not (state.testable(first) and len(state.rows) < self.most):
                 continue
@@ -149,7 +149,7 @@ class _Descent:
             steps.append(self._do(state, *found))
         return state, steps
 
-    def _do(self, state: Elimination, action: _Action, rows: tuple[int, ...]) -> Step:
+    def _do(self, state: Elimination, action: _Action, rows: tuple[int, ...]) -> SearchStep:
         before = _objective(state, self.critical)
         if action == "swap":
             state.swap(rows[1], rows[0])
@@ -157,7 +157,7 @@ class _Descent:
             for row in rows:
                 (state.add if action == "add" else state.drop)(row)
         after = _objective(state, self.critical)
-        return Step(action, rows, after - before, 0.0, before, after)
+        return SearchStep(action, rows, after - before, 0.0, before, after)
 
     def _best(self, state: Elimination) -> tuple[_Action, tuple[int, ...]] | None:
         """Return the step that lowers the objective most; None when none does."""

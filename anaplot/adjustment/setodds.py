@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.watch import Watch
 
-__all__ = ["MostProbable", "SetOdds", "most_probable_set", "set_odds"]
+__all__ = ["MostProbableSet", "SetOdds", "most_probable_set", "set_odds"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -64,7 +64,7 @@ _SETTLING = 0.1  # share of the visits that is not weighed
 _KEPT = 1_000_000  # rates of sets visited before that are kept for the next visit
 
 
-class MostProbable(NamedTuple):
+class MostProbableSet(NamedTuple):
     """The most probable set.
 
     Attributes
@@ -114,7 +114,7 @@ def most_probable_set(
     most: int | None = None,
     widths: tuple[float, ...] = WIDTHS,
     watch: Watch | None = None,
-) -> MostProbable:
+) -> MostProbableSet:
     """Return the most probable set of gross errors; sigma known.
 
     Parameters
@@ -159,13 +159,13 @@ def most_probable_set(
                 best = value, sorted(held), own, width
     assert best is not None
     value, held, own, width = best
-    return MostProbable(tuple(held), own, width, value)
+    return MostProbableSet(tuple(held), own, width, value)
 
 
 def set_odds(
     system: ResidualSystem,
     critical: float,
-    found: MostProbable,
+    found: MostProbableSet,
     *,
     suspects: Bools | None = None,
     most: int | None = None,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.adjustment.elimination import Elimination
-from anaplot.adjustment.findings import ModelValues, Step
+from anaplot.adjustment.findings import ModelValues, SearchStep
 from anaplot.adjustment.partners import Proposals
 from anaplot.adjustment.reliability import beyond_model
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
@@ -182,9 +182,9 @@ def stepwise(
     most: int,
     watch: Watch,
     *,
-    steps: Sequence[Step] = (),
+    steps: Sequence[SearchStep] = (),
     together: bool,
-) -> tuple[Elimination, list[Step]]:
+) -> tuple[Elimination, list[SearchStep]]:
     """Reject and bring back by a rule until it has nothing to say or a set comes again.
 
     Parameters
@@ -234,16 +234,16 @@ def stepwise(
             break
         limit = float(test.limit[taken[0]])
         smallest = float(np.nanmin(test.size[taken]))
-        steps.append(Step("reject", tuple(taken), smallest, limit, before, state.vtpv))
+        steps.append(SearchStep("reject", tuple(taken), smallest, limit, before, state.vtpv))
         if frozenset(state.rows) in seen:
             break
         seen.add(frozenset(state.rows))
     return state, steps
 
 
-def bring_back(state: Elimination, rule: Rule, watch: Watch) -> list[Step]:
+def bring_back(state: Elimination, rule: Rule, watch: Watch) -> list[SearchStep]:
     """Bring back the rows below their limit, the smallest first, until there is none."""
-    steps: list[Step] = []
+    steps: list[SearchStep] = []
     proposals = Proposals(state.system.names)
     while not watch.stopped:
         test = rule(state)
@@ -276,11 +276,11 @@ def _first_back(
     return min(small, key=lambda rows: max(test.size[list(rows)]), default=())
 
 
-def _drop(state: Elimination, rows: tuple[int, ...], test: _Test) -> Step:
+def _drop(state: Elimination, rows: tuple[int, ...], test: _Test) -> SearchStep:
     """Bring rows back; the largest of them decided."""
     before = state.vtpv
     largest = max(rows, key=lambda row: float(test.size[row]))
     for row in rows:
         state.drop(row)
     size, limit = float(test.size[largest]), float(test.limit[largest])
-    return Step("drop", rows, size, limit, before, state.vtpv)
+    return SearchStep("drop", rows, size, limit, before, state.vtpv)

@@ -36,17 +36,17 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import (
-    AtEnd,
+    FinalStatistics,
     Findings,
     HardToTell,
-    Kind,
     ModelValues,
     Rejection,
     SearchSettings,
-    Step,
+    SearchStep,
+    TestKind,
 )
 from anaplot.adjustment.leastabsolute import least_absolute_residuals
-from anaplot.adjustment.leftout import Left, remaining, spread
+from anaplot.adjustment.leftout import ReducedSystem, remaining, spread
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds, pair_odds_of
 from anaplot.adjustment.partners import WEAK, Proposals
 from anaplot.adjustment.reliability import (
@@ -56,7 +56,7 @@ from anaplot.adjustment.reliability import (
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.reweighting import SETTLED, Reweighting, reweight
 from anaplot.adjustment.search import search
-from anaplot.adjustment.setodds import MostProbable, most_probable_set, set_odds
+from anaplot.adjustment.setodds import MostProbableSet, most_probable_set, set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 from anaplot.adjustment.stepwise import (
     MODEL_TOLERANCE,
@@ -87,7 +87,7 @@ STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "sear
 """Names of all strategies."""
 
 
-def sigma_of(strategy: str) -> Kind:
+def sigma_of(strategy: str) -> TestKind:
     """Return by which sigma a strategy tests, and its odds are weighed."""
     return "tau" if strategy in ("tau", "rms") else "baarda"
 
@@ -143,7 +143,7 @@ def find_gross_errors(
         raise ValueError(f"no strategy {strategy!r}; there are {', '.join(STRATEGIES)}")
     used = SearchSettings() if settings is None else settings
     if left_out:
-        system = Left(system, left_out)
+        system = ReducedSystem(system, left_out)
     n = len(system.e)
     if used.pairs and n > MOST_ROWS_OF_PAIRS:
         raise ValueError(f"odds over pairs of {n} rows: at most {MOST_ROWS_OF_PAIRS}")
@@ -221,7 +221,7 @@ def findings_at(
         As `find_gross_errors` had them.
     """
     if left_out:
-        system = Left(system, left_out)
+        system = ReducedSystem(system, left_out)
     state = Elimination(system)
     for rejected in findings.rejected:
         with suppress(NotSeparableError):  # nothing is said of what nothing checks any more
@@ -288,7 +288,7 @@ class _Weighed(NamedTuple):
 
     rest: ResidualSystem
     critical: float
-    found: MostProbable
+    found: MostProbableSet
     suspects: Bools
     most: int
     whole: frozenset[int]
@@ -313,7 +313,7 @@ def _by_odds(
     most: int,
     watch: Watch,
     remarks: list[str],
-) -> tuple[Elimination, list[Step], _Weighed]:
+) -> tuple[Elimination, list[SearchStep], _Weighed]:
     """Return the most probable set, how it was reached, and what it was weighed of."""
     critical = critical_normal(alpha)
     ends = [
@@ -328,7 +328,7 @@ def _by_odds(
     weak = [k for k, one in zip(state.rows, state.estimates()[1], strict=True) if one**-2 < WEAK]
     together = Proposals(system.names).together(state)
     whole = frozenset(row for k in weak for row in together[k])
-    rest: ResidualSystem = Left(system, whole) if whole else system
+    rest: ResidualSystem = ReducedSystem(system, whole) if whole else system
     single = suspects & (np.asarray(rest.r) >= WEAK)
     room = most - len(whole)
     found = most_probable_set(
@@ -343,14 +343,14 @@ def _by_odds(
     for row in [row for row in state.rows if row not in best]:
         before = state.vtpv
         state.drop(row)
-        steps.append(Step("drop", (row,), None, None, before, state.vtpv))
+        steps.append(SearchStep("drop", (row,), None, None, before, state.vtpv))
     for row in [row for row in found.rows if row not in state.rows]:
         before = state.vtpv
         try:
             state.add(row)
         except NotSeparableError:
             continue
-        steps.append(Step("add", (row,), None, None, before, state.vtpv))
+        steps.append(SearchStep("add", (row,), None, None, before, state.vtpv))
     return state, steps, _Weighed(rest, critical, found, single, room, whole)
 
 
@@ -361,7 +361,7 @@ def _by_least_absolute(
     most: int,
     watch: Watch,
     remarks: list[str],
-) -> tuple[Elimination, list[Step]]:
+) -> tuple[Elimination, list[SearchStep]]:
     """Reject what the least absolute sum leaves beyond the critical value, then go on by w.
 
     Where it is not reached, begin with w, and say so in `remarks`.
@@ -377,7 +377,7 @@ def _by_least_absolute(
 
 def _go_on(
     system: ResidualSystem, size: Array, alpha: float, suspects: Bools, most: int, watch: Watch
-) -> tuple[Elimination, list[Step]]:
+) -> tuple[Elimination, list[SearchStep]]:
     """Reject what is beyond the critical value, then reject and bring back by w."""
     state = Elimination(system)
     size = np.where(suspects, size, 0.0)
@@ -392,12 +392,12 @@ def _robust(
     suspects: Bools,
     most: int,
     watch: Watch,
-) -> tuple[Elimination, list[Step], Reweighting]:
+) -> tuple[Elimination, list[SearchStep], Reweighting]:
     state, critical = Elimination(system), critical_normal(alpha)
     robust = reweight(system, method, suspects)
     rows = tuple(np.flatnonzero(robust.weights < 1.0).tolist())
     steps = [
-        Step("reweight", rows, change, SETTLED, robust.sums[k], robust.sums[k + 1])
+        SearchStep("reweight", rows, change, SETTLED, robust.sums[k], robust.sums[k + 1])
         for k, change in enumerate(robust.changes)
     ]
     size = np.where(suspects, np.abs(robust.misclosures), 0.0)
@@ -408,9 +408,9 @@ def _robust(
 
 def _reject_beyond(
     state: Elimination, size: Array, critical: float, suspects: Bools, most: int
-) -> list[Step]:
+) -> list[SearchStep]:
     """Reject the rows beyond a critical value, or their likelier partners, the largest first."""
-    steps: list[Step] = []
+    steps: list[SearchStep] = []
     proposals = Proposals(state.system.names)
     for first in np.argsort(-size, kind="stable").tolist():
         if size[first] <= critical or len(state.rows) >= most:
@@ -425,14 +425,16 @@ def _reject_beyond(
         before = state.vtpv
         for row in rejected:
             state.add(row)
-        steps.append(Step("reject", rejected, float(size[first]), critical, before, state.vtpv))
+        steps.append(
+            SearchStep("reject", rejected, float(size[first]), critical, before, state.vtpv)
+        )
     return steps
 
 
 def _findings(
     state: Elimination,
     strategy: str,
-    steps: list[Step],
+    steps: list[SearchStep],
     settings: SearchSettings,
     *,
     weights: Array | None,
@@ -450,7 +452,9 @@ def _findings(
     for row, (value, deviation) in estimated.items():
         w[row], at_end_r[row] = value / deviation, deviation**-2
     f = state.redundancy
-    at_end = AtEnd(w, at_end_r, sqrt(state.vtpv / f) if f > 0 else None, f, state.vtpv, weights)
+    at_end = FinalStatistics(
+        w, at_end_r, sqrt(state.vtpv / f) if f > 0 else None, f, state.vtpv, weights
+    )
     rejected, partners = _retrace(state, steps, settings.partner, estimated)
     size = np.full(len(e), np.nan)
     size[testable] = np.abs(e[testable]) / np.sqrt(r[testable])
@@ -476,12 +480,12 @@ def _findings(
 
 def _retrace(
     state: Elimination,
-    steps: list[Step],
+    steps: list[SearchStep],
     limit: float,
     estimated: dict[int, tuple[float, float]],
 ) -> tuple[tuple[Rejection, ...], tuple[HardToTell, ...]]:
     """Find the step that took out each row, and how the residuals were correlated just before."""
-    last: dict[int, tuple[int, Step]] = {}
+    last: dict[int, tuple[int, SearchStep]] = {}
     for number, step in enumerate(steps):
         if step.action in ("add", "reject"):
             last.update((row, (number, step)) for row in step.rows)

@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-State = Literal["estimated", "undetermined", "vanishing"]
+ComponentStatus = Literal["estimated", "undetermined", "vanishing"]
 
 CONFIDENCE = 0.95
 """Probability with which an interval holds the true factor."""
@@ -93,7 +93,7 @@ class VarianceComponent:
     vtpv: float
     factor: float
     deviation: float | None
-    state: State
+    state: ComponentStatus
 
     @property
     def sigma_factor(self) -> float:
@@ -232,7 +232,7 @@ def estimate_components(
         factors = new
         found = readjust(factors)
         runs += 1
-    states: list[State] = [
+    states: list[ComponentStatus] = [
         "vanishing" if vanishing[g] else ("undetermined" if undetermined[g] else "estimated")
         for g in range(k)
     ]

@@ -13,13 +13,13 @@ from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum, datum_change
-from anaplot.bundle.solve.gaussnewton import Found, NoConvergenceError, find_minimum
-from anaplot.bundle.solve.normal import State, Structure, linearise, make_structure, objective
+from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
+from anaplot.bundle.solve.normal import BlockState, Structure, linearise, make_structure, objective
 from anaplot.bundle.solve.openmovement import held_by_noise, parameters_left_open
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.bundle.start.approximate import approximate_ways, laid_onto_control, restricted
-from anaplot.bundle.start.robust import RobustState, no_minimum, robust_state, robust_suspects
+from anaplot.bundle.start.robust import RobustState, no_minimum_error, robust_state, robust_suspects
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -113,9 +113,9 @@ def _adjusted(problem: Problem, progress: Progress | None) -> AdjustedBlock:
 
 def calibrated(
     problem: Problem,
-    bare: State,
+    bare: BlockState,
     *,
-    robust: State | None = None,
+    robust: BlockState | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
     """Adjust a bundle with additional parameters from its minimum without them.
@@ -151,7 +151,7 @@ def calibrated(
         raise NoConvergenceError(parameters_left_open(problem), error.state) from error
 
 
-def with_additional(problem: Problem, state: State) -> State:
+def with_additional(problem: Problem, state: BlockState) -> BlockState:
     """Return the state of the bundle without additional parameters for the one that has some."""
     return replace(
         state,
@@ -160,15 +160,15 @@ def with_additional(problem: Problem, state: State) -> State:
     )
 
 
-def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State | None]:
+def _searched(problem: Problem, progress: Progress | None) -> tuple[Minimum, BlockState | None]:
     """Return the best minimum, and a robust solution where one was looked for."""
-    best: Found | None = None
+    best: Minimum | None = None
     closest: _Closest | None = None
     failure: NotComputableError | None = None
-    reached: State | None = None
+    reached: BlockState | None = None
     least = float("inf")
 
-    def minimum(at: State, structure: Structure) -> Found | None:
+    def minimum(at: BlockState, structure: Structure) -> Minimum | None:
         nonlocal best, failure, reached, least
         try:
             found = find_minimum(problem, at, structure, progress=progress)
@@ -186,7 +186,7 @@ def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State
             best = found
         return found
 
-    def robust(at: State, structure: Structure) -> RobustState | None:
+    def robust(at: BlockState, structure: Structure) -> RobustState | None:
         nonlocal closest
         try:
             solution = robust_state(problem, structure, at)
@@ -245,10 +245,10 @@ def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State
         if soft or not _fits(problem, best):
             _check_held(problem, best, seen_from)
         if closest is not None and _bent(problem, best, closest.solution):
-            raise no_minimum(problem, closest.structure, closest.solution.state, best.state)
+            raise no_minimum_error(problem, closest.structure, closest.solution.state, best.state)
         return best, seen_from
     if closest is not None:
-        raise no_minimum(problem, closest.structure, closest.solution.state, reached)
+        raise no_minimum_error(problem, closest.structure, closest.solution.state, reached)
     if failure is None:
         failure = NotComputableError(
             f"block {problem.block.name}: no approximate values found: the measurements "
@@ -257,7 +257,7 @@ def _searched(problem: Problem, progress: Progress | None) -> tuple[Found, State
     raise failure
 
 
-def _bent(problem: Problem, found: Found, solution: RobustState) -> bool:
+def _bent(problem: Problem, found: Minimum, solution: RobustState) -> bool:
     """Whether a few wild measurements have bent everything else out of shape.
 
     The search then went round corners to a minimum that says nothing of the block, while elsewhere
@@ -269,7 +269,7 @@ def _bent(problem: Problem, found: Found, solution: RobustState) -> bool:
     return damped > 0 and (sigma0 > _BENT or (sigma0 > _TORN and damped > _ROUND_CORNERS))
 
 
-def _check_held(problem: Problem, found: Found, other: State | None) -> None:
+def _check_held(problem: Problem, found: Minimum, other: BlockState | None) -> None:
     """Raise NoConvergenceError where nothing but errors makes a minimum.
 
     Measurements without error would leave something open there. Gross errors may hide it: it is
@@ -288,18 +288,20 @@ class _Closest(NamedTuple):
     structure: Structure
 
 
-def _fits(problem: Problem, found: Found) -> bool:
+def _fits(problem: Problem, found: Minimum) -> bool:
     return found.convergence.last <= _FITS**2 * max(problem.redundancy, 1)
 
 
-def _led_there(problem: Problem, solution: RobustState, found: Found | None) -> bool:
+def _led_there(problem: Problem, solution: RobustState, found: Minimum | None) -> bool:
     """Whether a minimum is the one that a robust solution with a few gross errors leads to."""
     if found is None or not solution.explains(len(problem.photo)):
         return False
     return found.convergence.last <= objective(problem, solution.state)[0]
 
 
-def _from_free_network(problem: Problem, start: State, progress: Progress | None) -> State | None:
+def _from_free_network(
+    problem: Problem, start: BlockState, progress: Progress | None
+) -> BlockState | None:
     """Approximate values by way of the free network, in which control pulls at nothing.
 
     What only control determines (a control point in one photo) is added after the network lies on
@@ -319,10 +321,10 @@ def _from_free_network(problem: Problem, start: State, progress: Progress | None
 
 def adjust_bundle(
     problem: Problem,
-    start: State,
+    start: BlockState,
     *,
     structure: Structure | None = None,
-    robust: State | None = None,
+    robust: BlockState | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
     """Adjust a bundle and compute the reliability of every observation.
@@ -354,7 +356,7 @@ def adjust_bundle(
     except NoConvergenceError as error:
         if not objective(problem, start)[0] < float("inf"):
             raise
-        raise no_minimum(problem, structure, start, error.state) from error
+        raise no_minimum_error(problem, structure, start, error.state) from error
     soft = found.convergence.damped > 0 or found.factor.smallest < _SOFT
     # of additional parameters only the rank is judged: weak ones have large standard deviations
     if soft and problem.additional is None:
@@ -364,9 +366,9 @@ def adjust_bundle(
 
 def evaluate(
     problem: Problem,
-    found: Found,
+    found: Minimum,
     *,
-    robust: State | None = None,
+    robust: BlockState | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
     """Compute cofactors, tests and remarks at a minimum.
@@ -413,7 +415,7 @@ def evaluate(
 
 
 def _warnings(
-    problem: Problem, found: Found, sigma0: float | None, robust: State | None
+    problem: Problem, found: Minimum, sigma0: float | None, robust: BlockState | None
 ) -> list[str]:
     linear = found.normal.linear
     out = []

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anaplot.bundle.adjust import adjust_bundle, adjust_problem, evaluate
-from anaplot.bundle.errors.wrongray import AccusedRay, accuse
+from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import components
@@ -48,7 +48,7 @@ class LiveAnswer:
         ago that only now show up.
     no_longer_flagged
         The reverse.
-    accused
+    suspect_rays
         For every flagged point its rays, the most probably wrong one first.
     aside
         Photos that do not hang together with the rest yet.
@@ -60,7 +60,7 @@ class LiveAnswer:
     datum: Datum
     newly_flagged: tuple[Coordinate, ...]
     no_longer_flagged: tuple[Coordinate, ...]
-    accused: dict[str, tuple[AccusedRay, ...]]
+    suspect_rays: dict[str, tuple[SuspectRay, ...]]
     aside: tuple[str, ...]
     reused: bool
 
@@ -272,7 +272,7 @@ class LiveBlock:
             datum=adjusted.problem.datum,
             newly_flagged=tuple(item for item in flagged if item not in old),
             no_longer_flagged=tuple(sorted(old - set(flagged))),
-            accused={point: accuse(adjusted, point) for point in points},
+            suspect_rays={point: suspect_rays(adjusted, point) for point in points},
             aside=aside,
             reused=reused,
         )

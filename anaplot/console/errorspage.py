@@ -8,7 +8,7 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 from textual.content import Content
 
-from anaplot.adjustment.findings import Findings, SearchSettings, Step
+from anaplot.adjustment.findings import Findings, SearchSettings, SearchStep
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.console.dialogs import Page
 from anaplot.console.text import cell, fit, fit_end, number, wrap
@@ -153,7 +153,7 @@ def _evidence(solution: ModelSolution, found: Findings, width: int) -> list[Cont
     return lines
 
 
-def _said(solution: ModelSolution, step: Step, found: Findings) -> str:
+def _said(solution: ModelSolution, step: SearchStep, found: Findings) -> str:
     searched = found.strategy == "search"
     what = "v'Pv + price" if searched else "v'Pv"
     change = f"{what} {step.before:.1f} to {step.after:.1f}"

@@ -18,7 +18,7 @@ from anaplot.orientation.results import Transfer
 from anaplot.station.snapshot import PointView, Snapshot
 from anaplot.textfiles.wording import plain
 
-__all__ = ["Layer", "Projection", "draw_map", "nice_above"]
+__all__ = ["Layer", "MapProjection", "draw_map", "nice_above"]
 
 _SMALLEST_EXTENT = 20.0  # mm: a single point is not blown up to the whole map
 _BAR_DOTS = 10
@@ -52,7 +52,7 @@ def nice_above(value: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Projection:
+class MapProjection:
     """Image coordinates [mm] to dots, the same scale along x and y.
 
     Attributes
@@ -81,7 +81,7 @@ class Projection:
     @classmethod
     def around(
         cls, points: list[tuple[float, float]], width: int, height: int, margin: tuple[int, int]
-    ) -> Projection:
+    ) -> MapProjection:
         """Return the largest projection that shows all points with a margin [dots] around them.
 
         The frame is rounded outward to 5 mm, so that it stands still while points shift a little.
@@ -206,7 +206,7 @@ def draw_map(
     um_per_dot = _um_per_dot(work, canvas)
     target = any(v.point == snapshot.target for v in views)
     legend = _legend(canvas, um_per_dot, bool(transfers), target)
-    projection = Projection.around(
+    projection = MapProjection.around(
         [(v.x, v.y) for v in views],
         canvas.width,
         canvas.height - 4 * legend,

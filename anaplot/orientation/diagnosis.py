@@ -29,7 +29,7 @@ from anaplot.orientation.results import (
 
 __all__ = ["HARD_TO_TELL", "diagnose", "point_odds"]
 
-Key = tuple[str, str]
+RowKey = tuple[str, str]
 
 _SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may hide behind it
 
@@ -111,8 +111,8 @@ class _Evidence(NamedTuple):
         Probability that there is no gross error.
     """
 
-    chance: dict[Key, float]
-    size: dict[Key, float]
+    chance: dict[RowKey, float]
+    size: dict[RowKey, float]
     points: dict[str, float]
     none: float
 
@@ -125,8 +125,8 @@ def _evidence(solution: ModelSolution, rows: tuple[RowDiagnosis, ...], none: flo
     the odds would prefer a row that explains it worse by a smaller error.
     """
     if solution.exact is None or solution.redundancy < 1:
-        chance: dict[Key, float] = {(row.point, row.axis): row.probability for row in rows}
-        size: dict[Key, float] = {row.key: row.w or 0.0 for row in solution.table}
+        chance: dict[RowKey, float] = {(row.point, row.axis): row.probability for row in rows}
+        size: dict[RowKey, float] = {row.key: row.w or 0.0 for row in solution.table}
         return _Evidence(chance, size, point_odds(rows), none)
     system = residual_system(solution)
     w = np.full(len(system.e), np.nan)

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.adjustment.cleaning import Cleaning, End, Solved, best_of
+from anaplot.adjustment.cleaning import Cleaning, CleaningEnd, SolvedWithout, best_of
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
-from anaplot.adjustment.scale import Apriori, ScaleError, check_scale
+from anaplot.adjustment.scale import AprioriSigma, ScaleError, check_scale
 from anaplot.adjustment.strategies import find_gross_errors, sigma_of
 from anaplot.adjustment.watch import Watch
 from anaplot.errors import NotComputableError
@@ -36,7 +36,7 @@ __all__ = [
     "strip_gross_errors",
 ]
 
-Key = tuple[str, str]
+RowKey = tuple[str, str]
 
 _TORN = 4.0  # sigma0 from which a cleaned orientation is a second place to begin
 
@@ -106,14 +106,14 @@ class CleanedModel:
     residuals: ModelResiduals = field(repr=False)
     passes: tuple[Findings, ...] = field(repr=False)
     rejected: tuple[RejectedRow, ...]
-    begun_without: tuple[Key, ...] = ()
-    refused: tuple[tuple[Key, str], ...] = ()
+    begun_without: tuple[RowKey, ...] = ()
+    refused: tuple[tuple[RowKey, str], ...] = ()
     remarks: tuple[str, ...] = ()
-    held: frozenset[Key] = frozenset()
+    held: frozenset[RowKey] = frozenset()
     first: ModelSolution | None = field(default=None, repr=False)
 
     @property
-    def ground(self) -> PointChange | None:
+    def point_change(self) -> PointChange | None:
         """What it did to the model's points [mm]; None without an orientation with all rows.
 
         Standard deviations, under "exact", are those as seen from the right photo.
@@ -137,7 +137,7 @@ class CleanedModel:
         return self.passes[-1]
 
     @property
-    def came_back(self) -> tuple[Key, ...]:
+    def came_back(self) -> tuple[RowKey, ...]:
         """Rows that were left out at the beginning, in some pass or step, and are in at the end."""
         keys = self.residuals.keys
         rows = dict.fromkeys(self.begun_without)
@@ -147,7 +147,7 @@ class CleanedModel:
         return tuple(key for key in rows if key not in out)
 
     @property
-    def hard_to_tell(self) -> tuple[tuple[Key, Key, float], ...]:
+    def hard_to_tell(self) -> tuple[tuple[RowKey, RowKey, float], ...]:
         """Rejected row, kept row, and the correlation of their residuals when the first went."""
         keys = self.residuals.keys
         out = {(row.point, row.axis) for row in self.rejected}
@@ -196,7 +196,9 @@ def strategy_findings(
         name = f"model {solution.left}/{solution.right}"
         try:
             for judged in (None, found):
-                check_scale(system, judged, used.alpha, Apriori.image_um(name, solution.apriori_um))
+                check_scale(
+                    system, judged, used.alpha, AprioriSigma.image_um(name, solution.apriori_um)
+                )
         except ScaleError as error:
             found = replace(found, remarks=(*found.remarks, error.doubt))
     return found
@@ -217,18 +219,18 @@ class _Rows:
 
     def __init__(self, pair: Stereopair, precision: Precision, test: TestSettings) -> None:
         self._pair, self._precision, self._test = pair, precision, test
-        self.apriori = Apriori.image_um(f"model {pair.name}", precision.image_um)
+        self.apriori = AprioriSigma.image_um(f"model {pair.name}", precision.image_um)
 
     def residuals(self, at: ModelSolution, number: int) -> ModelResiduals:
         """Return all rows, linearised at an orientation."""
         return residuals_at(self._pair, self._precision, at)
 
     def without(
-        self, out: frozenset[Key], near: ModelSolution | None
-    ) -> Solved[ModelSolution, Key]:
+        self, out: frozenset[RowKey], near: ModelSolution | None
+    ) -> SolvedWithout[ModelSolution, RowKey]:
         """Orient without some rows, and without those of points that allow no orientation."""
         gone = sorted(out)
-        also: list[Key] = []
+        also: list[RowKey] = []
         while True:
             off = self._pair.off.union(gone, also)
             try:
@@ -240,7 +242,7 @@ class _Rows:
             else:
                 new = _rows_of(self._pair, solution.outliers[:1], [*gone, *also])
                 if not new:
-                    return Solved(solution, residual_system(solution).vtpv, tuple(also))
+                    return SolvedWithout(solution, residual_system(solution).vtpv, tuple(also))
             also += new
 
     def suspects(self, system: ResidualSystem) -> NDArray[np.bool_]:
@@ -303,7 +305,9 @@ def model_gross_errors(
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
     begun = subject.without(frozenset(), None)
     wild = begun.also
-    starts: list[tuple[ModelSolution, Solved[ModelSolution, Key] | None, frozenset[Key]]]
+    starts: list[
+        tuple[ModelSolution, SolvedWithout[ModelSolution, RowKey] | None, frozenset[RowKey]]
+    ]
     starts = [(begun.solution, begun, frozenset())]
     sigma0 = begun.solution.sigma0_um
     if strategy != "search" and sigma0 is not None and sigma0 > _TORN * precision.image_um:
@@ -312,7 +316,7 @@ def model_gross_errors(
             starts.append((clean.solved.solution, None, frozenset()))
     if wild:
         starts.append((begun.solution, begun._replace(also=()), frozenset(wild)))
-    ends: list[End[ModelSolution, Key]] = []
+    ends: list[CleaningEnd[ModelSolution, RowKey]] = []
     failures: list[NotComputableError | NotSeparableError] = []
     for start, known, held in starts:
         try:
@@ -376,7 +380,7 @@ def strip_gross_errors(
 
 
 def _rejected(
-    residuals: ModelResiduals, found: Findings, out: tuple[Key, ...]
+    residuals: ModelResiduals, found: Findings, out: tuple[RowKey, ...]
 ) -> tuple[RejectedRow, ...]:
     """Say of every row that is out why it went and what it shows when it alone comes back."""
     keys = residuals.keys
@@ -408,7 +412,7 @@ def _rejected(
     return tuple(rows)
 
 
-def _rows_of(pair: Stereopair, points: tuple[str, ...], out: list[Key]) -> list[Key]:
+def _rows_of(pair: Stereopair, points: tuple[str, ...], out: list[RowKey]) -> list[RowKey]:
     rows = [(point, "y") for point in points]
     rows += [(point, "x") for point in points if pair.ties is not None and point in pair.ties]
     return [row for row in rows if row not in out and row not in pair.off]

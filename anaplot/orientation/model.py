@@ -15,9 +15,9 @@ from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import AppliedTest, ModelPoint, ModelSolution, TableRow
 from anaplot.orientation.solver import (
     IN_FRONT,
-    Conditions,
-    Found,
-    Solution,
+    ConditionEquations,
+    ConvergedOrientation,
+    FoundOrientation,
     find_orientation,
     iterate,
     vertical_start,
@@ -85,7 +85,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     _check_count(pair)
     _check_finite(pair)
     bx = _first_base(pair) if pair.ties is None else None
-    conditions = Conditions(pair, precision.tie_variance)
+    conditions = ConditionEquations(pair, precision.tie_variance)
     apriori_mm = precision.image_um * 1e-3
     found, suspects = find_orientation(pair, conditions, bx, apriori_mm)
     if suspects and (found is None or not found.usable):
@@ -225,14 +225,14 @@ def _undetermined_error(pair: Stereopair, error: RankDefectError) -> NotComputab
 
 
 def _not_found_error(
-    pair: Stereopair, conditions: Conditions, bx: float | None
+    pair: Stereopair, conditions: ConditionEquations, bx: float | None
 ) -> NotComputableError:
     """Say why nothing converged: unknowns without any hold, contradicting ties, or neither."""
     start = vertical_start(pair, conditions, bx)
     unknowns = UNKNOWNS[1:] if conditions.first else UNKNOWNS
     with np.errstate(all="ignore"):
         rows = conditions.evaluate(start)
-        design, q_l = _design(conditions, Solution(start, rows, 0), 0.0, 0.0)
+        design, q_l = _design(conditions, ConvergedOrientation(start, rows, 0), 0.0, 0.0)
     if np.isfinite(rows).all():
         try:
             adjust(design, rows[6], q_l, unknowns=unknowns)
@@ -252,7 +252,7 @@ def _not_found_error(
 
 
 def _design(
-    conditions: Conditions, solution: Solution, omega: float, phi: float
+    conditions: ConditionEquations, solution: ConvergedOrientation, omega: float, phi: float
 ) -> tuple[Array, Array]:
     """(n, u) derivatives with respect to UNKNOWNS, not d ln bx and turns; (n,) cofactors."""
     rows = solution.rows
@@ -264,7 +264,7 @@ def _design(
 
 
 def _table(
-    pair: Stereopair, conditions: Conditions, adjusted: Adjustment, used: Standardized
+    pair: Stereopair, conditions: ConditionEquations, adjusted: Adjustment, used: Standardized
 ) -> tuple[TableRow, ...]:
     points = pair.points
     names = [points[k] for k in conditions.y_index] + [points[k] for k in conditions.x_index]
@@ -287,7 +287,9 @@ def _table(
     )
 
 
-def _model_points(pair: Stereopair, found: Found) -> tuple[tuple[ModelPoint, ...], tuple[str, ...]]:
+def _model_points(
+    pair: Stereopair, found: FoundOrientation
+) -> tuple[tuple[ModelPoint, ...], tuple[str, ...]]:
     """Model coordinates, and the names of points that lie behind a photo or nowhere."""
     coordinates = found.meet.points + pair.fixed.centre[:, None]
     points = tuple(map(ModelPoint, pair.points, *coordinates.tolist()))

@@ -20,7 +20,7 @@ from anaplot.errors import InputError
 from anaplot.orientation.model import orient
 from anaplot.orientation.pair import Stereopair, TieErrors
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.solver import State
+from anaplot.orientation.solver import ModelUnknowns
 from anaplot.orientation.tieerrors import stationary_errors
 from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 
@@ -191,7 +191,7 @@ def _in_a_strip(pair: Stereopair, base: float) -> TieErrors:
         onward[tie] = nearest
     left = np.array(xl)
     model = replace(pair, points=tuple(names), xl=left, xr=left - [base, 0.0])
-    return stationary_errors(model, State(base, 0.0, 0.0, np.eye(3)), onward)
+    return stationary_errors(model, ModelUnknowns(base, 0.0, 0.0, np.eye(3)), onward)
 
 
 def trace_in_bases(solution: ModelSolution, base: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.solver import Conditions, State
+from anaplot.orientation.solver import ConditionEquations, ModelUnknowns
 from anaplot.orientation.tieerrors import misclosure_covariance, residual_weight
 from anaplot.photogrammetry.block import Precision
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -18,7 +18,7 @@ from anaplot.photogrammetry.rotation import rotation_matrix
 __all__ = ["ModelResiduals", "correlated_units", "residual_system", "residuals_at"]
 
 Array = NDArray[np.float64]
-Key = tuple[str, str]
+RowKey = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,12 +35,12 @@ class ModelResiduals:
         (n,) a-priori standard deviation of each row [um]; of correlated rows, given the others.
     """
 
-    keys: tuple[Key, ...]
+    keys: tuple[RowKey, ...]
     system: DenseResiduals = field(repr=False)
     unit_um: Array = field(repr=False)
 
     @property
-    def names(self) -> tuple[Key, ...]:
+    def names(self) -> tuple[RowKey, ...]:
         """The keys."""
         return self.keys
 
@@ -112,9 +112,9 @@ def residuals_at(pair: Stereopair, precision: Precision, solution: ModelSolution
     -----
     A tie that has no depth below the left projection centre has no x row here.
     """
-    conditions = Conditions(pair, precision.tie_variance)
+    conditions = ConditionEquations(pair, precision.tie_variance)
     bx, by, bz = solution.base
-    state = State(bx, by / bx, bz / bx, rotation_matrix(*solution.rotation))
+    state = ModelUnknowns(bx, by / bx, bz / bx, rotation_matrix(*solution.rotation))
     with np.errstate(all="ignore"):
         rows = conditions.evaluate(state)
     points = pair.points
@@ -161,7 +161,7 @@ def correlated_units(sigma: Array) -> Array:
 
 
 def _correlated(
-    keys: tuple[Key, ...], misclosures: Array, weight: Array, redundancy: int, unit: Array
+    keys: tuple[RowKey, ...], misclosures: Array, weight: Array, redundancy: int, unit: Array
 ) -> DenseResiduals:
     """Return the residual system of rows with W = Sigma^-1 - Sigma^-1 B N^-1 B' Sigma^-1.
 

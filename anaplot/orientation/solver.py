@@ -27,10 +27,10 @@ from anaplot.photogrammetry.rotation import turn
 __all__ = [
     "IN_FRONT",
     "Q_Y",
-    "Conditions",
-    "Found",
-    "Solution",
-    "State",
+    "ConditionEquations",
+    "ConvergedOrientation",
+    "FoundOrientation",
+    "ModelUnknowns",
     "find_orientation",
     "iterate",
     "tie_cofactor",
@@ -69,7 +69,7 @@ def tie_cofactor(ratio: float, tie_variance: TieVariance) -> float:
     return 1.0 + (1.0 + ratio) ** 2 + ratio * ratio
 
 
-class State(NamedTuple):
+class ModelUnknowns(NamedTuple):
     """Unknowns of a model: bx [mm], by/bx, bz/bx, (3, 3) rotation of the right photo."""
 
     bx: float
@@ -79,7 +79,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solution:
+class ConvergedOrientation:
     """A converged state with its weighted rows.
 
     Attributes
@@ -93,7 +93,7 @@ class Solution:
         Number of corrections made.
     """
 
-    state: State
+    state: ModelUnknowns
     rows: Array
     iterations: int
 
@@ -104,7 +104,7 @@ class Solution:
         return float(closing @ closing)
 
 
-class Conditions:
+class ConditionEquations:
     """The conditions of one model, ready to be evaluated at any state.
 
     Parameters
@@ -168,7 +168,7 @@ class Conditions:
         ratio = bx / self.preceding_bx if self.preceding_bx else 1.0
         return tie_cofactor(ratio, self.tie_variance)
 
-    def evaluate(self, state: State, *, ties: bool = True) -> Array:
+    def evaluate(self, state: ModelUnknowns, *, ties: bool = True) -> Array:
         """Return (7, n + m) weighted derivatives and misclosures in image units [mm]."""
         bx, beta_y, beta_z, rotation = state
         n = self._n
@@ -182,7 +182,7 @@ class Conditions:
         rows[:, n:] /= depth
         return rows
 
-    def meet(self, state: State) -> Intersection:
+    def meet(self, state: ModelUnknowns) -> Intersection:
         """Return where the rays of every point meet, as seen from the left projection centre."""
         bx, beta_y, beta_z, rotation = state
         return intersect(_ORIGIN, (bx, bx * beta_y, bx * beta_z), self.x1, rotation @ self.p2)
@@ -208,11 +208,11 @@ def _rays(xy: Array, c: float) -> Array:
 
 
 def iterate(
-    conditions: Conditions,
-    start: State,
+    conditions: ConditionEquations,
+    start: ModelUnknowns,
     *,
     ties: bool = True,
-) -> Solution | None:
+) -> ConvergedOrientation | None:
     """Iterate from a start to convergence; None when it does not converge.
 
     Gauss-Newton corrections; one that would increase the sum of squares is damped (Levenberg and
@@ -223,7 +223,9 @@ def iterate(
         return _iterate(conditions, start, ties)
 
 
-def _iterate(conditions: Conditions, start: State, ties: bool) -> Solution | None:
+def _iterate(
+    conditions: ConditionEquations, start: ModelUnknowns, ties: bool
+) -> ConvergedOrientation | None:
     with_scale = ties and not conditions.first
     first = 0 if with_scale else 1
     state = start
@@ -250,7 +252,7 @@ def _iterate(conditions: Conditions, start: State, ties: bool) -> Solution | Non
             state, rows, normal = trial, trial_rows, trial_normal
         if longest < CONVERGED:
             if not damping:
-                return Solution(state, rows, count)
+                return ConvergedOrientation(state, rows, count)
             damping = 0.0  # a damped correction is short without being the last
         elif better:
             damping = damping / 10.0 if damping > 1e-7 else 0.0
@@ -280,8 +282,8 @@ def _solved(matrix: Array, right: Array, damping: float) -> tuple[list[float], f
             return None
 
 
-def _moved(state: State, step: list[float]) -> State:
-    return State(
+def _moved(state: ModelUnknowns, step: list[float]) -> ModelUnknowns:
+    return ModelUnknowns(
         state.bx * (1.0 + step[0]),
         state.beta_y + step[1],
         state.beta_z + step[2],
@@ -312,7 +314,7 @@ def _tilt(pair: Stereopair, rotation: Array) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class FoundOrientation:
     """The most plausible orientation.
 
     Attributes
@@ -325,7 +327,7 @@ class Found:
         Whether the base lies across x: the images are turned.
     """
 
-    solution: Solution
+    solution: ConvergedOrientation
     meet: Intersection
     across: bool = False
 
@@ -345,12 +347,12 @@ class Found:
         return self.along and self.in_front >= IN_FRONT
 
 
-Candidate = tuple[Found, Stereopair, Conditions]
+Candidate = tuple[FoundOrientation, Stereopair, ConditionEquations]
 
 
 def find_orientation(
-    pair: Stereopair, conditions: Conditions, bx: float | None, apriori_mm: float
-) -> tuple[Found | None, tuple[str, ...]]:
+    pair: Stereopair, conditions: ConditionEquations, bx: float | None, apriori_mm: float
+) -> tuple[FoundOrientation | None, tuple[str, ...]]:
     """Find the orientation of a pair from nothing.
 
     A single start (vertical, kappa from a plane similarity) serves nearly always. When what it
@@ -405,25 +407,29 @@ def find_orientation(
     return best, ()
 
 
-def vertical_start(pair: Stereopair, conditions: Conditions, bx: float | None) -> State:
+def vertical_start(
+    pair: Stereopair, conditions: ConditionEquations, bx: float | None
+) -> ModelUnknowns:
     """Return the first approximation: tilts of the left photo, kappa from a plane similarity."""
     size = bx or abs(conditions.preceding_bx or 1.0)
-    return State(size, 0.0, 0.0, _kappa_rotation(_similar_kappa(pair), pair.fixed.rotation))
+    return ModelUnknowns(size, 0.0, 0.0, _kappa_rotation(_similar_kappa(pair), pair.fixed.rotation))
 
 
-def _direct(pair: Stereopair, conditions: Conditions, bx: float | None) -> Found | None:
+def _direct(
+    pair: Stereopair, conditions: ConditionEquations, bx: float | None
+) -> FoundOrientation | None:
     return _finish(conditions, vertical_start(pair, conditions, bx), direct=True)
 
 
-def _interchanged(pair: Stereopair, conditions: Conditions, apriori_mm: float) -> bool:
+def _interchanged(pair: Stereopair, conditions: ConditionEquations, apriori_mm: float) -> bool:
     """Whether the model would fit the ties with left and right exchanged."""
     other = replace(pair, xl=pair.xr, xr=pair.xl, c_left=pair.c_right, c_right=pair.c_left)
-    exchanged = Conditions(other, conditions.tie_variance)
+    exchanged = ConditionEquations(other, conditions.tie_variance)
     found = _direct(other, exchanged, None)
     return found is not None and _fits(other, exchanged, found, apriori_mm)
 
 
-def _far(found: Found, agreed: Found) -> bool:
+def _far(found: FoundOrientation, agreed: FoundOrientation) -> bool:
     """Whether wrong points pull an orientation so far away that its table misleads."""
     state, other = found.solution.state, agreed.solution.state
     turned = 0.5 * (float(np.einsum("ij,ij", state.rotation, other.rotation)) - 1.0)
@@ -434,7 +440,9 @@ def _far(found: Found, agreed: Found) -> bool:
     )
 
 
-def _fits(pair: Stereopair, conditions: Conditions, found: Found, apriori_mm: float) -> bool:
+def _fits(
+    pair: Stereopair, conditions: ConditionEquations, found: FoundOrientation, apriori_mm: float
+) -> bool:
     """Whether a result is beyond doubt: it looks like an aerial model and its rows agree."""
     freedom = conditions.row_count - (5 if conditions.first else 6)
     state = found.solution.state
@@ -448,15 +456,19 @@ def _fits(pair: Stereopair, conditions: Conditions, found: Found, apriori_mm: fl
 
 
 def _without(
-    pair: Stereopair, conditions: Conditions, bx: float | None, apriori_mm: float, count: int
-) -> tuple[Found, tuple[str, ...]] | None:
+    pair: Stereopair,
+    conditions: ConditionEquations,
+    bx: float | None,
+    apriori_mm: float,
+    count: int,
+) -> tuple[FoundOrientation, tuple[str, ...]] | None:
     """Leave out `count` points at a time; return the best orientation that the others agree on."""
-    best: tuple[Found, tuple[str, ...]] | None = None
+    best: tuple[FoundOrientation, tuple[str, ...]] | None = None
     lowest = inf
     for left_out in combinations(pair.points, count):
         off = pair.off | {(point, axis) for point in left_out for axis in ("x", "y")}
         reduced = replace(pair, off=off)
-        rest = Conditions(reduced, conditions.tie_variance)
+        rest = ConditionEquations(reduced, conditions.tie_variance)
         if rest.row_count < (5 if rest.first else 6) + 2 or not (rest.first or rest.x_index):
             continue
         found = _direct(reduced, rest, bx)
@@ -470,14 +482,14 @@ def _without(
 
 def _best_of_grid(
     pair: Stereopair,
-    conditions: Conditions,
+    conditions: ConditionEquations,
     bx: float | None,
     apriori_mm: float,
-    direct: Found | None,
-) -> Found | None:
+    direct: FoundOrientation | None,
+) -> FoundOrientation | None:
     candidates: list[Candidate] = [] if direct is None else [(direct, pair, conditions)]
     across_pair = _turned(pair)
-    across_conditions = Conditions(across_pair, conditions.tie_variance)
+    across_conditions = ConditionEquations(across_pair, conditions.tie_variance)
     for state, across in _starts(pair, conditions, bx):
         frame = (across_pair, across_conditions) if across else (pair, conditions)
         other = _finish(frame[1], state)
@@ -500,7 +512,7 @@ def _implausibility(item: Candidate, apriori_mm: float) -> float:
     return misfit + _strangeness(pair, found)
 
 
-def _strangeness(pair: Stereopair, found: Found) -> float:
+def _strangeness(pair: Stereopair, found: FoundOrientation) -> float:
     """How little a result looks like aerial photography: tilts, base, relief, points behind.
 
     Flat terrain has two exact orientations; in the second one the terrain stands upright.
@@ -518,18 +530,20 @@ def _strangeness(pair: Stereopair, found: Found) -> float:
     )
 
 
-def _finish(conditions: Conditions, start: State, *, direct: bool = False) -> Found | None:
+def _finish(
+    conditions: ConditionEquations, start: ModelUnknowns, *, direct: bool = False
+) -> FoundOrientation | None:
     """Coplanarity first (where it suffices), then the sign and size of bx, then all conditions."""
     if conditions.first:
         solution = iterate(conditions, start)
         if solution is None:
             return None
-        found = Found(solution, conditions.meet(solution.state))
+        found = FoundOrientation(solution, conditions.meet(solution.state))
         share = found.in_front
         if share < IN_FRONT:
             # a base of the wrong sign fits as well: the points tell which it is
             mirrored = solution.state._replace(bx=-solution.state.bx)
-            other = Found(replace(solution, state=mirrored), conditions.meet(mirrored))
+            other = FoundOrientation(replace(solution, state=mirrored), conditions.meet(mirrored))
             if other.in_front > share:
                 return other
         return found
@@ -543,7 +557,7 @@ def _finish(conditions: Conditions, start: State, *, direct: bool = False) -> Fo
     solution = iterate(conditions, start._replace(bx=size))
     if solution is None:
         return None
-    return Found(solution, conditions.meet(solution.state))
+    return FoundOrientation(solution, conditions.meet(solution.state))
 
 
 def _turned(pair: Stereopair) -> Stereopair:
@@ -559,7 +573,9 @@ def _turned(pair: Stereopair) -> Stereopair:
     return replace(pair, fixed=fixed, ties=ties)
 
 
-def _starts(pair: Stereopair, conditions: Conditions, bx: float | None) -> list[tuple[State, bool]]:
+def _starts(
+    pair: Stereopair, conditions: ConditionEquations, bx: float | None
+) -> list[tuple[ModelUnknowns, bool]]:
     """Return promising starts, the best first: (state, whether the base lies across x).
 
     For a given rotation the coplanarity condition is linear in the base direction: the smallest
@@ -576,7 +592,7 @@ def _starts(pair: Stereopair, conditions: Conditions, bx: float | None) -> list[
     size = vertical.bx
     y = conditions.y_index
     if len(y) < 3:
-        return [(vertical, False), *((State(size, 0.0, 0.0, r), False) for r in rotations)]
+        return [(vertical, False), *((ModelUnknowns(size, 0.0, 0.0, r), False) for r in rotations)]
     x1 = conditions.x1[:, y] / -conditions.x1[2, y]
     x2 = rotations @ conditions.p2[:, y]
     normal = np.cross(x1[None].swapaxes(1, 2), x2.swapaxes(1, 2))
@@ -589,7 +605,7 @@ def _starts(pair: Stereopair, conditions: Conditions, bx: float | None) -> list[
         along, side = (y_, -x) if across else (x, y_)
         rotation = _TURNED @ rotations[k] if across else rotations[k]
         if abs(z) > 2.0 * abs(along):
-            starts.append((State(size, 0.0, 0.0, rotations[k]), False))
+            starts.append((ModelUnknowns(size, 0.0, 0.0, rotations[k]), False))
         else:
-            starts.append((State(size, side / along, z / along, rotation), across))
+            starts.append((ModelUnknowns(size, side / along, z / along, rotation), across))
     return starts

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from anaplot.errors import NotComputableError
 from anaplot.orientation.pair import Stereopair, TieErrors
-from anaplot.orientation.solver import Conditions, State
+from anaplot.orientation.solver import ConditionEquations, ModelUnknowns
 
 __all__ = [
     "ExactStatistics",
@@ -69,7 +69,11 @@ class ExactStatistics:
 
 
 def exact_statistics(
-    pair: Stereopair, conditions: Conditions, state: State, design: Array, q_vv: Array
+    pair: Stereopair,
+    conditions: ConditionEquations,
+    state: ModelUnknowns,
+    design: Array,
+    q_vv: Array,
 ) -> ExactStatistics:
     """Return the statistics of a model's rows with the errors of its ties.
 
@@ -110,7 +114,9 @@ def exact_statistics(
     )
 
 
-def misclosure_covariance(pair: Stereopair, conditions: Conditions, state: State) -> Array:
+def misclosure_covariance(
+    pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
+) -> Array:
     """Return Sigma_F (n, n) = B_l B_l' + B_t C B_t' of a model's rows at a state.
 
     Raises
@@ -121,7 +127,9 @@ def misclosure_covariance(pair: Stereopair, conditions: Conditions, state: State
     return _Rows(pair, conditions, state).covariance()
 
 
-def stationary_errors(model: Stereopair, state: State, onward: Mapping[str, str]) -> TieErrors:
+def stationary_errors(
+    model: Stereopair, state: ModelUnknowns, onward: Mapping[str, str]
+) -> TieErrors:
     """Return how ties err far along a strip of equal models, every photo measured anew in each.
 
     Parameters
@@ -144,7 +152,7 @@ def stationary_errors(model: Stereopair, state: State, onward: Mapping[str, str]
     adds to its errors. No residual knows of it either, so that the ties are taken at their best
     scale, by H = I - t t' / t't: Z = K H Q H' K' + (K H M) Z (K H M)'.
     """
-    conditions = Conditions(model, "exact")
+    conditions = ConditionEquations(model, "exact")
     tied = tuple(model.points[k] for k in conditions.x_index)
     at = [model.points.index(onward[name]) for name in tied]
     index = (3 * np.array(at)[:, None] + np.arange(3)).ravel()
@@ -182,7 +190,9 @@ def residual_weight(sigma: Array, design: Array) -> Array:
 class _Rows:
     """A model's rows and points with their derivatives by what was measured, at a state."""
 
-    def __init__(self, pair: Stereopair, conditions: Conditions, state: State) -> None:
+    def __init__(
+        self, pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
+    ) -> None:
         self._pair, self._conditions, self._state = pair, conditions, state
         y, x = conditions.y_index, conditions.x_index
         self._point = np.array([*y, *x], dtype=np.intp)
@@ -272,7 +282,7 @@ class _Rows:
 
 
 def _misclosure_derivatives(
-    pair: Stereopair, conditions: Conditions, state: State
+    pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
 ) -> tuple[Array, Array]:
     """(rows, 4) of F / a by xl, yl, xr, yr of the row's point; (m, 3) by the tie seen from left."""
     left, right = pair.fixed.rotation, state.rotation
@@ -292,7 +302,9 @@ def _misclosure_derivatives(
     return np.concatenate((plane, line), axis=1).T, by_tie.T
 
 
-def _point_derivatives(pair: Stereopair, conditions: Conditions, state: State) -> Array:
+def _point_derivatives(
+    pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
+) -> Array:
     """(n, 3, 10) of the points seen from the right photo, by xl, yl, xr, yr and the unknowns.
 
     The unknowns are those of the conditions: ln bx, beta_y, beta_z and three turns.

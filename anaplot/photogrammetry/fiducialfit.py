@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.leastsquares import RankDefectError, adjust_combined
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.innerfit import STEPS, InnerFit, listed, no_end, rows3, rows4
+from anaplot.photogrammetry.innerfit import STEPS, InnerFit, in_brackets, no_end, rows3, rows4
 from anaplot.photogrammetry.platetransformation import PlateTransformation, TransformationName
 
 __all__ = ["fit_fiducials"]
@@ -106,7 +106,7 @@ def fit_coordinates(
     centre = image.mean(axis=0)
     reach = float(np.sqrt(np.mean((image - centre) ** 2)))
     if not reach > 0.0:
-        raise NotComputableError(f"the fiducials{listed(names)} have the same place")
+        raise NotComputableError(f"the fiducials{in_brackets(names)} have the same place")
     target = (image - centre) / reach
     _check_spread(kind, names, target, basis, rows)
     frame = _laid_like(plate, target, names)
@@ -229,7 +229,9 @@ def _laid_like(plate: Array, target: Array, names: tuple[str, ...]) -> Array:
     away = plate - middle
     size = float((away**2).sum())
     if not size > 1e-6:  # mm^2: a micrometre apart
-        raise NotComputableError(f"the fiducials{listed(names)} are measured at the same place")
+        raise NotComputableError(
+            f"the fiducials{in_brackets(names)} are measured at the same place"
+        )
     left, singular, right = np.linalg.svd(target.T @ away)
     if not singular[1] > _LINE * singular[0]:
         pairs = _exchanges(names, plate, target)

@@ -20,7 +20,7 @@ from anaplot.photogrammetry.block import TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.distancefit import fit_distances
 from anaplot.photogrammetry.fiducialfit import fit_fiducials
-from anaplot.photogrammetry.innerfit import InnerFit, listed
+from anaplot.photogrammetry.innerfit import InnerFit, in_brackets
 from anaplot.photogrammetry.innerresults import (
     HARD_TO_TELL,
     AppliedTest,
@@ -162,7 +162,7 @@ def _check_choice(
     if len(names) < least:
         title = f"the transformation {wanted!r}" if wanted else "inner orientation"
         raise NotComputableError(
-            f"{title} needs {least} fiducials, {len(names)} measured" + listed(names)
+            f"{title} needs {least} fiducials, {len(names)} measured" + in_brackets(names)
         )
 
 

@@ -6,13 +6,13 @@ from anaplot.adjustment.oddswords import odds_in_words, to_one
 from anaplot.photogrammetry.innerresults import InnerOrientation, InnerRow
 from anaplot.photogrammetry.platetransformation import TITLES, TransformationName
 
-__all__ = ["advise"]
+__all__ = ["inner_advice"]
 
 _ODD_SCALE = 0.02  # film does not shrink by this much: another unit, or another camera
 _RICHER: dict[str, TransformationName] = {"distances": "scales", "helmert": "affine"}
 
 
-def advise(inner: InnerOrientation) -> tuple[str, ...]:
+def inner_advice(inner: InnerOrientation) -> tuple[str, ...]:
     """Return sentences for the operator, the most useful first."""
     out = [*_what_to_measure(inner), *_what_cannot_be_known(inner), *inner.remarks]
     place = inner.placement

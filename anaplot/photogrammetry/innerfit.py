@@ -11,7 +11,7 @@ from anaplot.adjustment.leastsquares import Adjustment
 from anaplot.photogrammetry.innerresults import DistanceRow
 from anaplot.photogrammetry.platetransformation import PlateTransformation
 
-__all__ = ["STEPS", "InnerFit", "listed", "no_end", "rows3", "rows4"]
+__all__ = ["STEPS", "InnerFit", "in_brackets", "no_end", "rows3", "rows4"]
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class InnerFit(NamedTuple):
     exchanged: tuple[str, str] | None = None
 
 
-def listed(names: tuple[str, ...]) -> str:
+def in_brackets(names: tuple[str, ...]) -> str:
     """Return " (a, b, c)", nothing for no names."""
     return f" ({', '.join(names)})" if names else ""
 

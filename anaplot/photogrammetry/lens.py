@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LENS_PARAMETERS", "Seen", "seen_through"]
+__all__ = ["LENS_PARAMETERS", "LensImage", "through_lens"]
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ LENS_PARAMETERS = ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
 """Camera constant and principal point [mm], and seven numbers without a unit."""
 
 
-class Seen(NamedTuple):
+class LensImage(NamedTuple):
     """Measured image coordinates and their derivatives.
 
     Attributes
@@ -43,7 +43,7 @@ class Seen(NamedTuple):
     by_parameter: Array
 
 
-def seen_through(direction: Array, parameters: Array) -> Seen:
+def through_lens(direction: Array, parameters: Array) -> LensImage:
     """Return where rays are measured through a lens.
 
     Parameters
@@ -78,4 +78,4 @@ def seen_through(direction: Array, parameters: Array) -> Seen:
     by_parameter[:, 0, 7], by_parameter[:, 1, 7] = c * rx, c * xy2
     by_parameter[:, 0, 8], by_parameter[:, 0, 9] = c * x, c * y
     xy = np.stack((x0 + c * u, y0 + c * v), axis=1)
-    return Seen(xy, by_direction, by_parameter)
+    return LensImage(xy, by_direction, by_parameter)

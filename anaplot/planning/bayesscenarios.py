@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.planning.bayesblock import BayesBlock, bayes_block
-from anaplot.planning.levels import LEVEL
-from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, Quantity, out_of
 from anaplot.planning.rejections import SURE, rejected_rows
+from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
 __all__ = ["BayesScenario", "noise_within_three", "scenarios"]
 
@@ -57,11 +57,11 @@ class BayesScenario:
     errors: int
     size: float
     prior_variance: float
-    references: Mapping[Key, float] = field(default_factory=dict)
+    references: Mapping[QuantityKey, float] = field(default_factory=dict)
     methods: tuple[str, ...] = METHODS
     runs: int = 100
     chunk: int = 10
-    alpha: float = LEVEL
+    alpha: float = PAPER_ALPHA
 
     @property
     def case(self) -> str:
@@ -79,7 +79,7 @@ class _BayesTrial:
         rho = residual_correlations(block.matrix, np.diag(block.matrix))
         self._partners = np.abs(np.nan_to_num(rho)) >= HARD_TO_TELL
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
         """Say what is counted."""
         case, number = self._scenario.case, self._scenario.errors
         return {
@@ -174,7 +174,7 @@ def scenarios() -> tuple[Scenario, ...]:
     return tuple(out)
 
 
-_INDEPENDENT: dict[Key, float] = {
+_INDEPENDENT: dict[QuantityKey, float] = {
     ("10 of 18 sigma", "rms", "right"): 0.8,
     ("10 of 18 sigma", "baarda", "right"): 4.0,
     ("10 of 18 sigma", "baarda", "wrong"): 3.8,

@@ -18,13 +18,13 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Camera, ControlPoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.planning.idealblock import IdealBlock, Station, photograph
-from anaplot.planning.plannedreliability import photo_worth
+from anaplot.planning.idealblock import ExposureStation, IdealBlock, photograph
+from anaplot.planning.plannedreliability import photo_reliability
 
 __all__ = [
     "Accuracy",
     "BlockPlan",
-    "ClassRow",
+    "PlannedClass",
     "WeakPhoto",
     "class_table",
     "expected_accuracy",
@@ -133,7 +133,7 @@ class BlockPlan:
             raise InputError(f"more than {_MOST_PHOTOS} photos are planned")
 
 
-class ClassRow(NamedTuple):
+class PlannedClass(NamedTuple):
     """A class of observations (1980, section 3).
 
     Attributes
@@ -200,21 +200,21 @@ def plan_block(plan: BlockPlan) -> IdealBlock:
     points = {f"{j:02d}-{i:02d}": (x, y) for j, y in enumerate(ys, 1) for i, x in enumerate(xs, 1)}
     control = _control(plan, points, (length, width, across))
     height = plan.c * plan.scale / 1000.0
-    stations: dict[str, Station] = {}
+    stations: dict[str, ExposureStation] = {}
     strips = []
     # as wide as the last, or strip 1 photo 101 is strip 11 photo 01
     digits = max(2, len(str(plan.photos)), len(str(plan.across if plan.cross_strips else 0)))
     for j in range(plan.strips):
         names = tuple(f"{j + 1}{i + 1:0{digits}d}" for i in range(plan.photos))
         for i, name in enumerate(names):
-            stations[name] = Station(np.array([i * b, j * s, height]), np.eye(3), "camera")
+            stations[name] = ExposureStation(np.array([i * b, j * s, height]), np.eye(3), "camera")
         strips.append(Strip(str(j + 1), names, (1.0 - plan.overlap) * plan.format))
     turned = rotation_matrix(0.0, 0.0, pi / 2.0)
     for k, x in enumerate(_spread(length, plan.cross_strips), 1):
         names = tuple(f"c{k}{i + 1:0{digits}d}" for i in range(plan.across))
         first = (width - (plan.across - 1) * b) / 2.0
         for i, name in enumerate(names):
-            stations[name] = Station(np.array([x, first + i * b, height]), turned, "camera")
+            stations[name] = ExposureStation(np.array([x, first + i * b, height]), turned, "camera")
         strips.append(Strip(f"c{k}", names, (1.0 - plan.overlap) * plan.format))
     places = {name: np.array([x, y, 0.0]) for name, (x, y) in points.items()}
     return photograph(
@@ -235,7 +235,7 @@ class _Models:
     def __init__(
         self,
         strips: list[Strip],
-        stations: dict[str, Station],
+        stations: dict[str, ExposureStation],
         points: dict[str, Array],
         half: float,
     ) -> None:
@@ -324,7 +324,7 @@ def _named(
     return new
 
 
-def class_table(block: AdjustedBlock) -> tuple[ClassRow, ...]:
+def class_table(block: AdjustedBlock) -> tuple[PlannedClass, ...]:
     """Return the point-class table of 1980, exact values in place of model values."""
     of_row = {row.row: [np.nan if m is None else m for m in row.mdb] for row in block.ray_rows()}
     mdb = np.array([of_row[row] for row in block.problem.source.tolist()])
@@ -335,7 +335,7 @@ def class_table(block: AdjustedBlock) -> tuple[ClassRow, ...]:
         worst = mdb[rays, axis]
         testable = np.isfinite(worst)
         rows.append(
-            ClassRow(
+            PlannedClass(
                 kind,
                 len(rays),
                 float(root.mean()),
@@ -353,7 +353,7 @@ def weak_photos(block: AdjustedBlock) -> tuple[WeakPhoto, ...]:
     """Return all photos, the one with the smallest mean redundancy number first."""
     photos = [
         WeakPhoto(of.name, of.rays, of.mean_r, of.low_r, of.weakest, of.axis)
-        for of in photo_worth(block)
+        for of in photo_reliability(block)
     ]
     return tuple(sorted(photos, key=lambda photo: (round(photo.mean_r, 9), photo.photo)))
 

@@ -23,11 +23,11 @@ from anaplot.adjustment.significance import (
     tau_power,
 )
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.planning.levels import LEVEL
 from anaplot.planning.linearrows import image_design, residual_matrix
-from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of, share
 from anaplot.planning.rejections import SURE, rejected_rows
+from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
 __all__ = [
     "BlockErrorsScenario",
@@ -101,7 +101,7 @@ class BlockSizeScenario:
 
     name: str
     about: str
-    references: Mapping[Key, float] = field(default_factory=dict)
+    references: Mapping[QuantityKey, float] = field(default_factory=dict)
     methods: tuple[str, ...] = ("baarda", "tau")
     runs: int = 5000
     chunk: int = 500
@@ -118,9 +118,9 @@ class _SizeTrial:
         self._r = np.diag(matrix)
         self._testable = np.flatnonzero(self._r > 1e-6)
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
         """Say what is counted."""
-        out: dict[Key, Quantity] = {}
+        out: dict[QuantityKey, Quantity] = {}
         for alpha in self._alphas:
             for method in methods:
                 out[_clean(alpha), method, "share of rows flagged"] = share(len(self._testable))
@@ -208,11 +208,11 @@ class BlockErrorsScenario:
     about: str
     size: float
     numbers: tuple[int, ...] = (1, 5, 10)
-    references: Mapping[Key, float] = field(default_factory=dict)
+    references: Mapping[QuantityKey, float] = field(default_factory=dict)
     methods: tuple[str, ...] = _STRATEGIES
     runs: int = 50
     chunk: int = 5
-    alpha: float = LEVEL
+    alpha: float = PAPER_ALPHA
 
     def prepare(self) -> _ErrorsTrial:
         """Linearise the block."""
@@ -224,7 +224,7 @@ class _ErrorsTrial:
         self._scenario = scenario
         self._design, self._matrix = csr_array(design), residual_matrix(design)
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
         """Say what is counted."""
         return {
             (self._case(number), method, what): COUNT if what == "wrong" else out_of(number)
@@ -270,7 +270,7 @@ class _ErrorsTrial:
 
 def scenarios() -> tuple[Scenario, ...]:
     """Return the scenarios of aerial blocks."""
-    references: dict[Key, float] = {}
+    references: dict[QuantityKey, float] = {}
     for alpha in _ALPHAS:
         case = _least(alpha)
         for method in ("baarda", "tau"):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anaplot.bundle.adjust import adjust_bundle
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.normal import State
+from anaplot.bundle.solve.normal import BlockState
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.photogrammetry.block import (
     Block,
@@ -25,13 +25,13 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_angles
 
-__all__ = ["IdealBlock", "Station", "photograph"]
+__all__ = ["ExposureStation", "IdealBlock", "photograph"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Station:
+class ExposureStation:
     """Where a photo is taken: projection centre (3,) [m], rotation (3, 3), camera's name."""
 
     centre: Array
@@ -54,15 +54,15 @@ class IdealBlock:
     """
 
     block: Block
-    stations: Mapping[str, Station] = field(repr=False)
+    stations: Mapping[str, ExposureStation] = field(repr=False)
     points: Mapping[str, Array] = field(repr=False)
 
-    def start(self, problem: Problem) -> State:
+    def start(self, problem: Problem) -> BlockState:
         """Return the truth as approximate values."""
         centres = np.array([self.stations[p].centre for p in problem.photos])
         points = np.array([self.points[p] for p in problem.points])
         origin = points.mean(axis=0)
-        return State(
+        return BlockState(
             centres - origin,
             np.array([self.stations[p].rotation for p in problem.photos]),
             points - origin,
@@ -86,7 +86,7 @@ class IdealBlock:
 def photograph(
     name: str,
     cameras: Iterable[Camera],
-    stations: Mapping[str, Station],
+    stations: Mapping[str, ExposureStation],
     points: Mapping[str, Array],
     *,
     control: Iterable[ControlPoint] = (),
@@ -152,7 +152,7 @@ def photograph(
     return IdealBlock(block, dict(stations), dict(points))
 
 
-def _photo(name: str, station: Station, stated: bool) -> Photo:
+def _photo(name: str, station: ExposureStation, stated: bool) -> Photo:
     if not stated:
         return Photo(name, station.camera)
     x, y, z = station.centre.tolist()

@@ -22,10 +22,10 @@ from anaplot.adjustment.significance import (
     tau_power,
 )
 from anaplot.orientation.patterns import pattern
-from anaplot.planning.levels import LEVEL
-from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.patternplan import from_pattern, solve
 from anaplot.planning.quantities import YES_OR_NO, Quantity, share
+from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
 __all__ = ["OneError", "SizeOfTests", "model_rows", "scenarios"]
 
@@ -114,11 +114,11 @@ class OneError:
 
     name: str
     pattern: str
-    references: Mapping[Key, float] = field(default_factory=dict, repr=False)
+    references: Mapping[QuantityKey, float] = field(default_factory=dict, repr=False)
     methods: tuple[str, ...] = ("baarda", "tau", "largest parallax")
     runs: int = 10_000
     chunk: int = 2_000
-    alpha: float = LEVEL
+    alpha: float = PAPER_ALPHA
 
     @property
     def about(self) -> str:
@@ -137,7 +137,7 @@ class _OneErrorTrial:
     models: tuple[_Rows, ...]
     alpha: float
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
         tests = _critical(self.models[0], methods, self.alpha)
         found = [(name, what) for name in tests for what in _FATES]
         if "largest parallax" in methods:
@@ -219,12 +219,12 @@ class SizeOfTests:
     runs: int = 20_000
     chunk: int = 5_000
     patterns: tuple[str, ...] = ("6/3", "9/3", "13", "13/5", "15/5")
-    alpha: float = LEVEL
+    alpha: float = PAPER_ALPHA
 
     @property
-    def references(self) -> Mapping[Key, float]:
+    def references(self) -> Mapping[QuantityKey, float]:
         """The alpha of the tests, and the power computed for them."""
-        known: dict[Key, float] = {}
+        known: dict[QuantityKey, float] = {}
         delta = noncentrality(self.alpha, POWER)
         for name in self.patterns:
             rows = model_rows(name)
@@ -246,7 +246,7 @@ class _SizeTrial:
     models: tuple[_Rows, ...]
     alpha: float
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
         return {
             (rows.name, method, what): share(int(rows.testable.sum())) if k == 0 else YES_OR_NO
             for rows in self.models
@@ -282,7 +282,7 @@ class _SizeTrial:
         return tally
 
 
-_FOUND: dict[str, dict[Key, float]] = {
+_FOUND: dict[str, dict[QuantityKey, float]] = {
     "6/3": {
         ("20 sigma", "baarda", "right"): 0.81,
         ("20 sigma", "largest parallax", "right"): 0.40,

@@ -35,7 +35,7 @@ __all__ = [
     "MOST_RUNS",
     "ChunkDone",
     "Figure",
-    "Key",
+    "QuantityKey",
     "Scenario",
     "Sums",
     "Tally",
@@ -47,7 +47,7 @@ __all__ = [
     "sums",
 ]
 
-Key = tuple[str, str, str]
+QuantityKey = tuple[str, str, str]
 """(case, method, quantity)."""
 
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
@@ -64,7 +64,7 @@ class Sums(NamedTuple):
     squares: float
 
 
-Tally = dict[Key, Sums]
+Tally = dict[QuantityKey, Sums]
 
 
 class Trial(Protocol):
@@ -74,7 +74,7 @@ class Trial(Protocol):
         """Do some runs."""
         ...
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
         """Return what every run with these methods counts, in the order of the report."""
         ...
 
@@ -111,7 +111,7 @@ class Scenario(Protocol):
     @property
     def chunk(self) -> int: ...  # noqa: D102
     @property
-    def references(self) -> Mapping[Key, float]: ...  # noqa: D102
+    def references(self) -> Mapping[QuantityKey, float]: ...  # noqa: D102
 
     def prepare(self) -> Trial:
         """Make it ready in this process."""
@@ -160,7 +160,7 @@ def sums(values: ArrayLike | NDArray[np.bool_]) -> Sums:
     return Sums(len(x), float(x.sum()), float(x @ x))
 
 
-def add(a: Mapping[Key, Sums], b: Mapping[Key, Sums]) -> Tally:
+def add(a: Mapping[QuantityKey, Sums], b: Mapping[QuantityKey, Sums]) -> Tally:
     """Return the sums of two sets of runs taken together."""
     out = dict(a)
     for key, more in b.items():
@@ -170,9 +170,9 @@ def add(a: Mapping[Key, Sums], b: Mapping[Key, Sums]) -> Tally:
 
 
 def figures(
-    tally: Mapping[Key, Sums],
-    quantities: Mapping[Key, Quantity],
-    references: Mapping[Key, float],
+    tally: Mapping[QuantityKey, Sums],
+    quantities: Mapping[QuantityKey, Quantity],
+    references: Mapping[QuantityKey, float],
     confidence: float = 0.95,
 ) -> tuple[Figure, ...]:
     """Return the means with their intervals, in the order of the quantities.

@@ -16,16 +16,20 @@ from numpy.typing import NDArray
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Camera, ControlPoint, Strip
-from anaplot.planning.idealblock import IdealBlock, Station, photograph
-from anaplot.planning.plannedreliability import PointWorth, photo_worth, point_worth
+from anaplot.planning.idealblock import ExposureStation, IdealBlock, photograph
+from anaplot.planning.plannedreliability import (
+    PlannedReliability,
+    photo_reliability,
+    point_reliability,
+)
 
 __all__ = [
     "CUBE_VERSIONS",
     "Network",
-    "NetworkWorth",
+    "NetworkReliability",
     "cube",
     "looking_at",
-    "network_worth",
+    "network_reliability",
     "plan_network",
 ]
 
@@ -82,7 +86,7 @@ class Network:
 
     name: str
     cameras: tuple[Camera, ...]
-    stations: Mapping[str, Station]
+    stations: Mapping[str, ExposureStation]
     points: Mapping[str, Array]
     control: tuple[ControlPoint, ...] = ()
     normals: Mapping[str, Array] = field(default_factory=dict)
@@ -90,7 +94,7 @@ class Network:
     image_um: float = 5.0
 
 
-class NetworkWorth(NamedTuple):
+class NetworkReliability(NamedTuple):
     """What a network would be worth, and what it leaves open.
 
     Attributes
@@ -112,8 +116,8 @@ class NetworkWorth(NamedTuple):
         Control that no usable ray meets.
     """
 
-    points: tuple[PointWorth, ...]
-    photos: tuple[PointWorth, ...]
+    points: tuple[PlannedReliability, ...]
+    photos: tuple[PlannedReliability, ...]
     rays: Mapping[str, int]
     new_s: tuple[float, float, float, float] | None
     new_determined: int
@@ -202,7 +206,7 @@ def cube(version: str, image_um: float = 5.0) -> Network:
         if abs(x) == 5 and y != 15 and z != 5
     )
     stations = {
-        photo: Station(
+        photo: ExposureStation(
             np.array(_STATIONS[photo][0], dtype=float),
             _cube_rotation(_STATIONS[photo][1] * _PHI, _STATIONS[photo][2] * _PHI),
             "camera",
@@ -224,22 +228,24 @@ def _cube_rotation(phi: float, omega: float) -> Array:
     return rotation
 
 
-def network_worth(network: Network, made: IdealBlock, block: AdjustedBlock) -> NetworkWorth:
+def network_reliability(
+    network: Network, made: IdealBlock, block: AdjustedBlock
+) -> NetworkReliability:
     """Return what an adjusted network determines, and what it does not."""
     rays = dict.fromkeys(network.points, 0)
     for row in made.block.image_points:
         rays[row.point] += 1
     control = {row.point for row in network.control}
     adjusted, used = set(block.problem.points), set(block.problem.photos)
-    points = point_worth(block)
+    points = point_reliability(block)
     s = [worth.s_xyz for worth in points if worth.name not in control]
     new_s = None
     if s:
         x, y, z = np.array(s, dtype=float).mean(axis=0).tolist()
         new_s = (x, y, z, (x + y + z) / 3.0)
-    return NetworkWorth(
+    return NetworkReliability(
         points,
-        photo_worth(block),
+        photo_reliability(block),
         rays,
         new_s,
         len(s),

@@ -16,11 +16,11 @@ from anaplot.adjustment.batch import reject_stepwise
 from anaplot.adjustment.consistency import global_from_single
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.adjustment.significance import TESTABLE, noncentrality
-from anaplot.planning.levels import LEVEL
 from anaplot.planning.linearrows import image_design, residual_matrix
-from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
+from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
 __all__ = ["GruenScenario", "scenarios"]
 
@@ -44,11 +44,11 @@ class GruenScenario:
 
     name: str
     about: str
-    references: Mapping[Key, float] = field(default_factory=dict)
+    references: Mapping[QuantityKey, float] = field(default_factory=dict)
     methods: tuple[str, ...] = _METHODS
     runs: int = 500
     chunk: int = 50
-    alpha: float = LEVEL
+    alpha: float = PAPER_ALPHA
 
     def prepare(self) -> _GruenTrial:
         """Linearise the five arrangements."""
@@ -61,10 +61,10 @@ class _GruenTrial:
         self._matrices = {name: _matrix(name) for name in CUBE_VERSIONS}
         self._equal = {name: _equal(matrix) for name, matrix in self._matrices.items()}
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
         """Say what is counted: what all runs together say comes first."""
         counting = [method for method in methods if method != "global test"]
-        every: dict[Key, Quantity] = {}
+        every: dict[QuantityKey, Quantity] = {}
         planted = 0
         for name in self._matrices:
             if "global test" in methods:
@@ -220,7 +220,7 @@ def _matrix(name: str) -> Array:
 
 def scenarios() -> tuple[Scenario, ...]:
     """Return the comparison of 1978."""
-    references: dict[Key, float] = {
+    references: dict[QuantityKey, float] = {
         (_ALL, "snooping", "right"): 18.0,
         (_ALL, "snooping", "wrong"): 3.0,
         (_ALL, "3 sigma0", "right"): 14.0,

@@ -22,7 +22,7 @@ from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
 from anaplot.bundle.errors.snooping import PAPER_TOLERANCE
 from anaplot.errors import InputError
-from anaplot.planning.montecarlo import Key, Tally, sums
+from anaplot.planning.montecarlo import QuantityKey, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
 
 __all__ = ["Correlated", "OwnErrors"]
@@ -92,7 +92,7 @@ class OwnErrors:
     runs: int = 1_000
     chunk: int = 50
     methods: tuple[str, ...] = STRATEGIES
-    references: Mapping[Key, float] = field(default_factory=dict)
+    references: Mapping[QuantityKey, float] = field(default_factory=dict)
     settings: Mapping[str, float | str] = field(default_factory=dict)
     correlated: Correlated | None = field(default=None, repr=False)
 
@@ -151,8 +151,8 @@ class _OwnTrial:
             "right, wrong and missed are numbers of rows in a run",
         )
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
-        out: dict[Key, Quantity] = {}
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
+        out: dict[QuantityKey, Quantity] = {}
         for number, size in self._of.cases():
             found = (out_of(number), COUNT, out_of(number), COUNT, YES_OR_NO)
             for method in methods:

@@ -15,20 +15,20 @@ from anaplot.orientation.model import WrongPointsError
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.patterns import Pattern, ideal_model
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.solver import Conditions, State
+from anaplot.orientation.solver import ConditionEquations, ModelUnknowns
 from anaplot.photogrammetry.block import TieVariance
 
 __all__ = [
     "USUAL_BASE",
     "USUAL_C",
     "USUAL_D",
-    "Advice",
     "Place",
     "PlannedPattern",
-    "SetAdvice",
+    "PointAdvice",
+    "PointSetAdvice",
     "Span",
-    "advise",
-    "advise_sets",
+    "advise_point_sets",
+    "advise_points",
     "from_pattern",
     "grid",
     "solve",
@@ -69,7 +69,7 @@ class PlannedPattern:
 
 
 @dataclass(frozen=True, slots=True)
-class Advice:
+class PointAdvice:
     """One candidate point, and the weakest redundancy number before and after.
 
     Attributes
@@ -92,7 +92,7 @@ class Advice:
     after: float
 
 
-class SetAdvice(NamedTuple):
+class PointSetAdvice(NamedTuple):
     """Several points together, and the weakest redundancy number before and after.
 
     Attributes
@@ -103,7 +103,7 @@ class SetAdvice(NamedTuple):
     symmetric
         Whether the set is its own mirror image.
     before, after
-        As `Advice` has them.
+        As `PointAdvice` has them.
     """
 
     places: tuple[Place, ...]
@@ -144,11 +144,11 @@ def grid(x: Span, y: Span, steps: int = 5) -> tuple[tuple[float, float], ...]:
     return tuple(dict.fromkeys(places))
 
 
-def advise(
+def advise_points(
     plan: PlannedPattern,
     extra: Iterable[tuple[float, float]],
     tie_variance: TieVariance = "paper",
-) -> tuple[Advice, ...]:
+) -> tuple[PointAdvice, ...]:
     """Try every doubled point and every extra position; the most helpful comes first.
 
     Where there are ties, what lies no further along the flight than they do is tried as a tie
@@ -162,18 +162,18 @@ def advise(
     tried = _Candidates(plan, extra, tie_variance)
     weakest = tried.weakest(np.arange(len(tried.places))[:, None])
     out = [
-        Advice(*place, tried.before, after)
+        PointAdvice(*place, tried.before, after)
         for place, after in zip(tried.places, weakest.tolist(), strict=True)
         if np.isfinite(after)
     ]
     return tuple(sorted(out, key=lambda a: -a.after))
 
 
-def advise_sets(
+def advise_point_sets(
     plan: PlannedPattern,
     extra: Iterable[tuple[float, float]],
     tie_variance: TieVariance = "paper",
-) -> tuple[SetAdvice, ...]:
+) -> tuple[PointSetAdvice, ...]:
     """Look for the two and the four further points that help most together.
 
     All pairs are tried. Of fours, those made of two of the best pairs, and of two symmetric ones:
@@ -183,7 +183,7 @@ def advise_sets(
     Parameters
     ----------
     plan, extra, tie_variance
-        As `advise` has them.
+        As `advise_points` has them.
 
     Returns
     -------
@@ -276,13 +276,13 @@ class _Candidates:
         )
         return any(image == at for image in images)
 
-    def best(self, sets: Index) -> SetAdvice:
+    def best(self, sets: Index) -> PointSetAdvice:
         """Return the set that helps most, of equal ones a symmetric one."""
         after = self.weakest(sets)
         most = float(np.nanmax(after))
         equal = sets[after >= most - _EQUAL].tolist()
         chosen = max(equal, key=self.symmetric)
-        return SetAdvice(
+        return PointSetAdvice(
             tuple(self.places[k] for k in chosen), self.symmetric(chosen), self.before, most
         )
 
@@ -308,8 +308,8 @@ def _design(
         } if plan.ties else None,
         preceding_bx=plan.base if plan.ties else None,
     )  # fmt: skip
-    conditions = Conditions(pair, tie_variance)
-    rows = conditions.evaluate(State(plan.base, 0.0, 0.0, np.eye(3)))
+    conditions = ConditionEquations(pair, tie_variance)
+    rows = conditions.evaluate(ModelUnknowns(plan.base, 0.0, 0.0, np.eye(3)))
     return rows[conditions.unknown_rows()].T, np.array(
         [*conditions.y_index, *conditions.x_index], dtype=np.intp
     )

@@ -10,10 +10,10 @@ import numpy as np
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.rows import RayRow
 
-__all__ = ["PointWorth", "photo_worth", "point_worth"]
+__all__ = ["PlannedReliability", "photo_reliability", "point_reliability"]
 
 
-class PointWorth(NamedTuple):
+class PlannedReliability(NamedTuple):
     """A point or a photo, and the weakest of its observations.
 
     Attributes
@@ -44,37 +44,37 @@ class PointWorth(NamedTuple):
     s_xyz: tuple[float | None, float | None, float | None] | None
 
 
-def point_worth(block: AdjustedBlock) -> tuple[PointWorth, ...]:
+def point_reliability(block: AdjustedBlock) -> tuple[PlannedReliability, ...]:
     """Return every adjusted point, the one with the weakest observation first."""
     deviations = {row.point: row.s_xyz for row in block.point_rows()}
     of: dict[str, list[RayRow]] = {}
     for row in block.ray_rows():
         of.setdefault(row.point, []).append(row)
     return _sorted(
-        _worth(point, rows, [row.photo for row in rows], deviations[point])
+        _reliability(point, rows, [row.photo for row in rows], deviations[point])
         for point, rows in of.items()
     )
 
 
-def photo_worth(block: AdjustedBlock) -> tuple[PointWorth, ...]:
+def photo_reliability(block: AdjustedBlock) -> tuple[PlannedReliability, ...]:
     """Return every photo, the one with the weakest observation first."""
     of: dict[str, list[RayRow]] = {}
     for row in block.ray_rows():
         of.setdefault(row.photo, []).append(row)
     return _sorted(
-        _worth(photo, rows, [row.point for row in rows], None) for photo, rows in of.items()
+        _reliability(photo, rows, [row.point for row in rows], None) for photo, rows in of.items()
     )
 
 
-def _worth(
+def _reliability(
     name: str,
     rows: list[RayRow],
     others: list[str],
     s_xyz: tuple[float | None, float | None, float | None] | None,
-) -> PointWorth:
+) -> PlannedReliability:
     r = np.array([row.r for row in rows])
     k, axis = np.unravel_index(int(r.argmin()), r.shape)
-    return PointWorth(
+    return PlannedReliability(
         name,
         len(rows),
         float(r.mean()),
@@ -86,5 +86,5 @@ def _worth(
     )
 
 
-def _sorted(found: Iterable[PointWorth]) -> tuple[PointWorth, ...]:
+def _sorted(found: Iterable[PlannedReliability]) -> tuple[PlannedReliability, ...]:
     return tuple(sorted(found, key=lambda worth: round(worth.low_r, 9)))

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.strategies import find_gross_errors, most_probable_rows
-from anaplot.planning.levels import LEVEL
+from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
 __all__ = ["SURE", "rejected_rows"]
 
@@ -15,7 +15,7 @@ SURE = "sure: the rows that by the odds more probably than not hold an error, ea
 
 
 def rejected_rows(
-    system: ResidualSystem, methods: Iterable[str], alpha: float = LEVEL
+    system: ResidualSystem, methods: Iterable[str], alpha: float = PAPER_ALPHA
 ) -> dict[str, tuple[int, ...]]:
     """Return the rows that each method rejects at a significance of single rows.
 

@@ -18,9 +18,9 @@ from anaplot.orientation.model import orient
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
-from anaplot.planning.levels import LEVEL
-from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.quantities import YES_OR_NO, Quantity, share
+from anaplot.planning.scenarioalpha import PAPER_ALPHA
 from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
 
 __all__ = ["SizeInStrips", "scenarios"]
@@ -49,12 +49,12 @@ class SizeInStrips:
     methods: tuple[str, ...] = _METHODS
     runs: int = 2_000
     chunk: int = 50
-    alpha: float = LEVEL
+    alpha: float = PAPER_ALPHA
 
     @property
-    def references(self) -> Mapping[Key, float]:
+    def references(self) -> Mapping[QuantityKey, float]:
         """What tests promise whose variances are right; "paper" has those of another model."""
-        sizes: dict[Key, float] = {
+        sizes: dict[QuantityKey, float] = {
             (tie_variance, method, f"{axis} rows flagged"): self.alpha
             for tie_variance in _RIGHT
             for method in _METHODS
@@ -99,9 +99,9 @@ class _StripTrial:
                 )
             )
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
         solutions = self._bridged(None, "propagated")
-        out: dict[Key, Quantity] = {}
+        out: dict[QuantityKey, Quantity] = {}
         for tie_variance in _TIE_VARIANCES:
             for method in methods:
                 for axis in _AXES:

@@ -145,7 +145,7 @@ def synthetic_truth(
     angles = np.clip(rng.normal(size=(photos, 3)), -2.0, 2.0)
     angles *= np.radians([tilt_deg, tilt_deg, kappa_deg])
     rotations = np.array([rotation_matrix(*a) for a in angles.tolist()])
-    ground = _ground(ids, base, d, c, relief, rng)
+    ground = _terrain(ids, base, d, c, relief, rng)
     truth: dict[str, dict[str, tuple[float, float]]] = {}
     for k, photo in enumerate(ids):
         seen = {}
@@ -158,7 +158,7 @@ def synthetic_truth(
     return truth, centres, rotations
 
 
-def _ground(
+def _terrain(
     ids: tuple[str, ...],
     base: float,
     d: float,

@@ -64,7 +64,7 @@ class TiltedBlock:
         redundancy = self.design.shape[0] - self.design.shape[1]
         return DenseResiduals(self.names, e, r, float(e @ e), redundancy, self.matrix, self.design)
 
-    def ground(self, errors: Array, left_out: tuple[int, ...]) -> Array:
+    def point_errors(self, errors: Array, left_out: tuple[int, ...]) -> Array:
         """Return (q, 3) errors of the points on the ground, some rows left out [m].
 
         Parameters

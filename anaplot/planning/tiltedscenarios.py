@@ -17,14 +17,14 @@ from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import reject_beyond
-from anaplot.planning.levels import LEVEL
-from anaplot.planning.montecarlo import Key, Scenario, Tally, sums
+from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, MEASURE, Quantity, out_of
 from anaplot.planning.rejections import rejected_rows
+from anaplot.planning.scenarioalpha import PAPER_ALPHA
 from anaplot.planning.tiltedblock import TiltedBlock, tilted_block
 from anaplot.planning.truncated import truncated_residuals
 
-__all__ = ["NOTHING", "Outcome", "TiltedScenario", "TiltedTrial", "scenarios"]
+__all__ = ["NOTHING", "TiltedOutcome", "TiltedScenario", "TiltedTrial", "scenarios"]
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ _REFERENCE = "gnc"
 _STRATEGIES = ("baarda", "tau", "rms", "huber", "danish", "l1", _REFERENCE, "search", "odds")
 
 
-class Outcome(NamedTuple):
+class TiltedOutcome(NamedTuple):
     """What a method did in one block; rms errors over all points on the ground [m]."""
 
     right: int
@@ -68,11 +68,11 @@ class TiltedScenario:
     about: str
     sizes: tuple[float, ...] = (6.0, 10.0, 18.0)
     numbers: tuple[int, ...] = (1, 5, 10, 20)
-    references: Mapping[Key, float] = field(default_factory=dict)
+    references: Mapping[QuantityKey, float] = field(default_factory=dict)
     methods: tuple[str, ...] = (NOTHING, *_STRATEGIES)
     runs: int = 200
     chunk: int = 5
-    alpha: float = LEVEL
+    alpha: float = PAPER_ALPHA
 
     def prepare(self) -> TiltedTrial:
         """Get ready; the blocks are drawn in the runs."""
@@ -100,9 +100,9 @@ class TiltedTrial:
             "rms: over all points on the ground against the truth, mean of the runs",
         )
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[Key, Quantity]:
+    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
         """Say what is counted."""
-        out: dict[Key, Quantity] = {}
+        out: dict[QuantityKey, Quantity] = {}
         for case, (number, _) in self._cases.items():
             kinds = (out_of(number), COUNT, out_of(number), MEASURE, MEASURE)
             for method in methods:
@@ -125,7 +125,7 @@ class TiltedTrial:
 
     def one(
         self, rng: np.random.Generator, case: str, methods: tuple[str, ...]
-    ) -> dict[str, Outcome]:
+    ) -> dict[str, TiltedOutcome]:
         """Return what every method does in one block."""
         number, size = self._cases[case]
         block = tilted_block(rng)
@@ -149,10 +149,10 @@ def _rejected(
 
 def _outcome(
     block: TiltedBlock, errors: Array, planted: list[int], found: tuple[int, ...]
-) -> Outcome:
+) -> TiltedOutcome:
     right = len(set(planted).intersection(found))
-    off = np.square(block.ground(errors, found)).mean(axis=0)
-    return Outcome(
+    off = np.square(block.point_errors(errors, found)).mean(axis=0)
+    return TiltedOutcome(
         right,
         len(found) - right,
         len(planted) - right,

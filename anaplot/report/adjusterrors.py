@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from anaplot.adjustment.findings import Step
+from anaplot.adjustment.findings import SearchStep
 from anaplot.adjustment.reliability import Odds
 from anaplot.adjustment.strategies import deciding_critical, sigma_of
 from anaplot.adjustment.watch import Watch
@@ -146,7 +146,7 @@ def block_errors_printout(cleaned: BlockFindings) -> str:
     else:
         lines.append("  nothing is rejected")
     if rejected:
-        lines += [f"  {line}" for line in change_lines(cleaned.ground, "on the ground", "m")]
+        lines += [f"  {line}" for line in change_lines(cleaned.point_change, "on the ground", "m")]
     lines += _listed("rejected on the way, came back", [_named(name) for name in cleaned.came_back])
     lines += _listed(
         f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
@@ -319,7 +319,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
             }
             for row in cleaned.rejected
         ],
-        "ground": change_json(cleaned.ground, "m"),
+        "ground": change_json(cleaned.point_change, "m"),
         "came_back": [_name_json(name) for name in cleaned.came_back],
         "hard_to_tell": [
             {"rejected": _name_json(names[a]), "kept": _name_json(names[b]), "correlation": rho}
@@ -368,7 +368,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
     return out
 
 
-def _step_json(step: Step, names: tuple[ObservationName, ...]) -> Json:
+def _step_json(step: SearchStep, names: tuple[ObservationName, ...]) -> Json:
     return {
         "action": step.action,
         "rows": [_name_json(names[k]) for k in step.rows],

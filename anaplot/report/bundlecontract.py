@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from anaplot.bundle.errors.suspects import likeliest_suspects
-from anaplot.bundle.errors.wrongray import accuse
+from anaplot.bundle.errors.wrongray import suspect_rays
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import UndetectedEffect, external_reliability
 from anaplot.bundle.solve.rows import RayRow
@@ -122,7 +122,7 @@ def adjust_json(block: AdjustedBlock) -> Json:
             for one in likeliest_suspects(block)
         ],
         "accused": {
-            point: [ray._asdict() for ray in accuse(block, point)]
+            point: [ray._asdict() for ray in suspect_rays(block, point)]
             for point in dict.fromkeys(point for _, _, point, _ in block.suspects())
         },
         "left_out": [o._asdict() for o in problem.left_out],

@@ -7,8 +7,8 @@ from math import degrees, hypot
 
 from anaplot.adjustment.hypothesis import critical_f
 from anaplot.adjustment.reliability import SPUR
-from anaplot.bundle.errors.suspects import Coordinate, Suspect, likeliest_suspects
-from anaplot.bundle.errors.wrongray import accuse
+from anaplot.bundle.errors.suspects import ImageCoordinate, Suspect, likeliest_suspects
+from anaplot.bundle.errors.wrongray import suspect_rays
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import (
     MOST_RAYS,
@@ -103,7 +103,7 @@ def _summary(block: AdjustedBlock) -> list[str]:
     return [*lines, ""]
 
 
-def _photo(where: Coordinate) -> str:
+def _photo(where: ImageCoordinate) -> str:
     inside = f" in {plain(where.model)}" if where.model is not None else ""
     return f"photo {plain(where.photo)}{inside}"
 
@@ -134,7 +134,7 @@ def _accusations(block: AdjustedBlock, points: list[str]) -> list[str]:
     """Say which ray of a flagged point is probably the wrong one."""
     lines = ["  which ray of the point is wrong, if one is:"]
     for point in points[:_MOST]:
-        rays = accuse(block, point)
+        rays = suspect_rays(block, point)
         cells = [
             f"photo {plain(ray.photo)}"
             + (f" in {plain(ray.model)}" if ray.model is not None else "")

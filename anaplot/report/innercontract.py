@@ -7,7 +7,7 @@ from typing import Any
 
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.inner import InnerOrientation
-from anaplot.photogrammetry.inneradvice import advise
+from anaplot.photogrammetry.inneradvice import inner_advice
 
 __all__ = ["inner_json", "photo_json", "transformation_json"]
 
@@ -97,7 +97,7 @@ def photo_json(photo: str, inner: InnerOrientation) -> Json:
         },
         "plate_to_image": transformation_json(inner),
         "unmeasured": list(inner.unmeasured),
-        "advice": list(advise(inner)),
+        "advice": list(inner_advice(inner)),
     }
 
 

@@ -6,7 +6,7 @@ from math import degrees
 
 from anaplot.photogrammetry.camera import CameraCalibration, RadialTable
 from anaplot.photogrammetry.inner import InnerOrientation, InnerRow
-from anaplot.photogrammetry.inneradvice import advise
+from anaplot.photogrammetry.inneradvice import inner_advice
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.report.columns import cell
 from anaplot.textfiles.wording import plain
@@ -71,7 +71,7 @@ def inner_printout(photo: str, inner: InnerOrientation) -> str:
             for d in inner.distances
         ]
         lines.append("")
-    lines += [f"  {plain(sentence)}" for sentence in advise(inner)]
+    lines += [f"  {plain(sentence)}" for sentence in inner_advice(inner)]
     return "\n".join(lines)
 
 

@@ -122,7 +122,9 @@ def errors_printout(cleaned: CleanedModel) -> str:
     if not cleaned.rejected:
         lines.append("    nothing is rejected")
     else:
-        lines += [f"    {line}" for line in change_lines(cleaned.ground, "in the model", "mm")]
+        lines += [
+            f"    {line}" for line in change_lines(cleaned.point_change, "in the model", "mm")
+        ]
     for (point, axis), (other, other_axis), rho in cleaned.hard_to_tell:
         lines.append(
             f"    {plain(point)} {axis} and {plain(other)} {other_axis} are hard to tell "
@@ -234,7 +236,7 @@ def errors_json(cleaned: CleanedModel) -> Json:
         "strategy": found.strategy,
         "begun_without": [_key_json(key) for key in cleaned.begun_without],
         "rejected": [_rejected_json(row) for row in cleaned.rejected],
-        "ground": change_json(cleaned.ground, "mm"),
+        "ground": change_json(cleaned.point_change, "mm"),
         "came_back": [_key_json(key) for key in cleaned.came_back],
         "hard_to_tell": [
             {"rejected": list(a), "kept": list(b), "correlation": rho}

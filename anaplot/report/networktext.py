@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.planning.networkplan import Network, NetworkWorth
-from anaplot.planning.plannedreliability import PointWorth
+from anaplot.planning.networkplan import Network, NetworkReliability
+from anaplot.planning.plannedreliability import PlannedReliability
 from anaplot.report.columns import PAGE, counted, fitted, shortened, wrapped
 from anaplot.textfiles.wording import plain
 
@@ -19,7 +19,7 @@ _SHOWN, _NAMED = 12, 20
 _NAME = 10
 
 
-def network_lines(network: Network, block: AdjustedBlock, worth: NetworkWorth) -> list[str]:
+def network_lines(network: Network, block: AdjustedBlock, worth: NetworkReliability) -> list[str]:
     """Return the report of a network, at most a page wide."""
     problem, got = block.problem, block.indicators()
     lines = [
@@ -100,7 +100,7 @@ def _means(metres: tuple[float, float, float, float] | None) -> str:
     return "X {}   Y {}   Z {}   all {} mm".format(*(fitted(1e3 * v, 3, 8) for v in metres))
 
 
-def _open(worth: NetworkWorth) -> list[str]:
+def _open(worth: NetworkReliability) -> list[str]:
     """Return what the network leaves open."""
     lines = []
     if worth.not_determined:
@@ -119,7 +119,7 @@ def _open(worth: NetworkWorth) -> list[str]:
     return ["", *lines] if lines else []
 
 
-def _few(network: Network, worth: NetworkWorth) -> list[str]:
+def _few(network: Network, worth: NetworkReliability) -> list[str]:
     """Return which of the determined new points are seen in few photos."""
     apart = {row.point for row in network.control} | set(worth.not_determined)
     seen = {point: rays for point, rays in worth.rays.items() if point not in apart}
@@ -151,7 +151,7 @@ def _head(first: str, other: str) -> str:
     return f"  {first:<{_NAME}} RAYS mean r  least  {'AT ' + other:<{_NAME}}     MDB um"
 
 
-def _row(worth: PointWorth) -> str:
+def _row(worth: PlannedReliability) -> str:
     return (
         f"  {shortened(worth.name, _NAME):<{_NAME}} {worth.rays:>4} {worth.mean_r:>6.3f} "
         f"{worth.low_r:>6.3f}  {shortened(worth.weakest, _NAME):<{_NAME}} {worth.axis}"
@@ -159,6 +159,6 @@ def _row(worth: PointWorth) -> str:
     )
 
 
-def _deviations(worth: PointWorth) -> str:
+def _deviations(worth: PlannedReliability) -> str:
     values = worth.s_xyz or (None, None, None)
     return "".join(f" {fitted(None if v is None else 1e3 * v, 3, 7):>7}" for v in values)

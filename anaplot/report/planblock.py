@@ -19,7 +19,7 @@ from anaplot.exchange.blockfolder import (
 from anaplot.planning.blockplan import (
     Accuracy,
     BlockPlan,
-    ClassRow,
+    PlannedClass,
     WeakPhoto,
     class_table,
     expected_accuracy,
@@ -99,7 +99,7 @@ def write_planned(folder: Path, made: IdealBlock) -> None:
         write_control(folder, made.block.control)
 
 
-def _kind(row: ClassRow) -> str:
+def _kind(row: PlannedClass) -> str:
     rays = "4+" if row.kind.rays >= 4 else str(row.kind.rays)
     control = "control" if row.kind.control else "-"
     return f"{rays:<4}  {'inner' if row.kind.inner else 'outer':<5}  {control:<7}  {row.kind.axis}"
@@ -108,7 +108,7 @@ def _kind(row: ClassRow) -> str:
 def _lines(
     plan: BlockPlan,
     block: AdjustedBlock,
-    classes: tuple[ClassRow, ...],
+    classes: tuple[PlannedClass, ...],
     weak: tuple[WeakPhoto, ...],
     accuracy: Accuracy | None,
 ) -> list[str]:
@@ -162,7 +162,7 @@ def _lines(
 
 def _json(
     block: AdjustedBlock,
-    classes: tuple[ClassRow, ...],
+    classes: tuple[PlannedClass, ...],
     weak: tuple[WeakPhoto, ...],
     accuracy: Accuracy | None,
 ) -> dict[str, Any]:
@@ -186,13 +186,13 @@ def _json(
     }
 
 
-def _without_kind(row: ClassRow) -> dict[str, Any]:
+def _without_kind(row: PlannedClass) -> dict[str, Any]:
     found = row._asdict()
     del found["kind"]
     return found
 
 
-def _write_csv(path: Path, classes: tuple[ClassRow, ...]) -> None:
+def _write_csv(path: Path, classes: tuple[PlannedClass, ...]) -> None:
     write_csv(
         path,
         ("rays", "ray", "point", "axis", "number", "mean_root", "least", "most", "mean_r",

@@ -17,16 +17,16 @@ from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.networkfile import NetworkFile, read_network
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.planning.idealblock import IdealBlock, Station
+from anaplot.planning.idealblock import ExposureStation, IdealBlock
 from anaplot.planning.networkplan import (
     Network,
-    NetworkWorth,
+    NetworkReliability,
     cube,
     looking_at,
-    network_worth,
+    network_reliability,
     plan_network,
 )
-from anaplot.planning.plannedreliability import PointWorth
+from anaplot.planning.plannedreliability import PlannedReliability
 from anaplot.report.correlations import (
     RayPair,
     correlated_rays,
@@ -64,7 +64,7 @@ def run_plan_network(options: argparse.Namespace) -> int:
         progress("network", 0.0)
         made = plan_network(network)
         block = made.evaluated("control" if network.control else "free")
-        worth = network_worth(network, made, block)
+        worth = network_reliability(network, made, block)
         pairs = correlated_rays(block, options.correlations)
     if options.point is not None and options.point not in block.problem.points:
         raise InputError(f"point {quoted(options.point)} is not determined in this network")
@@ -107,7 +107,7 @@ def network_from_file(found: NetworkFile) -> Network:
         else:
             assert entry.look_at is not None
             rotation = looking_at(entry.position, entry.look_at, entry.roll)
-        stations[entry.id] = Station(np.array(entry.position), rotation, entry.camera)
+        stations[entry.id] = ExposureStation(np.array(entry.position), rotation, entry.camera)
     return Network(
         found.name,
         found.cameras,
@@ -136,7 +136,7 @@ def _point_json(block: AdjustedBlock, point: str) -> dict[str, Any]:
 def _json(
     made: IdealBlock,
     block: AdjustedBlock,
-    worth: NetworkWorth,
+    worth: NetworkReliability,
     pairs: tuple[RayPair, ...],
 ) -> dict[str, Any]:
     problem = block.problem
@@ -161,13 +161,13 @@ def _json(
     }
 
 
-def _worth_json(worth: PointWorth) -> dict[str, Any]:
+def _worth_json(worth: PlannedReliability) -> dict[str, Any]:
     found = worth._asdict()
     found["s_m"] = found.pop("s_xyz")
     return found
 
 
-def _write_csv(path: Path, worth: NetworkWorth) -> None:
+def _write_csv(path: Path, worth: NetworkReliability) -> None:
     write_csv(
         path,
         (

@@ -18,12 +18,12 @@ from anaplot.orientation.results import ModelSolution
 from anaplot.planning.patternplan import (
     USUAL_BASE,
     USUAL_D,
-    Advice,
     PlannedPattern,
-    SetAdvice,
+    PointAdvice,
+    PointSetAdvice,
     Span,
-    advise,
-    advise_sets,
+    advise_point_sets,
+    advise_points,
     from_pattern,
     grid,
     solve,
@@ -42,8 +42,8 @@ _LEAST_BASE = 1e-3  # mm
 def pattern_json(
     plan: PlannedPattern,
     solution: ModelSolution,
-    advice: tuple[Advice, ...],
-    sets: tuple[SetAdvice, ...],
+    advice: tuple[PointAdvice, ...],
+    sets: tuple[PointSetAdvice, ...],
 ) -> dict[str, Any]:
     """Return what `--json` prints."""
     r = [row.r for row in solution.table]
@@ -155,8 +155,8 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     plan = planned.plan
     solution = solve(plan, options.tie_variance)
     places = grid(planned.x, planned.y)
-    advice = advise(plan, places, options.tie_variance)
-    sets = advise_sets(plan, places, options.tie_variance)
+    advice = advise_points(plan, places, options.tie_variance)
+    sets = advise_point_sets(plan, places, options.tie_variance)
     if options.csv is not None:
         at = {label: (x, y) for label, x, y in plan.points}
         write_csv(

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from anaplot.orientation.results import ModelSolution, Transfer
-from anaplot.planning.patternplan import Advice, Place, PlannedPattern, SetAdvice
+from anaplot.planning.patternplan import Place, PlannedPattern, PointAdvice, PointSetAdvice
 from anaplot.report.columns import cell
 from anaplot.textfiles.wording import plain
 
@@ -196,7 +196,7 @@ def transfer_lines(transfers: tuple[Transfer, ...]) -> list[str]:
     return lines
 
 
-def advice_lines(best: Advice) -> list[str]:
+def advice_lines(best: PointAdvice) -> list[str]:
     """Return what one further point would do for the weakest redundancy number."""
     if best.after <= best.before + 5e-4:
         return [f"no further point tried raises the weakest redundancy number {best.before:.3f}"]
@@ -206,7 +206,7 @@ def advice_lines(best: Advice) -> list[str]:
     return [line] if len(line) <= _LINE else [what, f"  {effect}"]
 
 
-def set_lines(best: Iterable[SetAdvice]) -> list[str]:
+def set_lines(best: Iterable[PointSetAdvice]) -> list[str]:
     """Return what several further points together would do for it."""
     out = []
     for one in best:

@@ -21,10 +21,18 @@ from anaplot import __version__
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
-from anaplot.planning.levels import LEVEL, at_level, level_of
-from anaplot.planning.montecarlo import ChunkDone, Figure, Key, Scenario, Sums, figures, simulate
+from anaplot.planning.montecarlo import (
+    ChunkDone,
+    Figure,
+    QuantityKey,
+    Scenario,
+    Sums,
+    figures,
+    simulate,
+)
 from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.quantities import Quantity
+from anaplot.planning.scenarioalpha import PAPER_ALPHA, alpha_of, with_alpha
 from anaplot.planning.scenarios import scenarios
 from anaplot.report.columns import counted
 from anaplot.report.csvoutput import check_csv, write_csv
@@ -128,7 +136,7 @@ def _scenario(options: argparse.Namespace) -> Scenario:
         numbers=options.errors or (1,),
         sizes=options.size or (6.0, 10.0, 20.0),
         places=options.place or (),
-        alpha=options.alpha or LEVEL,
+        alpha=options.alpha or PAPER_ALPHA,
         known=known,
         model=model,
     )
@@ -137,7 +145,7 @@ def _scenario(options: argparse.Namespace) -> Scenario:
 def _at_alpha(scenario: Scenario, alpha: float | None) -> Scenario:
     if alpha is None:
         return scenario
-    changed = at_level(scenario, alpha)
+    changed = with_alpha(scenario, alpha)
     if changed is None:
         raise InputError(f"--alpha: {scenario.name} has significances of its own")
     return changed
@@ -164,7 +172,7 @@ def _list(*, as_json: bool) -> int:
 def _identity(scenario: Scenario) -> dict[str, Any]:
     """Return what tells a simulation in one's own geometry from another one."""
     if not isinstance(scenario, OwnErrors):
-        return {"alpha": level_of(scenario)}
+        return {"alpha": alpha_of(scenario)}
     digest = hashlib.sha256(_rounded(scenario.matrix) + scenario.places.tobytes())
     if scenario.models is not None:
         digest.update(_rounded(scenario.models))
@@ -181,7 +189,7 @@ def _rounded(values: NDArray[np.float64]) -> bytes:
     return (np.round(values, 9) + 0.0).tobytes()  # + 0.0: zero has no sign
 
 
-def _largest(quantities: Mapping[Key, Quantity]) -> dict[Key, float | None]:
+def _largest(quantities: Mapping[QuantityKey, Quantity]) -> dict[QuantityKey, float | None]:
     return {key: quantity.top for key, quantity in quantities.items()}
 
 
@@ -208,7 +216,7 @@ def _json(
         "runs": runs,
         "seed": seed,
         "confidence": 0.95,
-        "alpha": level_of(scenario),
+        "alpha": alpha_of(scenario),
         **({"settings": dict(scenario.settings)} if isinstance(scenario, OwnErrors) else {}),
         "figures": [_row(figure) for figure in found],
         "remarks": list(remarks),
@@ -223,8 +231,8 @@ def _printout(
     scenario: Scenario, found: tuple[Figure, ...], remarks: Iterable[str], runs: int, seed: int
 ) -> str:
     title = textwrap.wrap(f"{plain(scenario.name)}: {plain(scenario.about)}", _WIDTH)
-    alpha = level_of(scenario)
-    level = "" if alpha in (None, LEVEL) else f", alpha {alpha:g}"
+    alpha = alpha_of(scenario)
+    level = "" if alpha in (None, PAPER_ALPHA) else f", alpha {alpha:g}"
     lines = [*title, f"{counted(runs, 'run')}, seed {seed}{level}", ""]
     method = max([len("method"), *(len(plain(f.method)) for f in found)])
     quantity = max([len("quantity"), *(len(plain(f.quantity)) for f in found)])

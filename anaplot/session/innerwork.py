@@ -9,7 +9,7 @@ from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block, TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.inner import InnerOrientation, orient_inner
-from anaplot.photogrammetry.inneradvice import advise
+from anaplot.photogrammetry.inneradvice import inner_advice
 from anaplot.session.events import Axis, InnerAccepted
 from anaplot.session.innerstate import InnerState
 
@@ -149,7 +149,7 @@ def _suspects(inner: InnerState, solution: InnerOrientation) -> tuple[Suspect, .
 
 def _advice(inner: InnerState, solution: InnerOrientation) -> tuple[str, ...]:
     # what is still to be measured, the table says; what was switched off is known to the operator
-    sentences = advise(replace(solution, unmeasured=()))
+    sentences = inner_advice(replace(solution, unmeasured=()))
     off = [f"{name} {axis}" for name in inner.fiducials for axis in ("x", "y")
            if (name, axis) in inner.off]  # fmt: skip
     return (*sentences, f"switched off: {', '.join(off)}") if off else sentences

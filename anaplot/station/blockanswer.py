@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from anaplot.bundle.errors.suspects import Coordinate, likeliest_suspects
+from anaplot.bundle.errors.suspects import ImageCoordinate, likeliest_suspects
 from anaplot.bundle.live import LiveAnswer
 from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
 
@@ -68,12 +68,13 @@ def _suspects(
     for point, coordinates in flagged.items():
         # what stands for those that are hard to tell apart comes first
         coordinates.sort(
-            key=lambda c: (point, Coordinate(c.photo, c.model, c.axis)) not in first_of_all
+            key=lambda c: (point, ImageCoordinate(c.photo, c.model, c.axis)) not in first_of_all
         )
     suspects = []
     for point, coordinates in flagged.items():
         rays = tuple(
-            SuspectedRay(ray.photo, ray.model, ray.probability) for ray in answer.accused[point]
+            SuspectedRay(ray.photo, ray.model, ray.probability)
+            for ray in answer.suspect_rays[point]
         )
         first = empty.after if since is None else since.get(point, empty.after)
         earlier = any(ray.model != empty.after for ray in rays)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anaplot.adjustment.cleaning import Cleaning, Solved, best_of
+from anaplot.adjustment.cleaning import Cleaning, SolvedWithout, best_of
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.residualsystem import DenseResiduals, ResidualSystem
-from anaplot.adjustment.scale import Apriori, ScaleError
+from anaplot.adjustment.scale import AprioriSigma, ScaleError
 from anaplot.adjustment.watch import Watch
 from anaplot.errors import NotComputableError
 
@@ -19,7 +19,7 @@ ALL = frozenset[int]()
 class Circle:
     """Centre and radius from distances; `needed` rows cannot be left out."""
 
-    apriori = Apriori("circle", "sigma", SIGMA, "m")
+    apriori = AprioriSigma("circle", "sigma", SIGMA, "m")
 
     def __init__(self, errors: dict[int, float], needed: tuple[int, ...] = (), n: int = 40) -> None:
         rng = np.random.default_rng(5)
@@ -44,7 +44,7 @@ class Circle:
         names = tuple(range(len(e)))
         return DenseResiduals(names, e, np.diag(matrix), float(e @ e), len(e) - 3, matrix)
 
-    def without(self, out: frozenset[int], near: np.ndarray) -> Solved[np.ndarray, int]:
+    def without(self, out: frozenset[int], near: np.ndarray) -> SolvedWithout[np.ndarray, int]:
         if out & set(self.needed):
             raise NotComputableError("needed")
         self.solved += 1
@@ -57,7 +57,7 @@ class Circle:
             if np.abs(step).max() < 1e-12:
                 break
         e = self._rows(at)[1][keep]
-        return Solved(at, float(e @ e))
+        return SolvedWithout(at, float(e @ e))
 
     def suspects(self, system: ResidualSystem) -> np.ndarray:
         return np.ones(len(system.names), dtype=bool)
@@ -117,7 +117,7 @@ def test_an_interrupt_leaves_the_best_so_far() -> None:
     subject, watch = Circle({3: 2.0, 11: -1.5, 12: 1.0}), Watch()
     real = subject.without
 
-    def without(out: frozenset[int], near: np.ndarray) -> Solved[np.ndarray, int]:
+    def without(out: frozenset[int], near: np.ndarray) -> SolvedWithout[np.ndarray, int]:
         watch.stop()  # while the first set is solved for
         return real(out, near)
 

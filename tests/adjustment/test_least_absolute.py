@@ -13,7 +13,7 @@ from anaplot.adjustment.leastabsolute import (
     least_absolute,
     least_absolute_residuals,
 )
-from anaplot.adjustment.leftout import Left
+from anaplot.adjustment.leftout import ReducedSystem
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.strategies import find_gross_errors
 
@@ -119,7 +119,7 @@ def test_rows_left_out_for_good_count_nothing() -> None:
     rest = np.delete(np.arange(40), 9)
     expected = least_absolute(csr_array(design[rest]), errors[rest]).residuals
     for known in (True, False):
-        left = Left(residuals(design, errors, known=known), [9])
+        left = ReducedSystem(residuals(design, errors, known=known), [9])
         np.testing.assert_allclose(least_absolute_residuals(left)[rest], expected, atol=1e-7)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from anaplot.adjustment.residualsystem import DenseResiduals
-from anaplot.adjustment.scale import Apriori, ScaleError, check_scale, robust_scale
+from anaplot.adjustment.scale import AprioriSigma, ScaleError, check_scale, robust_scale
 from anaplot.adjustment.strategies import find_gross_errors
 
-UM = Apriori("block demo", "image_um", 5.0, "um")
+UM = AprioriSigma("block demo", "image_um", 5.0, "um")
 N, U = 60, 12
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastsquares import adjust
-from anaplot.adjustment.leftout import Left
+from anaplot.adjustment.leftout import ReducedSystem
 from anaplot.adjustment.reliability import beyond_model
 from anaplot.adjustment.residualsystem import DenseResiduals, dense_residuals
 from anaplot.adjustment.reweighting import weighted_misclosures
@@ -78,7 +78,7 @@ def test_order_does_not_matter_and_drop_undoes(seed: int, order: list[int]) -> N
 @given(st.integers(0, 10**6), st.permutations(range(14)), st.integers(1, 5))
 def test_rows_left_out_for_good_are_a_smaller_system(seed: int, order: list[int], k: int) -> None:
     design, misclosures, system = random_system(seed, 14, 4)
-    left, keep = Left(system, order[:k]), np.sort(order[k:])
+    left, keep = ReducedSystem(system, order[:k]), np.sort(order[k:])
     anew = system_of(design[keep], misclosures[keep])
     assert left.names == system.names
     assert left.redundancy == anew.redundancy

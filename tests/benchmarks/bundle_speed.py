@@ -14,7 +14,7 @@ from math import log
 import numpy as np
 
 from anaplot.bundle.live import LiveBlock
-from anaplot.bundle.solve.normal import NormalEquations, State, linearise, make_structure
+from anaplot.bundle.solve.normal import BlockState, NormalEquations, linearise, make_structure
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.photogrammetry.block import (
@@ -30,7 +30,7 @@ from anaplot.photogrammetry.block import (
 BASE, HEIGHT, C = 600.0, 1000.0, 150.0
 
 
-def regular_block(side: int) -> tuple[Problem, State]:
+def regular_block(side: int) -> tuple[Problem, BlockState]:
     """A side x side block, 60/60, a 5 x 5 grid of points per photo, control every third base."""
     half = 2
     lines = range(-half, half * (side - 1) + half + 1)
@@ -87,7 +87,7 @@ def regular_block(side: int) -> tuple[Problem, State]:
     )
     centres = np.array([(i * BASE, j * BASE, HEIGHT) for i, j in photos])
     origin = points.mean(axis=0)
-    state = State(
+    state = BlockState(
         centres - origin,
         np.broadcast_to(np.eye(3), (len(centres), 3, 3)).copy(),
         points - origin,
@@ -117,7 +117,7 @@ def unit(size: int = 2000) -> float:
     return best(lambda: np.linalg.cholesky(a), 3)[0]
 
 
-def dense_step(problem: Problem, state: State):
+def dense_step(problem: Problem, state: BlockState):
     """The same answer from the dense formula: all q_vv by one inverse of the full matrix."""
     linear = linearise(problem, state)
     n, m, p = len(problem.photos), len(problem.photo), len(problem.points)
@@ -134,7 +134,7 @@ def dense_step(problem: Problem, state: State):
     return 1.0 - np.einsum("ij,jk,ik->i", design, inverse, design, optimize=True)
 
 
-def complete_step(problem: Problem, state: State, structure):
+def complete_step(problem: Problem, state: BlockState, structure):
     """Derivatives, equations, factor, corrections and every redundancy number."""
     times = [time.perf_counter()]
     linear = linearise(problem, state)

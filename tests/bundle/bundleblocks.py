@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anaplot.bundle.solve.normal import State
+from anaplot.bundle.solve.normal import BlockState
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.block import (
     Block,
@@ -32,7 +32,7 @@ class Scene:
     rotations: dict[str, np.ndarray]
     points: dict[str, np.ndarray]
 
-    def start(self, problem: Problem, rng=None, shift=0.0, turn=0.0) -> State:
+    def start(self, problem: Problem, rng=None, shift=0.0, turn=0.0) -> BlockState:
         """Return true values, disturbed by `shift` [m] and `turn` [rad]."""
         centres = np.array([self.centres[p] for p in problem.photos])
         rotations = np.array([self.rotations[p] for p in problem.photos])
@@ -44,7 +44,7 @@ class Scene:
                 [r @ rotation_matrix(*(rng.normal(size=3) * turn)) for r in rotations]
             )
         origin = points.mean(axis=0)
-        return State(
+        return BlockState(
             centres - origin,
             rotations,
             points - origin,

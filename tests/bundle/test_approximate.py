@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.start.relative import orient_pair, spread_rotations
 from anaplot.bundle.start.resection import resect, three_point_resection
-from anaplot.bundle.start.subblock import Cluster
+from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.block import ControlPoint, Strip
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
@@ -247,14 +247,14 @@ def test_strips_that_share_a_line_of_points_look_the_same_way(seed: int, noise: 
     line = np.column_stack((x, 0 * x, 0 * x))
     sides = [np.column_stack((x, 0 * x + y, 0 * x)) for y in (-1.0, 1.0)]
 
-    def strip(k: int) -> Cluster:
+    def strip(k: int) -> SubBlock:
         points = np.full((21, 3), np.nan)
         points[:7], points[7 * k + 7 : 7 * k + 14] = line, sides[k]
         points += rng.normal(size=points.shape) * noise
         centres, rotations = np.full((14, 3), np.nan), np.full((14, 3, 3), np.nan)
         centres[7 * k : 7 * k + 7] = sides[k] / 2.0 + [0.0, 0.0, 1.0]
         rotations[7 * k : 7 * k + 7] = np.eye(3)
-        return Cluster(centres, rotations, points)
+        return SubBlock(centres, rotations, points)
 
     first, second = strip(0), strip(1)
     second.transform(

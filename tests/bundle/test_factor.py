@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anaplot.bundle.solve.dissection import dissect
-from anaplot.bundle.solve.factor import Factor, NotPositiveError, make_pattern
+from anaplot.bundle.solve.factor import Factor, NotPositiveError, sparsity_pattern
 
 
 def system(seed: int, n: int, d: int, g: int, reach: float, leaf: int):
@@ -30,7 +30,7 @@ def system(seed: int, n: int, d: int, g: int, reach: float, leaf: int):
     i, j = np.nonzero(near)
     keep = order.position[i] >= order.position[j]
     rows, columns = i[keep], j[keep]
-    pattern = make_pattern(order, rows, columns, d, g)
+    pattern = sparsity_pattern(order, rows, columns, d, g)
     blocks = np.array(
         [dense[r * d : r * d + d, c * d : c * d + d] for r, c in zip(rows, columns, strict=True)]
     )

@@ -16,7 +16,7 @@ from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
 from anaplot.bundle.hypotheses.checktests import check_tests
 from anaplot.bundle.hypotheses.controltests import control_tests
 from anaplot.bundle.hypotheses.parametertests import parameter_tests
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, Variance
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors, own_parameter_cofactors
 from anaplot.bundle.solve.problem import make_problem
@@ -680,17 +680,17 @@ def test_settings_and_variance() -> None:
     for bad in ({"alpha": 0.0}, {"alpha": 0.9}, {"power": 1.0}, {"correlated": 1.0}):
         with pytest.raises(ValueError, match="must lie"):
             HypothesisSettings(**bad)
-    tau = Variance(30.0, 20, False)
+    tau = VarianceFactor(30.0, 20, False)
     assert tau.sigma == pytest.approx(np.sqrt(1.5))
     assert tau.degrees == 20
-    assert tau.without(10.0, 4) == Variance(20.0, 16, False)
+    assert tau.without(10.0, 4) == VarianceFactor(20.0, 16, False)
     assert tau.without(10.0, 20).sigma is None
     verdict = tau.without(10.0, 20).test(3.0, 1, 0.05)
     assert verdict.estimated is None
     assert verdict.decisive is None
     assert verdict.rejected is None
-    assert Variance(1e-20, 20, False).sigma is None  # rounding
-    baarda = Variance(30.0, 20, True)
+    assert VarianceFactor(1e-20, 20, False).sigma is None  # rounding
+    baarda = VarianceFactor(30.0, 20, True)
     assert baarda.degrees is None
     assert baarda.used == 1.0
     assert baarda.test(9.0, 1, 0.05).rejected

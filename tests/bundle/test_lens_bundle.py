@@ -16,7 +16,7 @@ from anaplot.bundle.solve.normal import move
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Camera, ControlPoint
-from anaplot.photogrammetry.lens import LENS_PARAMETERS, seen_through
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 pytestmark = pytest.mark.slow
@@ -27,7 +27,7 @@ CORRECTION = LENS - np.array([150.0, *[0.0] * 9])
 
 
 def distorted(x: float, y: float):
-    return seen_through(np.array([[x, y]]) / 150.0, LENS).xy[0] - (x, y)
+    return through_lens(np.array([[x, y]]) / 150.0, LENS).xy[0] - (x, y)
 
 
 def calibration_block(noise_um: float = 3.0):

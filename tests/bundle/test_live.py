@@ -52,14 +52,14 @@ def test_a_wrong_ray_is_accused_remeasured_and_forgotten() -> None:
     live = LiveBlock(replace(scene.block, image_points=tuple(rows)))
     answer = live.update(live.block)
     assert (good.photo, good.point, "x") in answer.newly_flagged
-    worst = answer.accused[good.point][0]
+    worst = answer.suspect_rays[good.point][0]
     assert worst.photo == "102"
     assert worst.probability > 0.9
-    assert sum(ray.probability for ray in answer.accused[good.point]) == pytest.approx(1.0)
+    assert sum(ray.probability for ray in answer.suspect_rays[good.point]) == pytest.approx(1.0)
     answer = live.remeasure("102", good.point, (good.x, good.y))
     assert answer.reused
     assert (good.photo, good.point, "x") in answer.no_longer_flagged
-    assert good.point not in answer.accused
+    assert good.point not in answer.suspect_rays
     agree(answer.adjusted, adjust_block(scene.block))
     # what was measured long ago and spoilt now shows up by name
     old = rows[0]

@@ -12,7 +12,7 @@ from bundleblocks import aerial
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import clean_control_last
-from anaplot.bundle.errors.rescue import adjust_what_fits
+from anaplot.bundle.errors.misfits import adjust_without_misfits
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.bundle.solve.openmovement import held_by_noise
@@ -120,4 +120,4 @@ def test_gross_errors_of_a_determined_block_are_still_blamed_and_rescued(datum: 
     block = replace(scene.block, image_points=tuple(rows))
     with pytest.raises(NoConvergenceError, match="in photo 102 disagrees"):
         adjust_block(block, datum=datum)
-    assert adjust_what_fits(make_problem(block, datum=datum)).left_out
+    assert adjust_without_misfits(make_problem(block, datum=datum)).left_out

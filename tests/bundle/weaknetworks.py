@@ -9,7 +9,7 @@ from bundleblocks import Scene, make_scene
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from anaplot.bundle.solve.normal import State
+from anaplot.bundle.solve.normal import BlockState
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.block import Photo
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
@@ -91,7 +91,9 @@ def short_base(
     return scene
 
 
-def dense_minimum(problem: Problem, start: State, evaluations: int = 2000) -> tuple[float, State]:
+def dense_minimum(
+    problem: Problem, start: BlockState, evaluations: int = 2000
+) -> tuple[float, BlockState]:
     """v'Pv at the end of scipy's trust region, and where: nothing of the room's own is used.
 
     A free datum is what the trust region makes of it: it stays near the start.

@@ -18,7 +18,7 @@ from anaplot.console.rows import shown_rows
 from anaplot.console.tableview import TableView
 from anaplot.photogrammetry.block import Camera, TestSettings
 from anaplot.photogrammetry.inner import orient_inner
-from anaplot.photogrammetry.inneradvice import advise
+from anaplot.photogrammetry.inneradvice import inner_advice
 from anaplot.photogrammetry.platetransformation import random_placement
 from anaplot.planning.syntheticcamera import with_calibration
 from anaplot.session.plates import ReadOut
@@ -55,7 +55,7 @@ def inner(measured=8, wrong="", *, side="left", accepted=False, off=()) -> Inner
         ),
         solution=solution,
         suspects=tuple(row.key for row in solution.flagged) if solution else (),
-        advice=advise(replace(solution, unmeasured=())) if solution else (),
+        advice=inner_advice(replace(solution, unmeasured=())) if solution else (),
         accepted=accepted,
     )
 

@@ -6,14 +6,16 @@ from consolefake import picture, solution
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anaplot.console.mapdrawing import Layer, Projection, draw_map, nice_above
+from anaplot.console.mapdrawing import Layer, MapProjection, draw_map, nice_above
 from anaplot.orientation.results import Diagnosis
 from anaplot.station.snapshot import PointView
 
 
 @pytest.mark.parametrize("size", [(28, 14), (60, 20), (20, 40), (160, 50), (200, 8)])
 def test_the_scale_is_the_same_along_both_axes(size):
-    projection = Projection.around([(0.0, -100.0), (90.0, 100.0)], 2 * size[0], 4 * size[1], (6, 4))
+    projection = MapProjection.around(
+        [(0.0, -100.0), (90.0, 100.0)], 2 * size[0], 4 * size[1], (6, 4)
+    )
     x0, y0 = projection.dots(0.0, 0.0)
     x1, _ = projection.dots(30.0, 0.0)
     _, y1 = projection.dots(0.0, 30.0)
@@ -25,8 +27,8 @@ def test_the_scale_is_the_same_along_both_axes(size):
 
 
 def test_the_frame_stands_still_while_points_shift_a_little():
-    a = Projection.around([(1.0, -98.0), (88.0, 97.0)], 60, 60, (6, 4))
-    b = Projection.around([(1.3, -97.6), (88.4, 97.9)], 60, 60, (6, 4))
+    a = MapProjection.around([(1.0, -98.0), (88.0, 97.0)], 60, 60, (6, 4))
+    b = MapProjection.around([(1.3, -97.6), (88.4, 97.9)], 60, 60, (6, 4))
     assert a == b
 
 

@@ -7,7 +7,7 @@ from flightscene import BAARDA, PAPER, PROPAGATED, bridge_flight, fly, ideal_pai
 from anaplot.adjustment.leastsquares import adjust
 from anaplot.orientation.model import UNKNOWNS, orient
 from anaplot.orientation.patterns import PATTERNS, pattern
-from anaplot.orientation.solver import Conditions, State
+from anaplot.orientation.solver import ConditionEquations, ModelUnknowns
 
 SIZE = 0.100  # mm, as in the paper
 
@@ -19,9 +19,9 @@ def parallaxes(model):
 @pytest.mark.parametrize("name", list(PATTERNS))
 def test_planted_in_the_misclosure_it_is_exact(name):
     pair = ideal_pair(name)
-    conditions = Conditions(pair)
+    conditions = ConditionEquations(pair)
     first = not pattern(name).ties
-    rows = conditions.evaluate(State(60.0, 0.0, 0.0, np.eye(3)))
+    rows = conditions.evaluate(ModelUnknowns(60.0, 0.0, 0.0, np.eye(3)))
     q = conditions.cofactors(60.0)
     design = (rows[conditions.unknown_rows()] * np.sqrt(q)).T
     names = UNKNOWNS[1:] if first else UNKNOWNS

@@ -17,7 +17,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from anaplot.orientation.model import UNKNOWNS, orient
-from anaplot.orientation.solver import Conditions, find_orientation
+from anaplot.orientation.solver import ConditionEquations, find_orientation
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 seeds = st.integers(0, 10**9)
@@ -115,7 +115,7 @@ def test_the_fixed_point_has_the_weights_of_the_converged_unknowns(seed, precisi
     flight = fly(seed, 3, noise=0.01)
     first = bridge_flight(flight, precision)[0]
     for pair in (pair_of(flight, 0), pair_of(flight, 1, first)):
-        conditions = Conditions(pair, precision.tie_variance)
+        conditions = ConditionEquations(pair, precision.tie_variance)
         bx = abs(float(np.mean(pair.xl[:, 0] - pair.xr[:, 0]))) if conditions.first else None
         found, suspects = find_orientation(pair, conditions, bx, 0.005)
         assume(suspects == ())  # else a point was held out of the equations
@@ -145,7 +145,7 @@ def test_converged_means_that_the_next_undamped_correction_is_nothing(seed, poin
     first = bridge_flight(flight)[0]
     for k, pair in enumerate((pair_of(flight, 0), pair_of(flight, 1, first))):
         pair = spoiled(pair, point if k else "0c", "y", size)
-        conditions = Conditions(pair)
+        conditions = ConditionEquations(pair)
         bx = abs(float(np.mean(pair.xl[:, 0] - pair.xr[:, 0]))) if conditions.first else None
         found, _ = find_orientation(pair, conditions, bx, 0.005)
         if found is None or not found.usable:
@@ -165,7 +165,7 @@ def test_cofactors_of_the_unknowns_against_numerical_derivatives(seed):
     pair = pair_of(flight, 1, first)
     model = orient(pair, PAPER, TAU)
     assert model.unknowns == UNKNOWNS
-    conditions = Conditions(pair)
+    conditions = ConditionEquations(pair)
     bx, by, bz = model.base
     omega, phi, kappa = model.rotation
     g = np.array([bx, by / bx, bz / bx, kappa, phi, omega])

@@ -19,7 +19,7 @@ from anaplot.photogrammetry.inner import (
     candidates,
     orient_inner,
 )
-from anaplot.photogrammetry.inneradvice import advise
+from anaplot.photogrammetry.inneradvice import inner_advice
 
 CORNERS = [(-106.003, 106.001), (106.0, 105.998), (106.002, -106.0), (-105.998, -106.003)]
 SIDES = [(-113.0, 0.012), (0.003, 113.004), (113.001, -0.004), (0.0, -112.998)]
@@ -222,7 +222,7 @@ def test_the_transformation_is_chosen_from_the_data_at_hand(count, kind):
     inner = orient_inner(camera(EIGHT), named(laid(EIGHT, LIES["straight"])[:count]))
     assert inner.kind == kind == candidates(camera(EIGHT), count)[0]
     assert inner.unmeasured == tuple(str(k + 1) for k in range(count, 8))
-    assert (f"not measured: {', '.join(inner.unmeasured)}" in advise(inner)) == (count < 8)
+    assert (f"not measured: {', '.join(inner.unmeasured)}" in inner_advice(inner)) == (count < 8)
 
 
 def test_a_poorer_transformation_where_the_first_is_not_determined_and_said_so():
@@ -230,7 +230,7 @@ def test_a_poorer_transformation_where_the_first_is_not_determined_and_said_so()
     for lie in LIES.values():
         inner = orient_inner(camera(places), named(laid(places, lie)))
         assert inner.kind == "affine"
-        (remark,) = (text for text in advise(inner) if "instead" in text)
+        (remark,) = (text for text in inner_advice(inner) if "instead" in text)
         assert "bilinear" in remark
         assert "x y in x, x y in y" in remark
     with pytest.raises(NotComputableError, match=r"bilinear transformation .*x y in x, x y in y"):
@@ -299,7 +299,9 @@ def test_one_wrong_fiducial_among_eight_is_found(wrong, axis, test):
     row = inner.flagged[0]
     assert row.key == (str(wrong + 1), "xy"[axis])
     assert row.residual == pytest.approx(-120.0 * row.r, abs=12.0)
-    assert advise(inner)[0].startswith(f"remeasure {wrong + 1} ({'xy'[axis]}): more than 1000 to 1")
+    assert inner_advice(inner)[0].startswith(
+        f"remeasure {wrong + 1} ({'xy'[axis]}): more than 1000 to 1"
+    )
 
 
 @pytest.mark.parametrize("wrong", range(4))
@@ -312,7 +314,7 @@ def test_one_wrong_fiducial_among_four_is_noticed_and_cannot_be_located(places, 
         assert inner.kind == "affine"
         assert not inner.locatable
         assert inner.refused
-        said = " / ".join(advise(inner))
+        said = " / ".join(inner_advice(inner))
         assert "among four fiducials one wrong fiducial cannot be located" in said
         assert "remeasure" not in said
         assert "1, 2, 3 and 4" in said
@@ -326,8 +328,8 @@ def test_one_wrong_fiducial_among_four_is_noticed_and_cannot_be_located(places, 
 def test_four_good_fiducials_say_beforehand_what_they_cannot():
     inner = orient_inner(camera(CORNERS), named(laid(CORNERS, LIES["straight"])))
     assert not inner.refused
-    assert advise(inner)[0] == "nothing is flagged"
-    assert "among four fiducials one wrong fiducial cannot be located" in advise(inner)[1]
+    assert inner_advice(inner)[0] == "nothing is flagged"
+    assert "among four fiducials one wrong fiducial cannot be located" in inner_advice(inner)[1]
 
 
 def test_without_redundancy_there_is_no_check_and_said_so():
@@ -338,7 +340,9 @@ def test_without_redundancy_there_is_no_check_and_said_so():
         False,
     ) * 2
     assert all(row.w is None and row.mdb is None for row in inner.rows)
-    assert advise(inner) == ("four fiducials and the projective transformation: no check at all",)
+    assert inner_advice(inner) == (
+        "four fiducials and the projective transformation: no check at all",
+    )
 
 
 @given(
@@ -350,7 +354,9 @@ def test_two_exchanged_fiducials_are_named(pair, lie):
     plate[pair] = plate[pair[::-1]]
     inner = orient_inner(camera(EIGHT), named(plate), transformation="helmert")
     assert inner.exchanged == (str(pair[0] + 1), str(pair[1] + 1))
-    assert advise(inner)[0].startswith(f"{pair[0] + 1} and {pair[1] + 1} seem to be exchanged")
+    assert inner_advice(inner)[0].startswith(
+        f"{pair[0] + 1} and {pair[1] + 1} seem to be exchanged"
+    )
 
 
 @pytest.mark.parametrize("pair", [(0, 1), (1, 2), (2, 3), (0, 3)])
@@ -372,7 +378,7 @@ def test_any_two_of_eight_exchanged_are_named(pair, lie):
     first, second = (str(k + 1) for k in pair)
     said = f"{first} and {second} seem to be exchanged"
     try:
-        told = advise(orient_inner(camera(EIGHT), named(plate), apriori_um=4.0))[0]
+        told = inner_advice(orient_inner(camera(EIGHT), named(plate), apriori_um=4.0))[0]
     except NotComputableError as error:
         told = str(error).partition("do not fit: ")[2]
     assert told.startswith(said)
@@ -381,14 +387,14 @@ def test_any_two_of_eight_exchanged_are_named(pair, lie):
 def test_plate_coordinates_in_another_unit():
     plate = laid(CORNERS, LIES["straight"]) * 1000.0
     inner = orient_inner(camera(CORNERS), named(plate))
-    assert any("are the plate coordinates in mm" in text for text in advise(inner))
+    assert any("are the plate coordinates in mm" in text for text in inner_advice(inner))
 
 
 def test_film_that_shrank_unequally_asks_for_more_than_a_similarity():
     plate = laid(EIGHT, LIES["straight"])
     inner = orient_inner(camera(EIGHT), named(plate), transformation="helmert")
     assert inner.refused
-    assert any("asks for the affine transformation" in text for text in advise(inner))
+    assert any("asks for the affine transformation" in text for text in inner_advice(inner))
 
 
 def test_detectable_errors_limits_and_power():
@@ -466,7 +472,7 @@ def test_two_distances_by_hand(lie):
     assert r["1", "x"] == pytest.approx(0.5 * 25.0 / 54.0, rel=1e-3)
     assert r["1", "y"] == pytest.approx(0.0, abs=1e-6)
     assert not inner.locatable
-    assert "x runs from 1 to 3" in " ".join(advise(inner))
+    assert "x runs from 1 to 3" in " ".join(inner_advice(inner))
 
 
 def test_scales_along_x_and_y_on_request():
@@ -481,7 +487,7 @@ def test_scales_along_x_and_y_on_request():
     assert similarity.redundancy == 5
     assert similarity.placement.scale_x == pytest.approx(1.0, abs=1e-4)
     assert max(abs(d.difference_um) for d in similarity.distances) > 100.0
-    assert any("asks for scales along x and y" in text for text in advise(similarity))
+    assert any("asks for scales along x and y" in text for text in inner_advice(similarity))
 
 
 def test_distances_of_a_net_by_an_independent_adjustment():
@@ -535,7 +541,7 @@ def test_the_centre_of_more_than_four_is_their_mean():
     inner = orient_inner(wide, named(plate))
     image = inner.transformation.to_image(plate)
     assert image.mean(axis=0) == pytest.approx((0.0, 0.0), abs=1e-9)
-    assert "mean of the fiducials" in " ".join(advise(inner))
+    assert "mean of the fiducials" in " ".join(inner_advice(inner))
 
 
 def test_every_name_can_be_asked_for():
@@ -560,7 +566,7 @@ def test_however_wrong_one_is_there_is_an_answer_or_a_reason(wrong, dx, dy, kind
         said = str(error)
     else:
         assert sum(row.r for row in inner.rows) == pytest.approx(inner.redundancy, abs=1e-6)
-        said = " ".join(advise(inner))
+        said = " ".join(inner_advice(inner))
         if hypot(dx, dy) > 1.0:
             assert inner.refused
     assert said.isprintable()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anaplot.photogrammetry.lens import LENS_PARAMETERS, seen_through
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 
 PARAMETERS = np.array([52.0, 0.3, -0.2, -0.05, 0.02, -0.004, 1.5e-3, -8e-4, 2e-3, -1e-3])
 
@@ -17,7 +17,7 @@ def directions(n: int = 40) -> np.ndarray:
 def test_without_distortion_it_is_the_camera_constant() -> None:
     parameters = np.array([100.0, 1.0, 2.0, *[0.0] * 7])
     np.testing.assert_allclose(
-        seen_through(directions(), parameters).xy, 100.0 * directions() + [1.0, 2.0]
+        through_lens(directions(), parameters).xy, 100.0 * directions() + [1.0, 2.0]
     )
 
 
@@ -31,7 +31,7 @@ def test_it_is_the_opencv_model_seen_upside_down() -> None:
     radial = k1 * (u * u + v * v) + k2 * (u * u + v * v) ** 2
     du = u * radial + 2.0 * p1 * u * v + p2 * (u * u + v * v + 2.0 * u * u)
     dv = v * radial + 2.0 * p2 * u * v + p1 * (u * u + v * v + 2.0 * v * v)
-    xy = seen_through(direction, parameters).xy
+    xy = through_lens(direction, parameters).xy
     np.testing.assert_allclose(xy[:, 0], x0 + c * (u + du), rtol=1e-13)
     np.testing.assert_allclose(xy[:, 1], y0 - c * (v + dv), rtol=1e-13)
 
@@ -41,7 +41,7 @@ def test_affinity_and_shear_move_x_alone() -> None:
     plain[0] = bent[0] = 50.0
     bent[8:] = 1e-3, 2e-3
     d = directions()
-    moved = seen_through(d, bent).xy - seen_through(d, plain).xy
+    moved = through_lens(d, bent).xy - through_lens(d, plain).xy
     np.testing.assert_allclose(moved[:, 0], 50.0 * (1e-3 * d[:, 0] + 2e-3 * d[:, 1]), atol=1e-14)
     np.testing.assert_array_equal(moved[:, 1], 0.0)
 
@@ -51,8 +51,8 @@ def test_derivatives_by_parameters(k: int) -> None:
     step = np.zeros(10)
     step[k] = 1e-5
     d = directions()
-    ends = [seen_through(d, PARAMETERS + sign * step).xy for sign in (1.0, -1.0)]
-    analytic = seen_through(d, PARAMETERS).by_parameter[:, :, k]
+    ends = [through_lens(d, PARAMETERS + sign * step).xy for sign in (1.0, -1.0)]
+    analytic = through_lens(d, PARAMETERS).by_parameter[:, :, k]
     np.testing.assert_allclose((ends[0] - ends[1]) / 2e-5, analytic, rtol=1e-6, atol=1e-8)
     assert len(LENS_PARAMETERS) == 10
 
@@ -61,6 +61,6 @@ def test_derivatives_by_parameters(k: int) -> None:
 def test_derivatives_by_the_direction(axis: int) -> None:
     step = 1e-5 * np.eye(2)[axis]
     d = directions()
-    ends = [seen_through(d + sign * step, PARAMETERS).xy for sign in (1.0, -1.0)]
-    analytic = seen_through(d, PARAMETERS).by_direction[:, :, axis]
+    ends = [through_lens(d + sign * step, PARAMETERS).xy for sign in (1.0, -1.0)]
+    analytic = through_lens(d, PARAMETERS).by_direction[:, :, axis]
     np.testing.assert_allclose((ends[0] - ends[1]) / 2e-5, analytic, rtol=1e-7, atol=1e-7)

@@ -16,7 +16,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Camera
-from anaplot.planning.idealblock import Station
+from anaplot.planning.idealblock import ExposureStation
 from anaplot.planning.networkplan import (
     CUBE_VERSIONS,
     Network,
@@ -24,7 +24,7 @@ from anaplot.planning.networkplan import (
     looking_at,
     plan_network,
 )
-from anaplot.planning.plannedreliability import photo_worth, point_worth
+from anaplot.planning.plannedreliability import photo_reliability, point_reliability
 
 # n, u, r, AI X Y Z all [mm] for 1 um, RI x' y' (1978, Table 2, as worked out)
 TABLE_2 = {
@@ -202,7 +202,7 @@ def test_the_accuracy_of_control_free_of_error_is_that_of_the_written_block(
 def test_worth_is_sorted_and_true() -> None:
     block = plan_network(cube("B")).evaluated()
     r = {(row.photo, row.point): row.r for row in block.ray_rows()}
-    points, photos = point_worth(block), photo_worth(block)
+    points, photos = point_reliability(block), photo_reliability(block)
     for found in (points, photos):
         assert np.all(np.diff([worth.low_r for worth in found]) > -1e-8)
     for worth in points:
@@ -294,7 +294,7 @@ def test_a_point_is_seen_along_the_shortest_ray() -> None:
     corner = np.zeros(3)
     near = {"near": np.array([0.0, 0.0, -1e-200]), "behind": np.array([0.0, 0.0, -2e-200])}
     normals = {"near": np.array([0.0, 0.0, 1.0]), "behind": np.array([0.0, 0.0, -1.0])}
-    stations = {"s": Station(corner, np.eye(3), "cam")}
+    stations = {"s": ExposureStation(corner, np.eye(3), "cam")}
     made = plan_network(Network("n", (Camera("cam", 50.0),), stations, near, normals=normals))
     assert [row.point for row in made.block.image_points] == ["near"]
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from anaplot.orientation.patterns import PATTERNS, pattern
-from anaplot.planning.patternplan import advise, advise_sets, from_pattern, grid, solve
+from anaplot.planning.patternplan import advise_point_sets, advise_points, from_pattern, grid, solve
 
 GEOMETRY = (90.0, 100.0, 152.0)
 
@@ -30,7 +30,7 @@ def test_no_further_point_lowers_a_redundancy_number_and_the_advice_is_true(name
             new = {r.key: r.r for r in wider.table}
             assert all(new[key] >= old[key] - 1e-9 for key in old)
             tried[x, y, tie] = min(new[key] for key in old)
-    advice = advise(plan, places)
+    advice = advise_points(plan, places)
     best = advice[0]
     assert best.before == pytest.approx(min(old.values()))
     assert best.after == pytest.approx(max(tried.values()))
@@ -41,7 +41,9 @@ def test_no_further_point_lowers_a_redundancy_number_and_the_advice_is_true(name
 
 @pytest.mark.parametrize(("name", "tie", "no_tie"), [("9/3", 0.287, 0.273), ("13/5", 0.594, 0.590)])
 def test_a_double_of_the_middle_tie_helps_most_as_a_tie(name, tie, no_tie):
-    advice = advise(from_pattern(pattern(name), *GEOMETRY), grid((0.0, 90.0), (-100.0, 100.0)))
+    advice = advise_points(
+        from_pattern(pattern(name), *GEOMETRY), grid((0.0, 90.0), (-100.0, 100.0))
+    )
     assert (advice[0].doubles, advice[0].tie) == ("2", True)
     assert advice[0].after == pytest.approx(tie, abs=5e-4)
     best = next(a for a in advice if not a.tie)
@@ -52,7 +54,9 @@ def test_a_double_of_the_middle_tie_helps_most_as_a_tie(name, tie, no_tie):
 
 
 def test_a_first_model_gets_no_tie():
-    advice = advise(from_pattern(pattern("9"), *GEOMETRY), grid((0.0, 90.0), (-100.0, 100.0)))
+    advice = advise_points(
+        from_pattern(pattern("9"), *GEOMETRY), grid((0.0, 90.0), (-100.0, 100.0))
+    )
     assert not any(a.tie for a in advice)
 
 
@@ -64,8 +68,8 @@ def test_sets_help_where_single_points_do_not(name, one, four):
     plan = from_pattern(pattern(name), *GEOMETRY)
     places = grid((0.0, 90.0), (-100.0, 100.0))
     choice = "exact" if plan.ties else "paper"
-    assert advise(plan, places, choice)[0].after == pytest.approx(one, abs=5e-4)
-    two, best = advise_sets(plan, places, choice)
+    assert advise_points(plan, places, choice)[0].after == pytest.approx(one, abs=5e-4)
+    two, best = advise_point_sets(plan, places, choice)
     assert best.after == pytest.approx(four, abs=5e-4)
     assert two.symmetric
     assert best.symmetric
@@ -83,13 +87,13 @@ def test_sets_help_where_single_points_do_not(name, one, four):
         rows = {row.key: row.r for row in solve(wider, choice).table}
         there = [row.key for row in solve(plan, choice).table]
         assert found.after == pytest.approx(min(rows[key] for key in there), abs=1e-9)
-    assert two.after > advise(plan, places, choice)[0].after
+    assert two.after > advise_points(plan, places, choice)[0].after
 
 
 def test_by_four_steps_six_points_do_not_come_far():
     plan = from_pattern(pattern("6"), *GEOMETRY)
     for step in range(4):
-        best = advise(plan, ())[0]
+        best = advise_points(plan, ())[0]
         plan = replace(plan, points=(*plan.points, (f"z{step}", best.x, best.y)))
     old = {(label, "y") for label in "123456"}
     weakest = min(row.r for row in solve(plan).table if row.key in old)

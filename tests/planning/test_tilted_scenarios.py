@@ -28,7 +28,7 @@ def test_the_block_is_its_own_adjustment() -> None:
     moved = np.random.default_rng(2).normal(size=design.shape[1])
     points = len(block.inverse) // 3
     np.testing.assert_allclose(
-        block.ground(design @ moved, ()), moved[-3 * points :].reshape(-1, 3), atol=1e-6
+        block.point_errors(design @ moved, ()), moved[-3 * points :].reshape(-1, 3), atol=1e-6
     )
 
 
@@ -42,7 +42,7 @@ def test_a_row_left_out_has_no_say_on_the_ground() -> None:
     length = np.linalg.norm(design, axis=0)
     expected = np.linalg.lstsq(design / length, errors[rest], rcond=None)[0] / length
     np.testing.assert_allclose(
-        block.ground(errors, (row,)).ravel(), expected[-len(block.inverse) :], atol=1e-7
+        block.point_errors(errors, (row,)).ravel(), expected[-len(block.inverse) :], atol=1e-7
     )
 
 

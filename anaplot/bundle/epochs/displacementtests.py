@@ -24,7 +24,7 @@ from anaplot.adjustment.hypothesis import (
     scheffe_factor,
 )
 from anaplot.bundle.epochs.displacements import Agreement, EpochDifferences
-from anaplot.bundle.hypotheses.verdict import Variance, Verdict
+from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -252,7 +252,7 @@ def epoch_tests(
         Not 0 < alpha < power < 1.
     """
     power = found.power if power is None else power
-    variance = Variance(found.vtpv, found.redundancy, found.by_known)
+    variance = VarianceFactor(found.vtpv, found.redundancy, found.by_known)
     live = _with_variance(found)
     if not live.any():
         raise NotComputableError("no displacement has a variance: nothing can be tested")
@@ -331,7 +331,7 @@ class _Limits(NamedTuple):
 
 
 def _limits(
-    variance: Variance, alpha: float, power: float, coordinates: int, points: int
+    variance: VarianceFactor, alpha: float, power: float, coordinates: int, points: int
 ) -> _Limits:
     sigma, degrees = variance.used, variance.degrees
     sharp = bonferroni_alpha(alpha, coordinates)
@@ -351,7 +351,7 @@ def _point_move(
     found: EpochDifferences,
     k: int,
     live: NDArray[np.bool_],
-    variance: Variance,
+    variance: VarianceFactor,
     limits: _Limits,
 ) -> PointMove:
     """Test the displacement of point `k` by itself, and its coordinates."""
@@ -388,7 +388,7 @@ def _coordinate_move(
     k: int,
     axis: int,
     live: NDArray[np.bool_],
-    variance: Variance,
+    variance: VarianceFactor,
     limits: _Limits,
 ) -> CoordinateMove:
     at = 3 * k + axis
@@ -415,7 +415,9 @@ def _coordinate_move(
     )
 
 
-def _agreement_test(found: EpochDifferences, variance: Variance, alpha: float) -> Verdict | None:
+def _agreement_test(
+    found: EpochDifferences, variance: VarianceFactor, alpha: float
+) -> Verdict | None:
     """Test "the stable points have not moved"; None where nothing is left to agree in."""
     if found.agreement is None or not found.agreement.dimension > 0:
         return None
@@ -523,7 +525,7 @@ def _doubtful_epochs(found: EpochDifferences, alpha: float) -> list[str]:
 
 def _ratio(found: EpochDifferences) -> VarianceRatio | None:
     (a, f), (b, g) = found.alone
-    if any(Variance(*each, by_known=False).sigma is None for each in found.alone):
+    if any(VarianceFactor(*each, by_known=False).sigma is None for each in found.alone):
         return None
     ratio = (a / f) / (b / g)
     upper = float(fdtrc(f, g, ratio))

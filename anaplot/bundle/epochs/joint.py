@@ -13,7 +13,7 @@ from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
 from anaplot.bundle.solve.namedpoints import point_numbers, point_places
-from anaplot.bundle.solve.normal import State
+from anaplot.bundle.solve.normal import BlockState
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import (
@@ -210,7 +210,7 @@ def adjust_jointly(
 
 def _start(
     problem: Problem, one: AdjustedBlock, two: AdjustedBlock, fitted: Similarity | None
-) -> State:
+) -> BlockState:
     """Approximate values from the epochs' own adjustments."""
     origin = one.state.origin
     centres: dict[str, Array] = {}
@@ -232,7 +232,7 @@ def _start(
     at = np.array([points[n] for n in problem.points])
     fixed = problem.fixed
     at[fixed] = (problem.known - origin)[fixed]
-    return State(
+    return BlockState(
         centres=np.array([centres[n] for n in problem.photos]),
         rotations=np.array([rotations[n] for n in problem.photos]),
         points=at,

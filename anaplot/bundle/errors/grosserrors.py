@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot.adjustment.cleaning import Cleaning, End, Solved, best_of
+from anaplot.adjustment.cleaning import Cleaning, CleaningEnd, SolvedWithout, best_of
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds
@@ -25,7 +25,7 @@ from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.scale import (
     LARGEST,
     LEAST_REDUNDANCY,
-    Apriori,
+    AprioriSigma,
     robust_scale,
     scale_error,
 )
@@ -33,13 +33,23 @@ from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES, sigma_of
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import evaluate
-from anaplot.bundle.errors.rescue import Fitting, adjust_what_fits, minimum_of_what_fits
+from anaplot.bundle.errors.misfits import (
+    PartialAdjustment,
+    adjust_without_misfits,
+    minimum_without_misfits,
+)
 from anaplot.bundle.errors.snooping import classify, estimate_models
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
-from anaplot.bundle.solve.gaussnewton import Found, NoConvergenceError, find_minimum
-from anaplot.bundle.solve.normal import NormalEquations, PointError, State, Structure, linearise
+from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
+from anaplot.bundle.solve.normal import (
+    BlockState,
+    NormalEquations,
+    PointError,
+    Structure,
+    linearise,
+)
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.residuals import BlockResiduals, ObservationName, Unit, block_residuals
@@ -51,7 +61,7 @@ from anaplot.photogrammetry.pointchange import PointChange, point_change
 __all__ = [
     "MOST_ROWS_OF_COLUMNS",
     "BlockFindings",
-    "Refused",
+    "RefusedObservation",
     "RejectedObservation",
     "block_gross_errors",
     "model_values",
@@ -66,7 +76,7 @@ MOST_ROWS_OF_COLUMNS = 20_000
 _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise at
 
 
-class Refused(NamedTuple):
+class RefusedObservation(NamedTuple):
     """An observation that a strategy would reject, but without which the block is not determined.
 
     Attributes
@@ -150,10 +160,10 @@ class BlockFindings:
     """
 
     block: AdjustedBlock
-    begun: Fitting
+    begun: PartialAdjustment
     system: BlockResiduals = field(repr=False)
     passes: tuple[Findings, ...] = field(repr=False)
-    refused: tuple[Refused, ...]
+    refused: tuple[RefusedObservation, ...]
     remarks: tuple[str, ...]
     settings: SearchSettings
     held: frozenset[int] = frozenset()
@@ -165,7 +175,7 @@ class BlockFindings:
         return None if self.begun.left_out else self.begun.block
 
     @property
-    def ground(self) -> PointChange | None:
+    def point_change(self) -> PointChange | None:
         """What it did to the points [m]; None where there is no solution with all observations."""
         if self.first is None:
             return None
@@ -395,9 +405,9 @@ def block_gross_errors(
                 f"block {problem.block.name}: {what} of {n} observations: at most {most}"
             )
     begun = (
-        Fitting(block, (), "")
+        PartialAdjustment(block, (), "")
         if isinstance(block, AdjustedBlock)
-        else adjust_what_fits(problem, progress=watch)
+        else adjust_without_misfits(problem, progress=watch)
     )
     first = begun.block
     held = frozenset[int]()
@@ -429,7 +439,7 @@ def block_gross_errors(
         begun,
         system,
         (*end.passes[:-1], findings),
-        tuple(Refused(refused.name, refused.reason) for refused in end.refused),
+        tuple(RefusedObservation(refused.name, refused.reason) for refused in end.refused),
         (*findings.remarks, *end.remarks),
         used,
         held,
@@ -440,12 +450,12 @@ def block_gross_errors(
 class _Place(NamedTuple):
     """Where a block lies; the minimum that was found, None where it was given."""
 
-    state: State
-    found: Found | None
+    state: BlockState
+    found: Minimum | None
 
 
 _Names = frozenset[ObservationName]
-_Solved = Solved[_Place, ObservationName]
+_Solved = SolvedWithout[_Place, ObservationName]
 
 
 class _Rows:
@@ -463,7 +473,7 @@ class _Rows:
         self._watch, self._control_only = watch, control_only
         self._system: BlockResiduals | None = None
         block = problem.block
-        self.apriori = Apriori.image_um(f"block {block.name}", block.precision.image_um)
+        self.apriori = AprioriSigma.image_um(f"block {block.name}", block.precision.image_um)
 
     def residuals(self, at: _Place, number: int) -> BlockResiduals:
         """Return all rows, linearised at a place."""
@@ -490,7 +500,7 @@ class _Rows:
         assert self._system is not None
         problem = without(self._system, frozenset(self.rows[name] for name in out))
         found = self._minimum(problem, near.state)
-        return Solved(_Place(found.state, found), found.convergence.last)
+        return SolvedWithout(_Place(found.state, found), found.convergence.last)
 
     def suspects(self, system: ResidualSystem) -> NDArray[np.bool_]:
         """Return which rows may be rejected: priors of additional parameters never."""
@@ -509,7 +519,7 @@ class _Rows:
         """Whether there was no minimum to be found."""
         return isinstance(error, NoConvergenceError)
 
-    def _minimum(self, problem: Problem, state: State) -> Found:
+    def _minimum(self, problem: Problem, state: BlockState) -> Minimum:
         linear = linearise(problem, state)
         check_datum(problem, state, linear)
         tie = anchor(problem, state) if problem.defect else None
@@ -521,13 +531,13 @@ class _Rows:
         return find_minimum(problem, state, self.structure, progress=self._watch)
 
     def _open(
-        self, problem: Problem, state: State, error: PointError | NotPositiveError
+        self, problem: Problem, state: BlockState, error: PointError | NotPositiveError
     ) -> NotComputableError:
         tie = anchor(problem, state) if problem.defect else None
         return undetermined(problem, self.structure, linearise(problem, state), tie, error)
 
 
-def _check_scale_at(subject: _Rows, state: State, first: AdjustedBlock, alpha: float) -> None:
+def _check_scale_at(subject: _Rows, state: BlockState, first: AdjustedBlock, alpha: float) -> None:
     """Complain where most residuals at a robust state are too large: no few errors make them so.
 
     Raises
@@ -563,7 +573,7 @@ def _best_end(
     held: frozenset[int],
     *,
     complete: bool,
-) -> End[_Place, ObservationName]:
+) -> CleaningEnd[_Place, ObservationName]:
     """Search from the first adjustment, and from a robust one where that is torn.
 
     Where no set that is found can be left out, what fits nowhere stays out for good. `held` are
@@ -571,22 +581,22 @@ def _best_end(
     """
     problem, structure = subject.problem, subject.structure
     fixed = _named(subject, first, held)
-    ends: list[End[_Place, ObservationName]] = []
+    ends: list[CleaningEnd[_Place, ObservationName]] = []
     failures: list[NotComputableError] = []
     reduced = first.problem
 
-    def go_on(state: State, known: _Solved | None, out: _Names) -> None:
+    def go_on(state: BlockState, known: _Solved | None, out: _Names) -> None:
         try:
             ends.append(cleaning.run(_Place(state, None), known, out))
         except NotComputableError as error:
             failures.append(error)
 
     state = first.state
-    known: _Solved | None = Solved(_Place(state, None), first.vtpv) if complete else None
+    known: _Solved | None = SolvedWithout(_Place(state, None), first.vtpv) if complete else None
     if first.sigma0 is not None and first.sigma0 > _TORN:
         start = first.state if first.robust is None else first.robust
         with suppress(np.linalg.LinAlgError):
-            least = minimum_of_what_fits(problem, structure, start)
+            least = minimum_without_misfits(problem, structure, start)
             if least is None:
                 start = robust_state(problem, structure, start).state
             else:

@@ -10,10 +10,10 @@ from anaplot.adjustment.partners import likeliest
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
-__all__ = ["Coordinate", "Suspect", "likeliest_suspects"]
+__all__ = ["ImageCoordinate", "Suspect", "likeliest_suspects"]
 
 
-class Coordinate(NamedTuple):
+class ImageCoordinate(NamedTuple):
     """One image coordinate of a point.
 
     Attributes
@@ -44,10 +44,10 @@ class Suspect(NamedTuple):
     """
 
     point: str
-    where: Coordinate
+    where: ImageCoordinate
     w: float
     r: float
-    partners: tuple[Coordinate, ...]
+    partners: tuple[ImageCoordinate, ...]
 
 
 def likeliest_suspects(block: AdjustedBlock) -> tuple[Suspect, ...]:
@@ -77,10 +77,10 @@ def likeliest_suspects(block: AdjustedBlock) -> tuple[Suspect, ...]:
         found.append(
             Suspect(
                 problem.points[point],
-                Coordinate(*labels[best]),
+                ImageCoordinate(*labels[best]),
                 float(abs(w[best])),
                 float(r[best]),
-                tuple(Coordinate(*labels[k]) for k in alike.tolist() if k != best),
+                tuple(ImageCoordinate(*labels[k]) for k in alike.tolist() if k != best),
             )
         )
     return tuple(found)

@@ -10,12 +10,12 @@ from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
-__all__ = ["AccusedRay", "accuse"]
+__all__ = ["SuspectRay", "suspect_rays"]
 
 _ALL = 1e-12  # share of the sum of squares that is rounding
 
 
-class AccusedRay(NamedTuple):
+class SuspectRay(NamedTuple):
     """A ray of a point and how probable it is that this one is wrong.
 
     Attributes
@@ -35,7 +35,7 @@ class AccusedRay(NamedTuple):
     probability: float
 
 
-def accuse(block: AdjustedBlock, point: str) -> tuple[AccusedRay, ...]:
+def suspect_rays(block: AdjustedBlock, point: str) -> tuple[SuspectRay, ...]:
     """Weigh the rays of a point against each other, the most probable first.
 
     An error of a ray is normal in x and in y, 20 standard deviations wide (conventions, Odds); with
@@ -75,7 +75,7 @@ def accuse(block: AdjustedBlock, point: str) -> tuple[AccusedRay, ...]:
     weights = np.exp(np.array(logs) - max(logs))
     weights /= weights.sum()
     found = [
-        AccusedRay(
+        SuspectRay(
             problem.photos[problem.photo[ray]],
             problem.block.image_points[problem.source[ray]].model,
             statistic,

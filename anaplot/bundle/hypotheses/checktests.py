@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.adjustment.hypothesis import DependentConditionsError, quadratic_form, sidak_alpha
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, Variance, Verdict
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
 from anaplot.bundle.solve.problem import listed
@@ -184,7 +184,7 @@ def check_tests(
             f"(that is done up to {_MOST})"
         )
     differences = _differences(block, wanted, together=together)
-    variance = Variance(block.vtpv, block.redundancy, problem.test.kind == "baarda")
+    variance = VarianceFactor(block.vtpv, block.redundancy, problem.test.kind == "baarda")
     positive = np.diag(differences.q) > 0.0
     if not positive.all():
         remarks.append(
@@ -254,7 +254,7 @@ def _differences(
 
 
 def _groups(
-    differences: _Differences, variance: Variance, settings: HypothesisSettings
+    differences: _Differences, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[CheckGroupTest, ...]:
     out = []
     axes_present = {axis for _, axis in differences.names}
@@ -278,7 +278,7 @@ def _groups(
 
 
 def _points(
-    differences: _Differences, variance: Variance, settings: HypothesisSettings
+    differences: _Differences, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[CheckPointTest, ...]:
     names = list(dict.fromkeys(name for name, _ in differences.names))
     alpha = sidak_alpha(settings.alpha, len(names))
@@ -291,7 +291,7 @@ def _points(
 
 
 def _coordinates(
-    differences: _Differences, variance: Variance, settings: HypothesisSettings
+    differences: _Differences, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[CheckCoordinateTest, ...]:
     alpha = sidak_alpha(settings.alpha, len(differences.d))
     noncentrality = variance.detectable(alpha, settings.power)
@@ -315,7 +315,7 @@ def _coordinates(
 
 
 def _deformations(
-    differences: _Differences, variance: Variance, settings: HypothesisSettings
+    differences: _Differences, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[DeformationTest, ...]:
     """Fit shift, slopes and bowl to each axis, every term alone, by generalised least squares."""
     rows = []

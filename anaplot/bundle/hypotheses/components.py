@@ -16,7 +16,7 @@ from anaplot.adjustment.variancecomponents import (
 )
 from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.gaussnewton import Found, equations_at, find_minimum
+from anaplot.bundle.solve.gaussnewton import Minimum, equations_at, find_minimum
 from anaplot.bundle.solve.normal import Linearised
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
@@ -120,7 +120,7 @@ def block_components(
     problem = block.problem
     layout = _layout(problem, grouping, operators)
     structure = block.cofactors.normal.structure
-    last: tuple[Problem, Found] | None = None
+    last: tuple[Problem, Minimum] | None = None
     state = block.state
     runs = 0
 

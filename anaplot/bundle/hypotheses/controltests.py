@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, Variance, Verdict
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import (
     Sides,
@@ -264,7 +264,7 @@ def _tests(
     *,
     groups: bool = True,
 ) -> ControlTests:
-    variance = Variance(block.vtpv, block.redundancy, block.problem.test.kind == "baarda")
+    variance = VarianceFactor(block.vtpv, block.redundancy, block.problem.test.kind == "baarda")
     coordinates = _coordinates(block, control, variance, settings)
     unchecked = [f"{c.axis} of {c.point}" for c in coordinates if c.verdict is None]
     if unchecked:
@@ -407,7 +407,7 @@ def _are(count: int, what: str) -> str:
 
 
 def _verdict(
-    control: _Control, given_up: _GivenUp, variance: Variance, alpha: float
+    control: _Control, given_up: _GivenUp, variance: VarianceFactor, alpha: float
 ) -> Verdict | None:
     """Judge coordinates that are given up together; None where they are under no condition."""
     square, conditions, _ = given_up
@@ -418,7 +418,7 @@ def _verdict(
 
 
 def _groups(
-    control: _Control, together: _GivenUp, variance: Variance, settings: HypothesisSettings
+    control: _Control, together: _GivenUp, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[ControlGroupTest, ...]:
     """Test all coordinates, given up as `together` says, and those of a kind."""
     every = list(range(len(control.at)))
@@ -445,7 +445,7 @@ def _groups(
 
 
 def _points(
-    block: AdjustedBlock, control: _Control, variance: Variance, settings: HypothesisSettings
+    block: AdjustedBlock, control: _Control, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[ControlPointTest, ...]:
     by_point: dict[int, list[int]] = {}
     for k, (point, _) in enumerate(control.at):
@@ -461,7 +461,7 @@ def _points(
 
 
 def _coordinates(
-    block: AdjustedBlock, control: _Control, variance: Variance, settings: HypothesisSettings
+    block: AdjustedBlock, control: _Control, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[ControlCoordinateTest, ...]:
     alpha = bonferroni_alpha(settings.alpha, len(control.at))
     # the tested coordinate takes its own condition from the variance factor

@@ -23,7 +23,7 @@ from anaplot.adjustment.hypothesis import (
     sidak_alpha,
     variance_inflation,
 )
-from anaplot.bundle.hypotheses.verdict import HypothesisSettings, Variance, Verdict
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import own_parameter_cofactors
 
@@ -193,7 +193,7 @@ def parameter_tests(
     problem = block.problem
     if problem.additional is None or not block.parameter_rows():
         return None
-    variance = Variance(block.vtpv, block.redundancy, problem.test.kind == "baarda")
+    variance = VarianceFactor(block.vtpv, block.redundancy, problem.test.kind == "baarda")
     families, remarks = _families(block)
     if len(problem.additional_sigma):
         remarks.append(
@@ -251,7 +251,7 @@ def _singles(
     families: Sequence[_Family],
     inflations: Sequence[Array | None],
     image_mm: float,
-    variance: Variance,
+    variance: VarianceFactor,
     settings: HypothesisSettings,
 ) -> tuple[ParameterTest, ...]:
     """Test every parameter by itself; power against a value of `image_mm`."""
@@ -278,7 +278,7 @@ def _singles(
 
 
 def _removable(
-    family: _Family, variance: Variance, settings: HypothesisSettings
+    family: _Family, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[Label, ...] | None:
     """Return the parameters that may be left out together; None where tests have no sigma."""
     sigma = variance.used
@@ -329,7 +329,7 @@ def _families(block: AdjustedBlock) -> tuple[list[_Family], list[str]]:
 
 
 def _groups(
-    families: Sequence[_Family], variance: Variance, settings: HypothesisSettings
+    families: Sequence[_Family], variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[GroupTest, ...]:
     found: list[tuple[str, float, int]] = []
     for family in families:
@@ -350,7 +350,7 @@ def _correlations(q: Array) -> Array:
 
 
 def _pairs(
-    families: Sequence[_Family], variance: Variance, settings: HypothesisSettings
+    families: Sequence[_Family], variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[PairTest, ...]:
     found: list[tuple[Label, Label, float, float]] = []
     for family in families:
@@ -369,7 +369,7 @@ def _pairs(
 
 
 def _sets(
-    families: Sequence[_Family], variance: Variance, settings: HypothesisSettings
+    families: Sequence[_Family], variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[SetTest, ...]:
     """Parameters that hang together by correlations beyond the limit."""
     found: list[tuple[_Family, list[int]]] = []
@@ -400,7 +400,7 @@ def _sets(
 def _components(
     parts: Sequence[Component],
     labels: tuple[Label, ...],
-    variance: Variance,
+    variance: VarianceFactor,
     settings: HypothesisSettings,
 ) -> tuple[ComponentTest, ...]:
     alpha = sidak_alpha(settings.alpha, len(parts))

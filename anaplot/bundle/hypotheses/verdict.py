@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from anaplot.adjustment.hypothesis import FTest, f_noncentrality, f_test
 
-__all__ = ["HypothesisSettings", "Variance", "Verdict"]
+__all__ = ["HypothesisSettings", "VarianceFactor", "Verdict"]
 
 _ROUNDING = 1e-6  # sigma0 below which residuals are rounding, not measurement
 
@@ -73,7 +73,7 @@ class Verdict(NamedTuple):
         return None if self.decisive is None else self.decisive.rejected
 
 
-class Variance(NamedTuple):
+class VarianceFactor(NamedTuple):
     """What an adjustment says of its variance factor.
 
     Attributes
@@ -105,9 +105,11 @@ class Variance(NamedTuple):
         """The factor that the tests go by; None when it does not exist."""
         return 1.0 if self.by_known else self.sigma
 
-    def without(self, square: float, dimension: int) -> Variance:
+    def without(self, square: float, dimension: int) -> VarianceFactor:
         """Return what is left when conditions that cost a square are given up."""
-        return Variance(max(self.vtpv - square, 0.0), self.redundancy - dimension, self.by_known)
+        return VarianceFactor(
+            max(self.vtpv - square, 0.0), self.redundancy - dimension, self.by_known
+        )
 
     def test(self, square: float, dimension: int, alpha: float) -> Verdict:
         """Test a quadratic form that this adjustment's residuals have no part in."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.errors import InputError
-from anaplot.photogrammetry.lens import LENS_PARAMETERS, seen_through
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 
 __all__ = [
     "AdditionalParameters",
@@ -156,7 +156,7 @@ def _physical_basis(x: Array, y: Array, b: float, c: Array) -> Array:
     """Return what the lens function makes of small parameters, to first order."""
     nominal = np.zeros((len(x), len(LENS_PARAMETERS)))
     nominal[:, 0] = c
-    seen = seen_through(np.column_stack((x, y)) / c[:, None], nominal)
+    seen = through_lens(np.column_stack((x, y)) / c[:, None], nominal)
     return seen.by_parameter * lens_units(b, float(np.mean(c)))
 
 

@@ -13,7 +13,7 @@ from anaplot.adjustment.consistency import GlobalTest, global_from_single
 from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.significance import TESTABLE, noncentrality
 from anaplot.bundle.solve.gaussnewton import Convergence
-from anaplot.bundle.solve.normal import State, image_misclosures
+from anaplot.bundle.solve.normal import BlockState, image_misclosures
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors
 from anaplot.bundle.solve.residuals import ORIENTATION
@@ -66,7 +66,7 @@ class AdjustedBlock:
     """
 
     problem: Problem = field(repr=False)
-    state: State = field(repr=False)
+    state: BlockState = field(repr=False)
     cofactors: Cofactors = field(repr=False)
     convergence: Convergence
     vtpv: float
@@ -76,7 +76,7 @@ class AdjustedBlock:
     critical: float | None
     v: Array = field(repr=False)
     warnings: tuple[str, ...]
-    robust: State | None = field(default=None, repr=False)
+    robust: BlockState | None = field(default=None, repr=False)
 
     @property
     def remarks(self) -> tuple[str, ...]:

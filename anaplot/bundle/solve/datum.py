@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from anaplot.bundle.solve.normal import Linearised, State
+from anaplot.bundle.solve.normal import BlockState, Linearised
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.solve.reliability import DatumChange
 from anaplot.errors import NotComputableError
@@ -79,7 +79,7 @@ def components(problem: Problem) -> Index:
     return np.unique(labels, return_inverse=True)[1].astype(np.intp)
 
 
-def null_space(problem: Problem, state: State) -> tuple[Array, Array]:
+def null_space(problem: Problem, state: BlockState) -> tuple[Array, Array]:
     """Return (n, d, 7) and (p, 3, 7): effect of shift [m], rotation [rad] and scale."""
     photos = np.zeros((len(problem.photos), problem.per_photo, 7))
     photos[:, :3] = similarity_effects(state.centres)
@@ -88,7 +88,7 @@ def null_space(problem: Problem, state: State) -> tuple[Array, Array]:
     return photos, similarity_effects(state.points)
 
 
-def check_datum(problem: Problem, state: State, linear: Linearised) -> None:
+def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None:
     """Raise NotComputableError when a part of the block hangs in the air; names its photos."""
     labels = components(problem)
     count = int(labels.max()) + 1
@@ -175,7 +175,7 @@ def _named_part(problem: Problem, mine: Index, count: int) -> str:
     )
 
 
-def anchor(problem: Problem, state: State) -> Anchor:
+def anchor(problem: Problem, state: BlockState) -> Anchor:
     """Choose a photo with many rays and a coordinate of the photo farthest from it."""
     n, d = len(problem.photos), problem.per_photo
     rays = np.bincount(problem.photo, minlength=n)
@@ -188,7 +188,7 @@ def anchor(problem: Problem, state: State) -> Anchor:
     return Anchor(weights, (*((first, k) for k in range(6)), (second, axis)))
 
 
-def datum_change(problem: Problem, state: State, used: Anchor) -> DatumChange:
+def datum_change(problem: Problem, state: BlockState, used: Anchor) -> DatumChange:
     """Return the change from the anchor to inner constraints over the points, or to minimal ones.
 
     Minimal: both full control points farthest apart and the height of the control point farthest
@@ -231,7 +231,7 @@ def _minimal_control(problem: Problem) -> list[tuple[int, int]] | None:
             (third, 2)]  # fmt: skip
 
 
-def relocate(problem: Problem, start: State, state: State) -> State:
+def relocate(problem: Problem, start: BlockState, state: BlockState) -> BlockState:
     """Lay a solution without datum onto control, or onto the approximate points without it.
 
     A free solution goes onto all of them in the mean, a minimal one meets its seven coordinates.
@@ -254,7 +254,7 @@ def relocate(problem: Problem, start: State, state: State) -> State:
         if met is None:
             return state
         fitted = met
-    return State(
+    return BlockState(
         centres=fitted.apply(state.centres),
         rotations=fitted.rotation @ state.rotations,
         points=fitted.apply(source),
@@ -264,7 +264,7 @@ def relocate(problem: Problem, start: State, state: State) -> State:
     )
 
 
-def on_control(problem: Problem, state: State) -> bool:
+def on_control(problem: Problem, state: BlockState) -> bool:
     """Whether a solution without datum has the scale of control: it was laid onto it.
 
     Directly, or by way of approximate values; control that does not determine all of a similarity

@@ -22,7 +22,7 @@ from scipy.linalg.lapack import dpotrf, dpotri
 
 from anaplot.bundle.solve.dissection import Dissection
 
-__all__ = ["Factor", "NotPositiveError", "Pattern", "SelectedInverse", "make_pattern"]
+__all__ = ["Factor", "NotPositiveError", "SelectedInverse", "SparsityPattern", "sparsity_pattern"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -64,7 +64,7 @@ class _FrontPlan:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pattern:
+class SparsityPattern:
     """The symbolic factorisation: everything that does not depend on numbers.
 
     Attributes
@@ -91,7 +91,9 @@ def _scalars(photos: Index, d: int) -> Index:
     return (photos[:, None] * d + np.arange(d)).ravel()
 
 
-def make_pattern(dissection: Dissection, rows: Index, columns: Index, d: int, g: int) -> Pattern:
+def sparsity_pattern(
+    dissection: Dissection, rows: Index, columns: Index, d: int, g: int
+) -> SparsityPattern:
     """Plan the elimination.
 
     Parameters
@@ -162,7 +164,7 @@ def make_pattern(dissection: Dissection, rows: Index, columns: Index, d: int, g:
                 g, 0, n * d, 0, empty, empty.reshape(0, d * d), -1, empty, empty, True, empty
             )
         )
-    return Pattern(d, g, n, rows, columns, diagonal, dissection.order, tuple(plans))
+    return SparsityPattern(d, g, n, rows, columns, diagonal, dissection.order, tuple(plans))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -235,7 +237,7 @@ class Factor:
 
     def __init__(
         self,
-        pattern: Pattern,
+        pattern: SparsityPattern,
         blocks: Array,
         border: Array,
         corner: Array,

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from anaplot.bundle.solve.datum import Anchor, anchor, relocate
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.normal import (
+    BlockState,
     Linearised,
     NormalEquations,
     PointError,
-    State,
     Structure,
     Unknowns,
     effect,
@@ -31,7 +31,7 @@ from anaplot.errors import NotComputableError
 
 __all__ = [
     "Convergence",
-    "Found",
+    "Minimum",
     "NoConvergenceError",
     "damped_step",
     "equations_at",
@@ -63,7 +63,7 @@ class NoConvergenceError(NotComputableError):
         Where the iteration ended, or the place from which measurements were seen to disagree.
     """
 
-    def __init__(self, text: str, state: State) -> None:
+    def __init__(self, text: str, state: BlockState) -> None:
         super().__init__(text)
         self.state = state
 
@@ -87,10 +87,10 @@ class Convergence(NamedTuple):
     last: float
 
 
-class Found(NamedTuple):
+class Minimum(NamedTuple):
     """A minimum and the equations there."""
 
-    state: State
+    state: BlockState
     normal: NormalEquations
     factor: Factor
     anchor: Anchor | None
@@ -99,12 +99,12 @@ class Found(NamedTuple):
 
 def find_minimum(
     problem: Problem,
-    start: State,
+    start: BlockState,
     structure: Structure,
     *,
     progress: Progress | None = None,
     limit: int = MAX_ITERATIONS,
-) -> Found:
+) -> Minimum:
     """Minimise v'Pv by damped Gauss-Newton steps (Levenberg and Marquardt).
 
     A step is full until one would increase v'Pv or put more points behind their photos. Where a
@@ -196,7 +196,7 @@ def _ended(problem: Problem, value: float, steps: int) -> str:
     )
 
 
-def _open_part(problem: Problem, structure: Structure, state: State) -> NotComputableError:
+def _open_part(problem: Problem, structure: Structure, state: BlockState) -> NotComputableError:
     """Return what is to be said where the full step cannot be solved for."""
     try:
         equations_at(problem, structure, state)
@@ -262,20 +262,20 @@ def damped_step(
 def _closed(
     problem: Problem,
     structure: Structure,
-    state: State,
+    state: BlockState,
     accepted: int,
     damped: int,
     first: float,
-) -> Found:
+) -> Minimum:
     """Equations at the minimum, without damping."""
     normal, factor, tie = equations_at(problem, structure, state)
-    return Found(
+    return Minimum(
         state, normal, factor, tie, Convergence(accepted, damped, first, normal.linear.vtpv)
     )
 
 
 def equations_at(
-    problem: Problem, structure: Structure, state: State
+    problem: Problem, structure: Structure, state: BlockState
 ) -> tuple[NormalEquations, Factor, Anchor | None]:
     """Return the equations at a state, their factor, and what holds a datum that is missing.
 

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.collinearity import Projection, project, project_with_derivatives
-from anaplot.photogrammetry.lens import seen_through
+from anaplot.photogrammetry.lens import through_lens
 
-__all__ = ["Imaged", "State", "imaged", "imaged_with_derivatives"]
+__all__ = ["BlockState", "Imaged", "imaged", "imaged_with_derivatives"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class BlockState:
     """Values of the unknowns.
 
     Attributes
@@ -70,7 +70,7 @@ class Imaged(NamedTuple):
     parameter: Array
 
 
-def _values(problem: Problem, state: State, rays: Index | slice) -> Array:
+def _values(problem: Problem, state: BlockState, rays: Index | slice) -> Array:
     """(n, q) additional parameters of the rays' groups."""
     if problem.photo_invariant:
         return np.asarray(state.own[problem.photo[rays]])
@@ -78,14 +78,14 @@ def _values(problem: Problem, state: State, rays: Index | slice) -> Array:
     return np.asarray(by_group[problem.additional_group[rays]])
 
 
-def _lens(problem: Problem, units: Array, state: State, rays: Index | slice) -> Array:
+def _lens(problem: Problem, units: Array, state: BlockState, rays: Index | slice) -> Array:
     """(n, 10) parameters of the lens of every ray."""
     out: Array = units[problem.additional_group[rays]] * _values(problem, state, rays)
     out[:, 0] += problem.c[problem.photo[rays]]
     return out
 
 
-def imaged(problem: Problem, state: State) -> Projection:
+def imaged(problem: Problem, state: BlockState) -> Projection:
     """Return where every ray's point is seen [mm], and how far in front of the photo [m]."""
     photo, units = problem.photo, problem.lens_units
     where = state.centres[photo], state.rotations[photo]
@@ -98,12 +98,12 @@ def imaged(problem: Problem, state: State) -> Projection:
         return Projection(seen.xy + off, seen.depth)
     seen = project(*where, np.ones(len(photo)), points)
     with np.errstate(invalid="ignore", over="ignore"):
-        xy = seen_through(seen.xy, _lens(problem, units, state, slice(None))).xy
+        xy = through_lens(seen.xy, _lens(problem, units, state, slice(None))).xy
     return Projection(xy, seen.depth)
 
 
 def imaged_with_derivatives(
-    problem: Problem, state: State, rays: Index | slice = slice(None)
+    problem: Problem, state: BlockState, rays: Index | slice = slice(None)
 ) -> Imaged:
     """Return where points are seen, and derivatives by everything that is unknown.
 
@@ -126,7 +126,7 @@ def imaged_with_derivatives(
         return Imaged(xy, seen.depth, seen.photo, seen.point, basis)
     seen = project_with_derivatives(*where, np.ones(len(photo)), points)
     with np.errstate(invalid="ignore", over="ignore"):
-        lens = seen_through(seen.xy, _lens(problem, units, state, rays))
+        lens = through_lens(seen.xy, _lens(problem, units, state, rays))
         return Imaged(
             lens.xy,
             seen.depth,

@@ -19,18 +19,18 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from anaplot.bundle.solve.dissection import dissect
-from anaplot.bundle.solve.factor import Factor, Pattern, make_pattern
-from anaplot.bundle.solve.imaging import State, imaged, imaged_with_derivatives
+from anaplot.bundle.solve.factor import Factor, SparsityPattern, sparsity_pattern
+from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivatives
 from anaplot.bundle.solve.pointroots import PointError, inverse_roots
 from anaplot.bundle.solve.problem import Group, Problem
 from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = [
+    "BlockState",
     "Linearised",
     "NormalEquations",
     "PointError",
-    "State",
     "Structure",
     "Unknowns",
     "effect",
@@ -86,7 +86,7 @@ class Structure:
         (photos, rays) sums over the rays of each photo.
     """
 
-    pattern: Pattern
+    pattern: SparsityPattern
     pieces: tuple[_Piece, ...]
     by_photo: sparse.csr_matrix
 
@@ -139,7 +139,7 @@ def make_structure(problem: Problem, places: Array) -> Structure:
             pieces.append(_Piece(group, start, stop, (which, row, column), sums, block, ~keep))
     m = len(problem.photo)
     by_photo = sparse.csr_matrix((np.ones(m), (problem.photo, np.arange(m))), shape=(n, m))
-    return Structure(make_pattern(order, rows, columns, d, g), tuple(pieces), by_photo)
+    return Structure(sparsity_pattern(order, rows, columns, d, g), tuple(pieces), by_photo)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,7 +201,7 @@ def _wrapped(angle: Array) -> Array:
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def _prior_misclosures(problem: Problem, state: State) -> tuple[Array, Array, Array, Array]:
+def _prior_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array, Array, Array]:
     """Whitened misclosures of control, photo priors, own and shared additional parameters."""
     point = np.where(
         np.isfinite(problem.known_sigma),
@@ -229,14 +229,14 @@ def _prior_misclosures(problem: Problem, state: State) -> tuple[Array, Array, Ar
     return point, photo, own, shared
 
 
-def image_misclosures(problem: Problem, state: State) -> tuple[Array, Array]:
+def image_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array]:
     """Return (m, 2) computed minus observed in sigmas, also of rejected ones; (m,) depths [m]."""
     seen = imaged(problem, state)
     e = (seen.xy - problem.xy) / problem.sigma_xy
     return e, seen.depth
 
 
-def objective(problem: Problem, state: State) -> tuple[float, Array]:
+def objective(problem: Problem, state: BlockState) -> tuple[float, Array]:
     """Return v'Pv at a state, and the depth of every ray's point [m]."""
     e, depth = image_misclosures(problem, state)
     if problem.rejected is not None:
@@ -247,7 +247,7 @@ def objective(problem: Problem, state: State) -> tuple[float, Array]:
     return (total if total == total else float("inf")), depth
 
 
-def linearise(problem: Problem, state: State) -> Linearised:
+def linearise(problem: Problem, state: BlockState) -> Linearised:
     """Return derivatives and misclosures at a state."""
     seen = imaged_with_derivatives(problem, state)
     weight = 1.0 / problem.sigma_xy
@@ -321,7 +321,7 @@ def effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearis
     )
 
 
-def rounding(problem: Problem, state: State, depth: Array) -> float:
+def rounding(problem: Problem, state: BlockState, depth: Array) -> float:
     """Return the squared norm of what rounding does to the misclosures, in a-priori sigmas.
 
     Parameters
@@ -343,9 +343,11 @@ def rounding(problem: Problem, state: State, depth: Array) -> float:
     return total * float(np.finfo(np.float64).eps) ** 2
 
 
-def move(problem: Problem, state: State, photos: Array, points: Array, shared: Array) -> State:
+def move(
+    problem: Problem, state: BlockState, photos: Array, points: Array, shared: Array
+) -> BlockState:
     """Add corrections: (photos, d), (points, 3) and (g,)."""
-    return State(
+    return BlockState(
         centres=state.centres + photos[:, :3],
         rotations=turns(photos[:, 3:6]) @ state.rotations,
         points=state.points + points,

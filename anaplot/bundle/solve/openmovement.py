@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from anaplot.bundle.solve.datum import Anchor, anchor
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.normal import (
+    BlockState,
     Linearised,
     NormalEquations,
     PointError,
-    State,
     Structure,
     Unknowns,
     effect,
@@ -83,7 +83,7 @@ def undetermined(
     )
 
 
-def held_by_noise(problem: Problem, structure: Structure, state: State) -> str | None:
+def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> str | None:
     """Return what is to be said of photos which nothing holds but the errors of measurements.
 
     Parameters
@@ -214,7 +214,7 @@ def _weakest(normal: NormalEquations, factor: Factor, count: int) -> _Movements:
 
 
 def _by_noise(
-    normal: NormalEquations, factor: Factor, state: State, found: _Movements, noise: float
+    normal: NormalEquations, factor: Factor, state: BlockState, found: _Movements, noise: float
 ) -> Array:
     """(k,) how much of what resists each movement changes where noise has moved all else.
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.bundle.solve.normal import (
+    BlockState,
     Linearised,
-    State,
     linearise,
 )
 from anaplot.bundle.solve.problem import Problem
@@ -22,7 +22,7 @@ _ROUNDS = 6
 _DAMPING = 1e-3  # of the first step
 
 
-def reintersected(problem: Problem, state: State, rounds: int = _ROUNDS) -> State:
+def reintersected(problem: Problem, state: BlockState, rounds: int = _ROUNDS) -> BlockState:
     """Return the state with every point where its own rays and its control want it.
 
     Each point takes damped Gauss-Newton steps of its own, and only such that bring its own sum of

@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import Factor
-from anaplot.bundle.solve.normal import NormalEquations, State, Structure, linearise
+from anaplot.bundle.solve.normal import BlockState, NormalEquations, Structure, linearise
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 
@@ -207,7 +207,7 @@ def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
 
 def block_residuals(
     problem: Problem,
-    state: State,
+    state: BlockState,
     structure: Structure,
     progress: Callable[[float], None] | None = None,
 ) -> BlockResiduals:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.start.subblock import Cluster
+from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.collinearity import project, turns
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.similarity import Similarity, fit_to_partial, robust_similarity
@@ -16,15 +16,15 @@ __all__ = ["give_nominal_place", "to_ground"]
 Array = NDArray[np.float64]
 
 
-def to_ground(problem: Problem, cluster: Cluster) -> bool:
-    """Lay a cluster onto control and stated positions.
+def to_ground(problem: Problem, subblock: SubBlock) -> bool:
+    """Lay a sub-block onto control and stated positions.
 
     A similarity that most full points agree on, refined with all single coordinates; False when
-    they do not suffice, the cluster then stays as it is.
+    they do not suffice, the sub-block then stays as it is.
     """
-    placed = cluster.placed & np.isfinite(problem.known).any(axis=1)
-    stated = cluster.oriented & np.isfinite(problem.position[:, 0])
-    source = np.concatenate((cluster.points[placed], cluster.centres[stated]))
+    placed = subblock.placed & np.isfinite(problem.known).any(axis=1)
+    stated = subblock.oriented & np.isfinite(problem.position[:, 0])
+    source = np.concatenate((subblock.points[placed], subblock.centres[stated]))
     target = np.concatenate((problem.known[placed], problem.position[stated]))
     if len(source) == 0:
         return False
@@ -33,7 +33,7 @@ def to_ground(problem: Problem, cluster: Cluster) -> bool:
     found = robust_similarity(source[full], target[full])
     if found is not None:
         start = found[0]
-    candidates = [start] if start is not None else _level_starts(problem, cluster, source, target)
+    candidates = [start] if start is not None else _level_starts(problem, subblock, source, target)
     if start is None and int(full.sum()) >= 2:
         candidates += _line_starts(source[full], target[full])
     best, best_size = None, float("inf")
@@ -54,18 +54,18 @@ def to_ground(problem: Problem, cluster: Cluster) -> bool:
         best = start
     if best is None or start is not None:
         # single coordinates have not closed the rotation about a line of full points
-        turned = _about_the_line(problem, cluster, source[full], target[full], best)
+        turned = _about_the_line(problem, subblock, source[full], target[full], best)
         best = best if turned is None else turned
     if best is None:
         return False
-    cluster.transform(best)
+    subblock.transform(best)
     return True
 
 
 def _about_the_line(
-    problem: Problem, cluster: Cluster, source: Array, target: Array, start: Similarity | None
+    problem: Problem, subblock: SubBlock, source: Array, target: Array, start: Similarity | None
 ) -> Similarity | None:
-    """Turn a cluster about a line of control until the other control points' rays fit.
+    """Turn a sub-block about a line of control until the other control points' rays fit.
 
     Two points, or points nearly on a line, leave the rotation about the line open; control points
     that are measured but could not be intersected close it. None when there is nothing to do.
@@ -76,7 +76,7 @@ def _about_the_line(
     if len(source) > 2 and spread[1] > 0.15 * spread[0]:
         return None
     known = np.asarray(np.isfinite(problem.known).all(axis=1))
-    use = np.nonzero(cluster.oriented[problem.photo] & known[problem.point])[0]
+    use = np.nonzero(subblock.oriented[problem.photo] & known[problem.point])[0]
     start = _along_the_line(source, target) if start is None else start
     if start is None:
         return None
@@ -91,8 +91,8 @@ def _about_the_line(
             start.scale, rotation @ start.rotation, middle + rotation @ (start.shift - middle)
         )
         seen = project(
-            trial.apply(cluster.centres[problem.photo[use]]),
-            trial.rotation @ cluster.rotations[problem.photo[use]],
+            trial.apply(subblock.centres[problem.photo[use]]),
+            trial.rotation @ subblock.rotations[problem.photo[use]],
             problem.c[problem.photo[use]],
             problem.known[problem.point[use]],
         )
@@ -145,14 +145,14 @@ def _turn_onto(a: Array, b: Array) -> Array:
 
 
 def _level_starts(
-    problem: Problem, cluster: Cluster, source: Array, target: Array
+    problem: Problem, subblock: SubBlock, source: Array, target: Array
 ) -> list[Similarity]:
-    """Similarities of a cluster that stands roughly upright, or whose photos have known angles."""
+    """Similarities of a sub-block that stands upright, or whose photos have known angles."""
     starts: list[Similarity] = []
     plan = np.isfinite(target[:, :2]).all(axis=1)
     rotations = [
-        rotation_matrix(*problem.rotation[k].tolist()) @ cluster.rotations[k].T
-        for k in np.nonzero(cluster.oriented & np.isfinite(problem.rotation[:, 0]))[0].tolist()[:5]
+        rotation_matrix(*problem.rotation[k].tolist()) @ subblock.rotations[k].T
+        for k in np.nonzero(subblock.oriented & np.isfinite(problem.rotation[:, 0]))[0].tolist()[:5]
     ]
     if plan.sum() >= 2:
         s, t = source[plan], target[plan]
@@ -178,11 +178,11 @@ def _level_starts(
     return starts
 
 
-def give_nominal_place(problem: Problem, cluster: Cluster) -> None:
-    """Give a cluster without control a size like that of its control or of its own system."""
-    both = np.isfinite(problem.known).all(axis=1) & cluster.placed
+def give_nominal_place(problem: Problem, subblock: SubBlock) -> None:
+    """Give a sub-block without control a size like that of its control or of its own system."""
+    both = np.isfinite(problem.known).all(axis=1) & subblock.placed
     if both.sum() == 0:
         return
     target = problem.known[both]
-    shift = target.mean(axis=0) - cluster.points[both].mean(axis=0)
-    cluster.transform(Similarity(1.0, np.eye(3), shift))
+    shift = target.mean(axis=0) - subblock.points[both].mean(axis=0)
+    subblock.transform(Similarity(1.0, np.eye(3), shift))

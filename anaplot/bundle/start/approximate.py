@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from anaplot.bundle.solve.normal import State
+from anaplot.bundle.solve.normal import BlockState
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.start.absolute import give_nominal_place, to_ground
 from anaplot.bundle.start.bridging import bridged_parts
 from anaplot.bundle.start.relative import orient_pair
-from anaplot.bundle.start.subblock import Cluster, intersect_rays
-from anaplot.bundle.start.vertical import level_cluster
+from anaplot.bundle.start.subblock import SubBlock, intersect_rays
+from anaplot.bundle.start.vertical import vertical_subblock
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.rotation import rotation_matrix
 
@@ -36,7 +36,7 @@ __all__ = [
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Progress = Callable[[str, float], None]
-Way = Callable[[Progress | None], State | None]
+Way = Callable[[Progress | None], BlockState | None]
 
 _BELIEVED = 0.05  # share of c by which given orientations may miss, in the median
 
@@ -50,32 +50,32 @@ def approximate_ways(problem: Problem) -> list[Way]:
     """
     rays, by_photo = _rays(problem)
 
-    def stated(progress: Progress | None) -> State | None:
+    def stated(progress: Progress | None) -> BlockState | None:
         given = _given(problem, rays)
         if given is None or not given.oriented.all():
             return None
         return state_of(problem, _completed(problem, given, rays))
 
-    def parts(progress: Progress | None) -> list[Cluster]:
+    def parts(progress: Progress | None) -> list[SubBlock]:
         return bridged_parts(problem, rays, progress) if problem.block.strips else []
 
-    def bridged(progress: Progress | None) -> State | None:
+    def bridged(progress: Progress | None) -> BlockState | None:
         free = parts(progress)
         if not free:
             return None
         return _joined(problem, rays, by_photo, free, progress, others=False)
 
-    def level(progress: Progress | None) -> State | None:
-        cluster = level_cluster(problem)
-        return None if cluster is None else state_of(problem, cluster)
+    def level(progress: Progress | None) -> BlockState | None:
+        subblock = vertical_subblock(problem)
+        return None if subblock is None else state_of(problem, subblock)
 
-    def mixed(progress: Progress | None) -> State | None:
+    def mixed(progress: Progress | None) -> BlockState | None:
         free = parts(progress)
         if not free:
             return None
         return _joined(problem, rays, by_photo, free, progress)
 
-    def paired(progress: Progress | None) -> State | None:
+    def paired(progress: Progress | None) -> BlockState | None:
         return _joined(problem, rays, by_photo, [], progress)
 
     return [stated, bridged, level, mixed, paired]
@@ -85,23 +85,23 @@ def _joined(
     problem: Problem,
     rays: Array,
     by_photo: list[Index],
-    free: list[Cluster],
+    free: list[SubBlock],
     progress: Progress | None,
     *,
     others: bool = True,
-) -> State:
+) -> BlockState:
     """Join parts over common points and control, and add what is not in them.
 
     With `others`, pairs in any attitude orient what does not hang together with that.
     """
     ground = _given(problem, rays)
     if ground is None:
-        ground = Cluster.empty(problem)
-    for cluster in free:
-        if ground.oriented.any() and ground.join(cluster):
+        ground = SubBlock.empty(problem)
+    for subblock in free:
+        if ground.oriented.any() and ground.join(subblock):
             continue
-        if to_ground(problem, cluster):
-            _merge(ground, cluster)
+        if to_ground(problem, subblock):
+            _merge(ground, subblock)
     if not ground.oriented.any():
         ground = _from_control(problem, by_photo)
         if not ground.oriented.any():
@@ -121,7 +121,7 @@ def _joined(
     return state_of(problem, _completed(problem, ground, rays))
 
 
-def extended_state(problem: Problem, last: Problem, state: State) -> State | None:
+def extended_state(problem: Problem, last: Problem, state: BlockState) -> BlockState | None:
     """Return the state of a smaller or earlier block, grown by what is new.
 
     Parameters
@@ -137,24 +137,24 @@ def extended_state(problem: Problem, last: Problem, state: State) -> State | Non
         None when something new cannot be placed from what is there.
     """
     rays, by_photo = _rays(problem)
-    cluster = _taken_over(problem, last, state)
-    if not cluster.oriented.any():
+    subblock = _taken_over(problem, last, state)
+    if not subblock.oriented.any():
         return None
-    _grow(problem, cluster, rays, by_photo, [], None)
-    if not cluster.oriented.all():
+    _grow(problem, subblock, rays, by_photo, [], None)
+    if not subblock.oriented.all():
         return None
-    kept = cluster.points.copy()
+    kept = subblock.points.copy()
     known = np.isfinite(kept[:, 0])
-    cluster = _completed(problem, cluster, rays)
+    subblock = _completed(problem, subblock, rays)
     # adjusted coordinates are better than intersected ones
-    cluster.points[known] = kept[known]
-    found = state_of(problem, cluster)
+    subblock.points[known] = kept[known]
+    found = state_of(problem, subblock)
     if len(state.shared) == problem.in_border:
         found = replace(found, shared=state.shared)
     return found
 
 
-def laid_onto_control(problem: Problem, free: Problem, state: State) -> State | None:
+def laid_onto_control(problem: Problem, free: Problem, state: BlockState) -> BlockState | None:
     """Return a solution without datum laid onto control and stated positions.
 
     Parameters
@@ -170,36 +170,36 @@ def laid_onto_control(problem: Problem, free: Problem, state: State) -> State | 
         None when control does not suffice, or what is lacking cannot be added.
     """
     rays, by_photo = _rays(problem)
-    cluster = _taken_over(problem, free, state)
-    if not to_ground(problem, cluster):
+    subblock = _taken_over(problem, free, state)
+    if not to_ground(problem, subblock):
         return None
-    _grow(problem, cluster, rays, by_photo, [], None)
-    if not cluster.oriented.all():
+    _grow(problem, subblock, rays, by_photo, [], None)
+    if not subblock.oriented.all():
         return None
-    return state_of(problem, _completed(problem, cluster, rays))
+    return state_of(problem, _completed(problem, subblock, rays))
 
 
-def restricted(smaller: Problem, problem: Problem, state: State) -> State:
+def restricted(smaller: Problem, problem: Problem, state: BlockState) -> BlockState:
     """Return the state of a bundle for another one with some of its photos and points."""
-    cluster = _taken_over(smaller, problem, state)
-    return state_of(smaller, cluster)
+    subblock = _taken_over(smaller, problem, state)
+    return state_of(smaller, subblock)
 
 
-def _taken_over(problem: Problem, last: Problem, state: State) -> Cluster:
+def _taken_over(problem: Problem, last: Problem, state: BlockState) -> SubBlock:
     """Return what another bundle has of this one's photos and points."""
-    cluster = Cluster.empty(problem)
+    subblock = SubBlock.empty(problem)
     photos = {name: k for k, name in enumerate(last.photos)}
     points = {name: k for k, name in enumerate(last.points)}
     for k, name in enumerate(problem.photos):
         old = photos.get(name)
         if old is not None:
-            cluster.centres[k] = state.centres[old] + state.origin
-            cluster.rotations[k] = state.rotations[old]
+            subblock.centres[k] = state.centres[old] + state.origin
+            subblock.rotations[k] = state.rotations[old]
     for k, name in enumerate(problem.points):
         old = points.get(name)
         if old is not None:
-            cluster.points[k] = state.points[old] + state.origin
-    return cluster
+            subblock.points[k] = state.points[old] + state.origin
+    return subblock
 
 
 def _rays(problem: Problem) -> tuple[Array, list[Index]]:
@@ -211,19 +211,19 @@ def _rays(problem: Problem) -> tuple[Array, list[Index]]:
     return rays, [order[ends[k] : ends[k + 1]] for k in range(len(problem.photos))]
 
 
-def state_of(problem: Problem, cluster: Cluster) -> State:
-    """Return a complete cluster as the state of a bundle."""
-    points = np.where(problem.fixed, problem.known, cluster.points)
+def state_of(problem: Problem, subblock: SubBlock) -> BlockState:
+    """Return a complete subblock as the state of a bundle."""
+    points = np.where(problem.fixed, problem.known, subblock.points)
     lost = np.nonzero(~np.isfinite(points).all(axis=1))[0]
-    if len(lost) or not bool(np.isfinite(cluster.centres).all()):
+    if len(lost) or not bool(np.isfinite(subblock.centres).all()):
         raise NotComputableError(
             f"block {problem.block.name}: no approximate coordinates found for the points "
             f"{listed([problem.points[k] for k in lost.tolist()])}"
         )
     origin = np.round(points.mean(axis=0))
-    return State(
-        centres=cluster.centres - origin,
-        rotations=cluster.rotations,
+    return BlockState(
+        centres=subblock.centres - origin,
+        rotations=subblock.rotations,
         points=points - origin,
         own=np.zeros((len(problem.photos), problem.per_photo - 6)),
         shared=np.zeros(problem.in_border),
@@ -231,42 +231,42 @@ def state_of(problem: Problem, cluster: Cluster) -> State:
     )
 
 
-def _given(problem: Problem, rays: Array) -> Cluster | None:
+def _given(problem: Problem, rays: Array) -> SubBlock | None:
     """Photos whose orientation the block states, when their rays meet."""
     stated = np.isfinite(problem.position[:, 0]) & np.isfinite(problem.rotation[:, 0])
     if not stated.any():
         return None
-    cluster = Cluster.empty(problem)
+    subblock = SubBlock.empty(problem)
     for k in np.nonzero(stated)[0].tolist():
-        cluster.centres[k] = problem.position[k]
-        cluster.rotations[k] = rotation_matrix(*problem.rotation[k].tolist())
+        subblock.centres[k] = problem.position[k]
+        subblock.rotations[k] = rotation_matrix(*problem.rotation[k].tolist())
     known = np.isfinite(problem.known).all(axis=1)
-    cluster.points[known] = problem.known[known]
-    cluster.place(problem, rays)
-    size = cluster.residuals(problem) / problem.c[problem.photo]
+    subblock.points[known] = problem.known[known]
+    subblock.place(problem, rays)
+    size = subblock.residuals(problem) / problem.c[problem.photo]
     size = size[~np.isnan(size)]
     if len(size) == 0 or float(np.median(size)) > _BELIEVED:
         return None
-    return cluster
+    return subblock
 
 
-def _from_control(problem: Problem, by_photo: list[Index]) -> Cluster:
+def _from_control(problem: Problem, by_photo: list[Index]) -> SubBlock:
     """Photos that see at least four full control points."""
-    cluster = Cluster.empty(problem)
+    subblock = SubBlock.empty(problem)
     known = np.isfinite(problem.known).all(axis=1)
-    cluster.points[known] = problem.known[known]
-    cluster.add_photos(problem, by_photo)
-    return cluster
+    subblock.points[known] = problem.known[known]
+    subblock.add_photos(problem, by_photo)
+    return subblock
 
 
 def _seed_pairs(
     problem: Problem, rays: Array, by_photo: list[Index], progress: Progress | None
-) -> list[Cluster]:
+) -> list[SubBlock]:
     """Start from a pair of photos in any attitude, the one from which most photos follow."""
     sets = [set(problem.point[index].tolist()) for index in by_photo]
     n = len(problem.photos)
     candidates = _most_in_common(problem, by_photo)
-    best: Cluster | None = None
+    best: SubBlock | None = None
     best_score = (-1, 0.0)
     for count, (_, i, j) in enumerate(candidates[:4]):
         if progress is not None:
@@ -276,17 +276,17 @@ def _seed_pairs(
         first = rays[[index[0][int(p)] for p in both]]
         second = rays[[index[1][int(p)] for p in both]]
         for found in orient_pair(first, second)[:3]:
-            cluster = Cluster.empty(problem)
-            cluster.centres[i], cluster.rotations[i] = np.zeros(3), np.eye(3)
-            cluster.centres[j], cluster.rotations[j] = found.base, found.rotation
-            cluster.place(problem, rays)
-            _spread(problem, cluster, rays, by_photo)
-            size = cluster.residuals(problem)
+            subblock = SubBlock.empty(problem)
+            subblock.centres[i], subblock.rotations[i] = np.zeros(3), np.eye(3)
+            subblock.centres[j], subblock.rotations[j] = found.base, found.rotation
+            subblock.place(problem, rays)
+            _spread(problem, subblock, rays, by_photo)
+            size = subblock.residuals(problem)
             size = size[~np.isnan(size)]
             error = float(np.median(size)) if len(size) else float("inf")
-            score = (int(cluster.oriented.sum()), -error)
+            score = (int(subblock.oriented.sum()), -error)
             if score > best_score:
-                best, best_score = cluster, score
+                best, best_score = subblock, score
         if best is not None and best_score[0] == n and count >= 1:
             break
     return [] if best is None else [best]
@@ -307,28 +307,28 @@ def _most_in_common(problem: Problem, by_photo: list[Index]) -> list[tuple[int, 
     return [(int(c), int(i), int(j)) for c, i, j in triples[order].tolist()]
 
 
-def _spread(problem: Problem, cluster: Cluster, rays: Array, by_photo: list[Index]) -> None:
+def _spread(problem: Problem, subblock: SubBlock, rays: Array, by_photo: list[Index]) -> None:
     """Add photos and points until nothing more can be added; all points from all rays."""
     while True:
         added = 0
         for fewest in (6, 5, 4):
-            added = cluster.add_photos(problem, by_photo, fewest)
+            added = subblock.add_photos(problem, by_photo, fewest)
             if added:
                 break
-        placed = cluster.place(problem, rays)
+        placed = subblock.place(problem, rays)
         if not added and not placed:
             break
 
 
 def _grow(
     problem: Problem,
-    ground: Cluster,
+    ground: SubBlock,
     rays: Array,
     by_photo: list[Index],
-    others: list[Cluster],
+    others: list[SubBlock],
     progress: Progress | None,
 ) -> None:
-    """Add photos, points and parts to the ground cluster until nothing more can be added."""
+    """Add photos, points and parts to the ground sub-block until nothing more can be added."""
     known = np.isfinite(problem.known).all(axis=1) & ~ground.placed
     if problem.datum == "control" and _in_ground(problem, ground):
         ground.points[known] = problem.known[known]
@@ -349,23 +349,23 @@ def _grow(
         waiting = [c for c in waiting if c is not hinged]
 
 
-def _in_ground(problem: Problem, cluster: Cluster) -> bool:
-    """Whether the cluster's points lie near the control they should coincide with."""
-    both = np.isfinite(problem.known).all(axis=1) & cluster.placed
+def _in_ground(problem: Problem, subblock: SubBlock) -> bool:
+    """Whether the sub-block's points lie near the control they should coincide with."""
+    both = np.isfinite(problem.known).all(axis=1) & subblock.placed
     if both.sum() < 3:
         return False
-    off = np.linalg.norm(cluster.points[both] - problem.known[both], axis=1)
+    off = np.linalg.norm(subblock.points[both] - problem.known[both], axis=1)
     return bool(np.median(off) < 0.2 * np.ptp(problem.known[both], axis=0).max())
 
 
 def _other_parts(
     problem: Problem,
-    ground: Cluster,
+    ground: SubBlock,
     rays: Array,
     by_photo: list[Index],
     progress: Progress | None,
-) -> Cluster:
-    """Orient photos that do not hang together with the ground cluster by themselves."""
+) -> SubBlock:
+    """Orient photos that do not hang together with the ground sub-block by themselves."""
     for _ in range(len(problem.photos)):
         missing = ~ground.oriented
         if not missing.any():
@@ -392,7 +392,7 @@ def _other_parts(
     return ground
 
 
-def _merge(ground: Cluster, part: Cluster) -> None:
+def _merge(ground: SubBlock, part: SubBlock) -> None:
     """Take up a part that is in the same system already."""
     photos, points = part.oriented & ~ground.oriented, part.placed & ~ground.placed
     ground.centres[photos] = part.centres[photos]
@@ -400,46 +400,48 @@ def _merge(ground: Cluster, part: Cluster) -> None:
     ground.points[points] = part.points[points]
 
 
-def _completed(problem: Problem, cluster: Cluster, rays: Array) -> Cluster:
+def _completed(problem: Problem, subblock: SubBlock, rays: Array) -> SubBlock:
     """Give every point coordinates: intersected, known, or on its ray."""
-    found = intersect_rays(problem, cluster, rays)
+    found = intersect_rays(problem, subblock, rays)
     good = np.isfinite(found[:, 0])
-    cluster.points[good] = found[good]
+    subblock.points[good] = found[good]
     known = np.isfinite(problem.known)
-    missing = ~cluster.placed
-    depths = np.linalg.norm(cluster.points[problem.point] - cluster.centres[problem.photo], axis=1)
+    missing = ~subblock.placed
+    depths = np.linalg.norm(
+        subblock.points[problem.point] - subblock.centres[problem.photo], axis=1
+    )
     typical = float(np.nanmedian(depths)) if np.isfinite(depths).any() else 1.0
-    behind = _behind(problem, cluster)
+    behind = _behind(problem, subblock)
     for k in np.nonzero(missing | behind)[0].tolist():
         ray = int(np.nonzero(problem.point == k)[0][0])
         photo = problem.photo[ray]
-        direction = cluster.rotations[photo] @ rays[ray]
+        direction = subblock.rotations[photo] @ rays[ray]
         along = typical
         if known[k, 2] and abs(direction[2]) > 1e-6:
-            reach = (problem.known[k, 2] - cluster.centres[photo, 2]) / direction[2]
+            reach = (problem.known[k, 2] - subblock.centres[photo, 2]) / direction[2]
             along = reach if reach > 0.0 else along
-        cluster.points[k] = cluster.centres[photo] + along * direction
+        subblock.points[k] = subblock.centres[photo] + along * direction
     if problem.datum == "control":
-        near = known & ~np.isnan(cluster.points)
+        near = known & ~np.isnan(subblock.points)
         full = known.all(axis=1)
         # control with few rays is better known than intersected
         few = np.bincount(problem.point, minlength=len(problem.points)) < 2
         take = (full & few)[:, None] & near
-        cluster.points = np.where(take, problem.known, cluster.points)
-    return cluster
+        subblock.points = np.where(take, problem.known, subblock.points)
+    return subblock
 
 
-def _behind(problem: Problem, cluster: Cluster) -> NDArray[np.bool_]:
+def _behind(problem: Problem, subblock: SubBlock) -> NDArray[np.bool_]:
     """Points that lie behind most of their photos."""
-    away = cluster.points[problem.point] - cluster.centres[problem.photo]
-    depth = -np.einsum("ni,ni->n", cluster.rotations[problem.photo][:, :, 2], away)
+    away = subblock.points[problem.point] - subblock.centres[problem.photo]
+    depth = -np.einsum("ni,ni->n", subblock.rotations[problem.photo][:, :, 2], away)
     count = np.bincount(problem.point, minlength=len(problem.points))
     with np.errstate(invalid="ignore"):
         wrong = np.bincount(problem.point, depth <= 0.0, minlength=len(problem.points))
     return wrong > 0.5 * count
 
 
-def _not_oriented(problem: Problem, ground: Cluster, missing: Index) -> NotComputableError:
+def _not_oriented(problem: Problem, ground: SubBlock, missing: Index) -> NotComputableError:
     placed = ground.placed
     counts = np.bincount(problem.photo[placed[problem.point]], minlength=len(problem.photos))
     names = [f"{problem.photos[k]} ({int(counts[k])} points known)" for k in missing.tolist()]

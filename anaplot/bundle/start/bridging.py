@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.start.subblock import Cluster
+from anaplot.bundle.start.subblock import SubBlock
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.results import ModelSolution
@@ -24,7 +24,9 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 
-def bridged_parts(problem: Problem, rays: Array, progress: Progress | None = None) -> list[Cluster]:
+def bridged_parts(
+    problem: Problem, rays: Array, progress: Progress | None = None
+) -> list[SubBlock]:
     """Bridge the strips and join them over common points.
 
     Parameters
@@ -41,7 +43,7 @@ def bridged_parts(problem: Problem, rays: Array, progress: Progress | None = Non
     list[Cluster]
         Parts that could not be joined, each in the system of one of its strips; the largest first.
     """
-    parts: list[Cluster] = []
+    parts: list[SubBlock] = []
     block = problem.block
     unused = set(problem.unused_rays.tolist())
     rows = rows_by_photo(row for k, row in enumerate(block.image_points) if k not in unused)
@@ -50,7 +52,7 @@ def bridged_parts(problem: Problem, rays: Array, progress: Progress | None = Non
             progress("bridging strips", count / len(block.strips))
         parts += _bridged(problem, strip, rows)
     parts.sort(key=lambda part: -int(part.oriented.sum()))
-    joined: list[Cluster] = []
+    joined: list[SubBlock] = []
     while parts:
         main = parts.pop(0)
         main.place(problem, rays)
@@ -68,15 +70,15 @@ def bridged_parts(problem: Problem, rays: Array, progress: Progress | None = Non
     return joined
 
 
-def _bridged(problem: Problem, strip: Strip, rows: dict[str, list[ImagePoint]]) -> list[Cluster]:
+def _bridged(problem: Problem, strip: Strip, rows: dict[str, list[ImagePoint]]) -> list[SubBlock]:
     """Clusters of one strip: a new one begins wherever the chain of models breaks."""
     block = problem.block
     at_photo = {name: k for k, name in enumerate(problem.photos)}
     at_point = {name: k for k, name in enumerate(problem.points)}
     cameras = {camera.id: camera for camera in block.cameras}
     camera_of = {photo.id: cameras[photo.camera] for photo in block.photos}
-    found: list[Cluster] = []
-    current: Cluster | None = None
+    found: list[SubBlock] = []
+    current: SubBlock | None = None
     preceding: ModelSolution | None = None
     for left, right in strip.models():
         model = None
@@ -89,7 +91,7 @@ def _bridged(problem: Problem, strip: Strip, rows: dict[str, list[ImagePoint]]) 
             current, preceding = None, None
             continue
         if current is None:
-            current = Cluster.empty(problem)
+            current = SubBlock.empty(problem)
             found.append(current)
             k = at_photo[left]
             current.centres[k], current.rotations[k] = np.array(model.centre), np.eye(3)

@@ -12,10 +12,10 @@ from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, damped_step
 from anaplot.bundle.solve.normal import (
+    BlockState,
     Linearised,
     NormalEquations,
     PointError,
-    State,
     Structure,
     linearise,
     move,
@@ -24,15 +24,15 @@ from anaplot.bundle.solve.normal import (
 from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.resection import resect
-from anaplot.bundle.start.subblock import Cluster, intersect_rays
+from anaplot.bundle.start.subblock import SubBlock, intersect_rays
 from anaplot.errors import NotComputableError
 
 __all__ = [
     "FarOff",
     "RobustState",
-    "Suspect",
+    "RobustSuspect",
     "far_off",
-    "no_minimum",
+    "no_minimum_error",
     "robust_state",
     "robust_suspects",
 ]
@@ -45,8 +45,8 @@ _RESECTED = 30  # photos that are resected at most when a culprit is looked for
 _FAR = 10.0  # times what measurements are off in the median: so far off is a suspect
 
 
-def no_minimum(
-    problem: Problem, structure: Structure, start: State, state: State | None = None
+def no_minimum_error(
+    problem: Problem, structure: Structure, start: BlockState, state: BlockState | None = None
 ) -> NotComputableError:
     """Return the error that says why `find_minimum` finds nothing.
 
@@ -109,7 +109,7 @@ def _best_reached(problem: Problem, linear: Linearised) -> str:
     return f"the best state has sigma0 {sigma0:.3g}, the worst rays {named}"
 
 
-class Suspect(NamedTuple):
+class RobustSuspect(NamedTuple):
     """A measurement far from a robust solution.
 
     Attributes
@@ -128,8 +128,8 @@ class Suspect(NamedTuple):
 
 
 def robust_suspects(
-    problem: Problem, structure: Structure, start: State, steps: int = _STEPS
-) -> list[Suspect]:
+    problem: Problem, structure: Structure, start: BlockState, steps: int = _STEPS
+) -> list[RobustSuspect]:
     """Return the measurements that a robust adjustment leaves far off, the worst first.
 
     As `robust_state`; where that leaves many rays off, photos that fit badly are resected to the
@@ -138,7 +138,7 @@ def robust_suspects(
     return _suspects(problem, _clearest(problem, structure, start, steps))
 
 
-def _suspects(problem: Problem, clearest: _Clearest) -> list[Suspect]:
+def _suspects(problem: Problem, clearest: _Clearest) -> list[RobustSuspect]:
     """Return what a robust solution leaves far off, the worst first."""
     image, control, priors = clearest.misfits
     held = clearest.held
@@ -159,18 +159,18 @@ def _suspects(problem: Problem, clearest: _Clearest) -> list[Suspect]:
         if what in named:
             continue
         named.add(what)
-        found.append(Suspect(what, f"{image[k]:.3g} mm", image[k] / scale))
+        found.append(RobustSuspect(what, f"{image[k]:.3g} mm", image[k] / scale))
     if held.any():
         scale = clearest.control_scale()
         for k in np.argsort(-control, kind="stable")[:10].tolist():
             what = f"control point {problem.points[k]}"
             if what in named:
                 continue
-            found.append(Suspect(what, f"{control[k]:.3g} m", control[k] / scale))
+            found.append(RobustSuspect(what, f"{control[k]:.3g} m", control[k] / scale))
     scale = clearest.prior_scale()
     for k, group in np.argwhere(priors > _FAR * scale).tolist():
         what = f"the stated {('position', 'rotation')[group]} of photo {problem.photos[k]}"
-        found.append(Suspect(what, f"{priors[k, group]:.3g} sigma", priors[k, group] / scale))
+        found.append(RobustSuspect(what, f"{priors[k, group]:.3g} sigma", priors[k, group] / scale))
     found = [suspect for suspect in found if suspect.times > _FAR]
     found.sort(key=lambda suspect: -suspect.times)
     return found
@@ -190,14 +190,16 @@ class FarOff(NamedTuple):
         What a ray may be off [mm].
     """
 
-    state: State
+    state: BlockState
     rays: NDArray[np.bool_]
     control: NDArray[np.bool_]
     priors: NDArray[np.bool_]
     reach: float
 
 
-def far_off(problem: Problem, structure: Structure, start: State, steps: int = _STEPS) -> FarOff:
+def far_off(
+    problem: Problem, structure: Structure, start: BlockState, steps: int = _STEPS
+) -> FarOff:
     """Return what a robust adjustment leaves far off, by the measure of `robust_suspects`."""
     clearest = _clearest(problem, structure, start, steps)
     held = clearest.held.any(axis=1)
@@ -221,7 +223,7 @@ class _Misfits(NamedTuple):
 class _Clearest(NamedTuple):
     """A robust solution; held and least as `_robust` returns them."""
 
-    state: State
+    state: BlockState
     held: NDArray[np.bool_]
     least: Array
     misfits: _Misfits
@@ -241,7 +243,7 @@ class _Clearest(NamedTuple):
         return _prior_scale(self.misfits.priors)
 
 
-def _clearest(problem: Problem, structure: Structure, start: State, steps: int) -> _Clearest:
+def _clearest(problem: Problem, structure: Structure, start: BlockState, steps: int) -> _Clearest:
     """Return the robust solution that leaves fewer rays off, with and without new orientations."""
     state, held, least = _robust(problem, structure, start, steps)
     misfits = _misfits(problem, held, state)
@@ -267,7 +269,7 @@ class RobustState(NamedTuple):
         How many rays and control points are off by more than 20 times what is expected.
     """
 
-    state: State
+    state: BlockState
     misfit: float
     rays_off: int
     control_off: int
@@ -283,7 +285,7 @@ class RobustState(NamedTuple):
 
 
 def robust_state(
-    problem: Problem, structure: Structure, start: State, steps: int = _STEPS
+    problem: Problem, structure: Structure, start: BlockState, steps: int = _STEPS
 ) -> RobustState:
     """Return the state after some steps of a robust adjustment.
 
@@ -302,7 +304,7 @@ def robust_state(
     )
 
 
-def _with_fixed(problem: Problem, state: State) -> State:
+def _with_fixed(problem: Problem, state: BlockState) -> BlockState:
     """Return the state with the values of coordinates free of error."""
     points = np.where(problem.fixed, problem.known - state.origin, state.points)
     return replace(state, points=points)
@@ -314,8 +316,8 @@ def _off(problem: Problem, image: Array) -> int:
 
 
 def _robust(
-    problem: Problem, structure: Structure, start: State, steps: int
-) -> tuple[State, NDArray[np.bool_], Array]:
+    problem: Problem, structure: Structure, start: BlockState, steps: int
+) -> tuple[BlockState, NDArray[np.bool_], Array]:
     """Robust steps; also which coordinates are control, and its smallest sigmas [m]."""
     held = problem.fixed | np.isfinite(problem.known_sigma)
     seen = linearise(problem, start)
@@ -360,19 +362,19 @@ def _robust(
     return state, held, least
 
 
-def _reoriented(problem: Problem, start: State, rounds: int = 3) -> State:
+def _reoriented(problem: Problem, start: BlockState, rounds: int = 3) -> BlockState:
     """Points from their rays alone, and photos that fit them badly resected to the others' points.
 
     Whatever control says, and however a gross error has bent the approximate orientations.
     """
     rays = np.column_stack((problem.xy, -problem.c[problem.photo]))
     rays /= np.linalg.norm(rays, axis=1)[:, None]
-    cluster = Cluster(start.centres.copy(), start.rotations.copy(), start.points.copy())
-    cluster.place(problem, rays, again=True)
+    subblock = SubBlock(start.centres.copy(), start.rotations.copy(), start.points.copy())
+    subblock.place(problem, rays, again=True)
     order = np.argsort(problem.photo, kind="stable")
     ends = np.searchsorted(problem.photo[order], np.arange(len(problem.photos) + 1))
     for _ in range(rounds):
-        size = np.nan_to_num(cluster.residuals(problem), nan=np.inf)
+        size = np.nan_to_num(subblock.residuals(problem), nan=np.inf)
         worst = np.array(
             [np.max(size[order[ends[k] : ends[k + 1]]]) for k in range(len(problem.photos))]
         )
@@ -382,7 +384,7 @@ def _reoriented(problem: Problem, start: State, rounds: int = 3) -> State:
                 break
             mine = order[ends[photo] : ends[photo + 1]]
             # points as the other photos alone place them
-            others = Cluster(cluster.centres.copy(), cluster.rotations, cluster.points.copy())
+            others = SubBlock(subblock.centres.copy(), subblock.rotations, subblock.points.copy())
             others.centres[photo] = np.nan
             seen = intersect_rays(problem, others, rays)[problem.point[mine]]
             good = np.isfinite(seen[:, 0])
@@ -392,14 +394,14 @@ def _reoriented(problem: Problem, start: State, rounds: int = 3) -> State:
                 continue
             before = float(np.sum(np.minimum(size[mine[good]], 0.02 * c)))
             if float(np.sum(np.minimum(found.residual, 0.02 * c))) < before:
-                cluster.centres[photo], cluster.rotations[photo] = found.centre, found.rotation
-        cluster.place(problem, rays, again=True)
+                subblock.centres[photo], subblock.rotations[photo] = found.centre, found.rotation
+        subblock.place(problem, rays, again=True)
     return replace(
-        start, centres=cluster.centres, rotations=cluster.rotations, points=cluster.points
+        start, centres=subblock.centres, rotations=subblock.rotations, points=subblock.points
     )
 
 
-def _misfits(problem: Problem, held: NDArray[np.bool_], state: State) -> _Misfits:
+def _misfits(problem: Problem, held: NDArray[np.bool_], state: BlockState) -> _Misfits:
     linear = linearise(problem, state)
     e = linear.e * problem.sigma_xy
     image = np.nan_to_num(np.linalg.norm(e, axis=1), nan=1e6, posinf=1e6)

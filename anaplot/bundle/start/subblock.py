@@ -12,7 +12,7 @@ from anaplot.bundle.start.resection import resect
 from anaplot.photogrammetry.collinearity import project, turns
 from anaplot.photogrammetry.similarity import Similarity, fit_similarity, line_of, robust_similarity
 
-__all__ = ["Cluster", "intersect_rays"]
+__all__ = ["SubBlock", "intersect_rays"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -22,7 +22,7 @@ _PARALLEL = 1e-10  # smallest over largest eigenvalue below which rays count as 
 
 
 @dataclass(slots=True, eq=False)
-class Cluster:
+class SubBlock:
     """Photos and points in one system; NaN for what is not in it.
 
     Attributes
@@ -38,8 +38,8 @@ class Cluster:
     points: Array
 
     @classmethod
-    def empty(cls, problem: Problem) -> Cluster:
-        """Return a cluster of nothing."""
+    def empty(cls, problem: Problem) -> SubBlock:
+        """Return a sub-block of nothing."""
         n, p = len(problem.photos), len(problem.points)
         return cls(np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((p, 3), np.nan))
 
@@ -61,7 +61,7 @@ class Cluster:
         self.points = similarity.apply(self.points)
 
     def place(self, problem: Problem, rays: Array, *, again: bool = False) -> int:
-        """Intersect every point that two photos of the cluster see; returns how many are new."""
+        """Intersect every point that two photos of the sub-block see; returns how many are new."""
         before = self.placed
         found = intersect_rays(problem, self, rays)
         new = np.isfinite(found[:, 0]) & (~before | again)
@@ -69,7 +69,7 @@ class Cluster:
         return int((new & ~before).sum())
 
     def add_photos(self, problem: Problem, by_photo: list[Index], fewest: int = 4) -> int:
-        """Orient photos to points of the cluster, those with most points first; returns how many.
+        """Orient photos to points of the sub-block, those with most points first; returns how many.
 
         A photo is taken when most of its points agree within 2 % of the camera constant.
         """
@@ -97,16 +97,16 @@ class Cluster:
             added += 1
         return added
 
-    def join(self, other: Cluster, *, hinged: bool = False) -> bool:
-        """Take up another cluster by the points and projection centres common to both.
+    def join(self, other: SubBlock, *, hinged: bool = False) -> bool:
+        """Take up another subblock by the points and projection centres common to both.
 
         Parameters
         ----------
         other
-            The other cluster, moved into this system.
+            The other subblock, moved into this system.
         hinged
             Whether common points nearly on a line suffice (strips with little side lap over flat
-            ground): noise alone would tell how the other cluster is turned about it, so both are
+            ground): noise alone would tell how the other subblock is turned about it, so both are
             made to look the same way.
         """
         points = self.placed & other.placed
@@ -137,12 +137,12 @@ class Cluster:
         self.points[new_points] = other.points[new_points]
         return True
 
-    def _looking_alike(self, other: Cluster, axis: Array) -> Array:
-        """(3, 3) turn of another cluster about an axis after which both look the same way."""
+    def _looking_alike(self, other: SubBlock, axis: Array) -> Array:
+        """(3, 3) turn of another subblock about an axis after which both look the same way."""
         mine, its = (
-            np.nanmean(cluster.rotations[:, :, 2], axis=0)
-            - axis * (np.nanmean(cluster.rotations[:, :, 2], axis=0) @ axis)
-            for cluster in (self, other)
+            np.nanmean(subblock.rotations[:, :, 2], axis=0)
+            - axis * (np.nanmean(subblock.rotations[:, :, 2], axis=0) @ axis)
+            for subblock in (self, other)
         )
         angle = float(np.arctan2(np.cross(its, mine) @ axis, its @ mine))
         turn: Array = turns(angle * axis[None])[0]
@@ -170,8 +170,8 @@ def _on_a_line(source: Array, target: Array) -> tuple[Similarity, NDArray[np.boo
     return (similarity, inliers) if inliers.all() else None
 
 
-def intersect_rays(problem: Problem, cluster: Cluster, rays: Array, rounds: int = 6) -> Array:
-    """Return (points, 3): where the rays of the cluster's photos meet best; NaN elsewhere.
+def intersect_rays(problem: Problem, subblock: SubBlock, rays: Array, rounds: int = 6) -> Array:
+    """Return (points, 3): where the rays of the sub-block's photos meet best; NaN elsewhere.
 
     Weighted by Cauchy's function of the angle by which a ray misses, so that one wrong ray among
     three or more loses its pull.
@@ -182,11 +182,11 @@ def intersect_rays(problem: Problem, cluster: Cluster, rays: Array, rounds: int 
         (m, 3) rays of unit length in image axes.
     """
     count = len(problem.points)
-    use = np.nonzero(cluster.oriented[problem.photo])[0]
+    use = np.nonzero(subblock.oriented[problem.photo])[0]
     photo, point = problem.photo[use], problem.point[use]
-    direction = np.einsum("nij,nj->ni", cluster.rotations[photo], rays[use])
-    centre = cluster.centres[photo]
-    origin = np.nanmean(cluster.centres, axis=0) if len(use) else np.zeros(3)
+    direction = np.einsum("nij,nj->ni", subblock.rotations[photo], rays[use])
+    centre = subblock.centres[photo]
+    origin = np.nanmean(subblock.centres, axis=0) if len(use) else np.zeros(3)
     centre = centre - origin
     plane = np.eye(3) - direction[:, :, None] * direction[:, None, :]
     toward = np.einsum("nij,nj->ni", plane, centre)

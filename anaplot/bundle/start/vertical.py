@@ -18,10 +18,10 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.start.subblock import Cluster
+from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["level_cluster"]
+__all__ = ["vertical_subblock"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -52,7 +52,7 @@ class _Rays(NamedTuple):
     w: Complex
 
 
-def level_cluster(problem: Problem) -> Cluster | None:
+def vertical_subblock(problem: Problem) -> SubBlock | None:
     """Orient all photos as vertical ones.
 
     With the datum "control", in the ground system as far as control in plan and stated positions
@@ -81,7 +81,7 @@ def level_cluster(problem: Problem) -> Cluster | None:
     tau, z = _positions(rays, alpha, len(problem.points))
     if problem.datum == "control" and int(np.isfinite(plan).sum()) >= 2:
         alpha, tau, z = _onto_control(rays, alpha, tau, z, part, plan)
-    return _cluster(problem, alpha, tau, z, heights)
+    return _subblock(problem, alpha, tau, z, heights)
 
 
 def _rays(problem: Problem) -> _Rays:
@@ -399,8 +399,10 @@ def _together(
     return 1.0 / turn, -shift / turn + middle, z + middle
 
 
-def _cluster(problem: Problem, alpha: Complex, tau: Complex, z: Complex, heights: Array) -> Cluster:
-    cluster = Cluster.empty(problem)
+def _subblock(
+    problem: Problem, alpha: Complex, tau: Complex, z: Complex, heights: Array
+) -> SubBlock:
+    subblock = SubBlock.empty(problem)
     above = problem.c * np.abs(alpha)
     flown = problem.position[:, 2] - above
     if problem.datum == "control" and len(heights):
@@ -409,10 +411,10 @@ def _cluster(problem: Problem, alpha: Complex, tau: Complex, z: Complex, heights
         ground = float(np.nanmedian(flown))
     else:
         ground = 0.0
-    cluster.centres = np.column_stack((tau.real, tau.imag, ground + above))
-    cluster.rotations = np.array([rotation_matrix(0.0, 0.0, k) for k in np.angle(alpha).tolist()])
-    cluster.points = np.column_stack((z.real, z.imag, np.full(len(z), ground)))
+    subblock.centres = np.column_stack((tau.real, tau.imag, ground + above))
+    subblock.rotations = np.array([rotation_matrix(0.0, 0.0, k) for k in np.angle(alpha).tolist()])
+    subblock.points = np.column_stack((z.real, z.imag, np.full(len(z), ground)))
     if problem.datum == "control":
         known = np.isfinite(problem.known[:, 2])
-        cluster.points[known, 2] = problem.known[known, 2]
-    return cluster
+        subblock.points[known, 2] = problem.known[known, 2]
+    return subblock

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from anaplot.planning.montecarlo import Scenario
 
-__all__ = ["LEVEL", "at_level", "level_of"]
+__all__ = ["PAPER_ALPHA", "alpha_of", "with_alpha"]
 
-LEVEL = 0.001
+PAPER_ALPHA = 0.001
 """Significance of a single row in the papers."""
 
 
-def at_level(scenario: Scenario, alpha: float) -> Scenario | None:
+def with_alpha(scenario: Scenario, alpha: float) -> Scenario | None:
     """Return a scenario with all its tests at another significance; None where it has its own.
 
     What is known of its figures holds for the papers' significance, unless the scenario itself
@@ -29,13 +29,13 @@ def at_level(scenario: Scenario, alpha: float) -> Scenario | None:
         changes["alpha"] = alpha
     else:
         return None
-    if "references" in names and alpha != LEVEL:
+    if "references" in names and alpha != PAPER_ALPHA:
         changes["references"] = {}
     changed: Scenario = replace(of, **changes)
     return changed
 
 
-def level_of(scenario: Scenario) -> float | None:
+def alpha_of(scenario: Scenario) -> float | None:
     """Return the one significance of single rows of a scenario; None where it has several."""
     alphas: tuple[float, ...] = getattr(scenario, "alphas", ())
     if len(alphas) == 1:

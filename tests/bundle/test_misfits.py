@@ -14,7 +14,7 @@ from anaplot.adjustment.findings import SearchSettings
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import clean_control_last
 from anaplot.bundle.errors.grosserrors import block_gross_errors
-from anaplot.bundle.errors.rescue import adjust_what_fits
+from anaplot.bundle.errors.misfits import adjust_without_misfits
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.bundle.solve.problem import make_problem
@@ -109,13 +109,13 @@ def test_control_a_kilometre_off_is_found() -> None:
 def test_control_free_of_error_cannot_be_left_out() -> None:
     block = moved(planned(2, sigma=0.0), "01-01", 0, 1000.0)
     with pytest.raises(NoConvergenceError, match="control point 01-01 disagrees"):
-        adjust_what_fits(make_problem(block))
+        adjust_without_misfits(make_problem(block))
 
 
 def test_additional_parameters_wait_for_what_fits() -> None:
     block = interchanged(planned(3, strips=3), "204", "04-03", "03-05")
     chosen = additional_parameters("ebner:block", 5.0)
-    fitting = adjust_what_fits(make_problem(block, additional=chosen))
+    fitting = adjust_without_misfits(make_problem(block, additional=chosen))
     assert fitting.left_out
     assert fitting.block.problem.additional is chosen
     assert fitting.block.sigma0 < 1.2
@@ -126,7 +126,7 @@ def test_additional_parameters_wait_for_what_fits() -> None:
 
 def test_what_has_a_minimum_is_adjusted_with_everything() -> None:
     block = planned(4)
-    fitting = adjust_what_fits(make_problem(block))
+    fitting = adjust_without_misfits(make_problem(block))
     assert fitting.left_out == ()
     assert fitting.reason == ""
     assert fitting.block.vtpv == adjust_block(block).vtpv
@@ -208,7 +208,7 @@ def test_a_ray_to_control_free_of_error_is_blamed_not_the_control() -> None:
     assert any(c.point == "01-01" and None not in c.xyz for c in block.control)
     with pytest.raises(NoConvergenceError):
         adjust_block(block)
-    fitting = adjust_what_fits(make_problem(block))
+    fitting = adjust_without_misfits(make_problem(block))
     assert {name[1:3] for name in fitting.left_out} == {("101", "01-01"), ("101", "01-02")}
     assert fitting.block.sigma0 < 1.3
 

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum
-from anaplot.bundle.solve.gaussnewton import Found, NoConvergenceError, find_minimum
-from anaplot.bundle.solve.normal import State, Structure, linearise, make_structure
+from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
+from anaplot.bundle.solve.normal import BlockState, Structure, linearise, make_structure
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import ORIENTATION, ObservationName
 from anaplot.bundle.start.robust import FarOff, far_off
 from anaplot.errors import NotComputableError
 
-__all__ = ["Fitting", "adjust_what_fits", "minimum_of_what_fits"]
+__all__ = ["PartialAdjustment", "adjust_without_misfits", "minimum_without_misfits"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -33,7 +33,7 @@ _ROUNDS = 4
 _ENOUGH = 0.01  # of a point's weakest direction that must be left
 
 
-class Fitting(NamedTuple):
+class PartialAdjustment(NamedTuple):
     """What could be adjusted of a block.
 
     Attributes
@@ -51,7 +51,9 @@ class Fitting(NamedTuple):
     reason: str
 
 
-def adjust_what_fits(problem: Problem, *, progress: Progress | None = None) -> Fitting:
+def adjust_without_misfits(
+    problem: Problem, *, progress: Progress | None = None
+) -> PartialAdjustment:
     """Adjust a bundle; where no minimum is found, without the observations that fit nowhere.
 
     Parameters
@@ -68,7 +70,7 @@ def adjust_what_fits(problem: Problem, *, progress: Progress | None = None) -> F
         the block is not determined without it.
     """
     try:
-        return Fitting(adjust_problem(problem, progress=progress), (), "")
+        return PartialAdjustment(adjust_problem(problem, progress=progress), (), "")
     except NoConvergenceError as error:
         failure, start = error, error.state
     # orientations do not wait for additional parameters
@@ -76,7 +78,7 @@ def adjust_what_fits(problem: Problem, *, progress: Progress | None = None) -> F
     start = replace(start, own=start.own[:, :0], shared=start.shared[:0])
     structure = make_structure(bare, start.centres)
     try:
-        least = minimum_of_what_fits(bare, structure, start, progress=progress)
+        least = minimum_without_misfits(bare, structure, start, progress=progress)
         if least is None:
             raise failure
         reduced, found = least
@@ -87,7 +89,7 @@ def adjust_what_fits(problem: Problem, *, progress: Progress | None = None) -> F
             block = calibrated(reduced, found.state, progress=progress)
     except np.linalg.LinAlgError:
         raise failure from None
-    return Fitting(block, _names(problem, reduced), str(failure))
+    return PartialAdjustment(block, _names(problem, reduced), str(failure))
 
 
 def _like(problem: Problem, reduced: Problem) -> Problem:
@@ -101,9 +103,9 @@ def _like(problem: Problem, reduced: Problem) -> Problem:
     )
 
 
-def minimum_of_what_fits(
-    problem: Problem, structure: Structure, start: State, *, progress: Progress | None = None
-) -> tuple[Problem, Found] | None:
+def minimum_without_misfits(
+    problem: Problem, structure: Structure, start: BlockState, *, progress: Progress | None = None
+) -> tuple[Problem, Minimum] | None:
     """Return the bundle without what is far off from a robust solution, and its minimum.
 
     Parameters

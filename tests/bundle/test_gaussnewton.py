@@ -11,7 +11,7 @@ from weaknetworks import dense_minimum, short_base
 
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
-from anaplot.bundle.solve.normal import State, make_structure, objective
+from anaplot.bundle.solve.normal import BlockState, make_structure, objective
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reintersect import reintersected
 from anaplot.bundle.start.approximate import approximate_ways
@@ -35,7 +35,7 @@ LOST = [
 ]
 
 
-def laid_out(seed: int, **options) -> tuple[Problem, State]:
+def laid_out(seed: int, **options) -> tuple[Problem, BlockState]:
     problem = make_problem(short_base(seed, **options).block, datum="free")
     start = approximate_ways(problem)[0](None)
     assert start is not None

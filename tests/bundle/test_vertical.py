@@ -10,7 +10,7 @@ from bundleblocks import make_scene
 
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.solve.problem import make_problem
-from anaplot.bundle.start.vertical import level_cluster
+from anaplot.bundle.start.vertical import vertical_subblock
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -193,9 +193,9 @@ def test_swapped_control_ids_are_named() -> None:
 def test_level_values_are_near_the_truth() -> None:
     scene = flown(7, kappa=None)
     problem = make_problem(scene.block)
-    cluster = level_cluster(problem)
-    assert cluster is not None
+    subblock = vertical_subblock(problem)
+    assert subblock is not None
     for k, name in enumerate(problem.photos):
-        assert np.linalg.norm(cluster.centres[k] - scene.centres[name]) < 0.15 * HEIGHT
-        turn = cluster.rotations[k].T @ scene.rotations[name]
+        assert np.linalg.norm(subblock.centres[k] - scene.centres[name]) < 0.15 * HEIGHT
+        turn = subblock.rotations[k].T @ scene.rotations[name]
         assert np.degrees(np.arccos((np.trace(turn) - 1.0) / 2.0)) < 8.0

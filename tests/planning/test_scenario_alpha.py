@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import pytest
 
 from anaplot.cli import main
-from anaplot.planning.levels import LEVEL, at_level, level_of
 from anaplot.planning.montecarlo import simulate
+from anaplot.planning.scenarioalpha import PAPER_ALPHA, alpha_of, with_alpha
 from anaplot.planning.scenarios import scenarios
 
 WITHOUT_ERROR = {
@@ -50,13 +50,13 @@ def test_more_is_rejected_at_a_larger_significance(capsys) -> None:
 def test_every_named_scenario_has_a_level() -> None:
     for name in ("kratky-1983-6-3", "gruen-1978-methods", "block-errors-10", "bayes-G3C"):
         scenario = scenarios()[name]
-        assert level_of(scenario) == LEVEL
-        changed = at_level(scenario, 0.01)
+        assert alpha_of(scenario) == PAPER_ALPHA
+        changed = with_alpha(scenario, 0.01)
         assert changed is not None
-        assert level_of(changed) == 0.01
+        assert alpha_of(changed) == 0.01
         # what is known holds for the papers' significance
         assert changed.references == {}
-        assert at_level(scenario, LEVEL) == scenario
+        assert with_alpha(scenario, PAPER_ALPHA) == scenario
         tally = simulate(changed, runs=2, seed=1, methods=changed.methods[:1])
         assert tally
 
@@ -66,8 +66,8 @@ def test_what_has_no_level_keeps_its_own() -> None:
     class Fixed:
         name: str = "fixed"
 
-    assert at_level(Fixed(), 0.01) is None
-    assert level_of(Fixed()) is None
+    assert with_alpha(Fixed(), 0.01) is None
+    assert alpha_of(Fixed()) is None
 
 
 def test_runs_at_one_significance_are_not_gone_on_with_at_another(tmp_path, capsys) -> None:

@@ -11,7 +11,7 @@ from bundleblocks import aerial
 from denseblock import dense, dense_inverse
 
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.errors.wrongray import accuse
+from anaplot.bundle.errors.wrongray import suspect_rays
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import TestSettings
 
@@ -36,7 +36,7 @@ def test_a_ray_is_accused_as_often_rightly_as_is_said(kind) -> None:
         e[2 * wrong : 2 * wrong + 2] += 20.0 * rng.normal(size=2)
         vtpv = float(e @ residual @ e)
         sigma0 = sqrt(vtpv / f)
-        found = accuse(
+        found = suspect_rays(
             replace(
                 block,
                 v=(residual @ e)[: 2 * m].reshape(m, 2),
