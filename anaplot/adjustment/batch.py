@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.partners import likeliest
 from anaplot.adjustment.significance import critical_normal, critical_tau
+from anaplot.aliases import Array, Bools, Index
 
 __all__ = ["BATCH_TESTS", "BatchRejections", "reject_stepwise", "standardized", "tau_statistics"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 BATCH_TESTS = ("baarda", "tau")
 
@@ -43,7 +41,7 @@ class BatchRejections:
         (m,) redundancy that remains.
     """
 
-    rejected: NDArray[np.bool_] = field(repr=False)
+    rejected: Bools = field(repr=False)
     order: Index = field(repr=False)
     vtpv: Array = field(repr=False)
     redundancy: Index = field(repr=False)

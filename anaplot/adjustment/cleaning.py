@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
@@ -19,12 +18,11 @@ from anaplot.adjustment.scale import AprioriSigma, check_scale
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import find_gross_errors, findings_at, sigma_of
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 
 __all__ = ["Cleaning", "CleaningEnd", "RefusedRow", "Relinearised", "SolvedWithout", "best_of"]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 S = TypeVar("S")
 K = TypeVar("K", bound=Hashable)
 

@@ -15,15 +15,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dtrtri
 
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import TESTABLE
+from anaplot.aliases import Array, Bools
 
 __all__ = ["Elimination", "NotSeparableError", "Returns"]
 
-Array = NDArray[np.float64]
 
 # R is known to about 1e-13; what is left of r after an elimination carries its rounding amplified
 _LOST = 1e-8
@@ -127,7 +126,7 @@ class Elimination:
         return max(TESTABLE, _LOST * self._r0[row] if self._rows else 0.0)
 
     @property
-    def testable_rows(self) -> NDArray[np.bool_]:
+    def testable_rows(self) -> Bools:
         """(n,) which rows can be tested given S."""
         limit = np.maximum(TESTABLE, _LOST * self._r0 if self._rows else 0.0)
         return np.asarray(self._r >= limit)

@@ -6,10 +6,8 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from anaplot.adjustment.reliability import HARD_TO_TELL, Odds
+from anaplot.aliases import Array, Index
 
 __all__ = [
     "FinalStatistics",
@@ -20,15 +18,10 @@ __all__ = [
     "Rejection",
     "SearchSettings",
     "SearchStep",
-    "TestKind",
 ]
 
-Array = NDArray[np.float64]
 
 Action = Literal["add", "drop", "swap", "reject", "reweight"]
-
-TestKind = Literal["tau", "baarda"]
-"""Whether a test takes sigma as estimated or as known a priori."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +184,8 @@ class PairOdds:
 
     none: float
     single: Array
-    rows: NDArray[np.intp]
-    others: NDArray[np.intp]
+    rows: Index
+    others: Index
     probability: Array
     pairs: float
     marginal: Array

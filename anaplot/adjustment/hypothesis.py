@@ -17,9 +17,9 @@ from math import exp, expm1, log, log1p, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.significance import noncentral_f_power
+from anaplot.aliases import Array
 
 __all__ = [
     "Component",
@@ -44,7 +44,6 @@ __all__ = [
     "variance_inflation",
 ]
 
-Array = NDArray[np.float64]
 
 _RANK = 1e-10  # smallest eigenvalue of a correlation matrix of full rank
 _EQUAL = 1e-9  # relative difference below which two variances cannot be told apart

@@ -20,12 +20,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from anaplot.adjustment.residualsystem import Designed, ResidualSystem, diagonal
+from anaplot.aliases import Array
 
 __all__ = [
     "MOST_ROWS_OF_PROGRAMME",
@@ -35,7 +35,6 @@ __all__ = [
     "least_absolute_residuals",
 ]
 
-Array = NDArray[np.float64]
 
 MOST_ROWS_OF_PROGRAMME = 5_000
 """Rows up to which the linear programme is solved; beyond them it is re-weighted least squares."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from math import inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -27,8 +27,6 @@ __all__ = [
 
 CONDITION_LIMIT = 1e4
 """Condition number (columns scaled to unit length) from which a design counts as rank deficient."""
-
-Array = NDArray[np.float64]
 
 
 class RankDefectError(NotComputableError):

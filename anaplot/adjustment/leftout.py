@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Hashable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.residualsystem import Designed, ResidualSystem, diagonal
+from anaplot.aliases import Array, Index
 
 __all__ = ["ReducedSystem", "remaining", "spread"]
-
-Array = NDArray[np.float64]
 
 
 class ReducedSystem:
@@ -64,7 +62,7 @@ class ReducedSystem:
         """Redundancy of the others."""
         return self._state.redundancy
 
-    def columns(self, rows: NDArray[np.intp]) -> Array:
+    def columns(self, rows: Index) -> Array:
         """Return (n, k): the columns of R that belong to k rows, without those left out."""
         missing = [row for row in dict.fromkeys(rows.tolist()) if row not in self._known]
         self._state.system.columns(np.array(missing, dtype=np.intp))  # all of them at once
@@ -86,14 +84,14 @@ class ReducedSystem:
         return csr_array(diagonal(there) @ every)
 
 
-def remaining(n: int, left_out: Collection[int]) -> NDArray[np.intp]:
+def remaining(n: int, left_out: Collection[int]) -> Index:
     """Return the rows that are not left out."""
     there = np.ones(n, dtype=bool)
     there[list(left_out)] = False
     return np.flatnonzero(there)
 
 
-def spread(values: Array, rows: NDArray[np.intp], n: int) -> Array:
+def spread(values: Array, rows: Index, n: int) -> Array:
     """Return (n,) the values of some rows, zero in all others."""
     out = np.zeros(n)
     out[rows] = values

@@ -6,17 +6,16 @@ from collections.abc import Collection
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anaplot.adjustment.findings import PairOdds, TestKind
+from anaplot.adjustment.findings import PairOdds
 from anaplot.adjustment.leftout import ReducedSystem, remaining, spread
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.stepwise import NO_SIGMA
+from anaplot.aliases import Array, Index, TestKind
 
 __all__ = ["MOST_ROWS_OF_PAIRS", "pair_odds", "pair_odds_of"]
 
-Array = NDArray[np.float64]
 
 MOST_ROWS_OF_PAIRS = 3000
 """Largest number of rows whose pairs are weighed."""
@@ -84,9 +83,7 @@ def _log_factors(
     return -0.5 * np.log(determinant) - 0.5 * f * np.log1p(-share)
 
 
-def pair_odds_of(
-    system: ResidualSystem, rows: NDArray[np.intp], kind: TestKind, most: int = 20
-) -> PairOdds:
+def pair_odds_of(system: ResidualSystem, rows: Index, kind: TestKind, most: int = 20) -> PairOdds:
     """As `pair_odds`, over some rows of a system."""
     e, r = np.asarray(system.e, dtype=float)[rows], np.asarray(system.r, dtype=float)[rows]
     every, n = len(system.e), len(rows)

@@ -19,16 +19,13 @@ from functools import cached_property
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.reliability import HARD_TO_TELL
+from anaplot.aliases import Array, Bools, Index
 
 __all__ = ["EQUAL", "WEAK", "Proposals", "likeliest"]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 EQUAL = 1e-9
 """Relative difference below which two statistics cannot be told apart, however large r."""

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.leastsquares import adjust
+from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -29,7 +29,6 @@ __all__ = [
     "separate_estimate",
 ]
 
-Array = NDArray[np.float64]
 Divisors = Literal["paper", "rigorous"]
 Kind = Literal["classic", "known", "common", "separate"]
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import log, sqrt
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.leastsquares import Adjustment
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau, noncentrality
+from anaplot.aliases import Array, Bools, TestKind
 
 __all__ = [
     "ERROR_PRIOR_SIGMAS",
@@ -29,7 +29,6 @@ __all__ = [
     "undetected_effects",
 ]
 
-Array = NDArray[np.float64]
 
 ERROR_PRIOR_SIGMAS = 20.0
 """Prior of a gross error: normal, this many standard deviations of the observation wide."""
@@ -47,7 +46,7 @@ NONE_PRIOR = 0.9
 class AppliedTest(NamedTuple):
     """The test applied to every row; critical is None when there is no such value."""
 
-    kind: Literal["tau", "baarda"]
+    kind: TestKind
     alpha: float
     critical: float | None
 
@@ -70,7 +69,7 @@ class Standardized:
         (n,) abs(residual) / expected, NaN where a row cannot be tested; None without sigma.
     """
 
-    kind: Literal["tau", "baarda"]
+    kind: TestKind
     alpha: float
     critical: float | None
     sigma: float | None
@@ -81,7 +80,7 @@ class Standardized:
 def standardize(
     adjustment: Adjustment,
     *,
-    kind: Literal["tau", "baarda"],
+    kind: TestKind,
     alpha: float,
     apriori: float,
     cofactors: Array | None = None,
@@ -143,7 +142,7 @@ def undetected_effects(r: Array, *, alpha: float, power: float) -> Array:
     return out
 
 
-def beyond_model(r: Array, root: Array | float, tolerance: float) -> NDArray[np.bool_]:
+def beyond_model(r: Array, root: Array | float, tolerance: float) -> Bools:
     """Return where the exact sqrt(q_vv) is farther from its model value than the tolerance.
 
     Parameters
@@ -158,7 +157,7 @@ def beyond_model(r: Array, root: Array | float, tolerance: float) -> NDArray[np.
     """
     exact = np.sqrt(np.where(r >= SPUR, r, 0.0))
     model = np.where(np.greater(root, sqrt(SPUR)), root, 0.0)
-    beyond: NDArray[np.bool_] = np.isfinite(root) & (np.abs(exact - model) > tolerance * model)
+    beyond: Bools = np.isfinite(root) & (np.abs(exact - model) > tolerance * model)
     return beyond
 
 
@@ -204,9 +203,7 @@ class Odds:
     none: float
 
 
-def error_odds(
-    r: Array, ratio: Array | None, redundancy: int, kind: Literal["tau", "baarda"]
-) -> Odds:
+def error_odds(r: Array, ratio: Array | None, redundancy: int, kind: TestKind) -> Odds:
     """Weigh a gross error in each row against every other row and against none.
 
     With g = 400 r_i: sigma known, BF_i = (1 + g)^(-1/2) exp((w^2 / 2) g / (1 + g)); sigma

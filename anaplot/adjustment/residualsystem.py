@@ -17,15 +17,12 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, dia_array
 
 from anaplot.adjustment.leastsquares import Adjustment
+from anaplot.aliases import Array, Index
 
 __all__ = ["DenseResiduals", "Designed", "ResidualSystem", "dense_residuals", "diagonal"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class ResidualSystem(Protocol):

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.aliases import Array, Bools
 
 __all__ = [
     "DANISH_LIMIT",
@@ -25,7 +25,6 @@ __all__ = [
     "weighted_misclosures",
 ]
 
-Array = NDArray[np.float64]
 
 HUBER_LIMIT = 1.345
 """k of Huber's weights: 95 % efficiency under the normal distribution (Holland, Welsch 1977)."""
@@ -93,7 +92,7 @@ def weighted_misclosures(system: ResidualSystem, weights: Array) -> Array:
 
 
 def reweight(
-    system: ResidualSystem, method: Literal["huber", "danish"], suspects: NDArray[np.bool_]
+    system: ResidualSystem, method: Literal["huber", "danish"], suspects: Bools
 ) -> Reweighting:
     """Iterate weights and adjustment until the weights stand still.
 

@@ -6,13 +6,13 @@ from math import ceil, floor, log10
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from anaplot.adjustment.findings import Findings
 from anaplot.adjustment.partners import WEAK
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import critical_normal
+from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -26,7 +26,6 @@ __all__ = [
     "scale_error",
 ]
 
-Array = NDArray[np.float64]
 
 LARGEST, SMALLEST = 5.0, 0.2
 """Robust scales beyond which the a-priori sigma is doubted."""

@@ -15,18 +15,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchStep
 from anaplot.adjustment.partners import EQUAL, WEAK, Proposals, likeliest
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Array, Bools
 
 __all__ = ["search"]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _Action = Literal["add", "drop", "swap"]
 

@@ -34,16 +34,13 @@ from math import log
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Array, Bools
 
 __all__ = ["MostProbableSet", "SetOdds", "most_probable_set", "set_odds"]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 STEPS = 600
 """Sets visited unless told otherwise."""

@@ -10,7 +10,8 @@ from functools import lru_cache
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
+
+from anaplot.aliases import Array
 
 __all__ = [
     "TESTABLE",
@@ -136,7 +137,7 @@ def noncentral_f_power(
 
 
 @lru_cache(maxsize=1)
-def _normal_quadrature() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _normal_quadrature() -> tuple[Array, Array]:
     nodes, weights = np.polynomial.hermite_e.hermegauss(31)
     return nodes, weights / weights.sum()
 

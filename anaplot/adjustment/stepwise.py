@@ -7,7 +7,6 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import ModelValues, SearchStep
@@ -15,6 +14,7 @@ from anaplot.adjustment.partners import Proposals
 from anaplot.adjustment.reliability import beyond_model
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Array, Bools
 
 __all__ = [
     "MODEL_TOLERANCE",
@@ -26,8 +26,6 @@ __all__ = [
     "stepwise",
 ]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 MODEL_TOLERANCE = 0.25
 """k_q of modified snooping, the share by which an exact sqrt(q_vv) may differ from its model."""

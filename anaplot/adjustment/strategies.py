@@ -32,7 +32,6 @@ from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import (
@@ -43,7 +42,6 @@ from anaplot.adjustment.findings import (
     Rejection,
     SearchSettings,
     SearchStep,
-    TestKind,
 )
 from anaplot.adjustment.leastabsolute import least_absolute_residuals
 from anaplot.adjustment.leftout import ReducedSystem, remaining, spread
@@ -67,6 +65,7 @@ from anaplot.adjustment.stepwise import (
     stepwise,
 )
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Array, Bools, Index, TestKind
 
 __all__ = [
     "MOST_ROWS_OF_PAIRS",
@@ -80,8 +79,6 @@ __all__ = [
     "sigma_of",
 ]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STRATEGIES = ("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds")
 """Names of all strategies."""
@@ -440,7 +437,7 @@ def _findings(
     weights: Array | None,
     values: ModelValues | None,
     remarks: tuple[str, ...],
-    rows: NDArray[np.intp],
+    rows: Index,
 ) -> Findings:
     system = state.system
     r, e = np.asarray(system.r, dtype=float), np.asarray(system.e, dtype=float)

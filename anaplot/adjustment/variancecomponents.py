@@ -20,8 +20,8 @@ from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.errors import InputError
 
 __all__ = [
@@ -34,7 +34,6 @@ __all__ = [
     "helmert_factors",
 ]
 
-Array = NDArray[np.float64]
 ComponentStatus = Literal["estimated", "undetermined", "vanishing"]
 
 CONFIDENCE = 0.95

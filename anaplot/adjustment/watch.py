@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from anaplot.aliases import Progress
 
 __all__ = ["Watch"]
 
@@ -21,7 +21,7 @@ class Watch:
         Whether the computation is to end with the best that it has.
     """
 
-    def __init__(self, progress: Callable[[str, float], None] | None = None) -> None:
+    def __init__(self, progress: Progress | None = None) -> None:
         self._progress = progress
         self.stopped = False
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import sqrt
 from typing import NamedTuple
@@ -10,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.significance import critical_normal, critical_tau
+from anaplot.aliases import Progress
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum, datum_change
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
-from anaplot.bundle.solve.normal import BlockState, Structure, linearise, make_structure, objective
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.normal import Structure, linearise, make_structure, objective
 from anaplot.bundle.solve.openmovement import held_by_noise, parameters_left_open
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
@@ -32,7 +33,6 @@ __all__ = [
     "with_additional",
 ]
 
-Progress = Callable[[str, float], None]
 
 _FITS = 4.0  # sigma0 up to which a minimum is not held against others
 _SOFT = 1e-8  # pivot over diagonal below which a minimum may hang on rounding or noise

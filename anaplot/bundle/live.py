@@ -8,11 +8,12 @@ one thread; a progress function that raises stops it, and the last answer stays.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anaplot.aliases import Progress
 from anaplot.bundle.adjust import adjust_bundle, adjust_problem, evaluate
 from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays
 from anaplot.bundle.solve.additional import AdditionalParameters
@@ -27,7 +28,6 @@ from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
 
 __all__ = ["LiveAnswer", "LiveBlock"]
 
-Progress = Callable[[str, float], None]
 Coordinate = tuple[str, str, str]
 
 _CHORD_STEPS = 4

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import nan
 
+from anaplot.aliases import Axis
 from anaplot.orientation.results import RowDiagnosis, TableRow
-from anaplot.session.events import Axis
 from anaplot.station.snapshot import InnerView, PointView, Snapshot
 
 __all__ = ["InWork", "in_work"]

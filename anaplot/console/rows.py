@@ -6,9 +6,9 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
+from anaplot.aliases import Axis
 from anaplot.console.inwork import in_work
 from anaplot.orientation.results import RowDiagnosis, TableRow
-from anaplot.session.events import Axis
 from anaplot.station.snapshot import PointView, Snapshot
 
 __all__ = ["SORT_ORDERS", "RowState", "ShownRow", "SortOrder", "shown_rows", "sort_rows"]

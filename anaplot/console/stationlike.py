@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from anaplot.session.events import Axis
+from anaplot.aliases import Axis
 from anaplot.session.plates import ReadOut
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.stereo import StereoPair

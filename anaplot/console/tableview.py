@@ -15,9 +15,9 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from anaplot.aliases import Axis
 from anaplot.console.rows import ShownRow, SortOrder
 from anaplot.console.text import cell, fit, fit_end
-from anaplot.session.events import Axis
 from anaplot.textfiles.wording import plain
 
 __all__ = ["TableView"]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import cast, get_args
 
+from anaplot.aliases import TestKind
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import (
     camera_path,
@@ -21,7 +22,6 @@ from anaplot.photogrammetry.block import (
     Photo,
     Precision,
     Strip,
-    TestKind,
     TestSettings,
     TieVariance,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from anaplot.adjustment.reliability import (
     undetected_effects,
 )
 from anaplot.adjustment.significance import TESTABLE, noncentrality, tau_power
+from anaplot.aliases import Axis, RowKey
 from anaplot.orientation.residuals import residual_system
 from anaplot.orientation.results import (
     Diagnosis,
@@ -29,7 +30,6 @@ from anaplot.orientation.results import (
 
 __all__ = ["HARD_TO_TELL", "diagnose", "point_odds"]
 
-RowKey = tuple[str, str]
 
 _SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may hide behind it
 
@@ -146,9 +146,7 @@ def _evidence(solution: ModelSolution, rows: tuple[RowDiagnosis, ...], none: flo
     return _Evidence(chances, dict(zip(keys, shown.tolist(), strict=True)), points, odds.none)
 
 
-def _suspects(
-    solution: ModelSolution, evidence: _Evidence
-) -> tuple[tuple[str, Literal["x", "y"]], ...]:
+def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[tuple[str, Axis], ...]:
     """Rows to doubt, the most probably wrong first: of outliers, then flagged ones.
 
     Under "exact" one that is not flagged may be why others are, and the significance by the weight
@@ -195,7 +193,7 @@ def point_odds(rows: tuple[RowDiagnosis, ...]) -> dict[str, float]:
 def _advice(
     solution: ModelSolution,
     evidence: _Evidence,
-    suspects: tuple[tuple[str, Literal["x", "y"]], ...],
+    suspects: tuple[tuple[str, Axis], ...],
     partners: tuple[Partner, ...],
 ) -> tuple[str, ...]:
     out = list(solution.remarks)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.cleaning import Cleaning, CleaningEnd, SolvedWithout, best_of
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
@@ -17,6 +16,7 @@ from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.scale import AprioriSigma, ScaleError, check_scale
 from anaplot.adjustment.strategies import find_gross_errors, sigma_of
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Array, Bools, RowKey
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.modelvalues import ideal_roots
@@ -36,7 +36,6 @@ __all__ = [
     "strip_gross_errors",
 ]
 
-RowKey = tuple[str, str]
 
 _TORN = 4.0  # sigma0 from which a cleaned orientation is a second place to begin
 
@@ -204,7 +203,7 @@ def strategy_findings(
     return found
 
 
-def _deviations(solution: ModelSolution, names: Sequence[str]) -> NDArray[np.float64] | None:
+def _deviations(solution: ModelSolution, names: Sequence[str]) -> Array | None:
     """(n, 3) standard deviations of points [mm] with the a-priori sigma0; None but for "exact"."""
     if solution.exact is None:
         return None
@@ -245,11 +244,11 @@ class _Rows:
                     return SolvedWithout(solution, residual_system(solution).vtpv, tuple(also))
             also += new
 
-    def suspects(self, system: ResidualSystem) -> NDArray[np.bool_]:
+    def suspects(self, system: ResidualSystem) -> Bools:
         """Return which rows may be rejected: all."""
         return np.ones(len(system.names), dtype=bool)
 
-    def model_values(self, system: ResidualSystem, at: ModelSolution) -> NDArray[np.float64]:
+    def model_values(self, system: ResidualSystem, at: ModelSolution) -> Array:
         """Return model values of the ideal model with the same points."""
         assert isinstance(system, ModelResiduals)
         return ideal_roots(at, system.keys)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.leastsquares import Adjustment, RankDefectError, adjust
 from anaplot.adjustment.reliability import Standardized, standardize
+from anaplot.aliases import Array, Axis
 from anaplot.errors import NotComputableError
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import AppliedTest, ModelPoint, ModelSolution, TableRow
@@ -28,7 +27,6 @@ from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = ["BADLY_SPREAD", "UNKNOWNS", "WrongPointsError", "orient", "warm_up"]
 
-Array = NDArray[np.float64]
 
 UNKNOWNS = ("bx", "beta_y", "beta_z", "kappa", "phi", "omega")
 """g of the paper; a first model has no bx."""
@@ -268,7 +266,7 @@ def _table(
 ) -> tuple[TableRow, ...]:
     points = pair.points
     names = [points[k] for k in conditions.y_index] + [points[k] for k in conditions.x_index]
-    axes: list[Literal["x", "y"]] = ["y"] * len(conditions.y_index)
+    axes: list[Axis] = ["y"] * len(conditions.y_index)
     axes += ["x"] * len(conditions.x_index)
     parallax = (adjusted.w * 1e3).tolist()
     n = len(names)

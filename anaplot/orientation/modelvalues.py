@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.patterns import ideal_model
 from anaplot.orientation.residuals import residual_system
 from anaplot.orientation.results import ModelSolution
 
 __all__ = ["ideal_roots"]
-
-Array = NDArray[np.float64]
 
 
 def ideal_roots(solution: ModelSolution, keys: Sequence[tuple[str, str]] | None = None) -> Array:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.residualsystem import DenseResiduals
+from anaplot.aliases import Array, Index, RowKey
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.solver import ConditionEquations, ModelUnknowns
@@ -16,9 +16,6 @@ from anaplot.photogrammetry.block import Precision
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = ["ModelResiduals", "correlated_units", "residual_system", "residuals_at"]
-
-Array = NDArray[np.float64]
-RowKey = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +61,7 @@ class ModelResiduals:
         """Number of rows minus number of unknowns."""
         return self.system.redundancy
 
-    def columns(self, rows: NDArray[np.intp]) -> Array:
+    def columns(self, rows: Index) -> Array:
         """Return (n, k): the columns of R that belong to k rows."""
         return self.system.columns(rows)
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import AppliedTest
 from anaplot.adjustment.significance import TESTABLE
+from anaplot.aliases import Array, Axis
 from anaplot.orientation.tieerrors import ExactStatistics
 from anaplot.photogrammetry.block import TieVariance
 
@@ -45,7 +45,7 @@ class TableRow(NamedTuple):
     """
 
     point: str
-    axis: Literal["x", "y"]
+    axis: Axis
     r: float
     residual: float
     expected: float | None
@@ -133,9 +133,9 @@ class ModelSolution:
     tie_variance: TieVariance
     outliers: tuple[str, ...]
     remarks: tuple[str, ...]
-    q_l: NDArray[np.float64] = field(repr=False)
-    q_vv: NDArray[np.float64] = field(repr=False)
-    q_gg: NDArray[np.float64] = field(repr=False)
+    q_l: Array = field(repr=False)
+    q_vv: Array = field(repr=False)
+    q_gg: Array = field(repr=False)
     unknowns: tuple[str, ...]
     exact: ExactStatistics | None = field(default=None, repr=False)
 
@@ -145,12 +145,12 @@ class ModelSolution:
         return f"{self.left}/{self.right}"
 
     @property
-    def influence(self) -> NDArray[np.float64]:
+    def influence(self) -> Array:
         """(n, n) Q_vv P: column i is what a unit error in row i does to every parallax."""
         return self.q_vv / self.q_l if self.exact is None else self.exact.influence
 
     @property
-    def apparent_q_l(self) -> NDArray[np.float64]:
+    def apparent_q_l(self) -> Array:
         """(n,) cofactors with which a row's residual has r times the row's variance.
 
         Those of the rows, but for "exact": q_vv / r, NaN where a row cannot be tested.
@@ -203,7 +203,7 @@ class RowDiagnosis(NamedTuple):
     """
 
     point: str
-    axis: Literal["x", "y"]
+    axis: Axis
     mdb: float | None
     probability: float
     effect: float | None = None
@@ -236,5 +236,5 @@ class Diagnosis:
     transfers: tuple[Transfer, ...]
     partners: tuple[Partner, ...]
     advice: tuple[str, ...]
-    suspects: tuple[tuple[str, Literal["x", "y"]], ...]
+    suspects: tuple[tuple[str, Axis], ...]
     power: float | None = None

@@ -15,8 +15,8 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.pair import Stereopair
 from anaplot.photogrammetry.block import TieVariance
@@ -37,7 +37,6 @@ __all__ = [
     "vertical_start",
 ]
 
-Array = NDArray[np.float64]
 
 IN_FRONT = 0.75
 """Share of points that must lie in front of both photos; the others may be grossly wrong."""

@@ -18,8 +18,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.pair import Stereopair, TieErrors
 from anaplot.orientation.solver import ConditionEquations, ModelUnknowns
@@ -31,8 +31,6 @@ __all__ = [
     "residual_weight",
     "stationary_errors",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from anaplot.aliases import TestKind
 from anaplot.photogrammetry.camera import CameraCalibration
 
 __all__ = [
@@ -15,13 +16,11 @@ __all__ = [
     "Photo",
     "Precision",
     "Strip",
-    "TestKind",
     "TestSettings",
     "TieVariance",
 ]
 
 TieVariance = Literal["paper", "propagated", "exact"]
-TestKind = Literal["tau", "baarda"]
 
 
 @dataclass(frozen=True, slots=True)

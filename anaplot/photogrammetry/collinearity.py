@@ -9,11 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from anaplot.aliases import Array
 
 __all__ = ["Projection", "Projections", "project", "project_with_derivatives", "turns"]
-
-Array = NDArray[np.float64]
 
 
 class Projection(NamedTuple):

@@ -13,11 +13,11 @@ right-handed rotation of x'' about the object axes (d1, d2, d3), then the misclo
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from anaplot.aliases import Array
 
 __all__ = ["ROWS", "coefficients", "products"]
 
-Array = NDArray[np.float64]
 
 ROWS = 7
 """Six derivatives and the misclosure."""

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.leastsquares import RankDefectError, adjust_combined
+from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.camera import CameraCalibration, FiducialDistance
 from anaplot.photogrammetry.innerfit import STEPS, InnerFit, no_end, rows3, rows4
@@ -21,7 +21,6 @@ from anaplot.photogrammetry.platetransformation import PlateTransformation, Tran
 
 __all__ = ["fit_distances"]
 
-Array = NDArray[np.float64]
 
 _UNKNOWNS: dict[str, tuple[str, ...]] = {
     "distances": ("scale", "rotation"),

@@ -13,16 +13,15 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.leastsquares import RankDefectError, adjust_combined
+from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.innerfit import STEPS, InnerFit, in_brackets, no_end, rows3, rows4
 from anaplot.photogrammetry.platetransformation import PlateTransformation, TransformationName
 
 __all__ = ["fit_fiducials"]
 
-Array = NDArray[np.float64]
 
 _SPREAD_LIMIT = 50.0
 """Condition of the design at the certificate's fiducials, coordinates scaled to about 1.
@@ -59,7 +58,7 @@ def fit_fiducials(
     names: tuple[str, ...],
     plate: Array,
     image: Array,
-    keep: NDArray[np.bool_] | None = None,
+    keep: Bools | None = None,
 ) -> InnerFit:
     """Fit the first of the wanted transformations that the fiducials determine.
 
@@ -99,7 +98,7 @@ def fit_coordinates(
     names: tuple[str, ...],
     plate: Array,
     image: Array,
-    keep: NDArray[np.bool_] | None = None,
+    keep: Bools | None = None,
 ) -> InnerFit:
     rows = np.ones(2 * len(names), dtype=np.bool_) if keep is None else keep
     basis = _basis(kind)
@@ -200,7 +199,7 @@ def _check_spread(
     names: tuple[str, ...],
     target: Array,
     basis: Array,
-    rows: NDArray[np.bool_],
+    rows: Bools,
 ) -> None:
     _, _, by_terms = _general_form(_IDENTITY, target)
     design = by_terms.reshape(2 * len(target), -1)[rows] @ basis

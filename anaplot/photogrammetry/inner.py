@@ -6,7 +6,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import (
     error_odds,
@@ -15,6 +14,7 @@ from anaplot.adjustment.reliability import (
     standardize,
 )
 from anaplot.adjustment.significance import noncentrality, tau_power
+from anaplot.aliases import Axis, Bools
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
@@ -24,7 +24,6 @@ from anaplot.photogrammetry.innerfit import InnerFit, in_brackets
 from anaplot.photogrammetry.innerresults import (
     HARD_TO_TELL,
     AppliedTest,
-    Axis,
     DistanceRow,
     InnerOrientation,
     InnerPartner,
@@ -172,7 +171,7 @@ def _result(
     fit: InnerFit,
     apriori_um: float,
     test: TestSettings,
-    keep: NDArray[np.bool_],
+    keep: Bools,
 ) -> InnerOrientation:
     adjusted = fit.adjustment
     adjusted = replace(

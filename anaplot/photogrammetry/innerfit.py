@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from anaplot.adjustment.leastsquares import Adjustment
+from anaplot.aliases import Array
 from anaplot.photogrammetry.innerresults import DistanceRow
 from anaplot.photogrammetry.platetransformation import PlateTransformation
 
 __all__ = ["STEPS", "InnerFit", "in_brackets", "no_end", "rows3", "rows4"]
 
-Array = NDArray[np.float64]
 
 STEPS = 30
 """Iterations of an adjustment before it is given up."""

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from anaplot.adjustment.reliability import HARD_TO_TELL, AppliedTest
+from anaplot.aliases import Array, Axis
 from anaplot.photogrammetry.platetransformation import Placement, PlateTransformation
 
 __all__ = [
     "HARD_TO_TELL",
     "AppliedTest",
-    "Axis",
     "DistanceRow",
     "InnerOrientation",
     "InnerPartner",
     "InnerRow",
 ]
 
-Array = NDArray[np.float64]
-Axis = Literal["x", "y"]
 
 _INSEPARABLE = 1.0 - 1e-4
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from anaplot.aliases import Array, Bools
 
 __all__ = ["Intersection", "intersect"]
-
-Array = NDArray[np.float64]
 
 
 class Intersection(NamedTuple):
@@ -28,7 +27,7 @@ class Intersection(NamedTuple):
     right: Array
 
     @property
-    def in_front(self) -> NDArray[np.bool_]:
+    def in_front(self) -> Bools:
         """(n,) whether a point lies in front of both photos."""
         return (self.left > 0.0) & (self.right > 0.0)
 

@@ -15,11 +15,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from anaplot.aliases import Array
 
 __all__ = ["LENS_PARAMETERS", "LensImage", "through_lens"]
 
-Array = NDArray[np.float64]
 
 LENS_PARAMETERS = ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
 """Camera constant and principal point [mm], and seven numbers without a unit."""

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from anaplot.aliases import Array
 
 __all__ = ["as_points", "solve_pairs"]
-
-Array = NDArray[np.float64]
 
 
 def as_points(xy: Array) -> Array:

@@ -14,8 +14,8 @@ from math import atan2, cos, hypot, pi, sin
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.planar import as_points, solve_pairs
 
@@ -28,7 +28,6 @@ __all__ = [
     "random_placement",
 ]
 
-Array = NDArray[np.float64]
 
 TransformationName = Literal["distances", "scales", "helmert", "affine", "bilinear", "projective"]
 

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from anaplot.aliases import Array
 
 __all__ = ["PointChange", "SigmaChange", "point_change"]
-
-Array = NDArray[np.float64]
 
 
 class SigmaChange(NamedTuple):

@@ -13,15 +13,14 @@ from math import hypot
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.camera import CameraCalibration, RadialPolynomial, RadialTable
 from anaplot.photogrammetry.planar import as_points, solve_pairs
 
 __all__ = ["Refinement"]
 
-Array = NDArray[np.float64]
 
 _STEPS = 50
 _CENTRE = 1e-9  # mm; nearer to the centre the limits are reached to the last digit

@@ -5,12 +5,13 @@ from __future__ import annotations
 from math import asin, atan2, cos, hypot, pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
+
+from anaplot.aliases import Array
 
 __all__ = ["rotation_angles", "rotation_axes", "rotation_matrix", "turn"]
 
 
-def rotation_matrix(omega: float, phi: float, kappa: float) -> NDArray[np.float64]:
+def rotation_matrix(omega: float, phi: float, kappa: float) -> Array:
     """Return the (3, 3) rotation from image to object system.
 
     Parameters
@@ -30,7 +31,7 @@ def rotation_matrix(omega: float, phi: float, kappa: float) -> NDArray[np.float6
     )
 
 
-def rotation_angles(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
+def rotation_angles(rotation: Array) -> tuple[float, float, float]:
     """Return omega, phi, kappa [rad] of a (3, 3) rotation; omega and kappa in (-pi, pi].
 
     At phi = +-90 degrees, where omega and kappa cannot be told apart, omega is 0.
@@ -47,7 +48,7 @@ def _wrapped(angle: float) -> float:
     return pi if angle == -pi else angle
 
 
-def rotation_axes(omega: float, phi: float) -> NDArray[np.float64]:
+def rotation_axes(omega: float, phi: float) -> Array:
     """Return (3, 3): columns are the object-space axes of d omega, d phi and d kappa.
 
     dR = [axis x] R d angle for each of the three angles.
@@ -57,7 +58,7 @@ def rotation_axes(omega: float, phi: float) -> NDArray[np.float64]:
     return np.array([[1.0, 0.0, sp], [0.0, co, -so * cp], [0.0, so, co * cp]])
 
 
-def turn(x: float, y: float, z: float) -> NDArray[np.float64]:
+def turn(x: float, y: float, z: float) -> Array:
     """Return the (3, 3) rotation about the vector (x, y, z) by its length [rad] (Rodrigues)."""
     angle = hypot(x, y, z)
     if angle < 1e-6:

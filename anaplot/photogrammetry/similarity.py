@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Bools
 from anaplot.photogrammetry.collinearity import turns
 
 __all__ = [
@@ -18,7 +18,6 @@ __all__ = [
     "similarity_effects",
 ]
 
-Array = NDArray[np.float64]
 
 _ON_A_LINE = 0.02  # extent across over extent along below which points leave a rotation open
 
@@ -66,7 +65,7 @@ def line_of(points: Array) -> Array | None:
 
 def robust_similarity(
     source: Array, target: Array, samples: int = 200, seed: int = 0
-) -> tuple[Similarity, NDArray[np.bool_]] | None:
+) -> tuple[Similarity, Bools] | None:
     """Return the similarity that most points agree on, and those points.
 
     Least median of squares over triples; None when there are fewer than three points or they lie

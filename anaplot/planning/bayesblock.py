@@ -11,16 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import residual_correlations
 from anaplot.adjustment.residualsystem import DenseResiduals
+from anaplot.aliases import Array
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.linearrows import image_design
 
 __all__ = ["BayesBlock", "BayesFacts", "bayes_block"]
 
-Array = NDArray[np.float64]
 Row = tuple[str, str, str]
 
 SIGMA_MM = 0.005

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
+from anaplot.aliases import Array
 from anaplot.planning.bayesblock import BayesBlock, bayes_block
 from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, Quantity, out_of
@@ -17,7 +17,6 @@ from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
 __all__ = ["BayesScenario", "noise_within_three", "scenarios"]
 
-Array = NDArray[np.float64]
 
 METHODS = ("rms", "tau", "baarda", "l1", "search", "odds", "sure")
 _QUANTITIES = ("right", "wrong", "missed", "wrong beside a partner")

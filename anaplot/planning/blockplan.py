@@ -11,8 +11,8 @@ from math import ceil, floor, pi
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Axis
 from anaplot.bundle.errors.snooping import ObservationClass, classify
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
@@ -32,7 +32,6 @@ __all__ = [
     "weak_photos",
 ]
 
-Array = NDArray[np.float64]
 
 _REACH = 0.45  # part of the format from its middle in which points are put
 _TWIN = 0.05  # bases between the two points of twin control
@@ -170,7 +169,7 @@ class WeakPhoto(NamedTuple):
     mean_r: float
     low_r: float
     point: str
-    axis: Literal["x", "y"]
+    axis: Axis
 
 
 class Accuracy(NamedTuple):

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from anaplot.adjustment.batch import standardized, tau_statistics
@@ -22,6 +21,7 @@ from anaplot.adjustment.significance import (
     noncentrality,
     tau_power,
 )
+from anaplot.aliases import Array
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
@@ -37,7 +37,6 @@ __all__ = [
     "scenarios",
 ]
 
-Array = NDArray[np.float64]
 
 _PHOTOS = 4
 _CONTROL = (0.0, 1.5, 3.0)

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_bundle
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.normal import BlockState
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.photogrammetry.block import (
     Block,
@@ -26,8 +26,6 @@ from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_angles
 
 __all__ = ["ExposureStation", "IdealBlock", "photograph"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Index
 from anaplot.photogrammetry.collinearity import project_with_derivatives
 
 __all__ = ["image_design", "residual_matrix"]
 
-Array = NDArray[np.float64]
-
 
 def image_design(
-    centres: Array, rotations: Array, c: float, points: Array, rays: NDArray[np.intp], known: Array
+    centres: Array, rotations: Array, c: float, points: Array, rays: Index, known: Array
 ) -> Array:
     """Return (2 m, u) derivatives of x and y of m rays [mm per m and per rad].
 

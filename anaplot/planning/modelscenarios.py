@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.batch import standardized, tau_statistics
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
@@ -21,6 +20,7 @@ from anaplot.adjustment.significance import (
     noncentrality,
     tau_power,
 )
+from anaplot.aliases import Array, Bools
 from anaplot.orientation.patterns import pattern
 from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.patternplan import from_pattern, solve
@@ -29,8 +29,6 @@ from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
 __all__ = ["OneError", "SizeOfTests", "model_rows", "scenarios"]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 POWER = 0.80
 _B, _D, _C = 0.60 * 152.0, 0.66 * 152.0, 152.0  # NOTES: the proportions of the printed values

@@ -26,8 +26,9 @@ from multiprocessing import (
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from anaplot.aliases import Bools, Progress
 from anaplot.errors import InputError, NotComputableError
 from anaplot.planning.quantities import Quantity, mean_interval
 
@@ -154,7 +155,7 @@ class Figure:
     reference: float | None
 
 
-def sums(values: ArrayLike | NDArray[np.bool_]) -> Sums:
+def sums(values: ArrayLike | Bools) -> Sums:
     """Return the sums of a value of (runs,) runs."""
     x = np.asarray(values, dtype=float)
     return Sums(len(x), float(x.sum()), float(x @ x))
@@ -218,7 +219,7 @@ def simulate(
     methods: Sequence[str] | None = None,
     processes: int = 1,
     done: Iterable[ChunkDone] = (),
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
     store: Callable[[ChunkDone], None] | None = None,
 ) -> Tally:
     """Run a scenario.

@@ -11,8 +11,8 @@ from math import cos, pi, radians
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Camera, ControlPoint, Strip
@@ -33,7 +33,6 @@ __all__ = [
     "plan_network",
 ]
 
-Array = NDArray[np.float64]
 
 CUBE_VERSIONS: Mapping[str, tuple[str, ...]] = {
     "A": ("1", "2"),

@@ -10,12 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.batch import reject_stepwise
 from anaplot.adjustment.consistency import global_from_single
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.adjustment.significance import TESTABLE, noncentrality
+from anaplot.aliases import Array, Bools
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube
@@ -24,8 +24,6 @@ from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
 __all__ = ["GruenScenario", "scenarios"]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _CASES = {"a": ((0, 0),), "b": ((0, 0), (0, 1)), "c": ((1, 0),), "d": ((1, 1),)}
 """(point, axis) of the first image; point 0 is control, point 1 is not."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from anaplot.adjustment.batch import BATCH_TESTS, reject_stepwise
@@ -20,6 +19,7 @@ from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
+from anaplot.aliases import Array, Bools
 from anaplot.bundle.errors.snooping import PAPER_TOLERANCE
 from anaplot.errors import InputError
 from anaplot.planning.montecarlo import QuantityKey, Tally, sums
@@ -27,8 +27,6 @@ from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
 
 __all__ = ["Correlated", "OwnErrors"]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _QUANTITIES = ("right", "wrong", "missed", "wrong beside a partner", "exactly the errors")
 

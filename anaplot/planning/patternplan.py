@@ -8,8 +8,8 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Index
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError
 from anaplot.orientation.pair import Stereopair
@@ -39,8 +39,6 @@ USUAL_BASE, USUAL_D, USUAL_C = 90.0, 100.0, 152.0
 
 Span = tuple[float, float]
 Place = tuple[float, float, str | None, bool]
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _PARTS = 60  # best pairs that fours are made of
 _SYMMETRIC = 240  # symmetric pairs that they are made of, doubled points first

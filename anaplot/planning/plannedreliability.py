@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.aliases import Axis
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.rows import RayRow
 
@@ -39,7 +40,7 @@ class PlannedReliability(NamedTuple):
     mean_r: float
     low_r: float
     weakest: str
-    axis: Literal["x", "y"]
+    axis: Axis
     mdb_um: float | None
     s_xyz: tuple[float | None, float | None, float | None] | None
 

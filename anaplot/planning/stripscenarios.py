@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.significance import critical_normal, critical_tau
+from anaplot.aliases import Array
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 from anaplot.orientation.results import ModelSolution
@@ -25,7 +25,6 @@ from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
 
 __all__ = ["SizeInStrips", "scenarios"]
 
-Array = NDArray[np.float64]
 
 POWER = 0.80
 _IMAGE_UM = 5.0

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block, Camera, Photo, Precision, Strip, TestSettings
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -16,7 +16,6 @@ from anaplot.planning.modelplan import standard_d
 
 __all__ = ["SyntheticStrip", "Truth", "synthetic_strip", "synthetic_truth"]
 
-Array = NDArray[np.float64]
 Truth = Mapping[str, Mapping[str, tuple[float, float]]]
 
 

@@ -10,18 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from anaplot.adjustment.residualsystem import DenseResiduals
+from anaplot.aliases import Array, Index
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.linearrows import image_design
 
 __all__ = ["TiltedBlock", "tilted_block"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _C, _SIGMA = 150.0, 0.005  # [mm]
 _REACH = 112.0  # half of the format in which points are seen [mm]

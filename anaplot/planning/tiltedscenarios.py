@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import reject_beyond
+from anaplot.aliases import Array
 from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.quantities import COUNT, MEASURE, Quantity, out_of
 from anaplot.planning.rejections import rejected_rows
@@ -26,7 +26,6 @@ from anaplot.planning.truncated import truncated_residuals
 
 __all__ = ["NOTHING", "TiltedOutcome", "TiltedScenario", "TiltedTrial", "scenarios"]
 
-Array = NDArray[np.float64]
 
 NOTHING = "none"
 """The method that rejects nothing."""

@@ -8,14 +8,13 @@ end is rejected.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.reweighting import weighted_misclosures
+from anaplot.aliases import Array
 
 __all__ = ["truncated_residuals"]
 
-Array = NDArray[np.float64]
 
 _STEP = 1.4  # factor of the control parameter
 _MOST_ITERATIONS = 200

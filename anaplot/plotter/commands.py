@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
+from anaplot.aliases import Side
 from anaplot.errors import AnaplotError, InputError
 from anaplot.plotter.decoder import check_examples
 from anaplot.plotter.faults import FAULTS
@@ -19,7 +20,7 @@ from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Recor
 from anaplot.plotter.schema import Profile
 from anaplot.plotter.serialport import ports
 from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import Hand, HandSettled, Photographs, Side, SimulatedPlotter
+from anaplot.plotter.simulator import Hand, HandSettled, Photographs, SimulatedPlotter
 from anaplot.plotter.tomltable import nearest
 from anaplot.textfiles.wording import plain
 

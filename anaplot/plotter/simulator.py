@@ -13,11 +13,10 @@ import math
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Side
 from anaplot.errors import InputError
 from anaplot.plotter.encoding import encode_value
 from anaplot.plotter.faults import (
@@ -37,16 +36,13 @@ __all__ = [
     "HandSettled",
     "Offsets",
     "Photographs",
-    "Side",
     "SimulatedPlotter",
     "fiducial_name",
     "monocular_name",
     "transfer_error",
 ]
 
-Side = Literal["left", "right"]
 
-Array = NDArray[np.float64]
 Photographs = Mapping[str, Mapping[str, tuple[float, float]]]
 _MAX_COMMAND = 256
 SLOWER = 50.0

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.grosserrors import model_values
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -39,7 +39,6 @@ from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["MOST_ROWS", "ModelOptions", "own_scenario"]
 
-Array = NDArray[np.float64]
 
 MOST_ROWS = 4_000
 """Rows of the largest block: R is held dense in every process."""

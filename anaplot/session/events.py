@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from anaplot.aliases import Axis, Side
+
 __all__ = [
     "EVENT_KINDS",
-    "Axis",
     "Event",
     "FiducialMeasured",
     "FiducialSwitched",
@@ -22,14 +23,11 @@ __all__ = [
     "Resumed",
     "Role",
     "RowSwitched",
-    "Side",
     "Suspended",
     "Undone",
 ]
 
-Axis = Literal["x", "y"]
 Role = Literal["tie", "new"]
-Side = Literal["left", "right"]
 Row3 = tuple[float, float, float]
 Row4 = tuple[float, float, float, float]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from anaplot.aliases import Side
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.platetransformation import Placement, PlateTransformation
 from anaplot.photogrammetry.readings import Position
 from anaplot.planning.fiducialplan import expected_fiducials, predicted_fiducial
-from anaplot.session.events import Side
 from anaplot.session.innerstate import InnerState
 from anaplot.session.state import SessionState
 

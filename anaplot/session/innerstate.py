@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import isfinite
 
+from anaplot.aliases import Axis, Side
 from anaplot.photogrammetry.platetransformation import PlateTransformation
-from anaplot.session.events import Axis, Side
 from anaplot.session.refusal import EventRefusedError
 
 __all__ = ["InnerState", "MeasuredFiducial"]

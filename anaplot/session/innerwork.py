@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from anaplot.aliases import Axis
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block, TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.inner import InnerOrientation, orient_inner
 from anaplot.photogrammetry.inneradvice import inner_advice
-from anaplot.session.events import Axis, InnerAccepted
+from anaplot.session.events import InnerAccepted
 from anaplot.session.innerstate import InnerState
 
 __all__ = ["InnerOutlook", "acceptance", "inner_outlook", "solve_inner"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
-from anaplot.session.events import Axis, PlannedPoint, Side
+from anaplot.aliases import Axis, Side
+from anaplot.session.events import PlannedPoint
 from anaplot.session.innerstate import InnerState
 
 __all__ = ["Measured", "ModelState", "Seen"]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
-from anaplot.session.events import MonoMeasured, PhotoLaid, Side
+from anaplot.session.events import MonoMeasured, PhotoLaid
 from anaplot.session.modelstate import ModelState, Seen
 from anaplot.session.pointcheck import check_place
 from anaplot.session.refusal import EventRefusedError

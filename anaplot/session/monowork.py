@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from anaplot.session.events import Side
+from anaplot.aliases import Side
 from anaplot.session.modelstate import ModelState
 
 __all__ = ["MonoStep", "mono_step", "remeasured_side"]

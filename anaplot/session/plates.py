@@ -12,11 +12,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from anaplot.aliases import Side
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.platetransformation import PlateTransformation
 from anaplot.photogrammetry.readings import Position
 from anaplot.photogrammetry.refinement import Refinement
-from anaplot.session.events import Side
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState
 

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import sqrt
 
+from anaplot.aliases import Side
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.readings import Position
-from anaplot.session.events import Side
 from anaplot.session.modelstate import ModelState
 from anaplot.session.plates import plate_of, plates_of_model
 from anaplot.session.state import SessionState

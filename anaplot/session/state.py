@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS, PlateTransformation
 from anaplot.session.events import (
@@ -22,7 +23,6 @@ from anaplot.session.events import (
     PointMeasured,
     Resumed,
     RowSwitched,
-    Side,
     Suspended,
     Undone,
 )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from anaplot.aliases import Side
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError
 from anaplot.orientation.results import Diagnosis, ModelSolution
-from anaplot.session.events import Side
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.models import diagnosis_of, solve

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
 
+from anaplot.aliases import Axis, Side
 from anaplot.errors import AnaplotError, InputError, LinkError, NotComputableError
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.inner import InnerOrientation
-from anaplot.session.events import Axis, Side
 from anaplot.station.snapshot import InnerView, PointView, Snapshot
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from anaplot.aliases import Side
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.camera import CameraCalibration
@@ -14,7 +15,7 @@ from anaplot.photogrammetry.platetransformation import PlateTransformation, rand
 from anaplot.photogrammetry.refinement import Refinement
 from anaplot.planning.fiducialplan import expected_fiducials
 from anaplot.planning.synthetic import Truth
-from anaplot.plotter.simulator import Photographs, Side, fiducial_name
+from anaplot.plotter.simulator import Photographs, fiducial_name
 
 __all__ = ["SIDES", "Placements", "laid_photographs", "random_placements"]
 

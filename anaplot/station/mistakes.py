@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from anaplot.aliases import Axis
 from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import WrongPointsError, orient
@@ -61,7 +62,7 @@ class Planted(NamedTuple):
     model: str
     point: str
     photo: str
-    axis: Literal["x", "y"]
+    axis: Axis
     size_um: float
     kind: Kind
     detectable: bool

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
+from anaplot.aliases import Side
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.commands import parse_ports
@@ -14,7 +15,7 @@ from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position, Reading
 from anaplot.plotter.schema import Profile
 from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import Hand, HandSettled, Offsets, Side, SimulatedPlotter
+from anaplot.plotter.simulator import Hand, HandSettled, Offsets, SimulatedPlotter
 from anaplot.station.laidplates import Placements, laid_photographs
 from anaplot.station.stereo import StereoGround, StereoPair
 

@@ -10,10 +10,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import TextIO
 
+from anaplot.aliases import Axis
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.journal import Record, read_journal
 from anaplot.session.events import (
-    Axis,
     FiducialMeasured,
     InnerAccepted,
     ModelAccepted,

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from anaplot.aliases import Axis, Side
 from anaplot.orientation.results import Diagnosis, ModelSolution
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.planning.fiducialplan import expected_fiducials
-from anaplot.session.events import Axis, Role, Side
+from anaplot.session.events import Role
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.referencing import Reference, Referencing

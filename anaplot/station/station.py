@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
+from anaplot.aliases import Axis, Side
 from anaplot.errors import AnaplotError, InputError, NotComputableError
 from anaplot.exchange.blockfolder import clear_image_points, read_block, write_image_points
 from anaplot.exchange.journal import Journal, JournalError, event_of
@@ -32,7 +33,6 @@ from anaplot.plotter.readings import UNREFERENCED, Fault, InPosition, Position, 
 from anaplot.plotter.simulator import HandSettled, fiducial_name, monocular_name
 from anaplot.session.events import (
     EVENT_KINDS,
-    Axis,
     Event,
     FiducialMeasured,
     FiducialSwitched,
@@ -45,7 +45,6 @@ from anaplot.session.events import (
     PointMeasured,
     Resumed,
     RowSwitched,
-    Side,
     Suspended,
     Undone,
 )

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.plotter.readings import Position
 
 __all__ = ["MarkedPoint", "StereoGround", "StereoPair"]
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 Points = Mapping[str, tuple[float, float]]
 

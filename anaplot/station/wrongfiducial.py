@@ -6,11 +6,11 @@ from math import sqrt
 
 import numpy as np
 
+from anaplot.aliases import Axis, Side
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import orient_inner
-from anaplot.plotter.simulator import Offsets, Side, fiducial_name
-from anaplot.session.events import Axis
+from anaplot.plotter.simulator import Offsets, fiducial_name
 from anaplot.station.mistakes import SMALLEST, Planted
 
 __all__ = ["plant_wrong_fiducial"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anaplot.bundle.solve.normal import BlockState
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.block import (
     Block,

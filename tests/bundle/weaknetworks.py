@@ -9,7 +9,7 @@ from bundleblocks import Scene, make_scene
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from anaplot.bundle.solve.normal import BlockState
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.block import Photo
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix

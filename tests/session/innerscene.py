@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 from sessionscene import Scene
 
+from anaplot.aliases import Side
 from anaplot.photogrammetry.block import TestSettings
 from anaplot.photogrammetry.platetransformation import PlateTransformation, random_placement
 from anaplot.planning.syntheticcamera import with_calibration
-from anaplot.session.events import FiducialMeasured, Side
+from anaplot.session.events import FiducialMeasured
 from anaplot.session.innerwork import acceptance, solve_inner
 from anaplot.session.state import SessionState, apply, start
 

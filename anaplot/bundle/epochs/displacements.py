@@ -7,13 +7,13 @@ in each. Of control that is given in some coordinates only those are common.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Bools, Progress
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.epochs.joint import adjust_jointly, joint_differences
 from anaplot.bundle.solve.additional import AdditionalParameters
@@ -28,8 +28,6 @@ from anaplot.photogrammetry.similarity import fit_similarity, similarity_effects
 
 __all__ = ["MOST_POINTS", "Agreement", "EpochDifferences", "compare_epochs"]
 
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 MOST_POINTS = 1000
 """Points that are compared at once: their covariance matrix is dense."""
@@ -112,7 +110,7 @@ class EpochDifferences:
     own_parameters: bool | None
     points: tuple[str, ...]
     places: Array = field(repr=False)
-    given: NDArray[np.bool_] = field(repr=False)
+    given: Bools = field(repr=False)
     d: Array = field(repr=False)
     cofactors: Array = field(repr=False)
     flagged: tuple[int, int]

@@ -12,7 +12,6 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtr, fdtrc
 
 from anaplot.adjustment.hypothesis import (
@@ -23,6 +22,7 @@ from anaplot.adjustment.hypothesis import (
     quadratic_form,
     scheffe_factor,
 )
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.epochs.displacements import Agreement, EpochDifferences
 from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
 from anaplot.errors import NotComputableError
@@ -36,9 +36,6 @@ __all__ = [
     "VarianceRatio",
     "epoch_tests",
 ]
-
-
-Array = NDArray[np.float64]
 
 
 class CoordinateMove(NamedTuple):
@@ -289,7 +286,7 @@ def epoch_tests(
     )
 
 
-def _square(found: EpochDifferences, rows: NDArray[np.intp]) -> float | None:
+def _square(found: EpochDifferences, rows: Index) -> float | None:
     """Return R of some differences; None where their cofactors are singular."""
     try:
         return quadratic_form(found.d[rows], found.cofactors[np.ix_(rows, rows)])
@@ -297,7 +294,7 @@ def _square(found: EpochDifferences, rows: NDArray[np.intp]) -> float | None:
         return None
 
 
-def _with_variance(found: EpochDifferences) -> NDArray[np.bool_]:
+def _with_variance(found: EpochDifferences) -> Bools:
     """Return (3 m,) which differences are tested: no given ones, none without variance."""
     q = np.diag(found.cofactors)
     free = ~found.given.reshape(-1)
@@ -350,7 +347,7 @@ def _limits(
 def _point_move(
     found: EpochDifferences,
     k: int,
-    live: NDArray[np.bool_],
+    live: Bools,
     variance: VarianceFactor,
     limits: _Limits,
 ) -> PointMove:
@@ -387,7 +384,7 @@ def _coordinate_move(
     found: EpochDifferences,
     k: int,
     axis: int,
-    live: NDArray[np.bool_],
+    live: Bools,
     variance: VarianceFactor,
     limits: _Limits,
 ) -> CoordinateMove:

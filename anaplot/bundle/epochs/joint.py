@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Progress
 from anaplot.bundle.adjust import adjust_bundle
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.namedpoints import point_numbers, point_places
-from anaplot.bundle.solve.normal import BlockState
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import (
@@ -29,8 +29,6 @@ from anaplot.photogrammetry.similarity import Similarity, fit_similarity
 
 __all__ = ["adjust_jointly", "joint_block", "joint_differences"]
 
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _MARKS = (" [1]", " [2]")
 _BOTH = " [both]"  # every name ends in one of the three, so that no two can meet

@@ -14,7 +14,6 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.cleaning import Cleaning, CleaningEnd, SolvedWithout, best_of
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
@@ -32,6 +31,7 @@ from anaplot.adjustment.scale import (
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES, sigma_of
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Array, Bools
 from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.errors.misfits import (
     PartialAdjustment,
@@ -43,13 +43,8 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
-from anaplot.bundle.solve.normal import (
-    BlockState,
-    NormalEquations,
-    PointError,
-    Structure,
-    linearise,
-)
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.normal import NormalEquations, PointError, Structure, linearise
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.residuals import BlockResiduals, ObservationName, Unit, block_residuals
@@ -68,7 +63,6 @@ __all__ = [
     "without",
 ]
 
-Array = NDArray[np.float64]
 
 MOST_ROWS_OF_COLUMNS = 20_000
 """Observations of a block in which columns of R are held for a good part of them."""
@@ -502,7 +496,7 @@ class _Rows:
         found = self._minimum(problem, near.state)
         return SolvedWithout(_Place(found.state, found), found.convergence.last)
 
-    def suspects(self, system: ResidualSystem) -> NDArray[np.bool_]:
+    def suspects(self, system: ResidualSystem) -> Bools:
         """Return which rows may be rejected: priors of additional parameters never."""
         assert isinstance(system, BlockResiduals)
         allowed = np.ones(len(system.names), dtype=bool)

@@ -7,18 +7,18 @@ block can be linearised: here it is adjusted without all that is far off from a 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Progress
 from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
-from anaplot.bundle.solve.normal import BlockState, Structure, linearise, make_structure
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.normal import Structure, linearise, make_structure
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import ORIENTATION, ObservationName
 from anaplot.bundle.start.robust import FarOff, far_off
@@ -26,8 +26,6 @@ from anaplot.errors import NotComputableError
 
 __all__ = ["PartialAdjustment", "adjust_without_misfits", "minimum_without_misfits"]
 
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _ROUNDS = 4
 _ENOUGH = 0.01  # of a point's weakest direction that must be left

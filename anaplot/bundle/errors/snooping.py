@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.reliability import SPUR, beyond_model
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.stepwise import MODEL_TOLERANCE
+from anaplot.aliases import Array, Axis, Bools, Index
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.problem import Problem
@@ -34,7 +34,6 @@ __all__ = [
     "snoop",
 ]
 
-Array = NDArray[np.float64]
 
 PAPER_TOLERANCE = MODEL_TOLERANCE
 """k_q of the paper: share by which an exact sqrt(q_vv) may differ from its model value."""
@@ -58,7 +57,7 @@ class ObservationClass(NamedTuple):
     rays: int
     inner: bool
     control: bool
-    axis: Literal["x", "y"]
+    axis: Axis
 
 
 class ClassModel(NamedTuple):
@@ -89,16 +88,16 @@ class Snooping:
         None likewise.
     """
 
-    rejected: NDArray[np.bool_]
-    computed: NDArray[np.bool_]
-    untestable: NDArray[np.bool_]
-    exact: NDArray[np.bool_] | None
+    rejected: Bools
+    computed: Bools
+    untestable: Bools
+    exact: Bools | None
     wrongly_accepted: int | None
     wrongly_rejected: int | None
     beyond_tolerance: int | None
 
 
-def classify(problem: Problem) -> dict[ObservationClass, tuple[NDArray[np.intp], int]]:
+def classify(problem: Problem) -> dict[ObservationClass, tuple[Index, int]]:
     """Return the rays of every class, and the axis (0, 1) it speaks of."""
     pair = problem.point * len(problem.photos) + problem.photo
     _, of_pair, times = np.unique(pair, return_inverse=True, return_counts=True)
@@ -108,7 +107,7 @@ def classify(problem: Problem) -> dict[ObservationClass, tuple[NDArray[np.intp],
     rays = np.minimum(photos, 4)
     control = np.asarray(np.isfinite(problem.known).any(axis=1))[problem.point]
     key = rays * 4 + inner * 2 + control
-    out: dict[ObservationClass, tuple[NDArray[np.intp], int]] = {}
+    out: dict[ObservationClass, tuple[Index, int]] = {}
     for value in np.unique(key).tolist():
         for axis in (0, 1):
             mine = key == value
@@ -117,7 +116,7 @@ def classify(problem: Problem) -> dict[ObservationClass, tuple[NDArray[np.intp],
             index = np.nonzero(mine)[0]
             if not len(index):
                 continue
-            name: Literal["x", "y"] = "y" if axis else "x"
+            name: Axis = "y" if axis else "x"
             kind = ObservationClass(value // 4, bool(value & 2), bool(value & 1), name)
             out[kind] = index, axis
     return out

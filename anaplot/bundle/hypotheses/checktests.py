@@ -8,9 +8,9 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.hypothesis import DependentConditionsError, quadratic_form, sidak_alpha
+from anaplot.aliases import Array
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
@@ -25,7 +25,6 @@ __all__ = [
     "check_tests",
 ]
 
-Array = NDArray[np.float64]
 
 _MOST = 1500  # check coordinates that are tested together
 _GROUPS = ("XYZ", "XY", "X", "Y", "Z")

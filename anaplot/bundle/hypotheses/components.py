@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.variancecomponents import (
     GroupSums,
     VarianceComponents,
     estimate_components,
 )
+from anaplot.aliases import Array, Index, Progress
 from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import Minimum, equations_at, find_minimum
@@ -24,8 +24,6 @@ from anaplot.errors import InputError
 
 __all__ = ["GROUPINGS", "BlockComponents", "ComponentSigma", "Grouping", "block_components"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Grouping = Literal["kinds", "axes", "strips", "operators"]
 
 GROUPINGS: tuple[Grouping, ...] = ("kinds", "axes", "strips", "operators")
@@ -93,7 +91,7 @@ def block_components(
     grouping: Grouping = "axes",
     *,
     operators: Mapping[str, str] | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> BlockComponents:
     """Estimate variance components of an adjusted block.
 

@@ -25,10 +25,10 @@ from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
+from anaplot.aliases import Array, Bools
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import (
@@ -48,8 +48,6 @@ __all__ = [
     "control_tests",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _MOST = 1500  # control coordinates that are tested together
 _WEAK = 1e-6  # eigenvalue, over the largest, below which linearisation does not reach
@@ -157,7 +155,7 @@ class _Control(NamedTuple):
     """
 
     at: list[tuple[int, int]]
-    fixed: NDArray[np.bool_]
+    fixed: Bools
     score: Array
     information: Array
     size: Array

@@ -8,7 +8,6 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
@@ -23,6 +22,7 @@ from anaplot.adjustment.hypothesis import (
     sidak_alpha,
     variance_inflation,
 )
+from anaplot.aliases import Array
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import own_parameter_cofactors
@@ -37,7 +37,6 @@ __all__ = [
     "parameter_tests",
 ]
 
-Array = NDArray[np.float64]
 Label = tuple[str, str]
 
 _JOINT = 600  # photo-invariant parameters up to which all are tested together

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 
@@ -30,7 +30,6 @@ __all__ = [
     "physical",
 ]
 
-Array = NDArray[np.float64]
 Column = list[Array | float]
 Scope = Literal["block", "strip", "camera", "photo"]
 SetName = Literal["ebner", "gruen", "physical"]

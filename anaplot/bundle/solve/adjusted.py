@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.consistency import GlobalTest, global_from_single
 from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.significance import TESTABLE, noncentrality
+from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.gaussnewton import Convergence
-from anaplot.bundle.solve.normal import BlockState, image_misclosures
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.normal import image_misclosures
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors
 from anaplot.bundle.solve.residuals import ORIENTATION
@@ -30,8 +31,6 @@ from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = ["AdjustedBlock"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _MOST_LEFT_OUT = 20  # that are named in the remarks
 
@@ -98,7 +97,7 @@ class AdjustedBlock:
         return _standardized(self.v, self.cofactors.r, self.sigma)
 
     @property
-    def flagged(self) -> NDArray[np.bool_]:
+    def flagged(self) -> Bools:
         """(m, 2) which image coordinates exceed the critical value."""
         if self.critical is None:
             return np.zeros(self.v.shape, dtype=bool)
@@ -172,7 +171,7 @@ class AdjustedBlock:
         return np.asarray(self.cofactors.r.sum(axis=0) / count)
 
     @property
-    def rejected(self) -> NDArray[np.bool_]:
+    def rejected(self) -> Bools:
         """(m, 2) which image coordinates have the weight zero."""
         if self.problem.rejected is None:
             return np.zeros(self.v.shape, dtype=bool)

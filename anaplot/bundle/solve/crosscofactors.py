@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
 __all__ = [
@@ -17,7 +17,6 @@ __all__ = [
     "side_products",
 ]
 
-Array = NDArray[np.float64]
 Sides = tuple[Array, Array, Array]
 """k right-hand sides: photos (n, d, k), points (p, 3, k) and shared parameters (g, k)."""
 

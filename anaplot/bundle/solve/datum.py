@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from anaplot.bundle.solve.normal import BlockState, Linearised
+from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.normal import Linearised
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.solve.reliability import DatumChange
 from anaplot.errors import NotComputableError
@@ -32,8 +33,6 @@ __all__ = [
     "relocate",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _NAMES = (
     "the shift in X",

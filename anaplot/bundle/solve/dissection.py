@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Index
+
 __all__ = ["Dissection", "Front", "dissect"]
 
-Index = NDArray[np.intp]
 
 _LEAF = 40  # photos below which a front is not cut further: a dense matrix of 240 is at its best
 
@@ -60,9 +61,7 @@ class Dissection:
     fronts: tuple[Front, ...]
 
 
-def dissect(
-    places: NDArray[np.float64], indptr: Index, indices: Index, leaf: int = _LEAF
-) -> Dissection:
+def dissect(places: Array, indptr: Index, indices: Index, leaf: int = _LEAF) -> Dissection:
     """Order the photos.
 
     Parameters
@@ -108,7 +107,7 @@ def dissect(
 
 def _bisect(
     members: Index,
-    places: NDArray[np.float64],
+    places: Array,
     indptr: Index,
     indices: Index,
     side: NDArray[np.int8],
@@ -134,7 +133,7 @@ def _bisect(
     return (halves[0], halves[1]), np.sort(separator)
 
 
-def _line_cut(values: NDArray[np.float64]) -> int:
+def _line_cut(values: Array) -> int:
     """Index near the middle at which the sorted values jump most: between two columns."""
     n = len(values)
     low, high = int(n * 0.4), int(n * 0.6) + 1

@@ -12,16 +12,14 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.significance import TESTABLE
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Group
 
 __all__ = ["MOST_RAYS", "ExternalReliability", "UndetectedEffect", "external_reliability"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 MOST_RAYS = 6000
 """Rays of a block up to which the largest effects are computed: the time grows with the square."""
@@ -179,7 +177,7 @@ class _Farthest:
         own = (problem.photo[rays][:, None] * d + np.arange(d)).ravel()
         return np.concatenate((own, n * d + np.arange(problem.in_border)))
 
-    def of_points(self, control: NDArray[np.bool_]) -> tuple[_Moves, _Moves]:
+    def of_points(self, control: Bools) -> tuple[_Moves, _Moves]:
         """Return what image coordinates (m, 2) and control coordinates (p, 3) move.
 
         Parameters

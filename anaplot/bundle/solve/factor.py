@@ -16,16 +16,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dsymm, dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dpotri
 
+from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.dissection import Dissection
 
 __all__ = ["Factor", "NotPositiveError", "SelectedInverse", "SparsityPattern", "sparsity_pattern"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Progress = Callable[[float], None]
 
 _SMALLEST_PIVOT = 1e-13  # of the diagonal element; below it the unknown is not determined

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Progress
 from anaplot.bundle.solve.datum import Anchor, anchor, relocate
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import (
-    BlockState,
     Linearised,
     NormalEquations,
     PointError,
@@ -38,8 +37,6 @@ __all__ = [
     "find_minimum",
 ]
 
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 MAX_ITERATIONS = 200
 _CONVERGED = 1e-13  # of n: squared change of the whitened residuals in the last step

@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.collinearity import Projection, project, project_with_derivatives
 from anaplot.photogrammetry.lens import through_lens
 
 __all__ = ["BlockState", "Imaged", "imaged", "imaged_with_derivatives"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

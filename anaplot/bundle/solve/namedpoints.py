@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
 __all__ = ["point_numbers", "point_places"]
@@ -18,9 +16,7 @@ def point_numbers(block: AdjustedBlock, names: Sequence[str]) -> list[int]:
     return [at[name] for name in names]
 
 
-def point_places(
-    block: AdjustedBlock, names: Sequence[str], origin: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def point_places(block: AdjustedBlock, names: Sequence[str], origin: Array | None = None) -> Array:
     """Return (m, 3) adjusted coordinates [m] of m points.
 
     Parameters
@@ -37,5 +33,5 @@ def point_places(
         As `point_numbers`.
     """
     from_there = block.state.origin if origin is None else block.state.origin - origin
-    out: NDArray[np.float64] = block.state.points[point_numbers(block, names)] + from_there
+    out: Array = block.state.points[point_numbers(block, names)] + from_there
     return out

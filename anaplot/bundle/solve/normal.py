@@ -15,9 +15,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.dissection import dissect
 from anaplot.bundle.solve.factor import Factor, SparsityPattern, sparsity_pattern
 from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivatives
@@ -27,7 +27,6 @@ from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = [
-    "BlockState",
     "Linearised",
     "NormalEquations",
     "PointError",
@@ -42,8 +41,6 @@ __all__ = [
     "rounding",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Unknowns = tuple[Array, Array, Array]  # of photos (n, d), of points (p, 3), shared (g,)
 
 _CHUNK = 40_000_000  # bytes of the largest temporary array
@@ -59,7 +56,7 @@ class _Piece:
     pairs: tuple[Index, Index, Index]  # point within piece, row ray, column ray
     sums: sparse.csr_matrix  # (blocks, pairs): which pair belongs to which block
     block: Index  # (points, k, k) ids of the blocks, for the selected inverse
-    flipped: NDArray[np.bool_]  # (points, k, k): the block is stored the other way round
+    flipped: Bools  # (points, k, k): the block is stored the other way round
 
     @property
     def points(self) -> slice:

@@ -14,12 +14,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.bundle.solve.datum import Anchor, anchor
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import (
-    BlockState,
     Linearised,
     NormalEquations,
     PointError,
@@ -34,7 +34,6 @@ from anaplot.errors import NotComputableError
 
 __all__ = ["held_by_noise", "parameters_left_open", "undetermined"]
 
-Array = NDArray[np.float64]
 
 _ITERATIONS = 4
 _MOVES = 0.2  # of the largest movement: a photo that moves less is not named

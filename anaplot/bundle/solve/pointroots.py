@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from anaplot.aliases import Array, Bools, Index
 
 __all__ = ["PointError", "inverse_roots"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _FLATTEST = 1e-12  # pivot over diagonal below which a point is not determined
 
@@ -27,7 +26,7 @@ class PointError(ArithmeticError):
         super().__init__(f"{len(points)} points are not determined")
 
 
-def inverse_roots(rows: Array, weight: Array, grow: float, fixed: NDArray[np.bool_]) -> Array:
+def inverse_roots(rows: Array, weight: Array, grow: float, fixed: Bools) -> Array:
     """(n, 3, 3) inverses of the lower Cholesky factors of the points' normal equations.
 
     Parameters
@@ -90,7 +89,7 @@ def _root_of_rows(rows: Array, weight: Array, damping: Array) -> Array:
     return lower
 
 
-def _lower3(v: Array, fixed: NDArray[np.bool_]) -> Array:
+def _lower3(v: Array, fixed: Bools) -> Array:
     """(n, 3, 3) inverses of the lower Cholesky factors; rows of fixed coordinates are zero."""
     out = np.zeros_like(v)
     l00 = np.sqrt(v[:, 0, 0])

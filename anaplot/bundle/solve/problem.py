@@ -11,16 +11,14 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.additional import AdditionalParameters, lens_units
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
 
 __all__ = ["Datum", "Group", "LeftOut", "Problem", "listed", "make_problem"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Datum = Literal["control", "minimal", "free"]
 
 _AXES = "XYZ"
@@ -136,7 +134,7 @@ class Problem:
     sigma: Array
     source: Index
     groups: tuple[Group, ...]
-    fixed: NDArray[np.bool_]
+    fixed: Bools
     known: Array
     known_sigma: Array
     position: Array
@@ -152,7 +150,7 @@ class Problem:
     left_out: tuple[LeftOut, ...]
     unused_rays: Index
     control_rows: Mapping[str, ControlPoint] = field(repr=False)
-    rejected: NDArray[np.bool_] | None = field(default=None, repr=False)
+    rejected: Bools | None = field(default=None, repr=False)
     axis_factor: Array | None = field(default=None, repr=False)
 
     @property
@@ -379,7 +377,7 @@ def _check_rows(block: Block, xy: Array, sigmas: Array) -> None:
 
 def _known(
     block: Block, names: list[str], control: Mapping[str, ControlPoint], held: bool
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+) -> tuple[Array, Array, Bools]:
     n = len(names)
     known, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     fixed = np.zeros((n, 3), dtype=bool)
@@ -426,9 +424,9 @@ def _select(
     control: Mapping[str, ControlPoint],
     known: Array,
     known_sigma: Array,
-    fixed: NDArray[np.bool_],
+    fixed: Bools,
     priors: tuple[Array, Array, Array, Array],
-) -> tuple[NDArray[np.bool_], list[LeftOut]]:
+) -> tuple[Bools, list[LeftOut]]:
     """Rays that take part, and what does not."""
     pair, pair_of = np.unique(photo * len(names) + point, return_inverse=True)
     pair_photo, pair_point = pair // len(names), pair % len(names)

@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anaplot.bundle.solve.normal import (
-    BlockState,
-    Linearised,
-    linearise,
-)
+from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.normal import Linearised, linearise
 from anaplot.bundle.solve.problem import Problem
 
 __all__ = ["reintersected"]
 
-Array = NDArray[np.float64]
 
 _ROUNDS = 6
 _DAMPING = 1e-3  # of the first step
@@ -69,7 +65,7 @@ def _costs(problem: Problem, linear: Linearised) -> Array:
     return np.asarray(np.nan_to_num(of_rays + (linear.point_e**2).sum(axis=1), nan=np.inf))
 
 
-def _in_front(problem: Problem, linear: Linearised) -> NDArray[np.intp]:
+def _in_front(problem: Problem, linear: Linearised) -> Index:
     """(p,) rays that see their point in front of the photo."""
     seen = problem.point[linear.depth > 0.0]
     return np.bincount(seen, minlength=len(problem.points))

@@ -16,16 +16,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.factor import Factor, SelectedInverse
 from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.problem import Problem
 
 __all__ = ["Cofactors", "DatumChange", "cofactor_column", "compute_cofactors"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _ROUNDING = 1e-11  # variance after a change of datum over what it is the difference of
 

@@ -17,16 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import Factor
-from anaplot.bundle.solve.normal import BlockState, NormalEquations, Structure, linearise
+from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.normal import NormalEquations, Structure, linearise
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 
 __all__ = ["ORIENTATION", "BlockResiduals", "ObservationName", "Unit", "block_residuals"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 ObservationName = tuple[str | None, ...]
 """("image", photo, point, model, axis), ("control", point, axis) or ("prior", owner, unknown)."""
 Unit = Literal["um", "m", "rad", "mm"]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.collinearity import project, turns
@@ -12,8 +12,6 @@ from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.similarity import Similarity, fit_to_partial, robust_similarity
 
 __all__ = ["give_nominal_place", "to_ground"]
-
-Array = NDArray[np.float64]
 
 
 def to_ground(problem: Problem, subblock: SubBlock) -> bool:

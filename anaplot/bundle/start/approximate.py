@@ -12,10 +12,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
-from anaplot.bundle.solve.normal import BlockState
+from anaplot.aliases import Array, Bools, Index, Progress
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.start.absolute import give_nominal_place, to_ground
 from anaplot.bundle.start.bridging import bridged_parts
@@ -33,9 +33,6 @@ __all__ = [
     "state_of",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Progress = Callable[[str, float], None]
 Way = Callable[[Progress | None], BlockState | None]
 
 _BELIEVED = 0.05  # share of c by which given orientations may miss, in the median
@@ -431,7 +428,7 @@ def _completed(problem: Problem, subblock: SubBlock, rays: Array) -> SubBlock:
     return subblock
 
 
-def _behind(problem: Problem, subblock: SubBlock) -> NDArray[np.bool_]:
+def _behind(problem: Problem, subblock: SubBlock) -> Bools:
     """Points that lie behind most of their photos."""
     away = subblock.points[problem.point] - subblock.centres[problem.photo]
     depth = -np.einsum("ni,ni->n", subblock.rotations[problem.photo][:, :, 2], away)

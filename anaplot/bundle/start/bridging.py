@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Progress
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.errors import NotComputableError
@@ -19,9 +18,6 @@ from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo
 
 __all__ = ["bridged_parts"]
-
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 
 def bridged_parts(

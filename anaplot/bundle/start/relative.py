@@ -10,13 +10,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array
 from anaplot.photogrammetry.collinearity import turns
 
 __all__ = ["RelativeOrientation", "orient_pair", "spread_rotations"]
 
-Array = NDArray[np.float64]
 
 _STARTS = 600
 _REFINED = 40

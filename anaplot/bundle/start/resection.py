@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Index
 from anaplot.photogrammetry.collinearity import project, project_with_derivatives, turns
 
 __all__ = ["Resection", "resect", "three_point_resection"]
-
-Array = NDArray[np.float64]
 
 
 class Resection(NamedTuple):
@@ -30,7 +28,7 @@ class Resection(NamedTuple):
     residual: Array
 
 
-def three_point_resection(rays: Array, points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+def three_point_resection(rays: Array, points: Array) -> tuple[Array, Array, Index]:
     """Return every orientation that agrees with three points (Grunert 1841).
 
     Parameters
@@ -148,7 +146,7 @@ def resect(
     return best
 
 
-def _spread_triples(xy: Array, samples: int, rng: np.random.Generator) -> NDArray[np.intp]:
+def _spread_triples(xy: Array, samples: int, rng: np.random.Generator) -> Index:
     """Triples of points, the larger triangles of many random ones."""
     index = rng.integers(0, len(xy), (6 * samples, 3))
     p = xy[index]

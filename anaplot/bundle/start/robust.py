@@ -6,13 +6,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, damped_step
+from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import (
-    BlockState,
     Linearised,
     NormalEquations,
     PointError,
@@ -37,7 +37,6 @@ __all__ = [
     "robust_suspects",
 ]
 
-Array = NDArray[np.float64]
 
 _ROBUST = 1e-4  # of n: squared change of the whitened residuals where robust steps end
 _STEPS = 12
@@ -191,9 +190,9 @@ class FarOff(NamedTuple):
     """
 
     state: BlockState
-    rays: NDArray[np.bool_]
-    control: NDArray[np.bool_]
-    priors: NDArray[np.bool_]
+    rays: Bools
+    control: Bools
+    priors: Bools
     reach: float
 
 
@@ -224,7 +223,7 @@ class _Clearest(NamedTuple):
     """A robust solution; held and least as `_robust` returns them."""
 
     state: BlockState
-    held: NDArray[np.bool_]
+    held: Bools
     least: Array
     misfits: _Misfits
 
@@ -317,7 +316,7 @@ def _off(problem: Problem, image: Array) -> int:
 
 def _robust(
     problem: Problem, structure: Structure, start: BlockState, steps: int
-) -> tuple[BlockState, NDArray[np.bool_], Array]:
+) -> tuple[BlockState, Bools, Array]:
     """Robust steps; also which coordinates are control, and its smallest sigmas [m]."""
     held = problem.fixed | np.isfinite(problem.known_sigma)
     seen = linearise(problem, start)
@@ -401,7 +400,7 @@ def _reoriented(problem: Problem, start: BlockState, rounds: int = 3) -> BlockSt
     )
 
 
-def _misfits(problem: Problem, held: NDArray[np.bool_], state: BlockState) -> _Misfits:
+def _misfits(problem: Problem, held: Bools, state: BlockState) -> _Misfits:
     linear = linearise(problem, state)
     e = linear.e * problem.sigma_xy
     image = np.nan_to_num(np.linalg.norm(e, axis=1), nan=1e6, posinf=1e6)

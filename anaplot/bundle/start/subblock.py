@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.resection import resect
 from anaplot.photogrammetry.collinearity import project, turns
@@ -14,8 +14,6 @@ from anaplot.photogrammetry.similarity import Similarity, fit_similarity, line_o
 
 __all__ = ["SubBlock", "intersect_rays"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _ALONG = 0.01  # share of the extent within which points on a line coincide
 _PARALLEL = 1e-10  # smallest over largest eigenvalue below which rays count as parallel
@@ -44,13 +42,13 @@ class SubBlock:
         return cls(np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((p, 3), np.nan))
 
     @property
-    def oriented(self) -> NDArray[np.bool_]:
+    def oriented(self) -> Bools:
         """(photos,) which photos are in it."""
-        out: NDArray[np.bool_] = np.isfinite(self.centres[:, 0])
+        out: Bools = np.isfinite(self.centres[:, 0])
         return out
 
     @property
-    def placed(self) -> NDArray[np.bool_]:
+    def placed(self) -> Bools:
         """(points,) which points are in it."""
         return np.asarray(np.isfinite(self.points).all(axis=1))
 
@@ -160,7 +158,7 @@ class SubBlock:
         return np.where(seen.depth > 0.0, size, np.where(np.isfinite(size), np.inf, np.nan))
 
 
-def _on_a_line(source: Array, target: Array) -> tuple[Similarity, NDArray[np.bool_]] | None:
+def _on_a_line(source: Array, target: Array) -> tuple[Similarity, Bools] | None:
     """Return a similarity of points on a line, anyhow turned about it; None where they differ."""
     extent = float(np.ptp(target, axis=0).max())
     if not extent > 0.0:

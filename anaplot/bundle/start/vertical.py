@@ -12,20 +12,17 @@ import warnings
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 
+from anaplot.aliases import Array, Complex, Index
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.subblock import SubBlock
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = ["vertical_subblock"]
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Index = NDArray[np.intp]
 
 _NEIGHBOURS = 10  # pairs of each photo, those with most common points
 _LEVEL = 0.12  # of c: median misfit of two photos above which they are not level

@@ -1,0 +1,41 @@
+"""Type aliases that more than one module uses; what belongs to one module is written there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "Array",
+    "Axis",
+    "Bools",
+    "Complex",
+    "Index",
+    "Progress",
+    "RowKey",
+    "Side",
+    "TestKind",
+]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Bools = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+Axis = Literal["x", "y"]
+"""Axis of an image coordinate."""
+
+Side = Literal["left", "right"]
+"""Photo of a model."""
+
+RowKey = tuple[str, str]
+"""Point and axis of a model's row."""
+
+TestKind = Literal["tau", "baarda"]
+"""Pope's tau with the estimated sigma0, or Baarda's w with the a-priori one."""
+
+Progress = Callable[[str, float], None]
+"""Told of a step and of how much of it is done (0 to 1); may raise to end the computation."""
