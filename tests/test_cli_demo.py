@@ -10,10 +10,13 @@ from pathlib import Path
 
 import pytest
 from clibench import TIMEOUT, anaplot, command, environment, one_line
+from processes import running
 
 from anaplot.exchange.blockfolder import read_block
 
 pytestmark = pytest.mark.slow
+
+MANY = "30"  # models, of which the first is told long before the last is measured
 
 
 def test_the_demo_tells_its_story() -> None:
@@ -55,13 +58,10 @@ def test_temporary_folders_are_taken_away(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name == "nt", reason="signals are others there")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_it_leaves_everything_in_order(tmp_path: Path, number: signal.Signals) -> None:
-    with subprocess.Popen(
-        command("demo", "--auto", "--models", "150"),
-        stdout=subprocess.PIPE,
+    with running(
+        command("demo", "--auto", "--models", MANY),
         stderr=subprocess.PIPE,
-        text=True,
         env=environment(TMPDIR=str(tmp_path)),
-        start_new_session=True,
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline().startswith("MODEL 101/102")
@@ -81,11 +81,9 @@ def test_interrupted_it_leaves_everything_in_order(tmp_path: Path, number: signa
 @pytest.mark.skipif(os.name == "nt", reason="signals are others there")
 def test_interrupted_a_kept_block_is_good(tmp_path: Path) -> None:
     folder = tmp_path / "kept"
-    with subprocess.Popen(
-        command("demo", "--auto", "--models", "150", "--keep", folder),
-        stdout=subprocess.PIPE,
+    with running(
+        command("demo", "--auto", "--models", MANY, "--keep", folder),
         stderr=subprocess.PIPE,
-        text=True,
         env=environment(),
     ) as process:
         assert process.stdout is not None
@@ -98,11 +96,9 @@ def test_interrupted_a_kept_block_is_good(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes are others there")
 def test_the_reader_goes_away(tmp_path: Path) -> None:
-    with subprocess.Popen(
+    with running(
         command("demo", "--auto", "--models", "3"),
-        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        text=True,
         env=environment(TMPDIR=str(tmp_path)),
     ) as process:
         assert process.stdout is not None

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import pytest
+from processes import running
 
-import anaplot
 from anaplot.errors import InputError
 from anaplot.exchange.journal import Journal, events_of, read_journal
-
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(anaplot.__file__).parents[1])}
 
 HOST = platform.node()
 
@@ -64,19 +60,10 @@ print(refused[0])
 """
 
 
-@contextmanager
-def running(script: str, block: Path) -> Iterator[subprocess.Popen[str]]:
-    with subprocess.Popen(
-        [sys.executable, "-c", script, str(block)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=ENVIRONMENT,
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
+def journal_process(
+    script: str, block: Path, **options: int
+) -> AbstractContextManager[subprocess.Popen[str]]:
+    return running([sys.executable, "-c", script, block], stdin=subprocess.PIPE, **options)
 
 
 pytestmark = [
@@ -93,7 +80,7 @@ def block(tmp_path: Path) -> Path:
 
 
 def test_two_processes_contend_and_the_holder_is_named(block):
-    with running(HOLD, block) as holder:
+    with journal_process(HOLD, block) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held 0\n"
         with pytest.raises(InputError) as caught:
@@ -101,16 +88,10 @@ def test_two_processes_contend_and_the_holder_is_named(block):
         assert f"the block is open in another anaplot (process {holder.pid} on {HOST})" in str(
             caught.value
         )
-        second = subprocess.run(
-            [sys.executable, "-c", HOLD, str(block)],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            env=ENVIRONMENT,
-            check=False,
-        )
+        with journal_process(HOLD, block, stderr=subprocess.PIPE) as second:
+            _, errors = second.communicate()
         assert second.returncode != 0
-        assert f"(process {holder.pid} on {HOST})" in second.stderr
+        assert f"(process {holder.pid} on {HOST})" in errors
         # Reading needs no lock.
         assert len(read_journal(block).records) == 1
         output, _ = holder.communicate()
@@ -121,7 +102,7 @@ def test_two_processes_contend_and_the_holder_is_named(block):
 
 
 def test_a_dead_holder_holds_nothing(block):
-    with running(HOLD, block) as holder:
+    with journal_process(HOLD, block) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held 0\n"
         holder.kill()
@@ -131,21 +112,13 @@ def test_a_dead_holder_holds_nothing(block):
 
 
 def test_many_at_once_and_one_gets_it(block):
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", HOLD, str(block)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            env=ENVIRONMENT,
-        )
-        for _ in range(4)
-    ]
-    try:
+    with ExitStack() as stack:
+        processes = [
+            stack.enter_context(journal_process(HOLD, block, stderr=subprocess.DEVNULL))
+            for _ in range(4)
+        ]
         first_lines = [process.stdout.readline() for process in processes]
         assert sorted(first_lines) == ["", "", "", "held 0\n"]
-    finally:
         for process in processes:
             process.communicate()
     assert len(read_journal(block).records) == 1
@@ -154,7 +127,7 @@ def test_many_at_once_and_one_gets_it(block):
 def test_a_killed_writer_loses_nothing_that_it_acknowledged(block):
     told = -1
     for kills in range(1, 6):
-        with running(WRITE, block) as writer:
+        with journal_process(WRITE, block) as writer:
             assert writer.stdout is not None
             for _ in range(17 * kills):
                 told = int(writer.stdout.readline())
@@ -174,7 +147,7 @@ def test_a_killed_writer_loses_nothing_that_it_acknowledged(block):
 
 
 def test_a_reader_beside_a_writer_sees_whole_records(block):
-    with running(WRITE, block) as writer:
+    with journal_process(WRITE, block) as writer:
         assert writer.stdout is not None
         told = 0
         for _ in range(60):
@@ -184,14 +157,10 @@ def test_a_reader_beside_a_writer_sees_whole_records(block):
 
 
 def test_a_disk_that_is_really_full(block):
-    result = subprocess.run(
-        [sys.executable, "-c", FILL, str(block)],
-        capture_output=True,
-        text=True,
-        env=ENVIRONMENT,
-        check=True,
-    )
-    assert "0001.jsonl: record refused: " in result.stdout
+    with journal_process(FILL, block) as filling:
+        output, _ = filling.communicate()
+    assert filling.returncode == 0
+    assert "0001.jsonl: record refused: " in output
     recovered = read_journal(block)
     assert recovered.remarks == ()
     *before, last = recovered.records

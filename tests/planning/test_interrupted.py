@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import signal
@@ -13,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from processes import running
 
 # chunks of a first and quick kind, then of one that would take longer than any test
 JOB = """
@@ -84,22 +84,11 @@ def job(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path, Path]]:
     script = tmp_path / "job.py"
     script.write_text(JOB)
     kept = tmp_path / "kept.jsonl"
-    process = subprocess.Popen(
-        [sys.executable, str(script), str(seen), str(kept)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
+    with running([sys.executable, script, seen, kept], stderr=subprocess.PIPE) as process:
         # three chunks are done and kept, two are being done
         until(lambda: kept.exists() and kept.read_bytes().count(b"\n") == 4)
         until(lambda: len(list(seen.glob("taken-*"))) == 5)
         yield process, seen, kept
-    finally:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
 
 
 pytestmark = [

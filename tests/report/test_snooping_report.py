@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import running
 from wild import wild, words
 
-import anaplot
 from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.snooping import (
@@ -339,21 +339,21 @@ def test_an_interrupt_in_the_middle_leaves_one_line(tmp_path: Path) -> None:
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     master, slave = pty.openpty()
     try:
-        with (tmp_path / "out").open("wb") as out:
-            process = subprocess.Popen(
-                [sys.executable, "-c", INTERRUPTED, str(folder)],
+        with (
+            (tmp_path / "out").open("wb") as out,
+            running(
+                [sys.executable, "-c", INTERRUPTED, folder],
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=slave,
-                cwd=Path(anaplot.__path__[0]).parent,
-                start_new_session=True,
-            )
-        os.close(slave)
-        told = b""
-        while b"factor" not in told:
-            told += os.read(master, 4096)
-        process.send_signal(signal.SIGINT)
-        code = process.wait(WAIT)
+            ) as process,
+        ):
+            os.close(slave)
+            told = b""
+            while b"factor" not in told:
+                told += os.read(master, 4096)
+            process.send_signal(signal.SIGINT)
+            code = process.wait(WAIT)
         with contextlib.suppress(OSError):  # so ends a terminal that nobody holds any more
             while more := os.read(master, 4096):
                 told += more

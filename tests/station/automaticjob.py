@@ -1,23 +1,61 @@
-"""The automatic operator's job as a process of its own, to be killed: tells all it is told."""
+"""The automatic operator's jobs, to be killed: each tells all it is told.
+
+One process does a job for every line that it reads, the first by itself; all others are done by
+forks of it, which have loaded everything already. Says the number of the process that does the job,
+then what the operator is told, and at last how the process ended.
+"""
 
 from __future__ import annotations
 
+import json
+import os
 import sys
+import threading
 from pathlib import Path
 
 from anaplot.station.automatic import AutomaticOperator
 from anaplot.station.demo import Demo
 
 
-def main() -> None:
-    folder, models, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-    demo = Demo.make(models, seed, fiducials=sys.argv[4:] == ["fiducials"])
+def work(folder: Path, models: int, seed: int, fiducials: bool) -> None:
+    demo = Demo.make(models, seed, fiducials=fiducials)
     if not (folder / "block.toml").exists():
         demo.write(folder)
     with demo.open(folder, time_scale=2000.0) as station:
         station.subscribe_notices(lambda severity, text: print(severity, text, flush=True))
         AutomaticOperator(station).run()
     print("finished", flush=True)
+
+
+def forked(folder: Path, models: int, seed: int, fiducials: bool) -> int:
+    """Do the job in a fork; returns how it ended, as os.waitpid says it."""
+    assert threading.active_count() == 1  # a fork has no other threads
+    child = os.fork()
+    if child:
+        return os.waitpid(child, 0)[1]
+    code = 1
+    try:
+        print("process", os.getpid(), flush=True)
+        work(folder, models, seed, fiducials)
+        code = 0
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+    finally:
+        os._exit(code)
+
+
+def main() -> None:
+    loaded = False
+    for line in sys.stdin:
+        name, *job = json.loads(line)
+        ended = 0
+        if loaded:
+            ended = forked(Path(name), *job)
+        else:
+            print("process", os.getpid(), flush=True)
+            work(Path(name), *job)
+            loaded = True
+        print("ended", ended, flush=True)
 
 
 if __name__ == "__main__":

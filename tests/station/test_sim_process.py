@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from processes import ROOT, running
+
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_new_block
 from anaplot.station.automatic import AutomaticOperator
@@ -15,7 +17,6 @@ from anaplot.station.plotting import InstrumentSetup
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.station import Station
 
-ROOT = Path(__file__).parents[2]
 SESSION = ROOT / "tests" / "sessions" / "fiducials.jsonl"
 
 
@@ -27,13 +28,7 @@ def test_inner_orientation_and_a_model_over_the_port_of_another_process(tmp_path
     port = tmp_path / "port"
     command = [sys.executable, "-m", "anaplot", "plotter", "sim", "simulated", "--auto-pedal"]
     options = ["--truth", str(truth), "--link", str(port), "--time-scale", "200"]
-    with subprocess.Popen(
-        [*command, *options, "--lay", "101/102"],
-        cwd=ROOT,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as process:
+    with running([*command, *options, "--lay", "101/102"], stdin=subprocess.PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         assert "SIMULATED" in process.stdout.readline()
@@ -47,21 +42,17 @@ def test_inner_orientation_and_a_model_over_the_port_of_another_process(tmp_path
                 tell.write(f"attend {wanted}\n")
                 tell.flush()
 
-        try:
-            with Station(
-                block,
-                plotter=InstrumentSetup("simulated", str(port)),
-                candidates=rough(truth_of(truth)),
-            ) as station:
-                station.subscribe(attend)
-                AutomaticOperator(station).run()
-                models = station.state.models
-            tell.write("quit\n")
-            tell.flush()
-            process.communicate(timeout=60)
-        except BaseException:
-            process.kill()  # or the failure is waited for until it is a timeout
-            raise
+        with Station(
+            block,
+            plotter=InstrumentSetup("simulated", str(port)),
+            candidates=rough(truth_of(truth)),
+        ) as station:
+            station.subscribe(attend)
+            AutomaticOperator(station).run()
+            models = station.state.models
+        tell.write("quit\n")
+        tell.flush()
+        process.communicate(timeout=60)
     # what was there before the first model may be seen, or not
     assert asked[-3:] == ["left", "right", "points"]
     (model,) = models

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import random
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import automaticjob
 import pytest
+from processes import ROOT, running
 from stationbench import Bench, measure, measure_all
 
 from anaplot.errors import InputError
@@ -21,61 +27,66 @@ from anaplot.session.state import SessionState, fold, start
 from anaplot.station.demo import Demo
 from anaplot.station.station import Station
 
-ROOT = Path(automaticjob.__file__).parents[2]
 MODELS, SEED = 2, 3
 KILLS = 25  # of each of four jobs
 
 
-def environment(folder: Path) -> dict[str, str]:
-    # what a killed process leaves behind goes with the test's own folder
-    return {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(folder.parent)}
+class Jobs:
+    """Jobs of the automatic operator in `folder`, each in a process that may be killed."""
+
+    def __init__(self, process: subprocess.Popen[str], fiducials: bool) -> None:
+        self._process = process
+        self._fiducials = fiducials
+
+    def run(
+        self, folder: Path, kill_after: int | None = None, more_bytes: int = 0
+    ) -> tuple[list[str], bool]:
+        """Run a job until it has said so many lines, and a little on; then kill it.
+
+        Returns the lines, and whether it finished.
+        """
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(json.dumps([str(folder), MODELS, SEED, self._fiducials]) + "\n")
+        self._process.stdin.flush()
+        said, _, number = self._process.stdout.readline().partition(" ")
+        assert said == "process"
+        lines: list[str] = []
+        for line in self._process.stdout:
+            if line.startswith("ended "):
+                break
+            lines.append(line.strip())
+            if len(lines) == kill_after:
+                _kill_somewhere(folder, more_bytes, int(number))
+        finished = lines[-1:] == ["finished"]
+        assert not any("Traceback" in said for said in lines), lines
+        assert finished or kill_after is not None, lines
+        return lines, finished
+
+
+@contextmanager
+def jobs(folder: Path, fiducials: bool) -> Iterator[Jobs]:
+    with running(
+        [sys.executable, automaticjob.__file__],
+        stdin=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        # what a killed process leaves behind goes with the test's own folder
+        env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(folder)},
+    ) as process:
+        yield Jobs(process, fiducials)
 
 
 def _written(folder: Path) -> int:
     return sum(path.stat().st_size for path in (folder / "sessions").glob("*.jsonl"))
 
 
-def _somewhere(folder: Path, more_bytes: int, process: subprocess.Popen[str]) -> None:
-    """Wait until so many more bytes are in the journal: in the middle of whatever is going on."""
+def _kill_somewhere(folder: Path, more_bytes: int, process: int) -> None:
+    """Kill when so many more bytes are in the journal: in the middle of whatever is going on."""
     enough = _written(folder) + more_bytes
-    while _written(folder) < enough and process.poll() is None:
-        pass
-
-
-def run_job(
-    folder: Path,
-    kill_after: int | None,
-    seed: int = SEED,
-    more: tuple[str, ...] = (),
-    more_bytes: int = 0,
-) -> tuple[list[str], bool]:
-    """Run the job until it has said so many lines, and a little on; then kill it.
-
-    Returns the lines, and whether it finished.
-    """
-    with subprocess.Popen(
-        [sys.executable, automaticjob.__file__, str(folder), str(MODELS), str(seed), *more],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(folder),
-    ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        lines = []
-        for line in process.stdout:
-            lines.append(line.strip())
-            if kill_after is not None and len(lines) >= kill_after:
-                _somewhere(folder, more_bytes, process)
-                process.kill()
-                break
-        lines += [line.strip() for line in process.stdout]
-        errors = process.stderr.read()
-        process.wait()
-    finished = lines[-1:] == ["finished"]
-    assert "Traceback" not in errors, errors
-    assert finished or kill_after is not None, errors
-    return lines, finished
+    with contextlib.suppress(ProcessLookupError):  # it has ended
+        while _written(folder) < enough:
+            os.kill(process, 0)
+        os.kill(process, signal.SIGKILL)
 
 
 def _recorded(line: str) -> str:
@@ -95,35 +106,37 @@ def recovered(folder: Path) -> tuple[SessionState, list[PointMeasured | Fiducial
     return state, [e for e in events if isinstance(e, PointMeasured | FiducialMeasured)]
 
 
-@pytest.mark.parametrize(("chance", "more"), [(0, ()), (1, ()), (2, ()), (3, ("fiducials",))])
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="jobs are forks")
+@pytest.mark.parametrize(("chance", "fiducials"), [(0, False), (1, False), (2, False), (3, True)])
 def test_killed_again_and_again_the_job_ends_as_if_undisturbed(
-    tmp_path: Path, chance: int, more: tuple[str, ...]
+    tmp_path: Path, chance: int, fiducials: bool
 ) -> None:
     calm = tmp_path / "calm"
-    run_job(calm, None, more=more)
-    one, _ = recovered(calm)
-    assert len(one.models) == MODELS
-    assert any(m.times > 1 for model in one.models for m in model.measured)
     rng = random.Random(chance)
-    kills = jobs = 0
-    while kills < KILLS:
-        jobs += 1
-        folder = tmp_path / f"killed-{jobs}"
-        kills += _killed_job(folder, KILLS - kills, rng, more)
-        other, events = recovered(folder)
-        assert other == one
-        written = (folder / "image_points.csv").read_bytes()
-        assert written == (calm / "image_points.csv").read_bytes()
-        assert len(events) > 13 * MODELS
+    killed = done = 0
+    with jobs(tmp_path, fiducials) as work:
+        work.run(calm)
+        one, _ = recovered(calm)
+        assert len(one.models) == MODELS
+        assert any(m.times > 1 for model in one.models for m in model.measured)
+        while killed < KILLS:
+            done += 1
+            folder = tmp_path / f"killed-{done}"
+            killed += _killed_job(work, folder, KILLS - killed, rng)
+            other, events = recovered(folder)
+            assert other == one
+            written = (folder / "image_points.csv").read_bytes()
+            assert written == (calm / "image_points.csv").read_bytes()
+            assert len(events) > 13 * MODELS
 
 
-def _killed_job(folder: Path, most: int, rng: random.Random, more: tuple[str, ...]) -> int:
+def _killed_job(work: Jobs, folder: Path, most: int, rng: random.Random) -> int:
     """Do a job, killed as often as it takes or so many times; returns how often it was."""
     acknowledged: list[str] = []
     kills = 0
     while True:
         kill_after = rng.randint(1, 2) if kills < most else None
-        lines, finished = run_job(folder, kill_after, more=more, more_bytes=rng.randint(0, 900))
+        lines, finished = work.run(folder, kill_after, rng.randint(0, 900))
         acknowledged += [_recorded(line) for line in lines if line.startswith("record ")]
         _, measured = recovered(folder)
         # what was told is on disk, in that order
