@@ -20,8 +20,8 @@ from anaplot.errors import AnaplotError, InputError
 if TYPE_CHECKING:
     from anaplot.orientation.results import ModelSolution
     from anaplot.photogrammetry.block import Block
-    from anaplot.station.automatic import ModelRecord
-    from anaplot.station.demo import Demo
+    from anaplot.simulation.automatic import ModelRecord
+    from anaplot.simulation.demo import Demo
 
 __all__ = ["main"]
 
@@ -111,7 +111,7 @@ def _adjust(options: argparse.Namespace) -> int:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from anaplot.station.demo import Demo
+    from anaplot.simulation.demo import Demo
 
     if options.json and not options.auto:
         raise InputError("--json goes with --auto")
@@ -126,14 +126,16 @@ def _demo(options: argparse.Namespace) -> int:
         if options.auto:
             return _demo_auto(demo, folder, options.json)
         from anaplot.console.app import run_console
+        from anaplot.simulation.controls import controls_of
 
-        return run_console(demo.open(folder, time_scale=2.0))
+        station = demo.open(folder, time_scale=2.0)
+        return run_console(station, controls=controls_of(station))
 
 
 def _demo_auto(demo: Demo, folder: Path, as_json: bool) -> int:
     from anaplot.report.contract import demo_json
     from anaplot.report.demotext import model_story, outcome_text
-    from anaplot.station.demo import run_demo
+    from anaplot.simulation.demo import run_demo
 
     def tell(record: ModelRecord) -> None:
         if not as_json:
@@ -149,21 +151,21 @@ def _demo_auto(demo: Demo, folder: Path, as_json: bool) -> int:
 
 def _open(options: argparse.Namespace) -> int:
     from anaplot.console.app import run_console
-    from anaplot.station.opening import open_station
+    from anaplot.simulation.controls import controls_of
+    from anaplot.simulation.opening import open_station
 
-    return run_console(
-        open_station(
-            options.block,
-            profile=options.profile,
-            port=options.port,
-            simulate=options.simulate,
-            truth=options.truth,
-            seed=options.seed,
-            point_pattern=options.pattern,
-            operator=options.operator,
-            story=options.story,
-        )
+    station = open_station(
+        options.block,
+        profile=options.profile,
+        port=options.port,
+        simulate=options.simulate,
+        truth=options.truth,
+        seed=options.seed,
+        point_pattern=options.pattern,
+        operator=options.operator,
+        story=options.story,
     )
+    return run_console(station, controls=controls_of(station))
 
 
 def _replay(options: argparse.Namespace) -> int:
@@ -271,7 +273,7 @@ def _plotter_sim(options: argparse.Namespace) -> int:
 
     photographs = in_right = None
     if options.truth is not None:
-        from anaplot.station.opening import plates_in
+        from anaplot.simulation.opening import plates_in
 
         photographs, in_right = plates_in(options.truth, options.seed)
     laid = None

@@ -74,7 +74,7 @@ print(len([n for n in sys.modules if n.startswith("anaplot.{room}.")]))
 
 
 def test_the_station_needs_no_terminal() -> None:
-    code = "import sys; sys.modules['textual'] = None; import anaplot.station.demo, anaplot.report"
+    code = "import sys; sys.modules['textual'] = None; import anaplot.simulation.demo"
     python(code)
 
 

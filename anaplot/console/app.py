@@ -19,7 +19,7 @@ from anaplot.console.errorspage import CHOICES
 from anaplot.console.keymap import default_path, load_keymap
 from anaplot.console.keys import ACTIONS
 from anaplot.console.screen import OrientationScreen
-from anaplot.console.stationlike import StationLike
+from anaplot.console.stationlike import ControlsLike, StationLike
 
 if TYPE_CHECKING:
     from anaplot.console.palette import PointProvider
@@ -66,6 +66,8 @@ class ConsoleApp(App[int]):
         What is shown and commanded.
     keymap
         The user's keys, checked, by action id.
+    controls
+        Those of its simulated instrument; None where it has none.
     """
 
     TITLE = "anaplot"
@@ -77,10 +79,16 @@ class ConsoleApp(App[int]):
     ]
     COMMANDS: ClassVar = App.COMMANDS | {_point_provider}
 
-    def __init__(self, station: StationLike, keymap: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        station: StationLike,
+        keymap: dict[str, str] | None = None,
+        *,
+        controls: ControlsLike | None = None,
+    ) -> None:
         super().__init__()
         self._keys_of_user = dict(keymap or {})
-        self._main = OrientationScreen(station, self._keys_of_user)
+        self._main = OrientationScreen(station, self._keys_of_user, controls)
         self.animation_level = "none"
 
     def get_default_screen(self) -> Screen[None]:
@@ -133,13 +141,17 @@ class ConsoleApp(App[int]):
         await self.action_quit()
 
 
-def run_console(station: StationLike, *, keymap: Path | None = None) -> int:
+def run_console(
+    station: StationLike, *, controls: ControlsLike | None = None, keymap: Path | None = None
+) -> int:
     """Run the console until the operator leaves, then close the station.
 
     Parameters
     ----------
     station
         What is shown and commanded.
+    controls
+        Those of its simulated instrument; None where it has none.
     keymap
         A keymap file; None takes the user's own if there is one.
 
@@ -157,7 +169,7 @@ def run_console(station: StationLike, *, keymap: Path | None = None) -> int:
         keys = (
             load_keymap(default_path(), required=False) if keymap is None else load_keymap(keymap)
         )
-        app = ConsoleApp(station, keys)
+        app = ConsoleApp(station, keys, controls=controls)
         app.run()
         return app.return_code or 0
     finally:

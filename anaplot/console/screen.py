@@ -36,7 +36,7 @@ from anaplot.console.panels import (
     entry_lines,
 )
 from anaplot.console.rows import SORT_ORDERS, ShownRow, shown_rows, sort_rows
-from anaplot.console.stationlike import StationLike
+from anaplot.console.stationlike import ControlsLike, StationLike
 from anaplot.console.stereoview import StereoView, Viewed
 from anaplot.console.tableview import TableView
 from anaplot.console.wheels import Wheels
@@ -63,6 +63,8 @@ class OrientationScreen(Screen[None]):
         What is shown and commanded.
     keymap
         The user's keys, checked, by action id.
+    controls
+        Those of its simulated instrument; None where it has none.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings()]
@@ -100,9 +102,15 @@ class OrientationScreen(Screen[None]):
     class Woken(Message):
         """The mailbox has something."""
 
-    def __init__(self, station: StationLike, keymap: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        station: StationLike,
+        keymap: dict[str, str] | None = None,
+        controls: ControlsLike | None = None,
+    ) -> None:
         super().__init__()
         self._station = station
+        self._controls = controls
         self._keys = keys_in_force(keymap or {})
         self._mailbox = Mailbox(self._wake)
         self._commands = CommandThread(partial(self._mailbox.put_notice, "error"))
@@ -186,7 +194,7 @@ class OrientationScreen(Screen[None]):
             return
         link = self._snapshot.link
         self.query_one(ReadOutLine).show(self._station.readout(), live=link.state in _READABLE)
-        self.query_one(HeaderPanel).show(self._snapshot, automatic=self._automatic())
+        self.query_one(HeaderPanel).show(self._snapshot, automatic=self._automatic)
         self._show_stereo()
 
     def _show_stereo(self) -> None:
@@ -194,26 +202,29 @@ class OrientationScreen(Screen[None]):
         view, snapshot = self.query_one(StereoView), self._snapshot
         if snapshot is None or not view.display:
             return
-        raster = view.raster
-        pair = None if raster is None else self._station.stereo(*raster, self._wheels.field_mm)
+        raster, controls = view.raster, self._controls
+        pair = None
+        if raster is not None and controls is not None:
+            pair = controls.stereo(*raster, self._wheels.field_mm)
         readout = self._station.readout() if snapshot.link.state in _READABLE else None
-        view.show(
-            Viewed(snapshot.left, snapshot.right, pair, readout, self._wheels, self._station.hand)
-        )
+        view.show(Viewed(snapshot.left, snapshot.right, pair, readout, self._wheels, self._hand))
 
     @property
     def _at_wheels(self) -> bool:
         """Whether the keys turn the handwheels: a simulated plotter's stereo view is shown."""
-        snapshot = self._snapshot
-        return self._stereo_shown and snapshot is not None and snapshot.link.simulated
+        return self._stereo_shown and self._controls is not None
 
     @property
     def _stereo_shown(self) -> bool:
         return self._stereo_on and self._layout_shown != "table"
 
+    @property
     def _automatic(self) -> bool:
-        simulated = self._snapshot is not None and self._snapshot.link.simulated
-        return simulated and self._station.automatic
+        return self._controls is not None and self._controls.automatic
+
+    @property
+    def _hand(self) -> bool:
+        return self._controls is not None and self._controls.hand
 
     # -- showing ---------------------------------------------------------------------------
 
@@ -233,7 +244,7 @@ class OrientationScreen(Screen[None]):
             if not self._moved_by_hand:
                 self._select_flag(after=None)
         self._flagged = flagged
-        self.query_one(HeaderPanel).show(snapshot, automatic=self._automatic())
+        self.query_one(HeaderPanel).show(snapshot, automatic=self._automatic)
         self.query_one(ExpectedLine).show(snapshot)
         self._show_advice(snapshot)
         if snapshot.link.detail and (before is None or before.link != snapshot.link):
@@ -278,7 +289,7 @@ class OrientationScreen(Screen[None]):
                         point_off=point_off,
                         stereo=self._stereo_shown,
                         coarse=self._wheels.coarse,
-                        hand=self._station.hand,
+                        hand=self._hand,
                     ),
                     action.weight,
                 )
@@ -422,10 +433,11 @@ class OrientationScreen(Screen[None]):
 
     def action_automatic(self) -> None:
         """Let the simulated operator work, or stop him."""
-        if self._snapshot is None or not self._snapshot.link.simulated:
+        controls = self._controls
+        if controls is None:
             self._say("warning", "only a simulated plotter has a simulated operator")
         else:
-            self._submit(lambda: self._station.set_automatic(not self._station.automatic))
+            self._submit(lambda: controls.set_automatic(not controls.automatic))
 
     def action_suspend(self) -> None:
         """Suspend the work, or resume it."""
@@ -451,11 +463,11 @@ class OrientationScreen(Screen[None]):
         self, x: int = 0, y: int = 0, px: int = 0, py: int = 0, *, coarse: bool = False
     ) -> None:
         """Turn the handwheels by so many steps."""
-        if not self._at_wheels:
+        if self._controls is None or not self._at_wheels:
             self._say("info", "the handwheels are those of a simulated plotter's stereo view (v)")
             return
         step = self._wheels.step_um(coarse=coarse) / 1000.0
-        self._submit(partial(self._station.turn, x * step, y * step, px * step, py * step))
+        self._submit(partial(self._controls.turn, x * step, y * step, px * step, py * step))
 
     def action_left(self) -> None:
         """Move the mark to the left."""
@@ -554,7 +566,13 @@ class OrientationScreen(Screen[None]):
 
     def action_hand(self) -> None:
         """Let the simulated hand set the mark, or not."""
-        self._submit(lambda: self._station.set_hand(not self._station.hand))
+        controls = self._controls
+        if controls is not None:
+            self._submit(lambda: controls.set_hand(not controls.hand))
+        elif self._snapshot is not None and self._snapshot.link.state == "replay":
+            self._say("error", "this is a replay: one can only look on")
+        else:
+            self._say("error", "only a simulated plotter is worked from here")
 
     # -- looking around --------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""What the console asks of a station: a handful of commands, and pictures of its state."""
+"""What the console asks of a station and of a simulated instrument's controls."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Protocol
 
 from anaplot.aliases import Axis
 from anaplot.session.plates import ReadOut
+from anaplot.simulation.stereo import StereoPair
 from anaplot.station.snapshot import Snapshot
-from anaplot.station.stereo import StereoPair
 
-__all__ = ["StationLike"]
+__all__ = ["ControlsLike", "StationLike"]
 
 
 class StationLike(Protocol):
@@ -20,34 +20,11 @@ class StationLike(Protocol):
     Both kinds of callbacks may come from any thread.
     """
 
-    @property
-    def automatic(self) -> bool:
-        """Whether the simulated operator works by himself."""
-
-    def set_automatic(self, on: bool) -> None:
-        """Let the simulated operator work, or stop him; only a simulated plotter has one."""
-
     def snapshot(self) -> Snapshot:
         """Return the current snapshot."""
 
     def readout(self) -> ReadOut | None:
         """Return the live read-out [mm], or None while there is none."""
-
-    def stereo(self, columns: int, rows: int, field_mm: float) -> StereoPair | None:
-        """Return what is seen around the mark, the same object while nothing changes.
-
-        `columns` and `rows` of square cells, `field_mm` wide. None without a simulated plotter.
-        """
-
-    def turn(self, dx: float = 0.0, dy: float = 0.0, dpx: float = 0.0, dpy: float = 0.0) -> None:
-        """Turn a simulated plotter's handwheels [mm]: both marks by x, y, the right by px, py."""
-
-    @property
-    def hand(self) -> bool:
-        """Whether the simulated hand sets the mark after a drive."""
-
-    def set_hand(self, on: bool) -> None:
-        """Let the simulated hand set the mark, or leave it to the operator."""
 
     def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call back with a new snapshot after each change; returns the end of the subscription."""
@@ -96,3 +73,30 @@ class StationLike(Protocol):
 
     def close(self) -> None:
         """Close link and journal; harmless when closed already."""
+
+
+class ControlsLike(Protocol):
+    """The controls that only a simulated instrument has, as the console sees them."""
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the simulated operator works by himself."""
+
+    def set_automatic(self, on: bool) -> None:
+        """Let the simulated operator work, or stop him."""
+
+    def stereo(self, columns: int, rows: int, field_mm: float) -> StereoPair | None:
+        """Return what is seen around the mark, the same object while nothing changes.
+
+        `columns` and `rows` of square cells, `field_mm` wide.
+        """
+
+    def turn(self, dx: float = 0.0, dy: float = 0.0, dpx: float = 0.0, dpy: float = 0.0) -> None:
+        """Turn the handwheels [mm]: both marks by x, y, the right by px, py."""
+
+    @property
+    def hand(self) -> bool:
+        """Whether the simulated hand sets the mark after a drive."""
+
+    def set_hand(self, on: bool) -> None:
+        """Let the simulated hand set the mark, or leave it to the operator."""

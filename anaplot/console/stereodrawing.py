@@ -11,7 +11,7 @@ from rich.cells import cell_len
 
 from anaplot.console.braille import Canvas
 from anaplot.console.halftone import TONES, halftone, tones
-from anaplot.station.stereo import MarkedPoint
+from anaplot.simulation.stereo import MarkedPoint
 from anaplot.textfiles.wording import plain
 
 __all__ = ["StereoLayer", "draw_patch", "patch_size"]

@@ -18,7 +18,7 @@ from anaplot.console.stereodrawing import StereoLayer, draw_patch, patch_size
 from anaplot.console.text import fit
 from anaplot.console.wheels import Wheels
 from anaplot.session.plates import ReadOut
-from anaplot.station.stereo import StereoPair
+from anaplot.simulation.stereo import StereoPair
 
 __all__ = ["StereoView", "Viewed"]
 

@@ -9,9 +9,9 @@ from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.results import ModelSolution, TableRow
 from anaplot.orientation.strip import BridgedStrip
 from anaplot.report.innercontract import photo_json
-from anaplot.station.automatic import ModelRecord
-from anaplot.station.demo import Outcome
-from anaplot.station.mistakes import Planted
+from anaplot.simulation.automatic import ModelRecord
+from anaplot.simulation.demo import Outcome
+from anaplot.simulation.mistakes import Planted
 
 __all__ = ["bridge_json", "demo_json", "model_json", "table_json"]
 

@@ -8,9 +8,9 @@ from anaplot.orientation.diagnosis import diagnose
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.report.innertext import inner_table_lines
 from anaplot.report.text import table_lines
-from anaplot.station.automatic import Handled, InnerRecord, ModelRecord
-from anaplot.station.demo import Outcome
-from anaplot.station.mistakes import Planted
+from anaplot.simulation.automatic import Handled, InnerRecord, ModelRecord
+from anaplot.simulation.demo import Outcome
+from anaplot.simulation.mistakes import Planted
 from anaplot.textfiles.wording import plain
 
 __all__ = ["model_story", "outcome_text"]

@@ -8,7 +8,7 @@ from typing import Any
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import RULES
-from anaplot.station.plotting import Plotting
+from anaplot.station.instrument import Instrument
 
 __all__ = ["session_header"]
 
@@ -16,7 +16,7 @@ _LARGEST_DECLARATION = 200_000  # characters of block.toml that the journal's he
 
 
 def session_header(
-    block: Block, operator: str, plotting: Plotting | None, story: str = ""
+    block: Block, operator: str, instrument: Instrument | None, story: str = ""
 ) -> dict[str, Any]:
     """Return the header: block as declared, operator, profile and line, what it is about."""
     header: dict[str, Any] = {"block": block.name, "operator": operator}
@@ -29,8 +29,8 @@ def session_header(
         header["block_toml"] = declared
         if cameras:
             header["camera_files"] = cameras
-    if plotting is not None:
-        profile = plotting.profile
+    if instrument is not None:
+        profile = instrument.profile
         header |= {
             "profile": profile.id,
             "profile_sha256": profile.sha256,
@@ -38,8 +38,8 @@ def session_header(
             "profile_text": profile.text,
             "rules": RULES,
             # where a simulated device is found says nothing, another time it is elsewhere
-            "port": "simulated" if plotting.simulated else plotting.port,
+            "port": "simulated" if instrument.simulated else instrument.port,
             "links": {name: asdict(line) for name, line in profile.links.items()},
-            "simulated": plotting.simulated,
+            "simulated": instrument.simulated,
         }
     return header

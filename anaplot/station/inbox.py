@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from anaplot.plotter.readings import Position, Reading
-from anaplot.plotter.simulator import HandSettled
+from anaplot.station.instrument import MarkSet
 
 __all__ = ["End", "Heard", "Inbox", "LinkChange", "Told", "Traffic", "WarmUp"]
 
@@ -49,7 +49,7 @@ class WarmUp:
     """Loads what the first table needs, while the first points are still being measured."""
 
 
-Heard = WarmUp | Reading | Traffic | Told | LinkChange | HandSettled | End
+Heard = WarmUp | Reading | Traffic | Told | LinkChange | MarkSet | End
 
 
 _CROWDED = 200  # items waiting, from which on positions are left out: others will follow
@@ -90,6 +90,6 @@ class Inbox:
         """Take what the decoder was told besides bytes."""
         self.items.put(Told(kind, text, self.time()))
 
-    def on_settled(self, settled: HandSettled) -> None:
-        """Take it that the simulated hand has set the mark."""
-        self.items.put(settled)
+    def on_mark_set(self, mark: MarkSet) -> None:
+        """Take it that the instrument has set the mark."""
+        self.items.put(mark)

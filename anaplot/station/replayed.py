@@ -27,7 +27,6 @@ from anaplot.session.workflow import outlook
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.replay import Step, recorded_block, replay
 from anaplot.station.snapshot import LinkView, Snapshot, picture
-from anaplot.station.stereo import StereoPair
 
 __all__ = ["ReplayStation"]
 
@@ -148,11 +147,6 @@ class ReplayStation:
 
     # -- looking -------------------------------------------------------------------------------
 
-    @property
-    def automatic(self) -> bool:
-        """Whether the simulated operator works: never in a replay."""
-        return False
-
     def snapshot(self) -> Snapshot:
         """Return the current snapshot."""
         return self._snapshot
@@ -160,15 +154,6 @@ class ReplayStation:
     def readout(self) -> ReadOut | None:
         """Return the recorded read-out."""
         return self._readout
-
-    def stereo(self, columns: int, rows: int, field_mm: float) -> StereoPair | None:
-        """Return None: a journal keeps no photographs."""
-        return None
-
-    @property
-    def hand(self) -> bool:
-        """Whether a simulated hand sets the mark: never in a replay."""
-        return False
 
     def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call back with every new snapshot; the first subscriber starts the replay."""
@@ -242,18 +227,6 @@ class ReplayStation:
         raise _refused()
 
     def add_point(self, name: str) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def set_automatic(self, on: bool) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def turn(self, dx: float = 0.0, dy: float = 0.0, dpx: float = 0.0, dpy: float = 0.0) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def set_hand(self, on: bool) -> None:
         """Refuse."""
         raise _refused()
 

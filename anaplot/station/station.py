@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -30,19 +29,15 @@ from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.planning.modelplan import Candidates
 from anaplot.plotter.commands import UNCHECKED
 from anaplot.plotter.readings import UNREFERENCED, Fault, InPosition, Position, Record, Refused
-from anaplot.plotter.simulator import HandSettled, fiducial_name, monocular_name
 from anaplot.session.events import (
     EVENT_KINDS,
     Event,
-    FiducialMeasured,
     FiducialSwitched,
     ModelAccepted,
     ModelChosen,
-    MonoMeasured,
     PhotoLaid,
     PlannedPoint,
     PointAdded,
-    PointMeasured,
     Resumed,
     RowSwitched,
     Suspended,
@@ -53,7 +48,7 @@ from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, acceptance
 from anaplot.session.measuring import check_instrument, measurement_of
 from anaplot.session.plans import added_point, plan_of, point_target
-from anaplot.session.plates import ReadOut, image_of, plate_of, plates_of
+from anaplot.session.plates import ReadOut, image_of, plates_of
 from anaplot.session.referencing import (
     Reference,
     Referencing,
@@ -63,21 +58,16 @@ from anaplot.session.referencing import (
 )
 from anaplot.session.state import EventRefusedError, ModelState, SessionState, apply, start
 from anaplot.session.workflow import Outlook, outlook
-from anaplot.station.automatic import AutomaticOperator
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.header import session_header
 from anaplot.station.imagepoints import measured_here, merged_rows
 from anaplot.station.inbox import End, Heard, Inbox, LinkChange, Told, Traffic, WarmUp
+from anaplot.station.instrument import Instrument, MarkSet, Setup
 from anaplot.station.journaling import Recorder
-from anaplot.station.plotting import InstrumentSetup, Plotting, SimulationSetup
 from anaplot.station.snapshot import LinkView, Snapshot, asking, picture
-from anaplot.station.stereo import StereoPair
 from anaplot.station.tables import inner_table_payload, table_payload
 
-__all__ = [
-    "DEFAULT_PATTERN",
-    "Station",
-]
+__all__ = ["DEFAULT_PATTERN", "Severity", "Station"]
 
 DEFAULT_PATTERN = "13"
 _STALE = 2.0  # s after which a read-out is no longer shown
@@ -96,7 +86,7 @@ class Station:
     folder
         The block folder; it is locked and its journal goes on where it ended.
     plotter
-        An instrument, a simulated one, or None to look on without a plotter.
+        The instrument, not connected yet, or None to look on without a plotter.
     point_pattern
         Name of the point pattern of new models.
     operator
@@ -120,7 +110,7 @@ class Station:
         self,
         folder: Path,
         *,
-        plotter: InstrumentSetup | SimulationSetup | None = None,
+        plotter: Setup | None = None,
         point_pattern: str = DEFAULT_PATTERN,
         operator: str = "",
         candidates: Candidates | None = None,
@@ -139,13 +129,12 @@ class Station:
         self._link = LinkView("none")
         self._target: str | None = None
         self._drive_target: Position | None = None
-        self._pointing = False
+        self._setting = ""
         self._settles_after: int | None = None
         self._referencing: Referencing | None = None
         self._last_measured: str | None = None
         self._heard_before = (0, 0)
-        self._automatic = False
-        self._operator: AutomaticOperator | None = None
+        self._ends: list[Callable[[], None]] = []
         self._refusal_told = float("-inf")
         self._traffic_refused = False
         self._failed = False
@@ -153,18 +142,18 @@ class Station:
         self._notices: list[tuple[Severity, str]] = []
         self._after: list[Callable[[], None]] = []
         self._watch = BlockWatch(self._block_seen)
-        self._plotting: Plotting | None = None
+        self._instrument: Instrument | None = None
         with contextlib.ExitStack() as undo:
-            self._plotting = (
-                None if plotter is None else Plotting(plotter, self._inbox, self._block)
+            self._instrument = (
+                None if plotter is None else plotter.connect(self._inbox, self._block)
             )
-            if self._plotting is not None:
-                undo.callback(self._plotting.close)
-                link = self._plotting.link
+            if self._instrument is not None:
+                undo.callback(self._instrument.close)
+                link = self._instrument.link
                 self._inbox.time = lambda: link.event_time
             self._journal, recovered = Journal.open(
                 folder,
-                session_header(self._block, operator, self._plotting, story),
+                session_header(self._block, operator, self._instrument, story),
                 keep=lambda kind: kind in EVENT_KINDS,
             )
             undo.callback(self._journal.close)
@@ -172,7 +161,7 @@ class Station:
             self._recorder = Recorder(self._journal, time.monotonic)
             self._state = start(self._block)
             self._of_session: set[str] = set()
-            pointed: Counter[tuple[str, str, str]] = Counter()
+            before: list[Event] = []
             for record in recovered.records:
                 event = event_of(record)
                 try:
@@ -183,32 +172,26 @@ class Station:
                     ) from error
                 if isinstance(event, ModelAccepted):
                     self._of_session.add(f"{event.left}/{event.right}")
-                elif isinstance(event, PointMeasured):
-                    pointed[event.left, event.right, event.point] += 1
-                elif isinstance(event, MonoMeasured):
-                    pointed[event.left, event.right, monocular_name(event.side, event.point)] += 1
-                elif isinstance(event, FiducialMeasured) and self._state.current is not None:
-                    name = fiducial_name(event.side, event.fiducial)
-                    pointed[(*self._state.current.photos, name)] += 1
+                before.append(event)
             for remark in recovered.remarks:
                 self._tell("warning", remark)
             self._candidates = self._known_points(candidates)
             self._outlook: Outlook = outlook(self._state)
             self._points_written = not self._of_session
             self._write_points()
-            if self._plotting is not None:
+            if self._instrument is not None:
                 self._link = LinkView(
                     "opening",
-                    self._plotting.profile.id,
-                    self._plotting.port,
-                    self._plotting.simulated,
+                    self._instrument.profile.id,
+                    self._instrument.port,
+                    self._instrument.simulated,
                 )
-                self._plotting.remember(pointed)
+                self._instrument.recall(before)
                 known = references(self._state)[1]
-                counting_on = not (self._plotting.profile.incremental and known)
+                counting_on = not (self._instrument.profile.incremental and known)
                 # counters may have been off since: nothing they say is believed unchecked
-                self._plotting.open(referenced=counting_on)
-                if not self._plotting.simulated and self._plotting.link.unchecked_parity:
+                self._instrument.open(referenced=counting_on)
+                if self._instrument.unchecked_parity:
                     self._link = replace(self._link, parity_unchecked=True)
                     self._tell("warning", UNCHECKED)
                 self._lay()
@@ -231,14 +214,9 @@ class Station:
         return self._state
 
     @property
-    def plotting(self) -> Plotting | None:
-        """The plotter, or None."""
-        return self._plotting
-
-    @property
-    def automatic(self) -> bool:
-        """Whether the simulated operator works by himself."""
-        return self._automatic
+    def instrument(self) -> Instrument | None:
+        """The instrument, or None."""
+        return self._instrument
 
     def snapshot(self) -> Snapshot:
         """Return the current snapshot."""
@@ -246,35 +224,13 @@ class Station:
 
     def readout(self) -> ReadOut | None:
         """Return the live read-out, or None while there is none."""
-        plotting = self._plotting
-        latest = None if plotting is None else plotting.link.latest()
+        instrument = self._instrument
+        latest = None if instrument is None else instrument.link.latest()
         if latest is None or latest[1] > _STALE:
             return None
         read = image_of(latest[0], plates_of(self._state))
-        assert plotting is not None
-        return replace(read, mono=plotting.profile.mono)
-
-    def stereo(self, columns: int, rows: int, field_mm: float) -> StereoPair | None:
-        """Return what is seen around the mark, the same object while nothing changes.
-
-        Parameters
-        ----------
-        columns, rows
-            Size of each patch in square cells.
-        field_mm
-            Width of a patch [mm].
-
-        Returns
-        -------
-        StereoPair or None
-            None without a simulated plotter, and before photographs are laid.
-        """
-        return None if self._plotting is None else self._plotting.stereo(columns, rows, field_mm)
-
-    @property
-    def hand(self) -> bool:
-        """Whether the simulated hand sets the mark after a drive."""
-        return self._plotting is not None and self._plotting.hand
+        assert instrument is not None
+        return replace(read, mono=instrument.profile.mono)
 
     def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call back with every new snapshot, from any thread; returns what ends it."""
@@ -337,9 +293,9 @@ class Station:
         """Stop a drive."""
         with self._change():
             self._drive_target = None
-            self._pointing = False
-            if self._plotting is not None and self._plotting.drives:
-                self._after.append(self._plotting.link.stop)
+            self._setting = ""
+            if self._instrument is not None and self._instrument.drives:
+                self._after.append(self._instrument.link.stop)
 
     def record(self) -> None:
         """Record the point or fiducial at which the plates stand, with the next position coming in.
@@ -352,13 +308,13 @@ class Station:
             The plotter cannot be reached.
         """
         with self._change():
-            plotting = self._plotting
-            if plotting is None:
+            instrument = self._instrument
+            if instrument is None:
                 raise InputError("no plotter is connected: nothing to record")
             if self._referencing is not None:
                 raise InputError(UNREFERENCED)
             self._recordable()
-            self._after.append(plotting.record)
+            self._after.append(instrument.record)
 
     def switch(self, point: str, axis: Axis | None, on: bool) -> None:
         """Switch a row, or the whole point, off or on; during an inner orientation a fiducial's."""
@@ -485,16 +441,16 @@ class Station:
 
     @property
     def standing(self) -> bool:
-        """Whether plates and hand stand still."""
-        return self._drive_target is None and not self._pointing
+        """Whether the plates stand still, and the mark is not being set."""
+        return self._drive_target is None and not self._setting
 
     @property
     def settled(self) -> bool:
         """Whether they do, and the counters have been read since."""
-        plotting = self._plotting
-        if plotting is None or not self.standing:
+        instrument = self._instrument
+        if instrument is None or not self.standing:
             return False
-        return plotting.link.read_since(self._heard_before)
+        return instrument.link.read_since(self._heard_before)
 
     def reference(self, point: str | None = None) -> None:
         """Take it that the mark is set on something measured, of counters without reference.
@@ -511,12 +467,12 @@ class Station:
             pointing contradicts the first.
         """
         with self._change():
-            plotting, referencing = self._plotting, self._referencing
-            if plotting is None or referencing is None:
+            instrument, referencing = self._instrument, self._referencing
+            if instrument is None or referencing is None:
                 raise InputError("the counters have their reference")
-            if plotting.link.state != "live":
-                raise InputError(f"the plotter's line is {plotting.link.state}")
-            here = plotting.link.unreferenced_position
+            if instrument.link.state != "live":
+                raise InputError(f"the plotter's line is {instrument.link.state}")
+            here = instrument.link.unreferenced_position
             if here is None or not self.settled:
                 raise InputError("the counters have not been read since: try again")
             needed, known = references(self._state, self._last_measured)
@@ -543,11 +499,11 @@ class Station:
                 raise
             self._recorder.note("reference-pointed", note)
             self._referencing = replace(referencing, chosen=None)
-            self._heard_before = plotting.link.mark
+            self._heard_before = instrument.link.mark
             if referencing.open_sides(needed):
                 self._tell("info", f"{at.title} pointed at: once more, there or elsewhere")
                 return
-            shift = referencing.shift(plotting.link.shift, tolerance, mono=self._mono)
+            shift = referencing.shift(instrument.link.shift, tolerance, mono=self._mono)
             if shift is None:
                 self._referenced("the counters kept their origin", None)
             else:
@@ -564,21 +520,21 @@ class Station:
             The counters have their reference.
         """
         with self._change():
-            if self._plotting is None or self._referencing is None:
+            if self._instrument is None or self._referencing is None:
                 raise InputError("the counters have their reference")
             self._referenced("the counters are taken as they are", None)
 
     def _referenced(self, words: str, shift: Position | None) -> None:
         """End re-measuring: readings count again, moved by an offset or as before (None)."""
-        assert self._plotting is not None
-        link = self._plotting.link
+        assert self._instrument is not None
+        link = self._instrument.link
         payload = {} if shift is None else {"shift": [shift.xl, shift.yl, shift.xr, shift.yr]}
         self._recorder.note("referenced", {"text": words, **payload})
         if shift is None:
             link.confirm_reference()
         else:
             link.reference_by(shift)
-        self._plotting.referred()
+        self._instrument.referred()
         self._referencing = None
         self._tell("info", words)
         self._nowhere()
@@ -587,18 +543,18 @@ class Station:
 
     def _watch_reference(self) -> None:
         """Notice that the counters have lost their reference."""
-        plotting = self._plotting
-        if plotting is None or plotting.link.referenced or self._referencing is not None:
+        instrument = self._instrument
+        if instrument is None or instrument.link.referenced or self._referencing is not None:
             return
         with self._change():
             self._referencing = Referencing()
-            self._heard_before = plotting.link.mark
+            self._heard_before = instrument.link.mark
             self._nowhere()
             self._recorder.note("unreferenced", {"reason": UNREFERENCED})
             self._tell("error", UNREFERENCED)
 
     def _aim_at_reference(self, referencing: Referencing, point: str) -> None:
-        """Choose what the counters are referred to; a simulated hand sets the mark on it."""
+        """Choose what the counters are referred to; an instrument may set the mark on it."""
         needed, known = references(self._state, self._last_measured)
         chosen = replace(referencing, chosen=point)
         at = chosen.proposed(needed, known)
@@ -606,19 +562,14 @@ class Station:
             raise InputError(f"{UNREFERENCED}; {point} is not measured or helps no further")
         self._referencing = chosen
         self._tell("info", f"reference: {at.title}")
-        plotting = self._plotting
-        if plotting is None or not plotting.hand:
+        instrument = self._instrument
+        if instrument is None or not instrument.own_operator:
             return
-        self._pointing = True
-        self._settles_after = plotting.drives_begun
+        self._setting = instrument.own_operator
+        self._settles_after = instrument.drives_begun
         fiducial = len(at.places) == 1 and not self._is_point(at)
-        plotting.attend(next(iter(at.places)) if fiducial else None)
-        here = plotting.stands()
-        left = at.places.get("left", (here.xl, here.yl))
-        right = at.places.get("right", (here.xr, here.yr))
-        if plotting.profile.mono:
-            left = right = next(iter(at.places.values()))
-        self._after.append(lambda: plotting.point_again(Position(*left, *right)))
+        side = next(iter(at.places)) if fiducial else None
+        self._after.append(lambda: instrument.point_again(at.places, side))
 
     @staticmethod
     def _is_point(reference: Reference) -> bool:
@@ -655,111 +606,55 @@ class Station:
         with self._change():
             self._happen(Resumed())
 
-    def set_automatic(self, on: bool) -> None:
-        """Let the simulated operator work by himself, or stop him.
+    @contextlib.contextmanager
+    def by_hand(self) -> Iterator[None]:
+        """Hold everything while plates that stand are moved by hand; the mark is set then.
 
         Raises
         ------
         InputError
-            The plotter is not a simulated one.
-        """
-        if self._plotting is None or not self._plotting.simulated:
-            raise InputError("only a simulated plotter has a simulated operator")
-        if on and not self._automatic:
-            self._automatic = True
-            self._operator = AutomaticOperator(self)
-            self._operator.start()
-        elif not on and self._automatic:
-            self._rest()
-        self.tell("info", "the simulated operator " + ("works" if on else "rests"))
-
-    def turn(self, dx: float = 0.0, dy: float = 0.0, dpx: float = 0.0, dpy: float = 0.0) -> None:
-        """Turn the simulated plotter's handwheels; whoever turns takes over from the hand.
-
-        Parameters
-        ----------
-        dx, dy
-            Both marks move over the photographs [mm].
-        dpx, dpy
-            Changes of the parallaxes px = x' - x'', py = y' - y'' [mm]: the right mark moves.
-
-        Raises
-        ------
-        InputError
-            No simulated plotter, plates under way or at the end of their travel, or the
-            simulated operator is at work.
+            The station is closed, or the plates are under way.
         """
         with self._lock:
-            plotting = self._by_hand()
+            if self._closed:
+                raise InputError("the station is closed")
             if self._drive_target is not None:
                 raise InputError("the plates are still under way")
-            plates = plates_of(self._state)
-            here = image_of(plotting.stands(), plates)
-            there = (here.xl + dx, here.yl + dy, here.xr + dx - dpx, here.yr + dy - dpy)
-            plotting.turn(plate_of(*there, plates))
-            self._pointing = False
+            yield
+            self._setting = ""
 
-    def set_hand(self, on: bool) -> None:
-        """Let the simulated hand set the mark from the next drive on, or leave it to the operator.
-
-        Raises
-        ------
-        InputError
-            No simulated plotter, or the simulated operator is at work.
-        """
+    def take_over(self) -> None:
+        """Take it that the instrument does not set the mark any more: somebody else does."""
         with self._change():
-            self._by_hand().set_hand(on)
-            if not on:
-                self._pointing = False
-            self._tell(
-                "info",
-                "the simulated hand sets the mark from the next drive on"
-                if on
-                else "the mark is yours: clear the parallax, then record",
-            )
-
-    def _by_hand(self) -> Plotting:
-        """Return the simulated plotter for whoever works at its wheels himself."""
-        if self._closed:
-            raise InputError("the station is closed")
-        if self._plotting is None or not self._plotting.simulated:
-            raise InputError("only a simulated plotter is worked from here")
-        if self._automatic:
-            raise InputError("the simulated operator is at work: stop him first")
-        return self._plotting
+            self._setting = ""
 
     def tell(self, severity: Severity, text: str) -> None:
         """Tell whoever listens."""
         with self._change():
             self._tell(severity, text)
 
-    def operator_ended(self, severity: Severity, text: str) -> None:
-        """Take it that the simulated operator has come to his end, and how."""
-        self._automatic = False
-        self.tell(severity, text)
-
     @property
     def points_written(self) -> bool:
         """Whether image_points.csv holds every accepted model."""
         return self._points_written
 
-    def _rest(self) -> None:
-        self._automatic = False
-        operator, self._operator = self._operator, None
-        if operator is not None:
-            operator.stop()
+    def before_close(self, callback: Callable[[], None]) -> None:
+        """Call back when the station is to be closed, while it still works."""
+        self._ends.append(callback)
 
     def close(self) -> None:
         """Close link and journal; a second call does nothing."""
-        self._rest()
+        ends, self._ends = self._ends, []
+        for end in ends:
+            end()
         with self._lock:
             if self._closed:
                 return
             self._write_points()
             self._closed = True
         try:
-            if self._plotting is not None:
-                self._plotting.close()
+            if self._instrument is not None:
+                self._instrument.close()
         finally:
             self._watch.close()
             self._inbox.items.put(End())
@@ -853,14 +748,14 @@ class Station:
                 if item.position is None or self._is_target(item.position):
                     with self._change():
                         self._arrived()
-            case HandSettled():
+            case MarkSet():
                 with self._change():
                     if self._settles_after is not None and item.drive > self._settles_after:
-                        self._pointing = False
-                        if self._plotting is not None:
-                            self._heard_before = self._plotting.link.mark
-                    if item.point is None:
-                        self._tell("warning", "the simulated operator finds no point here")
+                        self._setting = ""
+                        if self._instrument is not None:
+                            self._heard_before = self._instrument.link.mark
+                    if item.remark:
+                        self._tell("warning", item.remark)
             case Record():
                 with self._change():
                     self._recorded(item)
@@ -892,11 +787,11 @@ class Station:
         """Forget where the plates were to go: nothing is recorded before the next drive."""
         self._target = None
         self._drive_target = None
-        self._pointing = False
+        self._setting = ""
 
     def _interrupted(self) -> None:
         """Give up the drive under way: nobody knows where the plates stand."""
-        if self._drive_target is not None or self._pointing:
+        if self._drive_target is not None or self._setting:
             self._nowhere()
 
     def _keep(self, item: Traffic) -> None:
@@ -992,13 +887,13 @@ class Station:
         self._check_instrument(model)
         if self._drive_target is not None:
             raise InputError("the plates are still under way")
-        if self._pointing:
-            raise InputError("the simulated operator is still setting the mark")
+        if self._setting:
+            raise InputError(f"{self._setting} is still setting the mark")
         if self._target is not None:
             return model, self._target
         # Without a drive the operator finds the points in the order of the plan by hand. Plates
         # that are driven stand at the last point: a second press must not be taken for another.
-        by_hand = self._plotting is None or not self._plotting.drives
+        by_hand = self._instrument is None or not self._instrument.drives
         inner = model.open_inner
         if inner is not None:
             if by_hand and inner.pending:
@@ -1012,11 +907,11 @@ class Station:
     @property
     def _mono(self) -> bool:
         """Whether the instrument holds one photo at a time."""
-        return self._plotting is not None and self._plotting.profile.mono
+        return self._instrument is not None and self._instrument.profile.mono
 
     def _check_instrument(self, model: ModelState) -> None:
         """Refuse a model that was begun in an instrument of the other kind, or lies nowhere."""
-        if self._plotting is not None:
+        if self._instrument is not None:
             check_instrument(model, mono=self._mono)
 
     def _pending(self, model: ModelState) -> tuple[PlannedPoint, ...]:
@@ -1028,34 +923,33 @@ class Station:
     def _aim(self, planned: PlannedPoint) -> None:
         """Make a point the target, and drive there where the plotter can."""
         self._target = planned.point
-        plotting = self._plotting
-        if plotting is None or not plotting.moves:
+        instrument = self._instrument
+        if instrument is None or not instrument.moves:
             return
         known = self._candidates is not None
-        self._go(plotting, point_target(self._state, planned, known=known), None)
+        self._go(instrument, point_target(self._state, planned, known=known), None)
 
     def _aim_at_fiducial(self, inner: InnerState, fiducial: str) -> None:
         """Make a fiducial the target, and drive there where the plotter can."""
         self._target = fiducial
-        plotting = self._plotting
-        if plotting is None or not plotting.moves:
+        instrument = self._instrument
+        if instrument is None or not instrument.moves:
             return
-        target = fiducial_target(self._state, inner, fiducial, plotting.middle)
-        self._go(plotting, target, inner.side)
+        target = fiducial_target(self._state, inner, fiducial, instrument.middle)
+        self._go(instrument, target, inner.side)
 
-    def _go(self, plotting: Plotting, target: Position, side: Side | None) -> None:
-        """Drive; the simulated hand then points in one plate, or (None) in both."""
-        # the hand moves undriven plates at once, and no reply says that they have arrived
-        self._drive_target = target if plotting.drives else None
-        self._pointing = plotting.hand
+    def _go(self, instrument: Instrument, target: Position, side: Side | None) -> None:
+        """Drive, to measure in one plate or (None) in both."""
+        # undriven plates that are moved are there at once, and no reply says so
+        self._drive_target = target if instrument.drives else None
+        self._setting = instrument.own_operator
         # the mark that counts is the one set after this drive, not after one given up before
         self._settles_after = None
 
         def drive() -> None:
-            self._settles_after = plotting.drives_begun
-            plotting.attend(side)
+            self._settles_after = instrument.drives_begun
             try:
-                plotting.drive(target)
+                instrument.drive(target, side)
             except AnaplotError:
                 with contextlib.suppress(InputError), self._change():
                     self._interrupted()
@@ -1077,16 +971,16 @@ class Station:
 
     def _lay(self) -> None:
         model = self._state.current
-        if self._plotting is None or model is None:
+        if self._instrument is None or model is None:
             return
         if not model.mono:
-            self._plotting.lay(model.left, model.right)
+            self._instrument.lay(model.left, model.right)
         elif model.laid is not None:
             before = self._state.preceding(model.strip, model.left)
             # the right photo of the model before, never taken out since
             still = before is not None and before.laying == model.laying and model.laid == "left"
             placed: Side = "right" if still else model.laid
-            self._plotting.lay(model.left, model.right, model.laid, placed)
+            self._instrument.lay(model.left, model.right, model.laid, placed)
 
     # -- files ---------------------------------------------------------------------------------
 

@@ -25,7 +25,7 @@ from pathlib import Path
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.server import SimulatorServer
 from anaplot.plotter.simulator import Hand, HandSettled, SimulatedPlotter
-from anaplot.station.demo import Demo
+from anaplot.simulation.demo import Demo
 
 ROUNDS = 100
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from anaplot.errors import AnaplotError
+from anaplot.console.app import ConsoleApp
 from anaplot.orientation.results import (
     AppliedTest,
     Diagnosis,
@@ -20,8 +20,8 @@ from anaplot.orientation.results import (
 )
 from anaplot.plotter.readings import Position
 from anaplot.session.plates import ReadOut
+from anaplot.simulation.stereo import StereoGround
 from anaplot.station.snapshot import LinkView, PointView, Snapshot
-from anaplot.station.stereo import StereoGround
 
 # point, role, x, y of the left photo [mm]
 PATTERN = (
@@ -166,6 +166,12 @@ def picture(
     return replace(snapshot, **changes)
 
 
+def console(station: FakeStation, keymap: dict[str, str] | None = None) -> ConsoleApp:
+    """The console over a fake, which has controls where its instrument is simulated."""
+    controls = station if station.current.link.simulated else None
+    return ConsoleApp(station, keymap, controls=controls)
+
+
 class FakeStation:
     """Keeps what it was told; `fault` is raised by the next command."""
 
@@ -247,8 +253,6 @@ class FakeStation:
         self._did("add_point", name)
 
     def set_automatic(self, on):
-        if not self.current.link.simulated:
-            raise AnaplotError("only a simulated plotter has a simulated operator")
         self.automatic = on
         self._did("set_automatic", on)
 

@@ -4,10 +4,9 @@ import asyncio
 from dataclasses import replace
 
 import pytest
-from consolefake import FakeStation, picture
+from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
 
-from anaplot.console.app import ConsoleApp
 from anaplot.console.blockline import block_line, percent
 from anaplot.console.blockpage import block_page
 from anaplot.console.describe import advice_of
@@ -92,7 +91,7 @@ again."""
 
 
 async def test_the_block_page_at_80_by_24():
-    app = ConsoleApp(FakeStation(picture(block_view=VIEW)))
+    app = console(FakeStation(picture(block_view=VIEW)))
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("b")
         await until(pilot, lambda: len(app.screen_stack) == 2)
@@ -108,7 +107,7 @@ async def test_the_block_page_at_80_by_24():
 
 async def test_the_page_follows_the_block_while_it_is_read():
     station = FakeStation(picture(block_view=replace(VIEW, busy=True)))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("b")
         await until(pilot, lambda: "what was measured since is being adjusted" in text(app))
@@ -128,7 +127,7 @@ async def test_the_page_follows_the_block_while_it_is_read():
 
 
 async def test_one_line_of_advice_and_the_key():
-    app = ConsoleApp(FakeStation(picture(block_view=VIEW)))
+    app = console(FakeStation(picture(block_view=VIEW)))
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         shown = lines(app)
@@ -201,7 +200,7 @@ async def test_foreign_names_are_shown_as_they_are(name):
         True,
     )
     view = replace(VIEW, after=name, suspects=(point,), aside=(name,), remark=name)
-    app = ConsoleApp(FakeStation(picture(block_view=view)))
+    app = console(FakeStation(picture(block_view=view)))
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("b")
         await until(pilot, lambda: len(app.screen_stack) == 2)

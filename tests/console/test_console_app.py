@@ -5,7 +5,7 @@ import threading
 from dataclasses import replace
 
 import pytest
-from consolefake import FakeStation, picture
+from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
 
 from anaplot.console.app import ConsoleApp, run_console
@@ -80,7 +80,7 @@ AT_80_BY_24 = """\
 
 
 async def test_the_screen_at_80_by_24():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         shown = lines(app)
@@ -99,7 +99,7 @@ async def test_the_screen_at_80_by_24():
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("measured", [0, 5, 13])
 async def test_everything_that_matters_is_there_at_every_size(size, measured):
-    app = ConsoleApp(FakeStation(picture(measured=measured)))
+    app = console(FakeStation(picture(measured=measured)))
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
         shown = lines(app)
@@ -120,7 +120,7 @@ async def test_everything_that_matters_is_there_at_every_size(size, measured):
 
 
 async def test_resizing_shows_more_and_less():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert not app.screen.query_one(DetailsPane).display
@@ -152,7 +152,7 @@ async def test_resizing_shows_more_and_less():
 )
 async def test_a_key_gives_its_command(key, call):
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press(key)
         await came(station, *call)
@@ -161,7 +161,7 @@ async def test_a_key_gives_its_command(key, call):
 
 async def test_enter_drives_to_the_row_of_the_cursor():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("home", "down", "down", "j", "k", "enter")
         await came(station, "drive", "104")
@@ -179,7 +179,7 @@ async def test_what_is_off_is_switched_on_again():
     points = picture().points
     row_off = replace(points[1], off_axes=("y",))
     station = FakeStation(picture(points=(points[0], row_off, *points[2:]), solution=None))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("down")
         await until(pilot, lambda: "x Row on" in text(app))
@@ -196,7 +196,7 @@ async def test_what_is_off_is_switched_on_again():
 
 async def test_accept_asks_when_rows_are_flagged():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("a")
         assert "1 row is still flagged in model 102 / 103" in text(app)
@@ -209,7 +209,7 @@ async def test_accept_asks_when_rows_are_flagged():
 
 async def test_accept_at_once_when_nothing_is_flagged():
     station = FakeStation(picture(gross=False))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("a")
         await came(station, "accept")
@@ -218,7 +218,7 @@ async def test_accept_at_once_when_nothing_is_flagged():
 
 async def test_accept_says_why_it_cannot():
     station = FakeStation(picture(measured=5))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("a")
         await until(pilot, lambda: "cannot be accepted now: six points" in text(app))
@@ -227,7 +227,7 @@ async def test_accept_says_why_it_cannot():
 
 async def test_suspended_work_is_resumed():
     station = FakeStation(picture(suspended=True))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert " SUSPENDED " in text(app)
@@ -241,7 +241,7 @@ async def test_a_finished_strip_says_so():
     station = FakeStation(
         picture(finished=True, next_point=None, target=None, expected="the strip is finished")
     )
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert " DONE  the strip is finished" in text(app)
@@ -254,7 +254,7 @@ async def test_a_finished_strip_says_so():
 async def test_keys_without_a_row_say_so():
     nothing = picture(points=(), solution=None, diagnosis=None, left="", right="", strip="")
     station = FakeStation(nothing)
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         for key in ("enter", "x", "X", "d", "up", "end"):
             await pilot.press(key)
@@ -266,7 +266,7 @@ async def test_keys_without_a_row_say_so():
 
 async def test_the_automatic_operator_is_for_simulated_plotters_only():
     station = FakeStation(picture(link=LinkView("live", "counter", "/dev/ttyUSB0", False, "")))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("o")
         await until(pilot, lambda: "only a simulated plotter" in text(app))
@@ -275,9 +275,23 @@ async def test_the_automatic_operator_is_for_simulated_plotters_only():
     assert station.calls == []
 
 
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        ("live", "only a simulated plotter is worked from here"),
+        ("replay", "this is a replay: one can only look on"),
+    ],
+)
+async def test_where_no_simulated_hand_is_the_key_says_so(state, words):
+    app = console(FakeStation(picture(link=LinkView(state, "counter", "", False, ""))))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("h")
+        await until(pilot, lambda: words in text(app))
+
+
 async def test_the_automatic_operator_is_in_plain_sight():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("o")
         await came(station, "set_automatic", True)
@@ -288,7 +302,7 @@ async def test_the_automatic_operator_is_in_plain_sight():
 
 
 async def test_simulated_is_written_in_reverse():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         strip = app.screen._compositor.render_strips()[0]
@@ -299,7 +313,7 @@ async def test_simulated_is_written_in_reverse():
 
 async def test_a_new_point_is_asked_for_by_name():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("+", "q", "[", "7", "enter")
         await came(station, "add_point", "q[7")
@@ -311,7 +325,7 @@ async def test_a_new_point_is_asked_for_by_name():
 
 
 async def test_sorting_keeps_the_cursor_on_its_row():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("end")
         for order in ("significance", "redundancy", "point"):
@@ -327,7 +341,7 @@ async def test_sorting_keeps_the_cursor_on_its_row():
 
 
 async def test_map_and_table_alternate():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("m")
         await until(pilot, lambda: "RED-N" not in text(app))
@@ -340,7 +354,7 @@ async def test_map_and_table_alternate():
 
 
 async def test_all_transfers_or_those_of_the_row():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(160, 50)) as pilot:
         await pilot.pause()
         before = [line[70:112] for line in lines(app)[4:38]]
@@ -352,7 +366,7 @@ async def test_all_transfers_or_those_of_the_row():
 
 
 async def test_pages_explain():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("?")
         assert "Redundancy number: the share" in text(app)
@@ -377,7 +391,7 @@ async def test_pages_explain():
 
 
 async def test_details_follow_the_cursor_on_a_wide_screen():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.pause()
         assert "shows as large in 107 y" in text(app)
@@ -387,7 +401,7 @@ async def test_details_follow_the_cursor_on_a_wide_screen():
 
 async def test_a_fault_is_one_line_and_the_work_goes_on():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         for fault in (LinkError("the plotter [b]does[/b] not answer"), RuntimeError("odd [/")):
             station.fault = fault
@@ -402,7 +416,7 @@ async def test_a_fault_is_one_line_and_the_work_goes_on():
 
 async def test_messages_too_long_are_read_on_their_page():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         station.notice("warning", "word " * 30 + "end.")
         await until(pilot, lambda: "(l: all)" in text(app))
@@ -429,7 +443,7 @@ async def test_the_bell_rings_on_a_record_and_on_a_new_flag():
 
 async def test_the_cursor_is_left_alone_once_moved_by_hand():
     station = FakeStation(picture(gross=False))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("end")
         station.tell(picture(serial=2))
@@ -444,7 +458,7 @@ async def test_the_cursor_is_left_alone_once_moved_by_hand():
 
 async def test_a_thousand_snapshots_show_the_newest():
     station = FakeStation(picture(gross=False))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         main = app.screen
@@ -472,7 +486,7 @@ async def test_a_thousand_snapshots_show_the_newest():
 
 async def test_an_older_snapshot_never_replaces_a_newer_one():
     station = FakeStation(picture(serial=10))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         station.tell(picture(serial=9, expected="old news"))
         station.notice("info", "after it")
@@ -482,7 +496,7 @@ async def test_an_older_snapshot_never_replaces_a_newer_one():
 
 async def test_the_readout_is_live_or_it_is_dashes():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         station.read = ReadOut(1.0, -2.0, 3.5, -4.25)
         await until(pilot, lambda: "px   -2.500 py    2.250" in text(app))
@@ -529,7 +543,7 @@ async def test_foreign_text_is_shown_as_it_is(name, size):
             test=name,
         )
     )
-    app = ConsoleApp(station)
+    app = console(station)
     safe = "".join(c if c.isprintable() else "\ufffd" for c in name)
     async with app.run_test(size=size) as pilot:
         station.notice("error", f"fault {name}")
@@ -554,7 +568,7 @@ async def test_foreign_text_is_shown_as_it_is(name, size):
 
 async def test_leaving_asks_while_a_model_is_in_progress():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("q")
         assert "Model 102 / 103 is not accepted yet" in text(app)
@@ -570,7 +584,7 @@ async def test_leaving_asks_while_a_model_is_in_progress():
 
 async def test_ctrl_c_leaves_and_twice_without_a_question():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("?", "ctrl+c")
         await until(pilot, lambda: "is not accepted yet" in text(app))
@@ -583,7 +597,7 @@ async def test_ctrl_c_leaves_and_twice_without_a_question():
     [picture(measured=0), picture(accepted=(("102", "103"),)), picture(left="", right="")],
 )
 async def test_leaving_between_models_asks_nothing(snapshot):
-    app = ConsoleApp(FakeStation(snapshot))
+    app = console(FakeStation(snapshot))
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("q")
     assert app.return_value == 0
@@ -591,7 +605,7 @@ async def test_leaving_between_models_asks_nothing(snapshot):
 
 async def test_the_users_keys_replace_the_defaults():
     station = FakeStation()
-    app = ConsoleApp(station, {"record": "n,f9", "next_point": "space", "undo": "ctrl+z"})
+    app = console(station, {"record": "n,f9", "next_point": "space", "undo": "ctrl+z"})
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("n")
         await came(station, "record")
@@ -606,7 +620,7 @@ async def test_the_users_keys_replace_the_defaults():
 
 async def test_the_mouse_works():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.click("#table", offset=(5, 4))
         await until(pilot, lambda: selected(app).key == ("105", "y"))
@@ -624,7 +638,7 @@ async def test_the_palette_offers_actions_and_points():
     points = picture().points
     odd = replace(points[0], point="[b]7")
     station = FakeStation(picture(points=(odd, *points[1:])))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("ctrl+p")
         await until(
@@ -640,7 +654,7 @@ async def test_the_palette_offers_actions_and_points():
 
 
 async def test_redrawing_changes_nothing():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         before = text(app)
@@ -650,7 +664,7 @@ async def test_redrawing_changes_nothing():
 
 
 async def test_every_action_has_a_method_and_a_binding_with_its_id():
-    app = ConsoleApp(FakeStation())
+    app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         ids = {active.binding.id for active in app.screen.active_bindings.values()}
@@ -663,7 +677,7 @@ async def test_a_long_expectation_takes_two_lines():
     expected = (
         "drive to point 103 with n, clear both parallaxes, then press space or the pedal: again"
     )
-    app = ConsoleApp(FakeStation(picture(expected=expected)))
+    app = console(FakeStation(picture(expected=expected)))
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert " ".join(text(app).split()).count(expected.split(",")[1]) == 1
@@ -674,7 +688,7 @@ async def test_a_long_expectation_takes_two_lines():
 async def test_too_much_advice_says_how_much_more_there_is():
     advice = tuple(f"sentence number {i}" for i in range(6))
     station = FakeStation(picture(diagnosis=replace(picture().diagnosis, advice=advice)))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert "(+3 lines: F2)" in text(app)
@@ -684,7 +698,7 @@ async def test_too_much_advice_says_how_much_more_there_is():
 
 async def test_messages_are_kept_within_bounds():
     station = FakeStation()
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         for i in range(1000):
             station.notice("info", f"message {i}")
@@ -725,7 +739,7 @@ async def test_large_numbers_and_longer_names_keep_apart():
     solved = replace(solved, sigma0_um=557.49, table=table)
     station = FakeStation(picture(points=points, solution=solved, test="baarda 0.001"))
     station.automatic = True
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert any(

@@ -4,9 +4,8 @@ import asyncio
 from dataclasses import replace
 
 import pytest
-from consolefake import FakeStation, picture
+from consolefake import FakeStation, console, picture
 
-from anaplot.console.app import ConsoleApp
 from anaplot.console.errorspage import CHOICES, errors_line, errors_lines, model_findings
 from anaplot.orientation.patterns import pattern
 from anaplot.orientation.results import ModelSolution
@@ -78,7 +77,7 @@ def test_a_model_without_redundancy_says_so() -> None:
     assert model_findings(replace(model(wrong=None), redundancy=0), "search") is None
 
 
-def text(app: ConsoleApp) -> str:
+def text(app) -> str:
     strips = app.screen._compositor.render_strips()
     return "\n".join("".join(s.text for s in strip) for strip in strips)
 
@@ -92,7 +91,7 @@ async def until(pilot, condition) -> None:
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
 async def test_strategies_by_key_and_the_line_of_advice(size: tuple[int, int]) -> None:
     station = FakeStation(picture(solution=model()))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
         assert "rejects" not in text(app)
@@ -115,7 +114,7 @@ async def test_strategies_by_key_and_the_line_of_advice(size: tuple[int, int]) -
 
 
 async def test_the_palette_chooses_a_strategy() -> None:
-    app = ConsoleApp(FakeStation(picture(solution=model())))
+    app = console(FakeStation(picture(solution=model())))
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("ctrl+p")
         await pilot.press(*"errors", "space", *"danish")

@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from consolefake import FakeStation, picture
+from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
 
-from anaplot.console.app import ConsoleApp
 from anaplot.console.describe import advice_of, describe_model, describe_row
 from anaplot.console.inwork import in_work
 from anaplot.console.keys import is_live
@@ -106,7 +105,7 @@ SIZES = [(80, 24), (120, 40), (160, 50)]
 async def test_everything_that_matters_is_there_at_every_size(size, measured):
     station = FakeStation(scene(inner(measured, "3" if measured == 8 else "")))
     station.read = ReadOut(-105.5, 104.25, 0.0, 0.0, plate_left=True, plate_right=True)
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
         shown = lines(app)
@@ -128,7 +127,7 @@ async def test_everything_that_matters_is_there_at_every_size(size, measured):
 
 async def test_the_table_is_that_of_the_fiducials():
     view = inner(8, "3")
-    app = ConsoleApp(FakeStation(scene(view)))
+    app = console(FakeStation(scene(view)))
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         shown = lines(app)
@@ -151,7 +150,7 @@ async def test_the_table_is_that_of_the_fiducials():
 
 async def test_the_same_keys():
     station = FakeStation(scene(inner(8, "3")))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         await pilot.press("space")
@@ -178,7 +177,7 @@ async def test_the_same_keys():
 
 async def test_rows_that_are_off_are_switched_on():
     station = FakeStation(scene(inner(8, off={("1", "x"), ("2", "x"), ("2", "y")})))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert text(app).count(" off") >= 3
@@ -188,7 +187,7 @@ async def test_rows_that_are_off_are_switched_on():
 
 async def test_what_cannot_be_accepted_yet():
     station = FakeStation(replace(scene(inner(2)), problem="inner orientation needs 3 fiducials"))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         await pilot.press("a")
@@ -199,7 +198,7 @@ async def test_what_cannot_be_accepted_yet():
 
 async def test_then_come_the_points():
     station = FakeStation(scene(inner(8)))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         await pilot.press("down", "down", "down")
@@ -224,7 +223,7 @@ async def test_then_come_the_points():
 
 async def test_leaving_in_the_middle_asks_first():
     station = FakeStation(scene(inner(2)))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         await pilot.press("q")
@@ -237,7 +236,7 @@ async def test_leaving_in_the_middle_asks_first():
 
 
 async def test_the_inner_orientation_has_its_page():
-    app = ConsoleApp(FakeStation(scene(inner(8), inner(0, side="right"))))
+    app = console(FakeStation(scene(inner(8), inner(0, side="right"))))
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         await pilot.press("f2")

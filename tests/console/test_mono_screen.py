@@ -4,9 +4,8 @@ import asyncio
 from dataclasses import replace
 
 import pytest
-from consolefake import FakeStation, picture
+from consolefake import FakeStation, console, picture
 
-from anaplot.console.app import ConsoleApp
 from anaplot.console.describe import describe_row
 from anaplot.console.keys import ACTIONS, is_live, label_now
 from anaplot.console.rows import shown_rows
@@ -67,7 +66,7 @@ def lost(**changes: object) -> Snapshot:
 async def test_one_photo_is_shown_as_one(size):
     station = FakeStation(half())
     station.read = ReadOut(12.5, -7.25, 12.5, -7.25, mono=True)
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
         shown = lines(app)
@@ -88,7 +87,7 @@ async def test_one_photo_is_shown_as_one(size):
 async def test_plate_coordinates_of_the_one_photo_are_said_to_be():
     station = FakeStation(half())
     station.read = ReadOut(12.5, -7.25, 12.5, -7.25, True, True, mono=True)
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert "PLATE" in lines(app)[2]
@@ -97,7 +96,7 @@ async def test_plate_coordinates_of_the_one_photo_are_said_to_be():
 
 async def test_the_next_photo_is_laid_in_by_the_key_for_going_on():
     station = FakeStation(half(13))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.pause()
         assert "lay photo 103 into the comparator" in text(app)
@@ -124,7 +123,7 @@ def test_keys_of_one_photo():
 
 async def test_a_lost_reference_is_said_and_measured_by_a_key():
     station = FakeStation(lost())
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.pause()
         assert LOST in text(app)
@@ -146,7 +145,7 @@ async def test_a_lost_reference_is_said_and_measured_by_a_key():
 
 async def test_a_row_that_is_not_measured_is_no_reference():
     station = FakeStation(replace(lost(), points=picture(measured=0).points, solution=None))
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("home", "j", "R")
         await asyncio.to_thread(station.wait_for, "reference", None)
@@ -154,7 +153,7 @@ async def test_a_row_that_is_not_measured_is_no_reference():
 
 async def test_counters_are_kept_only_when_it_is_said_twice():
     station = FakeStation(picture())
-    app = ConsoleApp(station)
+    app = console(station)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("K")
         await until(pilot, lambda: "the counters have their reference" in text(app))

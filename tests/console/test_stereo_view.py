@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from consolefake import FakeStation, picture
+from consolefake import FakeStation, console, picture
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
@@ -22,11 +22,12 @@ from anaplot.photogrammetry.block import TestSettings as Settings
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.plotter.readings import Position
 from anaplot.session.plates import ReadOut
-from anaplot.station.demo import rough
-from anaplot.station.plotting import SimulationSetup
+from anaplot.simulation.controls import controls_of
+from anaplot.simulation.demo import rough
+from anaplot.simulation.instrument import SimulationSetup
+from anaplot.simulation.stereo import MarkedPoint, StereoGround
 from anaplot.station.snapshot import LinkView
 from anaplot.station.station import Station
-from anaplot.station.stereo import MarkedPoint, StereoGround
 
 SIZES = [(80, 24), (100, 30), (120, 40), (160, 50), (220, 60)]
 LEFT, RIGHT = {"103": (10.0, 20.0), "far": (12.0, 20.0)}, {"103": (-80.0, 21.0), "far": (-78.0, 21)}
@@ -67,7 +68,7 @@ def instrument() -> FakeStation:
 
 
 def app_of(station, size=(80, 24)):
-    app = ConsoleApp(station)
+    app = console(station)
     return app, app.run_test(size=size)
 
 
@@ -374,17 +375,18 @@ def station(tmp_path):
 
 
 async def test_a_model_measured_by_hand_through_the_keys(station):
-    app = ConsoleApp(station)
+    controls = controls_of(station)
+    app = ConsoleApp(station, controls=controls)
 
     def lacking():
-        pair = station.stereo(50, 44, 1.0)
+        pair = controls.stereo(50, 44, 1.0)
         return pair.x, pair.y, pair.px, pair.py
 
     keys = (("left", "right"), ("down", "up"), ("pagedown", "pageup"), ("comma", "full_stop"))
     async with app.run_test(size=(80, 24)) as pilot:
         await until(pilot, lambda: station.snapshot().link.state == "live")
         await pilot.press("v", "h")
-        await until(pilot, lambda: not station.hand)
+        await until(pilot, lambda: not controls.hand)
         await pilot.press("g")
         await until(pilot, lambda: station.snapshot().left)
         points = [view.point for view in station.snapshot().points]
@@ -401,7 +403,7 @@ async def test_a_model_measured_by_hand_through_the_keys(station):
                     count = round(lacking()[i] / step)
                     await pilot.press(*([more] * count or [less] * -count))
                     await until(pilot, lambda i=i, s=step: abs(lacking()[i]) <= 0.51 * s)
-            assert station.stereo(50, 44, 1.0).nearest == point
+            assert controls.stereo(50, 44, 1.0).nearest == point
             assert max(map(abs, lacking()[2:])) < 0.002
             await pilot.press("space")
             await until(

@@ -25,8 +25,8 @@ from anaplot.cli import main as command  # noqa: E402
 from anaplot.plotter.faults import FAULTS, FRAME_FAULTS  # noqa: E402
 from anaplot.plotter.profile import find_profiles  # noqa: E402
 from anaplot.plotter.simulator import Offsets  # noqa: E402
-from anaplot.station.automatic import AutomaticOperator  # noqa: E402
-from anaplot.station.demo import Demo  # noqa: E402
+from anaplot.simulation.automatic import AutomaticOperator  # noqa: E402
+from anaplot.simulation.demo import Demo  # noqa: E402
 from anaplot.station.station import Station  # noqa: E402
 
 CONFIRMED = ("anaplot-ascii", "heidenhain-nd281b", "summagraphics-mm1201")

@@ -13,8 +13,8 @@ import sys
 import threading
 from pathlib import Path
 
-from anaplot.station.automatic import AutomaticOperator
-from anaplot.station.demo import Demo
+from anaplot.simulation.automatic import AutomaticOperator
+from anaplot.simulation.demo import Demo
 
 
 def work(folder: Path, models: int, seed: int, fiducials: bool) -> None:

@@ -15,10 +15,10 @@ from anaplot.photogrammetry.block import Block, TestSettings
 from anaplot.planning.synthetic import Truth, synthetic_strip
 from anaplot.plotter.faults import LASTING_FAULTS
 from anaplot.plotter.simulator import Offsets
-from anaplot.station.automatic import AutomaticOperator
-from anaplot.station.demo import rough
-from anaplot.station.laidplates import random_placements
-from anaplot.station.plotting import SimulationSetup
+from anaplot.simulation.automatic import AutomaticOperator
+from anaplot.simulation.demo import rough
+from anaplot.simulation.instrument import SimulationSetup
+from anaplot.simulation.laidplates import random_placements
 from anaplot.station.rebuild import session_solutions
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.station import Station
@@ -108,8 +108,8 @@ def run_job(
         candidates=rough(made.truth),
         story=story,
     ) as station:
-        assert station.plotting is not None
-        simulator = station.plotting.simulator
+        assert station.instrument is not None
+        simulator = station.instrument.simulator
         assert simulator is not None
         simulator.set_fault_rates(rates or {})
         operator = AutomaticOperator(station)

@@ -14,7 +14,7 @@ from anaplot.planning.synthetic import synthetic_strip
 from anaplot.planning.syntheticcamera import with_calibration
 from anaplot.plotter.profile import load_profile
 from anaplot.session.models import strip_solutions
-from anaplot.station.automatic import AutomaticOperator
+from anaplot.simulation.automatic import AutomaticOperator
 from anaplot.station.station import Station
 
 __all__ = ["bench_in", "finish", "open_on", "quick_tablet", "solutions"]

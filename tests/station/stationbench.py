@@ -12,9 +12,10 @@ from anaplot.exchange.journal import read_journal
 from anaplot.planning.synthetic import SyntheticStrip
 from anaplot.plotter.simulator import Offsets
 from anaplot.session.plates import image_of, plates_of
-from anaplot.station.demo import rough
-from anaplot.station.laidplates import random_placements
-from anaplot.station.plotting import SimulationSetup
+from anaplot.simulation.controls import controls_of
+from anaplot.simulation.demo import rough
+from anaplot.simulation.instrument import SimulationSetup
+from anaplot.simulation.laidplates import random_placements
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.station import Station
 
@@ -26,6 +27,7 @@ class Watch:
 
     def __init__(self, station: Station) -> None:
         self.station = station
+        self.controls = controls_of(station)
         self.condition = threading.Condition()
         self.notices: list[tuple[str, str]] = []
         self.pictures: list[Snapshot] = []
@@ -124,8 +126,8 @@ class Bench:
         self.stack.callback(station.close)
         watch = Watch(station)
         if plotter:
-            assert station.plotting is not None
-            station.plotting.set_pedal(pedal)
+            assert station.instrument is not None
+            station.instrument.set_pedal(pedal)
             watch.until(lambda p: p.link.state == "live")
         return station, watch
 
@@ -156,13 +158,13 @@ def settled(watch: Watch) -> None:
     Simulated time runs so fast that a position may be on its way from before the mark was set.
     """
     station = watch.station
-    assert station.plotting is not None
-    simulator = station.plotting.simulator
+    assert station.instrument is not None
+    simulator = station.instrument.simulator
     assert simulator is not None
 
     def stands() -> bool:
         read = station.readout()
-        if station._drive_target is not None or station._pointing or read is None:
+        if not station.standing or read is None:
             return False
         true = image_of(simulator.positions(), plates_of(station.state))
         pairs = zip(

@@ -332,7 +332,7 @@ def test_pictures_without_news_of_the_block_keep_its_view(bench: Bench) -> None:
 
 def test_nothing_of_the_bundle_is_loaded_for_the_first_screen() -> None:
     code = """
-import sys, anaplot.station.opening, anaplot.console.app
+import sys, anaplot.simulation.opening, anaplot.console.app
 print(sum(name.startswith("anaplot.bundle") for name in sys.modules))
 """
     found = subprocess.run(

@@ -17,12 +17,12 @@ from anaplot.planning.synthetic import SyntheticStrip
 from anaplot.plotter.simulator import Offsets, fiducial_name
 from anaplot.report.contract import demo_json
 from anaplot.report.demotext import model_story, outcome_text
-from anaplot.station.automatic import AutomaticOperator
-from anaplot.station.demo import Demo
-from anaplot.station.mistakes import SMALLEST
-from anaplot.station.opening import open_station
+from anaplot.simulation.automatic import AutomaticOperator
+from anaplot.simulation.demo import Demo
+from anaplot.simulation.mistakes import SMALLEST
+from anaplot.simulation.opening import open_station
+from anaplot.simulation.wrongfiducial import plant_wrong_fiducial
 from anaplot.station.replay import replay_session
-from anaplot.station.wrongfiducial import plant_wrong_fiducial
 
 MODELS = 3
 
@@ -201,8 +201,8 @@ def test_an_opened_simulation_lays_the_plates_too(tmp_path: Path) -> None:
         with open_station(
             tmp_path / "block", simulate=True, truth=truth, time_scale=5000.0
         ) as station:
-            assert station.plotting is not None
-            simulator = station.plotting.simulator
+            assert station.instrument is not None
+            simulator = station.instrument.simulator
             assert simulator is not None
             left, right = (simulator.points_of("101", side) for side in ("left", "right"))  # type: ignore[arg-type]
             assert any(name.startswith(" left ") for name in left)

@@ -12,8 +12,8 @@ from anaplot.adjustment.significance import noncentrality
 from anaplot.orientation.model import orient
 from anaplot.orientation.strip import stereopair
 from anaplot.report.contract import demo_json
-from anaplot.station.demo import DEFAULT_MODELS, DEFAULT_SEED, Demo, Outcome, run_demo
-from anaplot.station.mistakes import SMALLEST, Planted
+from anaplot.simulation.demo import DEFAULT_MODELS, DEFAULT_SEED, Demo, Outcome, run_demo
+from anaplot.simulation.mistakes import SMALLEST, Planted
 
 MODELS = 4
 

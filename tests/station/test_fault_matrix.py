@@ -15,7 +15,7 @@ from faultyjobs import Job, Scene, Tables, run_job, scene
 from anaplot.plotter.faults import FAULTS, FRAME_FAULTS
 from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.simulator import Offsets
-from anaplot.station import automatic
+from anaplot.simulation import automatic
 from anaplot.station.replay import replay_session
 
 TABLET = "summagraphics-mm1103"

@@ -198,13 +198,13 @@ def test_a_job_goes_on_where_it_was_left(tmp_path: Path) -> None:
     with bench.stack:
         for measured in (3, 8, 17, 26, 30):
             station, watch = open_on(bench, GAUGES)
-            station.set_automatic(True)
+            watch.controls.set_automatic(True)
 
             def done(_: object, least: int = measured) -> bool:
                 return len(bench.payloads(MonoMeasured.kind)) >= least
 
             watch.until(done)
-            station.set_automatic(False)
+            watch.controls.set_automatic(False)
             station.close()
         station, _ = open_on(bench, GAUGES)
         finish(station)

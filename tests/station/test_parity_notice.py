@@ -9,7 +9,7 @@ from anaplot.planning.synthetic import synthetic_strip
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.server import SimulatorServer
 from anaplot.plotter.simulator import SimulatedPlotter
-from anaplot.station.plotting import InstrumentSetup
+from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.station import Station
 
 

@@ -10,10 +10,10 @@ from processes import ROOT, running
 
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_new_block
-from anaplot.station.automatic import AutomaticOperator
-from anaplot.station.demo import rough
-from anaplot.station.opening import truth_of
-from anaplot.station.plotting import InstrumentSetup
+from anaplot.simulation.automatic import AutomaticOperator
+from anaplot.simulation.demo import rough
+from anaplot.simulation.opening import truth_of
+from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.station import Station
 

@@ -15,17 +15,16 @@ from anaplot.exchange import journal as journal_module
 from anaplot.exchange.journal import read_journal
 from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
 from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import HandSettled
-from anaplot.station.automatic import AutomaticOperator
+from anaplot.simulation.automatic import AutomaticOperator
+from anaplot.simulation.instrument import SimulatedInstrument
+from anaplot.station.instrument import InstrumentSetup, MarkSet
 from anaplot.station.journaling import Recorder
-from anaplot.station.plotting import InstrumentSetup
 from anaplot.station.station import Station
 
 
 def server_of(station: Station) -> SimulatorServer:
-    assert station.plotting is not None
-    assert station.plotting._server is not None
-    return station.plotting._server
+    assert isinstance(station.instrument, SimulatedInstrument)
+    return station.instrument.server
 
 
 class FullDisk:
@@ -240,13 +239,13 @@ def test_the_automatic_job_survives_a_lost_line(bench: Bench) -> None:
 def test_lost_records_do_not_end_the_automatic_job(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from anaplot.station import automatic
+    from anaplot.simulation import automatic
 
     monkeypatch.setattr(automatic, "_PATIENCE", 0.2)
     station, watch = bench.open()
-    assert station.plotting is not None
-    assert station.plotting.simulator is not None
-    station.plotting.simulator.set_fault_rates({"drop": 0.05, "flip": 0.05, "duplicate": 0.05})
+    assert station.instrument is not None
+    assert station.instrument.simulator is not None
+    station.instrument.simulator.set_fault_rates({"drop": 0.05, "flip": 0.05, "duplicate": 0.05})
     AutomaticOperator(station).run()
     assert station.snapshot().finished
     assert any("line: " in text for _, text in watch.notices)
@@ -258,13 +257,13 @@ def test_lost_records_do_not_end_the_automatic_job(
 def test_a_point_of_which_no_record_comes_ends_the_job(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from anaplot.station import automatic
+    from anaplot.simulation import automatic
 
     monkeypatch.setattr(automatic, "_PATIENCE", 0.05)
     station, _ = bench.open()
-    assert station.plotting is not None
+    assert station.instrument is not None
     # the foot is off the pedal
-    monkeypatch.setattr(station.plotting, "set_pedal", lambda automatic: None)
+    monkeypatch.setattr(station.instrument, "set_pedal", lambda automatic: None)
     with pytest.raises(LinkError, match="was not recorded in 8 attempts"):
         AutomaticOperator(station).run()
 
@@ -296,7 +295,7 @@ def test_what_came_between_look_and_command_does_not_end_the_job_but_what_stays_
 
 
 def test_a_line_that_stays_down_ends_the_job(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    from anaplot.station import automatic
+    from anaplot.simulation import automatic
 
     monkeypatch.setattr(automatic, "_LINE_PATIENCE", 0.2)
     station, watch = bench.open()
@@ -396,24 +395,24 @@ def test_the_header_says_what_was_connected(bench: Bench) -> None:
 
 
 def test_the_simulated_operator_works_and_rests(bench: Bench) -> None:
-    station, watch = bench.open()
-    station.set_automatic(True)
-    assert station.automatic
+    _, watch = bench.open()
+    watch.controls.set_automatic(True)
+    assert watch.controls.automatic
     watch.until(lambda p: sum(v.times for v in p.points) >= 3 or p.accepted)
-    station.set_automatic(False)
-    assert not station.automatic
-    station.set_automatic(True)
+    watch.controls.set_automatic(False)
+    assert not watch.controls.automatic
+    watch.controls.set_automatic(True)
     watch.until(lambda p: p.finished)
     watch.heard("the simulated operator has finished")
-    assert not station.automatic
+    assert not watch.controls.automatic
 
 
 def test_closing_while_the_operator_works(bench: Bench) -> None:
     station, watch = bench.open()
-    station.set_automatic(True)
+    watch.controls.set_automatic(True)
     watch.until(lambda p: any(v.times for v in p.points))
     station.close()
-    assert not station.automatic
+    assert not watch.controls.automatic
     again = Watch(bench.open()[0])
     assert any(v.times for v in again.station.snapshot().points)
 
@@ -421,19 +420,19 @@ def test_closing_while_the_operator_works(bench: Bench) -> None:
 def test_a_mark_set_after_an_earlier_drive_does_not_count(bench: Bench) -> None:
     station, watch = bench.open(time_scale=0.01)
     station.next_model()
-    assert station.plotting is not None
-    simulator = station.plotting.simulator
+    assert station.instrument is not None
+    simulator = station.instrument.simulator
     assert simulator is not None
     watch.until(lambda _: simulator.drives == 1)
     position = simulator.positions()
     station.drive(station.snapshot().points[0].point)
     watch.until(lambda _: simulator.drives == 2)
     # what the first drive had the hand do comes late
-    station._inbox.on_settled(HandSettled("101-1", position, 1, 1))
+    station._inbox.on_mark_set(MarkSet(1))
     station._inbox.on_reading(InPosition(station._drive_target))
     mark = watch.mark
     station._inbox.on_reading(Record(position, "pedal"))
     watch.heard("not recorded: the simulated operator is still setting the mark", mark)
-    station._inbox.on_settled(HandSettled("101-1", position, 2, 2))
+    station._inbox.on_mark_set(MarkSet(2))
     station._inbox.on_reading(Record(position, "pedal"))
     watch.until(lambda p: p.points[0].times == 1)

@@ -26,7 +26,7 @@ from anaplot.plotter.readings import Position
 from anaplot.plotter.simulator import Offsets, fiducial_name
 from anaplot.session.models import solve
 from anaplot.session.plates import IN_IMAGE, image_of, plate_of, plates_of
-from anaplot.station.laidplates import laid_photographs, random_placements
+from anaplot.simulation.laidplates import laid_photographs, random_placements
 from anaplot.station.rebuild import rebuild
 from anaplot.station.replay import replay_session
 from anaplot.station.replayed import ReplayStation
@@ -137,8 +137,8 @@ def test_the_readout_says_which_coordinates_are_the_plates(bench: Bench) -> None
 def test_the_other_plate_waits_in_its_middle(bench: Bench) -> None:
     station, watch = bench.open()
     station.next_model()
-    assert station.plotting is not None
-    simulator = station.plotting.simulator
+    assert station.instrument is not None
+    simulator = station.instrument.simulator
     assert simulator is not None
     settled(watch)
     there = simulator.positions()
@@ -247,10 +247,10 @@ def test_without_a_target_nothing_is_recorded(bench: Bench) -> None:
     station.next_model()
     with pytest.raises(InputError, match="drive to a fiducial first"):
         station.record()
-    assert station.plotting is not None
-    assert station.plotting.simulator is not None
+    assert station.instrument is not None
+    assert station.instrument.simulator is not None
     watch.until(lambda _: station.readout() is not None)
-    station.plotting.simulator.press("pedal")
+    station.instrument.simulator.press("pedal")
     watch.heard("not recorded: drive to a fiducial first")
     assert bench.payloads("record-refused") == [{"reason": "drive to a fiducial first"}]
     measure_fiducial(station, watch, "6")

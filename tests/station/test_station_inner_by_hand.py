@@ -15,8 +15,8 @@ from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.server import SimulatorServer
 from anaplot.plotter.simulator import HandSettled, SimulatedPlotter, fiducial_name
-from anaplot.station.laidplates import laid_photographs, random_placements
-from anaplot.station.plotting import InstrumentSetup
+from anaplot.simulation.laidplates import laid_photographs, random_placements
+from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.replay import replay_session
 from anaplot.station.station import Station
 

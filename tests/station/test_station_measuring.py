@@ -84,9 +84,9 @@ def test_a_second_press_is_not_taken_for_another_point(bench: Bench) -> None:
     assert picture.next_point == "102-2"
     assert picture.target is None
     state = station.state
-    assert station.plotting is not None
-    assert station.plotting.simulator is not None
-    station.plotting.simulator.press("pedal")
+    assert station.instrument is not None
+    assert station.instrument.simulator is not None
+    station.instrument.simulator.press("pedal")
     watch.heard("not recorded: drive to a point first")
     assert station.state is state
 
@@ -267,8 +267,8 @@ def test_undoing_the_choice_of_a_model_lays_the_photos_before(bench: Bench) -> N
     measure_all(station, watch)
     station.accept()
     station.next_model()
-    assert station.plotting is not None
-    simulator = station.plotting.simulator
+    assert station.instrument is not None
+    simulator = station.instrument.simulator
     assert simulator is not None
     assert simulator.laid == ("102", "103")
     station.undo()
@@ -331,9 +331,9 @@ def test_while_suspended_nothing_is_recorded(bench: Bench) -> None:
             command()
     with pytest.raises(InputError, match="suspended"):
         station.drive(station.snapshot().points[0].point)
-    assert station.plotting is not None
-    assert station.plotting.simulator is not None
-    station.plotting.simulator.press("pedal")
+    assert station.instrument is not None
+    assert station.instrument.simulator is not None
+    station.instrument.simulator.press("pedal")
     watch.heard("not recorded: work is suspended")
     assert station.state is state
     station.resume()
@@ -350,9 +350,9 @@ def test_plates_under_way_record_nothing(bench: Bench) -> None:
     state = station.state
     with pytest.raises(InputError, match="the plates are still under way"):
         station.record()
-    assert station.plotting is not None
-    assert station.plotting.simulator is not None
-    station.plotting.simulator.press("pedal")
+    assert station.instrument is not None
+    assert station.instrument.simulator is not None
+    station.instrument.simulator.press("pedal")
     station._take(_press(station))
     watch.heard("not recorded: the plates are still under way")
     assert station.state is state
@@ -370,10 +370,10 @@ def test_a_record_outside_the_photo(bench: Bench) -> None:
     station.next_model()
     settled(watch)
     state, target = station.state, station.snapshot().target
-    assert station.plotting is not None
-    assert station.plotting.simulator is not None
-    station.plotting.simulator.move(dxr=-200.0)
-    station.plotting.simulator.press("pedal")
+    assert station.instrument is not None
+    assert station.instrument.simulator is not None
+    station.instrument.simulator.move(dxr=-200.0)
+    station.instrument.simulator.press("pedal")
     text = watch.heard("not recorded: ")
     assert "lies outside photo 102" in text
     assert station.state is state
@@ -388,8 +388,6 @@ def test_without_a_plotter_one_looks_on(bench: Bench) -> None:
     station.next_model()
     with pytest.raises(InputError, match="no plotter is connected"):
         station.record()
-    with pytest.raises(InputError, match="only a simulated plotter"):
-        station.set_automatic(True)
     station.drive(station.snapshot().points[2].point)
     assert station.snapshot().target == station.snapshot().points[2].point
     station.stop()
@@ -399,7 +397,7 @@ def test_a_stopped_drive(bench: Bench) -> None:
     station, watch = bench.open(time_scale=0.001)
     station.next_model()
     station.stop()
-    assert not station._pointing
+    assert station.standing
     assert station._drive_target is None
     assert station.snapshot().target is not None
     assert watch.station is station

@@ -19,17 +19,17 @@ MONO_DISPLAY = "heidenhain-nd720"
 
 
 def device(station: Station) -> SimulatedPlotter:
-    assert station.plotting is not None
-    assert station.plotting.simulator is not None
-    return station.plotting.simulator
+    assert station.instrument is not None
+    assert station.instrument.simulator is not None
+    return station.instrument.simulator
 
 
 def begin(station: Station, watch: Watch, points: int) -> None:
     """Measure the first points of the first model by the automatic operator."""
     station.next_model()
-    station.set_automatic(True)
+    watch.controls.set_automatic(True)
     watch.until(lambda p: sum(v.status != "pending" or bool(v.seen) for v in p.points) >= points)
-    station.set_automatic(False)
+    watch.controls.set_automatic(False)
 
 
 def cut(station: Station, watch: Watch, *, power: bool) -> None:
@@ -53,8 +53,8 @@ def point_at(station: Station, watch: Watch, name: str, dx: float = 0.0) -> None
 
 def settle(station: Station, watch: Watch) -> None:
     """Wait until the counters have been read twice more."""
-    assert station.plotting is not None
-    link = station.plotting.link
+    assert station.instrument is not None
+    link = station.instrument.link
     wanted = link.positions_heard + 3
     for _ in range(6000):
         if station.settled and link.positions_heard >= wanted:
@@ -93,8 +93,8 @@ def test_counters_that_kept_their_origin_change_nothing(tmp_path: Path, undistur
             station.record()
         finish(station)
         watch.heard("the counters kept their origin")
-        assert station.plotting is not None
-        assert station.plotting.link.shift == Position(0.0, 0.0, 0.0, 0.0)
+        assert station.instrument is not None
+        assert station.instrument.link.shift == Position(0.0, 0.0, 0.0, 0.0)
         assert_alike(undisturbed[1], station)
         station.close()
         assert "unreferenced" in bench.kinds()
@@ -110,8 +110,8 @@ def test_counters_that_begin_elsewhere_are_moved(tmp_path: Path, undisturbed) ->
         cut(station, watch, power=True)
         finish(station)
         watch.heard("the counters are moved by x'")
-        assert station.plotting is not None
-        shift = station.plotting.link.shift
+        assert station.instrument is not None
+        shift = station.instrument.link.shift
         # displays begin at zero where the plates stood
         assert shift.xl == pytest.approx(before.xl, abs=0.02)
         assert shift.yr == pytest.approx(before.yr, abs=0.02)
@@ -205,9 +205,9 @@ def test_fiducials_are_a_reference_during_inner_orientation(tmp_path: Path, meas
     with bench.stack:
         station, watch = open_on(bench, DISPLAYS)
         station.next_model()
-        station.set_automatic(True)
+        watch.controls.set_automatic(True)
         watch.until(lambda p: sum(f.times > 0 for i in p.inners for f in i.fiducials) >= measured)
-        station.set_automatic(False)
+        watch.controls.set_automatic(False)
         cut(station, watch, power=True)
         assert "fiducial" in station.snapshot().expected
         finish(station)
@@ -222,9 +222,9 @@ def test_one_photo_in_a_comparator_is_referred_too(tmp_path: Path) -> None:
     with bench.stack:
         station, watch = open_on(bench, MONO_DISPLAY)
         station.next_model()
-        station.set_automatic(True)
+        watch.controls.set_automatic(True)
         watch.until(lambda p: sum("right" in v.seen for v in p.points) >= 4)
-        station.set_automatic(False)
+        watch.controls.set_automatic(False)
         cut(station, watch, power=True)
         finish(station)
         watch.heard("the counters are moved by x ")

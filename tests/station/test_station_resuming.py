@@ -24,7 +24,7 @@ from anaplot.exchange.journal import events_of, read_journal
 from anaplot.plotter.simulator import Offsets
 from anaplot.session.events import FiducialMeasured, PointMeasured
 from anaplot.session.state import SessionState, fold, start
-from anaplot.station.demo import Demo
+from anaplot.simulation.demo import Demo
 from anaplot.station.station import Station
 
 MODELS, SEED = 2, 3

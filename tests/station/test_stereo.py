@@ -15,7 +15,7 @@ from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.simulator import Hand, SimulatedPlotter
 from anaplot.session.plates import ReadOut
-from anaplot.station.stereo import StereoGround
+from anaplot.simulation.stereo import StereoGround
 
 TRUTH = synthetic_strip(3, seed=1).truth
 LEFT, RIGHT = TRUTH["101"], TRUTH["102"]
@@ -222,9 +222,9 @@ def test_turning_the_handwheels_changes_the_readout_by_exactly_that(bench):
     settled(watch)
     start = station.readout()
     assert start is not None
-    station.turn(dx=0.1, dy=-0.25)
+    watch.controls.turn(dx=0.1, dy=-0.25)
     reads(station, ReadOut(start.xl + 0.1, start.yl - 0.25, start.xr + 0.1, start.yr - 0.25))
-    station.turn(dpx=0.037, dpy=-0.002)
+    watch.controls.turn(dpx=0.037, dpy=-0.002)
     after = ReadOut(start.xl + 0.1, start.yl - 0.25, start.xr + 0.063, start.yr - 0.248)
     reads(station, after)
     now = station.readout()
@@ -235,30 +235,30 @@ def test_turning_the_handwheels_changes_the_readout_by_exactly_that(bench):
 
 def test_the_eyepieces_follow_the_wheels(bench):
     station, watch = bench.open()
-    assert station.stereo(50, 44, 1.0) is None  # nothing is laid
+    assert watch.controls.stereo(50, 44, 1.0) is None  # nothing is laid
     station.next_model()
     settled(watch)
-    pair = station.stereo(50, 44, 1.0)
+    pair = watch.controls.stereo(50, 44, 1.0)
     assert pair is not None
-    assert pair is station.stereo(50, 44, 1.0)
+    assert pair is watch.controls.stereo(50, 44, 1.0)
     assert pair.nearest is not None
     # what the hand leaves is its noise
     assert max(abs(pair.px), abs(pair.py)) < 0.03
-    station.turn(pair.x, pair.y, pair.px + 0.2, pair.py)
-    turned = station.stereo(50, 44, 1.0)
+    watch.controls.turn(pair.x, pair.y, pair.px + 0.2, pair.py)
+    turned = watch.controls.stereo(50, 44, 1.0)
     assert turned is not None
     assert (turned.x, turned.y, turned.px, turned.py) == pytest.approx((0, 0, -0.2, 0), abs=1e-9)
-    station.turn(dpx=-0.2)
-    cleared = station.stereo(50, 44, 1.0)
+    watch.controls.turn(dpx=-0.2)
+    cleared = watch.controls.stereo(50, 44, 1.0)
     assert cleared is not None
     assert alike(cleared) > 0.9 > alike(turned)
 
 
 def test_without_the_hand_the_mark_stays_where_the_plates_were_driven(bench):
     station, watch = bench.open()
-    assert station.hand
-    station.set_hand(False)
-    assert not station.hand
+    assert watch.controls.hand
+    watch.controls.set_hand(False)
+    assert not watch.controls.hand
     watch.heard("the mark is yours")
     station.next_model()
     watch.until(lambda _: station._drive_target is None)
@@ -267,7 +267,7 @@ def test_without_the_hand_the_mark_stays_where_the_plates_were_driven(bench):
     model = station.state.current
     assert model is not None
     assert first is not None
-    assert not station._pointing
+    assert station.standing
     station.record()
     recorded = watch.until(lambda p: any(v.times for v in p.points))
     measured = station.state.current.used[0]
@@ -275,12 +275,12 @@ def test_without_the_hand_the_mark_stays_where_the_plates_were_driven(bench):
     assert (measured.xl, measured.yl) == pytest.approx(planned[model.left][first], abs=0.002)
     assert (measured.xr, measured.yr) == pytest.approx(planned[model.right][first], abs=0.002)
     # the hand is back from the next drive on
-    station.set_hand(True)
+    watch.controls.set_hand(True)
     watch.until(lambda _: station._drive_target is None)
     pending = next(v.point for v in recorded.points if not v.times)
     station.drive(pending)
     settled(watch)
-    pair = station.stereo(50, 44, 1.0)
+    pair = watch.controls.stereo(50, 44, 1.0)
     assert pair is not None
     assert pair.nearest == pending
     assert max(abs(pair.x), abs(pair.y), abs(pair.px), abs(pair.py)) < 0.03
@@ -290,11 +290,11 @@ def test_whoever_turns_takes_over_from_the_hand(bench):
     station, watch = bench.open()
     station.next_model()
     settled(watch)
-    assert station.plotting is not None
-    simulator = station.plotting.simulator
-    station._pointing = True  # as between the arrival and the mark
-    station.turn(dx=0.5)
-    assert not station._pointing
+    assert station.instrument is not None
+    simulator = station.instrument.simulator
+    station._setting = "the simulated operator"  # as between the arrival and the mark
+    watch.controls.turn(dx=0.5)
+    assert station.standing
     before = simulator.positions()
     station.record()
     watch.until(lambda p: any(v.times for v in p.points))
@@ -306,41 +306,36 @@ def test_what_cannot_be_turned_is_refused(bench):
     station, watch = bench.open()
     station.next_model()
     settled(watch)
-    before = station.plotting.simulator.positions()
+    before = station.instrument.simulator.positions()
     with pytest.raises(InputError, match="end of their travel"):
-        station.turn(dx=400.0)
+        watch.controls.turn(dx=400.0)
     with pytest.raises(InputError, match="end of their travel"):
-        station.turn(dpx=-400.0)
-    assert station.plotting.simulator.positions() == before
+        watch.controls.turn(dpx=-400.0)
+    assert station.instrument.simulator.positions() == before
     station._drive_target = before
     with pytest.raises(InputError, match="under way"):
-        station.turn(dx=0.1)
+        watch.controls.turn(dx=0.1)
     station._drive_target = None
-    station._automatic = True
-    for command in (lambda: station.turn(dx=0.1), lambda: station.set_hand(False)):
+    watch.controls._operator = object()
+    for command in (lambda: watch.controls.turn(dx=0.1), lambda: watch.controls.set_hand(False)):
         with pytest.raises(InputError, match="stop him first"):
             command()
-    station._automatic = False
+    watch.controls._operator = None
     station.close()
     with pytest.raises(InputError, match="closed"):
-        station.turn(dx=0.1)
+        watch.controls.turn(dx=0.1)
 
 
 def test_without_a_simulated_plotter_there_is_nothing_to_see_or_turn(bench):
-    station, _ = bench.open(plotter=False)
-    assert station.stereo(50, 44, 1.0) is None
-    assert not station.hand
-    with pytest.raises(InputError, match="simulated"):
-        station.turn(dx=0.1)
-    with pytest.raises(InputError, match="simulated"):
-        station.set_hand(False)
+    _, watch = bench.open(plotter=False)
+    assert watch.controls is None
 
 
 def test_the_simulated_operator_uses_his_hand_whatever_the_switch_says(bench):
-    station, _ = bench.open()
-    station.set_hand(False)
-    station.plotting.set_pedal(True)
-    assert station.plotting.simulator.hand.follow
-    station.plotting.set_pedal(False)
-    assert not station.plotting.simulator.hand.follow
-    assert not station.hand
+    station, watch = bench.open()
+    watch.controls.set_hand(False)
+    station.instrument.set_pedal(True)
+    assert station.instrument.simulator.hand.follow
+    station.instrument.set_pedal(False)
+    assert not station.instrument.simulator.hand.follow
+    assert not watch.controls.hand

@@ -13,12 +13,12 @@ from anaplot.photogrammetry.block import TestSettings
 from anaplot.planning.modelplan import Candidates
 from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
 from anaplot.planning.syntheticcamera import with_calibration
-from anaplot.station.automatic import AutomaticOperator, Handled, ModelRecord
-from anaplot.station.laidplates import Placements, random_placements
-from anaplot.station.mistakes import Planted, Plot, plant_mistakes
-from anaplot.station.plotting import SimulationSetup
+from anaplot.simulation.automatic import AutomaticOperator, Handled, ModelRecord
+from anaplot.simulation.instrument import SimulationSetup
+from anaplot.simulation.laidplates import Placements, random_placements
+from anaplot.simulation.mistakes import Planted, Plot, plant_mistakes
+from anaplot.simulation.wrongfiducial import plant_wrong_fiducial
 from anaplot.station.station import DEFAULT_PATTERN, Station
-from anaplot.station.wrongfiducial import plant_wrong_fiducial
 
 __all__ = ["DEFAULT_MODELS", "DEFAULT_SEED", "Demo", "Outcome", "rough", "run_demo"]
 

@@ -9,9 +9,10 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import Truth, synthetic_truth
 from anaplot.plotter.simulator import Photographs
-from anaplot.station.demo import rough
-from anaplot.station.laidplates import laid_photographs, random_placements
-from anaplot.station.plotting import PROFILE_OF_SIMULATION, InstrumentSetup, SimulationSetup
+from anaplot.simulation.demo import rough
+from anaplot.simulation.instrument import PROFILE_OF_SIMULATION, SimulationSetup
+from anaplot.simulation.laidplates import laid_photographs, random_placements
+from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.station import DEFAULT_PATTERN, Station
 
 __all__ = ["open_station", "plates_in", "truth_of"]

@@ -12,16 +12,15 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Literal, NamedTuple
 
 from anaplot.aliases import Axis, Side
 from anaplot.errors import AnaplotError, InputError, LinkError, NotComputableError
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.inner import InnerOrientation
+from anaplot.simulation.instrument import SimulatedInstrument
 from anaplot.station.snapshot import InnerView, PointView, Snapshot
-
-if TYPE_CHECKING:
-    from anaplot.station.station import Station
+from anaplot.station.station import Station
 
 __all__ = ["AutomaticOperator", "Handled", "InnerRecord", "ModelRecord"]
 
@@ -97,7 +96,7 @@ class AutomaticOperator:
     Parameters
     ----------
     station
-        The station; its plotter must be a simulated one.
+        The station; at its instrument a simulated hand must press the pedal or set the mark.
     on_accepted
         Called with what happened in a model when it is accepted.
     """
@@ -107,6 +106,8 @@ class AutomaticOperator:
     ) -> None:
         self._station = station
         self._on_accepted = on_accepted
+        instrument = station.instrument
+        self._instrument = instrument if isinstance(instrument, SimulatedInstrument) else None
         self._woken = threading.Event()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -125,9 +126,17 @@ class AutomaticOperator:
 
     # -- in the background, for the console ------------------------------------------------------
 
-    def start(self) -> None:
-        """Work in a thread of his own until stopped or finished."""
-        self._thread = threading.Thread(target=self._background, name="operator", daemon=True)
+    def start(self, ended: Callable[[Literal["info", "error"], str], None]) -> None:
+        """Work in a thread of his own until stopped or finished.
+
+        Parameters
+        ----------
+        ended
+            Called, from that thread, with how he came to his end if he was not stopped.
+        """
+        self._thread = threading.Thread(
+            target=self._background, args=(ended,), name="operator", daemon=True
+        )
         self._thread.start()
 
     def stop(self) -> None:
@@ -137,14 +146,14 @@ class AutomaticOperator:
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
 
-    def _background(self) -> None:
+    def _background(self, ended: Callable[[Literal["info", "error"], str], None]) -> None:
         try:
             self.run()
         except AnaplotError as error:
-            self._station.operator_ended("error", f"the simulated operator gives up: {error}")
+            ended("error", f"the simulated operator gives up: {error}")
             return
         if not self._stopping.is_set():
-            self._station.operator_ended("info", "the simulated operator has finished")
+            ended("info", "the simulated operator has finished")
 
     # -- the job ---------------------------------------------------------------------------------
 
@@ -160,14 +169,14 @@ class AutomaticOperator:
         InputError
             The journal or a file cannot be written.
         """
-        plotting = self._station.plotting
-        assert plotting is not None
         end = self._station.subscribe(lambda _: self._woken.set())
-        plotting.set_pedal(True)
+        if self._instrument is not None:
+            self._instrument.set_pedal(True)
         try:
             self._loop()
         finally:
-            plotting.set_pedal(False)
+            if self._instrument is not None:
+                self._instrument.set_pedal(False)
             end()
 
     def _loop(self) -> None:
@@ -216,10 +225,10 @@ class AutomaticOperator:
             station.next_model()
             return True
         if picture.target is not None:
-            plotting = station.plotting
-            pressed = self._pressed or plotting is None or plotting.presses
+            hand = self._instrument
+            pressed = self._pressed or (hand is not None and hand.presses)
             if not pressed and station.standing:
-                # no pedal of the device's own: the key
+                # no pedal that the simulated hand presses: the key
                 self._pressed = True
                 station.record()
                 return True

@@ -11,7 +11,7 @@ from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import orient_inner
 from anaplot.plotter.simulator import Offsets, fiducial_name
-from anaplot.station.mistakes import SMALLEST, Planted
+from anaplot.simulation.mistakes import SMALLEST, Planted
 
 __all__ = ["plant_wrong_fiducial"]
 

@@ -1,0 +1,1 @@
+"""The simulated instrument: plates, operator, mistakes, eyepieces, and the demonstration."""

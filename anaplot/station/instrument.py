@@ -1,0 +1,261 @@
+"""The instrument that a station works with: a real one on its line, or whatever plays one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from anaplot.aliases import Side
+from anaplot.photogrammetry.block import Block
+from anaplot.plotter.commands import parse_ports
+from anaplot.plotter.link import Link
+from anaplot.plotter.profile import load_profile
+from anaplot.plotter.readings import Position, Reading
+from anaplot.plotter.schema import Profile
+from anaplot.session.events import Event
+
+__all__ = ["Instrument", "InstrumentSetup", "Listener", "MarkSet", "Setup"]
+
+
+@dataclass(frozen=True, slots=True)
+class MarkSet:
+    """An instrument has set the mark by itself, or can set none.
+
+    Attributes
+    ----------
+    drive
+        After which drive, counted from 1; see `Instrument.drives_begun`.
+    remark
+        What the operator is warned of, or "".
+    """
+
+    drive: int
+    remark: str = ""
+
+
+class Listener(Protocol):
+    """What a station hears; every call may come from any thread and must return at once."""
+
+    def on_reading(self, reading: Reading) -> None:
+        """Take a decoded reading."""
+
+    def room(self) -> bool:
+        """Whether more can be taken; while not, the line is not read."""
+
+    def on_link_state(self, state: str, detail: str) -> None:
+        """Take the new state of the link."""
+
+    def on_traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
+        """Bytes came in or were sent."""
+
+    def on_decoder(self, kind: str, text: str) -> None:
+        """Take what the decoder was told besides bytes."""
+
+    def on_mark_set(self, mark: MarkSet) -> None:
+        """Take it that the instrument has set the mark."""
+
+
+class Instrument:
+    """An instrument as a station knows it.
+
+    What is said here is true of a real one: it is loaded and, where it has no drive, moved by a
+    person, who sets the mark, too. An instrument of another kind says otherwise.
+
+    Parameters
+    ----------
+    profile
+        The instrument.
+    addresses
+        The port of each of the profile's links.
+    port
+        The same in one word, for people.
+    listener
+        Who hears it.
+    speed_limits
+        Whether counters that move faster than an axis' `fastest` have lost their reference.
+
+    Raises
+    ------
+    InputError
+        Addresses that do not fit the profile.
+    """
+
+    simulated = False
+    """Whether it is a simulated one, as the journal and the screen say."""
+
+    def __init__(
+        self,
+        profile: Profile,
+        addresses: Mapping[str, str],
+        port: str,
+        listener: Listener,
+        *,
+        speed_limits: bool = True,
+    ) -> None:
+        self.profile = profile
+        self.port = port
+        self.link = Link(
+            profile,
+            addresses,
+            on_reading=listener.on_reading,
+            on_state=listener.on_link_state,
+            on_traffic=listener.on_traffic,
+            on_decoder=listener.on_decoder,
+            speed_limits=speed_limits,
+            room=listener.room,
+        )
+
+    @property
+    def drives(self) -> bool:
+        """Whether it drives its plates."""
+        return self.profile.drive is not None
+
+    @property
+    def moves(self) -> bool:
+        """Whether the plates go to a point without the person at the instrument."""
+        return self.drives
+
+    @property
+    def own_operator(self) -> str:
+        """Who sets the mark by himself after a drive; "" where the person at it does."""
+        return ""
+
+    @property
+    def drives_begun(self) -> int:
+        """How many drives were begun after which the instrument's own operator sets the mark."""
+        return 0
+
+    @property
+    def unchecked_parity(self) -> tuple[str, ...]:
+        """Links whose profile has a parity that their ports do not check."""
+        return self.link.unchecked_parity
+
+    @property
+    def middle(self) -> Position:
+        """The middle of the travel, plate coordinates [mm]: where photographs are centred."""
+        drive = self.profile.drive
+        travel = {name: (axis.low, axis.high) for name, axis in self.profile.axes.items()}
+        travel.update({} if drive is None else drive.limits)
+        middle = self.profile.stage.to_plate(
+            tuple((low + high) / 2.0 for low, high in travel.values())
+        )
+        return Position(*(middle if len(middle) == 4 else (*middle, *middle)))
+
+    def open(self, *, referenced: bool = True) -> None:
+        """Open the link; `referenced` says whether the counters' origin is known."""
+        self.link.open(referenced=referenced)
+
+    def recall(self, events: Sequence[Event]) -> None:
+        """Take it that this happened in the sessions before, in order."""
+
+    def lay(self, left: str, right: str, side: Side = "left", placed: Side | None = None) -> None:
+        """Take it that photographs lie in the carriages.
+
+        Parameters
+        ----------
+        left, right
+            Those of the model.
+        side
+            Which of them lies in a mono comparator.
+        placed
+            In which of its two placements it lies there; by default that of its side.
+        """
+
+    def drive(self, position: Position, side: Side | None = None) -> None:
+        """Drive the plates.
+
+        Parameters
+        ----------
+        position
+            Where to, plate coordinates [mm].
+        side
+            Of the plate in which a fiducial is to be measured; None: a point, in both.
+
+        Raises
+        ------
+        InputError
+            There is no drive, or the target is outside its limits.
+        LinkError
+            The command cannot be sent.
+        """
+        self.link.drive(position)
+
+    def point_again(
+        self, places: Mapping[Side, tuple[float, float]], side: Side | None = None
+    ) -> None:
+        """Set the mark on something measured, to find the counters' reference again.
+
+        Parameters
+        ----------
+        places
+            Where it lies, plate coordinates [mm].
+        side
+            As in `drive`.
+        """
+
+    def referred(self) -> None:
+        """Take it that the counters have their reference."""
+
+    def record(self) -> None:
+        """Record where the plates stand.
+
+        Raises
+        ------
+        LinkError
+            The link is down.
+        """
+        self.link.record()
+
+    def close(self) -> None:
+        """Close the link.
+
+        Raises
+        ------
+        LinkError
+            A driver does not let go of its port.
+        """
+        self.link.close()
+
+
+class Setup(Protocol):
+    """What an instrument is to be, before a station connects it."""
+
+    def connect(self, listener: Listener, block: Block) -> Instrument:
+        """Return the instrument, not opened yet.
+
+        Parameters
+        ----------
+        listener
+            Who hears it.
+        block
+            Whose photographs are measured.
+
+        Raises
+        ------
+        InputError
+            The profile is unknown or wrong, or the ports do not fit it.
+        LinkError
+            The instrument cannot be reached.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class InstrumentSetup:
+    """A real instrument on serial ports.
+
+    Attributes
+    ----------
+    profile
+        Name or file of its profile.
+    port
+        The port's address; LINK=ADDRESS,LINK=ADDRESS where there are several cables.
+    """
+
+    profile: str
+    port: str
+
+    def connect(self, listener: Listener, block: Block) -> Instrument:
+        """Return the instrument, not opened yet; see `Setup.connect`."""
+        profile = load_profile(self.profile)
+        return Instrument(profile, parse_ports(profile, [self.port]), self.port, listener)
