@@ -105,6 +105,7 @@ def _adjust(options: argparse.Namespace) -> int:
         pairs=options.pairs,
         as_given=options.as_given,
         control_last=options.control_last,
+        prior=options.prior,
         components=options.components,
         operators=options.operators,
     )
@@ -820,6 +821,14 @@ def _parser() -> _Parser:
         "--pairs",
         action="store_true",
         help="with --errors: add the odds over one and two gross errors",
+    )
+    adjust.add_argument(
+        "--prior",
+        choices=("known", "common", "separate"),
+        metavar="FACTORS",
+        help="how good image coordinates and prior knowledge (weighted control, stated positions "
+        "and angles, weighted additional parameters) are: known, as stated; common, one unknown "
+        "variance factor for both; separate, one for each, estimated",
     )
     adjust.add_argument(
         "--components",

@@ -12,6 +12,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.snooping import PAPER_TOLERANCE
 from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
 from anaplot.bundle.hypotheses.components import Grouping, block_components
+from anaplot.bundle.hypotheses.priorknowledge import PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.problem import Datum, make_problem
@@ -36,6 +37,7 @@ from anaplot.report.correlations import (
 from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout
 from anaplot.report.interrupts import ending_early
 from anaplot.report.power import check_power
+from anaplot.report.priortext import prior_json, prior_printout
 from anaplot.report.progress import ProgressLine
 from anaplot.report.snoopingreport import snoop_block, snooping_json, snooping_printout
 
@@ -59,6 +61,7 @@ def run_adjust(
     pairs: bool = False,
     as_given: bool = False,
     control_last: bool = False,
+    prior: PriorEstimator | None = None,
     components: Grouping | None = None,
     operators: Path | None = None,
     out: TextIO | None = None,
@@ -100,6 +103,9 @@ def run_adjust(
         Whether it cleans also where the a-priori sigma0 cannot be right.
     control_last
         Whether it cleans the image coordinates without control before control comes in.
+    prior
+        Estimator for the block with its prior knowledge; None: all stated variances, and the sigma
+        that the block's test says.
     components
         Add variance components, image coordinates grouped like this.
     operators
@@ -123,6 +129,8 @@ def run_adjust(
         raise InputError("--control-last brings control in: it goes with the datum of control")
     if (components == "operators") != (operators is not None):
         raise InputError("--components operators and --operators FILE go together")
+    if prior is not None and components is not None:
+        raise InputError("--prior and --components both estimate variances: one of them")
     block = read_block(folder)
     check_power("--hypothesis-alpha", hypothesis_alpha, block.test, folder)
     who = None
@@ -155,6 +163,10 @@ def run_adjust(
                     problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch
                 )
             adjusted = cleaned.block
+        estimated = None
+        if prior is not None:
+            estimated = prior_estimate(adjusted, prior, progress=progress)
+            adjusted = estimated.block
         progress("report", 0.0)
         snooped = snoop_block(adjusted, tolerance=tolerance) if snooping else None
         related = None if correlations is None else correlated_rays(adjusted, correlations)
@@ -169,6 +181,8 @@ def run_adjust(
             found["snooping"] = snooping_json(snooped)
         if related is not None:
             found["correlations"] = correlations_json(related)
+        if estimated is not None:
+            found["prior_estimate"] = prior_json(estimated)
         if parted is not None:
             found["components"] = components_json(parted)
         if cleaned is not None:
@@ -192,6 +206,8 @@ def run_adjust(
         if cleaned is not None:
             parts.append(block_errors_printout(cleaned))
         parts.append(hypotheses_printout(tested))
+        if estimated is not None:
+            parts.append(prior_printout(estimated))
         if parted is not None:
             parts.append(components_printout(parted))
         if snooping:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from anaplot.adjustment.prior import LinearSystem, separate_estimate
 from anaplot.adjustment.variancecomponents import (
     GroupSums,
     VarianceComponent,
@@ -151,26 +150,6 @@ def test_groups_that_nothing_tells_apart_have_no_deviations():
     found = estimate_components("ab", [8, 8], linear(a, rng.normal(size=16), group, 2))
     assert [c.deviation for c in found.components] == [None, None]
     assert any("apart" in remark for remark in found.remarks())
-
-
-def test_it_agrees_with_the_separate_factors_of_observations_and_priors():
-    rng = np.random.default_rng(4)
-    a = rng.normal(size=(40, 10))
-    observed, prior = rng.normal(size=40) * 2.0, rng.normal(size=10)
-    bayes = separate_estimate(LinearSystem(a, -observed, np.ones(40), -prior, np.ones(10)))
-    found = estimate_components(
-        ["observations", "priors"],
-        [40, 10],
-        linear(
-            np.vstack((a, np.eye(10))),
-            np.concatenate((observed, prior)),
-            np.repeat([0, 1], [40, 10]),
-            2,
-        ),
-        tolerance=1e-10,
-        most=200,
-    )
-    np.testing.assert_allclose(found.factors, [bayes.variance, bayes.prior_variance], rtol=1e-6)
 
 
 def test_a_group_without_redundancy_is_held_and_named():

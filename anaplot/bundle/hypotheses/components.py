@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.variancecomponents import (
-    GroupSums,
     VarianceComponents,
     estimate_components,
 )
-from anaplot.aliases import Array, Index, Progress
-from anaplot.bundle.adjust import evaluate
+from anaplot.aliases import Progress
+from anaplot.bundle.hypotheses.observationgroups import GroupedBlock, ObservationGroups
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.gaussnewton import Minimum, equations_at, find_minimum
-from anaplot.bundle.solve.normal import Linearised
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.errors import InputError
 
 __all__ = ["GROUPINGS", "BlockComponents", "ComponentSigma", "Grouping", "block_components"]
@@ -75,17 +71,6 @@ class BlockComponents:
         return self.variances.remarks()
 
 
-class _Layout(NamedTuple):
-    """Groups by name; (m, 2) group of every image coordinate, those of the rest or None."""
-
-    names: tuple[str, ...]
-    image: Index
-    control: int | None
-    position: int | None
-    rotation: int | None
-    additional: int | None
-
-
 def block_components(
     block: AdjustedBlock,
     grouping: Grouping = "axes",
@@ -115,45 +100,22 @@ def block_components(
     NotComputableError
         The block does not adjust with the variances found on the way.
     """
-    problem = block.problem
-    layout = _layout(problem, grouping, operators)
-    structure = block.cofactors.normal.structure
-    last: tuple[Problem, Minimum] | None = None
-    state = block.state
-    runs = 0
-
-    def readjust(factors: Array) -> GroupSums:
-        nonlocal last, state, runs
-        weighted = _weighted(problem, layout, np.sqrt(factors))
-        found = find_minimum(weighted, state, structure)
-        last, state = (weighted, found), found.state
-        runs += 1
-        if progress is not None:
-            progress(f"variance components, adjustment {runs}", 1.0 - 0.7**runs)
-        # redundancy numbers are the same in every datum
-        cofactors = compute_cofactors(found.normal, found.factor, None)
-        return GroupSums(_squares(found.normal.linear, layout), _redundancies(cofactors, layout))
-
-    def redundancies(factors: Array) -> Array:
-        """Return what next to the solution changes by the weights, not by the residuals."""
-        weighted = _weighted(problem, layout, np.sqrt(factors))
-        normal, factor, _ = equations_at(weighted, structure, state)
-        if progress is not None:
-            progress("variance components, standard deviations", 0.0)
-        return _redundancies(compute_cofactors(normal, factor, None), layout)
-
-    counts = _counts(problem, layout)
-    variances = estimate_components(layout.names, counts, readjust, redundancies=redundancies)
-    assert last is not None  # every estimate adjusts at least once
+    groups = _groups(block.problem, grouping, operators)
+    grouped = GroupedBlock(block, groups, progress)
+    variances = estimate_components(
+        groups.names,
+        groups.counts(block.problem),
+        grouped.readjust,
+        redundancies=grouped.redundancies,
+    )
     return BlockComponents(
-        grouping,
-        variances,
-        _sigmas(problem, layout, variances),
-        evaluate(*last, progress=progress),
+        grouping, variances, _sigmas(block.problem, groups, variances), grouped.last()
     )
 
 
-def _layout(problem: Problem, grouping: Grouping, operators: Mapping[str, str] | None) -> _Layout:
+def _groups(
+    problem: Problem, grouping: Grouping, operators: Mapping[str, str] | None
+) -> ObservationGroups:
     m = len(problem.photo)
     names: list[str]
     if grouping == "kinds":
@@ -181,7 +143,7 @@ def _layout(problem: Problem, grouping: Grouping, operators: Mapping[str, str] |
         rest.append(len(names) if observed else None)
         if observed:
             names.append(name)
-    return _Layout(tuple(names), image, *rest)
+    return ObservationGroups(tuple(names), image, *rest)
 
 
 def _strip_labels(problem: Problem) -> list[str]:
@@ -206,86 +168,20 @@ def _operator_labels(problem: Problem, operators: Mapping[str, str] | None) -> l
     ]
 
 
-def _weighted(problem: Problem, layout: _Layout, scale: Array) -> Problem:
-    """Return the problem with the standard deviations of every group scaled."""
-    factor = scale[layout.image]
-    if problem.axis_factor is not None:
-        factor = factor * problem.axis_factor
-    control, position, rotation, additional = (
-        1.0 if group is None else float(scale[group]) for group in layout[2:]
-    )
-    return replace(
-        problem,
-        axis_factor=factor,
-        known_sigma=problem.known_sigma * control,
-        position_sigma=problem.position_sigma * position,
-        rotation_sigma=problem.rotation_sigma * rotation,
-        additional_sigma=problem.additional_sigma * additional,
-    )
-
-
-def _summed(layout: _Layout, image: Array, *rest: tuple[Array, ...]) -> Array:
-    """Return sums per group of images, control, positions, rotations and parameters."""
-    out = np.bincount(layout.image.ravel(), weights=image.ravel(), minlength=len(layout.names))
-    for group, parts in zip(layout[2:], rest, strict=True):
-        if group is not None:
-            out[group] = sum(float(np.nansum(part)) for part in parts)
-    return np.asarray(out, dtype=float)
-
-
-def _squares(linear: Linearised, layout: _Layout) -> Array:
-    photos = linear.photo_e**2
-    return _summed(
-        layout,
-        linear.e**2,
-        (linear.point_e**2,),
-        (photos[:, :3],),
-        (photos[:, 3:],),
-        (linear.own_e**2, linear.shared_e**2),
-    )
-
-
-def _redundancies(cofactors: Cofactors, layout: _Layout) -> Array:
-    r_photo = cofactors.r_photo
-    return _summed(
-        layout,
-        cofactors.r,
-        (cofactors.r_control,),
-        (r_photo[:, :3],),
-        (r_photo[:, 3:],),
-        (cofactors.r_own, cofactors.r_shared),
-    )
-
-
-def _counts(problem: Problem, layout: _Layout) -> list[int]:
-    used = np.ones(layout.image.shape) if problem.rejected is None else ~problem.rejected * 1.0
-    counts = np.bincount(layout.image.ravel(), weights=used.ravel(), minlength=len(layout.names))
-    for group, sigma in (
-        (layout.control, problem.known_sigma),
-        (layout.position, problem.position_sigma),
-        (layout.rotation, problem.rotation_sigma),
-    ):
-        if group is not None:
-            counts[group] = int(np.isfinite(sigma).sum())
-    if layout.additional is not None:
-        counts[layout.additional] = len(problem.additional_groups) * len(problem.additional_sigma)
-    return [int(count) for count in counts.tolist()]
-
-
 def _sigmas(
-    problem: Problem, layout: _Layout, variances: VarianceComponents
+    problem: Problem, groups: ObservationGroups, variances: VarianceComponents
 ) -> tuple[ComponentSigma | None, ...]:
     out: list[ComponentSigma | None] = []
     for group, component in enumerate(variances.components):
         unit: Literal["um", "m"] = "um"
-        if group in (layout.rotation, layout.additional):
+        if group in (groups.rotation, groups.additional):
             out.append(None)  # an angle, or a different unit for each parameter
             continue
-        if group in (layout.control, layout.position):
-            values = problem.known_sigma if group == layout.control else problem.position_sigma
+        if group in (groups.control, groups.position):
+            values = problem.known_sigma if group == groups.control else problem.position_sigma
             values, unit = values[np.isfinite(values)], "m"
         else:
-            values = problem.sigma_xy[layout.image == group] * 1e3
+            values = problem.sigma_xy[groups.image == group] * 1e3
         if values.size == 0 or float(values.max()) > (1.0 + 1e-9) * float(values.min()):
             out.append(None)
             continue
