@@ -88,10 +88,11 @@ def _bridge(options: argparse.Namespace) -> int:
 
 def _adjust(options: argparse.Namespace) -> int:
     from anaplot.report.adjustcommand import run_adjust
+    from anaplot.report.output import Output
 
     return run_adjust(
         options.block,
-        as_json=options.json,
+        output=Output.of(options),
         fail_on_flag=options.fail_on_flag,
         datum=options.datum,
         additional=options.additional,
@@ -741,7 +742,7 @@ def _parser() -> _Parser:
         "anaplot adjust myblock --additional ebner",
     )
     adjust.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    adjust.add_argument("--json", action="store_true", help="print JSON for programs")
+    _add_output(adjust, "the points")
     adjust.add_argument(
         "--fail-on-flag",
         action="store_true",
@@ -954,6 +955,23 @@ def _parser() -> _Parser:
     )
     replay.add_argument("--console", action="store_true", help="watch it in the console")
     return parser
+
+
+def _add_output(parser: argparse.ArgumentParser, main: str, *, folder: bool = True) -> None:
+    """Add how a command shows its document; without `folder` its --to is another one."""
+    parser.add_argument("--json", action="store_true", help="print JSON for programs")
+    parser.add_argument(
+        "--all", action="store_true", help="print tables of more than 100 rows, and lists, whole"
+    )
+    parser.add_argument("--csv", type=Path, metavar="FILE", help=f"write {main} as CSV")
+    if folder:
+        parser.add_argument(
+            "--to",
+            dest="tables",
+            type=Path,
+            metavar="FOLDER",
+            help="write every table as CSV, and summary.json, into a new or empty folder",
+        )
 
 
 def _positive(text: str) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TextIO
@@ -17,25 +16,25 @@ from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.blockfolder import block_files, read_block
 from anaplot.exchange.operatorscsv import read_operators
+from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import (
     block_errors_json,
     block_errors_printout,
     clean_block,
     clean_step_by_step,
-    mark_rejected,
 )
-from anaplot.report.bundlecontract import adjust_json
-from anaplot.report.bundletext import adjust_printout
 from anaplot.report.componentstext import components_json, components_printout
 from anaplot.report.correlations import (
     correlated_rays,
     correlations_json,
     correlations_printout,
 )
+from anaplot.report.document import BLANK, Document, Line
 from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout
 from anaplot.report.interrupts import ending_early
+from anaplot.report.output import PRINTED, Output
 from anaplot.report.power import check_power
 from anaplot.report.priortext import prior_json, prior_printout
 from anaplot.report.progress import ProgressLine
@@ -47,7 +46,7 @@ __all__ = ["run_adjust"]
 def run_adjust(
     folder: Path,
     *,
-    as_json: bool = False,
+    output: Output = PRINTED,
     fail_on_flag: bool = False,
     datum: Datum = "control",
     additional: str | None = None,
@@ -64,7 +63,6 @@ def run_adjust(
     prior: PriorEstimator | None = None,
     components: Grouping | None = None,
     operators: Path | None = None,
-    out: TextIO | None = None,
     err: TextIO | None = None,
 ) -> int:
     """Adjust a block folder and print the result.
@@ -73,8 +71,8 @@ def run_adjust(
     ----------
     folder
         The block; it is only read.
-    as_json
-        Print the contract's JSON instead of the report.
+    output
+        How the result is shown.
     fail_on_flag
         Return 1 when an observation is flagged.
     datum
@@ -110,8 +108,8 @@ def run_adjust(
         Add variance components, image coordinates grouped like this.
     operators
         A file that says who measured which photo, for the grouping "operators".
-    out, err
-        Standard output and standard error when None.
+    err
+        Standard error when None.
 
     Returns
     -------
@@ -131,6 +129,7 @@ def run_adjust(
         raise InputError("--components operators and --operators FILE go together")
     if prior is not None and components is not None:
         raise InputError("--prior and --components both estimate variances: one of them")
+    output.check({"is read": block_files(folder)})
     block = read_block(folder)
     check_power("--hypothesis-alpha", hypothesis_alpha, block.test, folder)
     who = None
@@ -174,50 +173,51 @@ def run_adjust(
         if components is not None:
             parted = block_components(adjusted, components, operators=who, progress=progress)
         tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha, block.test.power))
-    if as_json:
-        found = adjust_json(adjusted)
-        found["hypotheses"] = hypotheses_json(tested)
-        if snooping:
-            found["snooping"] = snooping_json(snooped)
-        if related is not None:
-            found["correlations"] = correlations_json(related)
-        if estimated is not None:
-            found["prior_estimate"] = prior_json(estimated)
-        if parted is not None:
-            found["components"] = components_json(parted)
-        if cleaned is not None:
-            found["errors"] = block_errors_json(cleaned)
-            mark_rejected(found, cleaned, None if earlier is None else earlier.images)
-        if earlier is not None:
-            found["errors_without_control"] = {
-                "datum": earlier.datum,
-                **block_errors_json(earlier.images),
-            }
-        text = json.dumps(found, indent=1, allow_nan=False)
-    else:
-        parts = [adjust_printout(adjusted)]
-        if earlier is not None:
-            held = "by priors" if earlier.datum == "priors" else "as a free network"
-            parts.append(
-                f"STEP 1: image coordinates, without control, {held}\n"
-                + block_errors_printout(earlier.images)
-            )
-            parts.append("STEP 2: control, without what step 1 rejected in the images")
-        if cleaned is not None:
-            parts.append(block_errors_printout(cleaned))
-        parts.append(hypotheses_printout(tested))
-        if estimated is not None:
-            parts.append(prior_printout(estimated))
-        if parted is not None:
-            parts.append(components_printout(parted))
-        if snooping:
-            parts.append(snooping_printout(snooped))
-        if related is not None and correlations is not None:
-            parts.append(correlations_printout(related, correlations))
-        text = "\n\n".join(part for part in parts if part)
-    print(text, file=sys.stdout if out is None else out)
-    rejected = () if cleaned is None else cleaned.rejected
+    gone = () if cleaned is None else cleaned.rejected
     if earlier is not None:
-        rejected += earlier.images.rejected
-    wrong = adjusted.any_flagged or len(rejected) > 0
+        gone = earlier.images.rejected + gone
+    rejected = None if cleaned is None else [(row.name, row.error) for row in gone]
+    document = adjust_document(adjusted, rejected)
+    answer = document.answer
+    answer["hypotheses"] = hypotheses_json(tested)
+    if snooping:
+        answer["snooping"] = snooping_json(snooped)
+    if related is not None:
+        answer["correlations"] = correlations_json(related)
+    if estimated is not None:
+        answer["prior_estimate"] = prior_json(estimated)
+    if parted is not None:
+        answer["components"] = components_json(parted)
+    if cleaned is not None:
+        answer["errors"] = block_errors_json(cleaned)
+    if earlier is not None:
+        answer["errors_without_control"] = {
+            "datum": earlier.datum,
+            **block_errors_json(earlier.images),
+        }
+    parts = []
+    if earlier is not None:
+        held = "by priors" if earlier.datum == "priors" else "as a free network"
+        parts.append(
+            f"STEP 1: image coordinates, without control, {held}\n"
+            + block_errors_printout(earlier.images)
+        )
+        parts.append("STEP 2: control, without what step 1 rejected in the images")
+    if cleaned is not None:
+        parts.append(block_errors_printout(cleaned))
+    parts.append(hypotheses_printout(tested))
+    if estimated is not None:
+        parts.append(prior_printout(estimated))
+    if parted is not None:
+        parts.append(components_printout(parted))
+    if snooping:
+        parts.append(snooping_printout(snooped))
+    if related is not None and correlations is not None:
+        parts.append(correlations_printout(related, correlations))
+    page = [*document.page]
+    for part in parts:
+        if part:
+            page += [BLANK, Line((part,))]
+    output.show(Document(answer, tuple(page), document.tables))
+    wrong = adjusted.any_flagged or len(gone) > 0
     return 1 if fail_on_flag and wrong else 0

@@ -27,7 +27,6 @@ __all__ = [
     "block_errors_printout",
     "clean_block",
     "clean_step_by_step",
-    "mark_rejected",
 ]
 
 Json = dict[str, Any]
@@ -377,36 +376,3 @@ def _step_json(step: SearchStep, names: tuple[ObservationName, ...]) -> Json:
         "before": step.before,
         "after": step.after,
     }
-
-
-def mark_rejected(
-    answer: Json, cleaned: BlockFindings, earlier: BlockFindings | None = None
-) -> None:
-    """Say in the rows of an adjusted block's JSON which are rejected, also by an earlier step.
-
-    Every row of image_points, control and priors gets "rejected", those of image_points also
-    "rejected_axes". Rejected control and priors, no observations any more, stand after the others.
-    """
-    block = cleaned.block
-    axes: dict[int, list[str]] = {}
-    for ray, axis in np.argwhere(block.rejected).tolist():
-        axes.setdefault(int(block.problem.source[ray]), []).append("xy"[axis])
-    for k, row in enumerate(answer["image_points"]):
-        row["rejected"] = k in axes
-        row["rejected_axes"] = axes.get(k, [])
-    gone = (() if earlier is None else earlier.rejected) + cleaned.rejected
-    for key, kind in (("control", "control"), ("priors", "prior")):
-        for row in answer[key]:
-            row["rejected"] = False
-        for one in gone:
-            if one.name[0] != kind:
-                continue
-            row = _name_json(one.name)
-            del row["kind"]
-            # adjusted minus observed: the estimated error with the other sign
-            row["v"] = None if one.error is None else -one.error
-            row |= dict.fromkeys(("r", "w", "mdb"))
-            row |= dict.fromkeys(("largest_effect", "largest_effect_at", "standardized_effect"))
-            if key == "control":
-                row["effect"] = None
-            answer[key].append({**row, "flagged": False, "rejected": True})

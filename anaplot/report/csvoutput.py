@@ -10,10 +10,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from anaplot.errors import InputError
+from anaplot.report.ascsv import csv_text
+from anaplot.report.document import Table
 from anaplot.textfiles.wholefile import replace_whole
 from anaplot.textfiles.wording import place, reason
 
-__all__ = ["check_csv", "write_csv"]
+__all__ = ["check_csv", "write_csv", "write_table"]
 
 
 def check_csv(
@@ -75,7 +77,15 @@ def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[object]
     writer = csv.writer(text)
     writer.writerow(header)
     writer.writerows(rows)
-    data = text.getvalue().encode()
+    _write(path, text.getvalue().encode())
+
+
+def write_table(path: Path, table: Table) -> None:
+    """Write a document's table; errors as `write_csv` has them."""
+    _write(path, csv_text(table).encode())
+
+
+def _write(path: Path, data: bytes) -> None:
     try:
         # a pipe or a device is no file that could be replaced
         if path.exists() and not path.is_file():

@@ -13,7 +13,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.exchange.blockfolder import read_block, write_block_toml, write_image_points
 from anaplot.photogrammetry.block import Strip, TestSettings
 from anaplot.planning.networkplan import CUBE_VERSIONS
-from anaplot.report.bundlecontract import adjust_json
+from anaplot.report.adjustdocument import adjust_document
 
 pytestmark = pytest.mark.slow
 
@@ -96,7 +96,7 @@ def test_table_4_of_the_consistent_global_test(version: str, alpha: float, ratio
     assert found is not None
     assert found.alpha == pytest.approx(alpha, abs=5e-4)
     assert found.critical == pytest.approx(ratio, abs=5e-4)
-    answer = adjust_json(block)["global_test"]
+    answer = adjust_document(block).answer["global_test"]
     assert (answer["alpha"], answer["critical"]) == (found.alpha, found.critical)
 
 

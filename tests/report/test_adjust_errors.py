@@ -30,13 +30,14 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
+from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import (
     _rejected_line,
     block_errors_json,
     block_errors_printout,
     clean_block,
-    mark_rejected,
 )
+from anaplot.report.output import Output
 
 
 def make(*, error_mm: float = 0.15, height_m: float = 0.0, name: str = "p8") -> Block:
@@ -93,7 +94,8 @@ def folder(tmp_path: Path) -> Path:
 
 def run(folder: Path, **options) -> tuple[int, str]:
     out = io.StringIO()
-    return run_adjust(folder, out=out, err=io.StringIO(), **options), out.getvalue()
+    output = Output(options.pop("as_json", False), everything=True, stream=out)
+    return run_adjust(folder, output=output, err=io.StringIO(), **options), out.getvalue()
 
 
 def test_the_text_says_what_was_rejected_and_why(folder: Path) -> None:
@@ -214,10 +216,14 @@ def test_a_rejected_prior_stands_in_the_rows_of_priors() -> None:
     [row] = cleaned.rejected
     assert row.name == ("prior", "13", "X")
     assert "prior of 13  X" in block_errors_printout(cleaned)
-    answer = {"image_points": [], "control": [], "priors": [{"owner": "13", "unknown": "Y"}]}
-    mark_rejected(answer, cleaned)
-    assert [prior["rejected"] for prior in answer["priors"]] == [False, True]
-    assert answer["priors"][1]["v"] == pytest.approx(-3.0, abs=0.3)
+    document = adjust_document(cleaned.block, [(row.name, row.error)])
+    priors = document.to_dict()["priors"]
+    assert [(one["unknown"], one["rejected"]) for one in priors] == [
+        ("Y", False),
+        ("Z", False),
+        ("X", True),
+    ]
+    assert priors[2]["v"] == pytest.approx(-3.0, abs=0.3)
 
 
 def test_columns_never_touch() -> None:

@@ -21,8 +21,9 @@ from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.lens import LENS_PARAMETERS
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
-from anaplot.report.bundlecontract import adjust_json
-from anaplot.report.bundletext import adjust_printout
+from anaplot.report.adjustdocument import adjust_document
+from anaplot.report.astext import page_text
+from anaplot.report.output import Output
 from anaplot.report.progress import ProgressLine
 
 TOML = """\
@@ -89,8 +90,13 @@ def write_block(folder: Path, *, error_mm: float = 0.0, control: bool = True) ->
 
 def run(folder: Path, **options) -> tuple[int, str, str]:
     out, err = io.StringIO(), io.StringIO()
-    code = run_adjust(folder, out=out, err=err, **options)
+    output = Output(options.pop("as_json", False), everything=True, stream=out)
+    code = run_adjust(folder, output=output, err=err, **options)
     return code, out.getvalue(), err.getvalue()
+
+
+def printout(block: AdjustedBlock) -> str:
+    return page_text(adjust_document(block).page, everything=True)
 
 
 def numbers(value) -> list[float]:
@@ -257,12 +263,13 @@ def test_without_redundancy_there_is_no_sigma(tmp_path: Path) -> None:
     )  # fmt: skip
     adjusted = adjust_block(small, datum="free")
     assert adjusted.redundancy == 0
-    got = adjust_json(adjusted)
+    document = adjust_document(adjusted)
+    got = document.to_dict()
     assert got["sigma0"] is None
     assert got["sigma0_um"] is None
     assert got["photos"][0]["sX"] is None
     assert all(r["wx"] is None and r["mdb_x_um"] is None for r in got["image_points"])
-    assert "no redundancy" in adjust_printout(adjusted)
+    assert "no redundancy" in page_text(document.page)
     json.dumps(got, allow_nan=False)
 
 
@@ -270,11 +277,11 @@ def test_errors_print_nothing(tmp_path: Path) -> None:
     folder = write_block(tmp_path / "b", control=False)
     out = io.StringIO()
     with pytest.raises(NotComputableError, match="no control"):
-        run_adjust(folder, out=out)
+        run_adjust(folder, output=Output(stream=out))
     with pytest.raises(InputError, match="no set"):
-        run_adjust(folder, additional="brown", out=out)
+        run_adjust(folder, additional="brown", output=Output(stream=out))
     with pytest.raises(InputError, match="no such folder"):
-        run_adjust(tmp_path / "nowhere", out=out)
+        run_adjust(tmp_path / "nowhere", output=Output(stream=out))
     assert out.getvalue() == ""
 
 
@@ -282,7 +289,7 @@ def test_names_cannot_control_the_terminal(tmp_path: Path) -> None:
     block = read_block(write_block(tmp_path / "b"))
     evil = "8\x1b[31m"
     rows = tuple(replace(r, point=evil) if r.point == "8" else r for r in block.image_points)
-    text = adjust_printout(adjust_block(replace(block, image_points=rows)))
+    text = printout(adjust_block(replace(block, image_points=rows)))
     assert "\x1b" not in text
     assert "8\\x1b[31m" in text
 
@@ -323,20 +330,20 @@ def test_an_interrupt_clears_the_line(monkeypatch: pytest.MonkeyPatch, tmp_path:
     monkeypatch.setattr("anaplot.bundle.adjust.evaluate", interrupted)
     out = io.StringIO()
     with pytest.raises(KeyboardInterrupt):
-        run_adjust(folder, out=out, err=err)
+        run_adjust(folder, output=Output(stream=out), err=err)
     assert out.getvalue() == ""
     assert err.getvalue().endswith("\r")
 
 
 def test_columns_never_touch(tmp_path: Path, monkeypatch) -> None:
     block = adjust_block(read_block(write_block(tmp_path / "b")))
-    usual = adjust_printout(block).replace("not testable", "")
+    usual = printout(block).replace("not testable", "")
     for name in ("photo", "control", "check", "point", "ray"):
         real = getattr(AdjustedBlock, f"{name}_rows")
         # flags apart: they may come with the size
         grown = [wild(row, -1.23456789e9) for row in real(block)]
         monkeypatch.setattr(AdjustedBlock, f"{name}_rows", lambda _, rows=grown: rows)
-    large = adjust_printout(block).replace("not testable", "")
+    large = printout(block).replace("not testable", "")
     assert words(usual.split("PHOTO ", 1)[1]) == words(large.split("PHOTO ", 1)[1])
 
 
@@ -347,10 +354,10 @@ def test_one_iteration_and_one_spur_are_not_several(tmp_path: Path, monkeypatch)
         (2, "; 2 iterations, 0 damped\n"),
     ):
         convergence = block.convergence._replace(iterations=number, damped=0)
-        assert said in adjust_printout(replace(block, convergence=convergence))
+        assert said in printout(replace(block, convergence=convergence))
     for count, said in (
         (1, "1 image coordinate (spurs, r below 0.0001) is checked by"),
         (2, "2 image coordinates (spurs, r below 0.0001) are checked by"),
     ):
         monkeypatch.setattr(AdjustedBlock, "spurs", lambda _, n=count: [("101", "1", "x")] * n)
-        assert said in adjust_printout(block)
+        assert said in printout(block)

@@ -28,6 +28,7 @@ from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
 from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout, probability
+from anaplot.report.output import Output
 
 
 def strip(*, planted: float = 0.0, sigma: float | None = 0.02, kind: str = "tau") -> Block:
@@ -86,7 +87,8 @@ def write(folder: Path, block: Block) -> Path:
 
 def report(folder: Path, **options) -> str:
     out = io.StringIO()
-    assert run_adjust(folder, out=out, err=io.StringIO(), **options) == 0
+    output = Output(bool(options.pop("as_json", False)), everything=True, stream=out)
+    assert run_adjust(folder, output=output, err=io.StringIO(), **options) == 0
     return out.getvalue()
 
 

@@ -44,6 +44,7 @@ from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
 from anaplot.report.correlations import correlated_rays, correlations_printout
+from anaplot.report.output import Output
 from anaplot.report.snoopingreport import snoop_block, snooping_json, snooping_printout
 
 WAIT = 120.0
@@ -169,7 +170,8 @@ def test_the_library_and_the_report_count_alike() -> None:
 
 def run(folder: Path, **options: object) -> str:
     out = io.StringIO()
-    assert run_adjust(folder, out=out, err=io.StringIO(), **options) == 0  # type: ignore[arg-type]
+    output = Output(bool(options.pop("as_json", False)), everything=True, stream=out)
+    assert run_adjust(folder, output=output, err=io.StringIO(), **options) == 0  # type: ignore[arg-type]
     return out.getvalue()
 
 

@@ -1,0 +1,347 @@
+"""An adjusted block as a document (JSON: conventions, "What programs read")."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from anaplot.adjustment.hypothesis import critical_f
+from anaplot.adjustment.reliability import SPUR
+from anaplot.bundle.errors.suspects import ImageCoordinate, Suspect, likeliest_suspects
+from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.externalreliability import MOST_RAYS, external_reliability
+from anaplot.bundle.solve.residuals import ObservationName
+from anaplot.report.adjusttables import (
+    check_table,
+    control_table,
+    image_point_table,
+    parameter_table,
+    photo_table,
+    point_table,
+    prior_table,
+    ray_table,
+)
+from anaplot.report.columns import counted
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Block,
+    Document,
+    Line,
+    Listed,
+    Table,
+    named,
+    say,
+)
+
+__all__ = ["adjust_document"]
+
+_ALARM = 0.05  # significance of a test of sigma0 as an alarm
+_MOST = 30  # of flagged rows, spurs and correlations in the summary; the tables hold them all
+
+_DATUM = {
+    "control": "control and priors",
+    "minimal": "minimal constraints",
+    "free": "inner constraints over the points",
+}
+
+
+def adjust_document(
+    block: AdjustedBlock, rejected: Iterable[tuple[ObservationName, float | None]] | None = None
+) -> Document:
+    """Return the document of an adjusted block.
+
+    Parameters
+    ----------
+    block
+        The adjusted block.
+    rejected
+        Names and estimated errors of the observations that a strategy rejected; None: there was no
+        strategy. Rows of `image_points`, `control` and `priors` say then whether they are rejected;
+        rejected control and priors, no observations any more, stand after the others.
+    """
+    external = external_reliability(block)
+    photos, points, check = photo_table(block), point_table(block), check_table(block)
+    control, priors = control_table(block, external), prior_table(block, external)
+    parameters, rays = parameter_table(block), ray_table(block, external)
+    all_control, all_priors = control, priors
+    axes: dict[int, list[str]] | None = None
+    if rejected is not None:
+        gone = list(rejected)
+        all_control = control_table(block, external, _rejected(gone, "control"))
+        all_priors = prior_table(block, external, _rejected(gone, "prior"))
+        axes = {}
+        for ray, axis in np.argwhere(block.rejected).tolist():
+            axes.setdefault(int(block.problem.source[ray]), []).append("xy"[axis])
+    image_points = image_point_table(block, external, axes)
+    suspects = likeliest_suspects(block)
+    answer = {
+        **_figures(block),
+        "photos": photos,
+        "points": points,
+        "image_points": image_points,
+        "control": all_control,
+        "check": check,
+        "indicators": _indicators(block),
+        "priors": all_priors,
+        "spurs": [
+            {"photo": photo, "point": point, "axis": axis} for photo, point, axis in block.spurs()
+        ],
+        "suspects": [_suspect(one) for one in suspects],
+        "accused": {
+            point: [ray._asdict() for ray in suspect_rays(block, point)]
+            for point in dict.fromkeys(point for _, _, point, _ in block.suspects())
+        },
+        "left_out": [one._asdict() for one in block.problem.left_out],
+        "remarks": list(block.remarks),
+    }
+    additional = block.problem.additional
+    if additional is not None:
+        answer["additional"] = {
+            "set": additional.set.name,
+            "scope": additional.scope,
+            "parameters": parameters,
+            "correlations": [
+                {"first": first, "second": second, "correlation": rho}
+                for first, second, rho in block.parameter_correlations()
+            ],
+        }
+    page: list[Block] = [*_summary(block, answer, suspects), BLANK]
+    page += [photos, BLANK]
+    page += _if_any(control)
+    page += _if_any(check)
+    page += _if_any(priors)
+    if len(parameters):
+        page += [parameters, *_parameters(answer["additional"]), BLANK]
+    page += [points, BLANK, rays, BLANK, *_legend(block)]
+    tables = (points, photos, image_points, all_control, check, all_priors)
+    return Document(answer, tuple(page), (*tables, parameters) if len(parameters) else tables)
+
+
+def _rejected(
+    gone: Iterable[tuple[ObservationName, float | None]], kind: str
+) -> list[tuple[str, str, float | None]]:
+    # adjusted minus observed: the estimated error with the other sign
+    return [
+        (str(one[1]), str(one[2]), None if error is None else -error)
+        for one, error in gone
+        if one[0] == kind
+    ]
+
+
+def _if_any(table: Table) -> tuple[Block, ...]:
+    return (table, BLANK) if len(table) else ()
+
+
+def _figures(block: AdjustedBlock) -> Answer:
+    problem, sigma0 = block.problem, block.sigma0
+    overall = block.global_test()
+    return {
+        "observations": problem.observations,
+        "unknowns": problem.unknowns,
+        "redundancy": block.redundancy,
+        "sigma0": sigma0,
+        "sigma0_um": None if sigma0 is None else sigma0 * problem.block.precision.image_um,
+        "test": {
+            "kind": problem.test.kind,
+            "alpha": problem.test.alpha,
+            "power": problem.test.power,
+            "critical": block.critical,
+            "flagged_by_chance": block.flagged_by_chance,
+        },
+        "global_test": None
+        if overall is None or sigma0 is None
+        else {"alpha": overall.alpha, "critical": overall.critical, "statistic": sigma0**2},
+        "datum": {"kind": problem.datum, "defect": problem.defect},
+        "iterations": block.convergence.iterations,
+    }
+
+
+def _indicators(block: AdjustedBlock) -> Answer:
+    found = block.indicators()
+    return {
+        "RI_x": found.ri_x,
+        "RI_y": found.ri_y,
+        "RI": found.ri,
+        "AI_X": found.ai_x,
+        "AI_Y": found.ai_y,
+        "AI_Z": found.ai_z,
+        "AI": found.ai,
+    }
+
+
+def _suspect(one: Suspect) -> Answer:
+    return {
+        "point": one.point,
+        **one.where._asdict(),
+        "w": one.w,
+        "r": one.r,
+        "partners": [other._asdict() for other in one.partners],
+    }
+
+
+def _summary(block: AdjustedBlock, answer: Answer, suspects: tuple[Suspect, ...]) -> list[Block]:
+    problem = block.problem
+    image_um = problem.block.precision.image_um
+    sigma0 = say("none")
+    if block.sigma0 is not None:
+        sigma0 = say("{sigma0:.4f} ({sigma0_um:.2f} um)", **answer)
+    defect = say(" (rank defect {defect} of the datum)", **answer["datum"])
+    lines: list[Block] = [
+        say("BLOCK {}", problem.block.name).of("heading"),
+        say(
+            "  {} photos, {} points, {} rays; datum: {}",
+            len(problem.photos),
+            len(problem.points),
+            len(problem.photo),
+            _DATUM[problem.datum],
+        ),
+        say("  observations {observations}, unknowns {unknowns}, redundancy {redundancy}", **answer)
+        + (defect if problem.defect else ""),
+        say(
+            "  sigma0 {}, a priori 1 ({:g} um); {}, {} damped",
+            sigma0,
+            image_um,
+            counted(block.convergence.iterations, "iteration"),
+            block.convergence.damped,
+        ),
+        say(
+            "  test {kind}, alpha {alpha:g}, critical value {critical:.2f||none}; of good "
+            "observations about {flagged_by_chance:.1f} are flagged",
+            **answer["test"],
+        ),
+        *_global_test(block),
+        say("  reliability  RI x {RI_x:.3f}  y {RI_y:.3f}  all {RI:.3f}", **answer["indicators"]),
+        say(
+            "  accuracy     AI X {AI_X:.4f}  Y {AI_Y:.4f}  Z {AI_Z:.4f}  all {AI:.4f} m",
+            **answer["indicators"],
+        ),
+    ]
+    out = int(block.rejected.sum())
+    if out:
+        lines.append(say(f"  {{}} image coordinate{'s are' if out > 1 else ' is'} rejected", out))
+    lines += [say("  note: {}", remark).of("remark") for remark in block.remarks]
+    if suspects:
+        lines += _suspects(block, suspects)
+    elif block.critical is not None:
+        lines.append(say("  no image coordinate is flagged"))
+    return lines + _spurs(block)
+
+
+def _global_test(block: AdjustedBlock) -> list[Line]:
+    """Return Baarda's global test, consistent with the test of single observations."""
+    found = block.global_test()
+    if found is None or block.sigma0 is None:
+        return []
+    return [
+        say(
+            "  global test consistent with alpha {:g} and power {:g}: alpha {:.3f}, "
+            "sigma0^2 {:.3f} against {:.3f}",
+            block.problem.test.alpha,
+            found.power,
+            found.alpha,
+            block.sigma0**2,
+            found.critical,
+        ),
+        say(
+            "    (no alarm: {:.0f} % of such blocks without any error exceed it; at {:g} the limit "
+            "is {:.3f})",
+            100.0 * found.alpha,
+            _ALARM,
+            critical_f(_ALARM, block.redundancy),
+        ),
+    ]
+
+
+def _suspects(block: AdjustedBlock, suspects: tuple[Suspect, ...]) -> list[Block]:
+    """Say what is flagged, what to remeasure first, and which ray of a point is the wrong one."""
+    first = suspects[0]
+    lines = [
+        say("    {}  point {}  {}  w {:.2f}  r {:.3f}", _photo(one.where), one.point,
+            one.where.axis, one.w, one.r)
+        + _alike(one)
+        for one in suspects
+    ]  # fmt: skip
+    points = list(dict.fromkeys(one.point for one in suspects))
+    return [
+        say(
+            "  {} flagged; remeasure {} in {} ({}) first:",
+            counted(int(block.flagged.sum()), "image coordinate"),
+            first.point,
+            _photo(first.where),
+            first.where.axis,
+        ).of("look"),
+        Listed(tuple(lines), _MOST, "    and {} more in the table"),
+        say("  which ray of the point is wrong, if one is:"),
+        Listed(tuple(_accused(block, point) for point in points), _MOST, ""),
+    ]
+
+
+def _accused(block: AdjustedBlock, point: str) -> Line:
+    rays = [
+        say("{} {:.0f} %", _photo(ray), 100.0 * ray.probability)
+        for ray in suspect_rays(block, point)
+    ]
+    return say("    point {}: {}", point, named(rays[:4]))
+
+
+def _photo(where: ImageCoordinate | SuspectRay) -> Line:
+    inside = "" if where.model is None else say(" in {}", where.model)
+    return say("photo {}", where.photo) + inside
+
+
+def _alike(suspect: Suspect) -> Line:
+    """Name what is hard to tell apart from a suspect."""
+    if not suspect.partners:
+        return say("")
+    others = [say("{} of {}", other.axis, _photo(other)) for other in suspect.partners]
+    return say("  (or {}: hard to tell apart)", named(others, _MOST, ""))
+
+
+def _spurs(block: AdjustedBlock) -> list[Block]:
+    spurs = block.spurs()
+    if not spurs:
+        return []
+    return [
+        say(
+            "  {} (spurs, r below {:g}) {} checked by nothing:",
+            counted(len(spurs), "image coordinate"),
+            SPUR,
+            "is" if len(spurs) == 1 else "are",
+        ),
+        say("    {}", named([say("{}:{} {}", *spur) for spur in spurs], _MOST, " ...")),
+    ]
+
+
+def _parameters(additional: Answer) -> list[Block]:
+    """Return what stands under the table of additional parameters."""
+    lines: list[Block] = []
+    if additional["parameters"].shown is None:
+        lines += [
+            say(
+                "  c, x0, y0: corrections of the camera's; c > 0 makes it longer; "
+                "k1 to b2: the value"
+            ),
+            say("  is the effect at the image's edge, the coefficient that of Brown's formula"),
+        ]
+    pairs = additional["correlations"]
+    if pairs:
+        found = tuple(say("    {first} with {second}: {correlation:.3f}", **pair) for pair in pairs)
+        lines += [say("  correlated beyond 0.9:"), Listed(found, _MOST, "")]
+    return lines
+
+
+def _legend(block: AdjustedBlock) -> list[Block]:
+    """Say what the columns of undetected errors mean."""
+    lines: list[Block] = [
+        say(
+            "  an error as large as MDB moves the ray's own point by EFFECT, "
+            "no point farther than AT"
+        ),
+        say("  by LARGEST, and no function of the unknowns by more than LENGTH of its deviations"),
+    ]
+    if len(block.problem.photo) > MOST_RAYS:
+        lines.append(say("  (LARGEST is not looked for in blocks of more than {} rays)", MOST_RAYS))
+    return lines

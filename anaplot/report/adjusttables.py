@@ -1,0 +1,300 @@
+"""The tables of an adjusted block, declared once for JSON, CSV and text.
+
+Lengths in metres, angles in radians, residuals and detectable errors in micrometres; people read
+angles in degrees and effects on the ground in millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from math import hypot, pi
+from typing import Any
+
+import numpy as np
+
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.externalreliability import ExternalReliability, UndetectedEffect
+from anaplot.report.columns import fitted
+from anaplot.report.document import Column, Table, for_programs, name, number, table, whole
+
+__all__ = [
+    "check_table",
+    "control_table",
+    "image_point_table",
+    "parameter_table",
+    "photo_table",
+    "point_table",
+    "prior_table",
+    "ray_table",
+]
+
+_DEGREES = 180.0 / pi
+_UNITS = {"X": "m", "Y": "m", "Z": "m", "omega": "rad", "phi": "rad", "kappa": "rad"}
+_XYZ = ("X", "Y", "Z")
+
+
+def _millimetres(width: int) -> Callable[[Sequence[float]], str]:
+    """Return what writes the length of a vector in metres."""
+    return lambda vector: fitted(hypot(*vector) * 1e3, 2, width - 1)
+
+
+def _vector(key: str, title: str, width: int) -> Column:
+    return Column(key, title, width, form=_millimetres(width), unit="m", parts=_XYZ)
+
+
+def _mark(word: str) -> Callable[[bool], str]:
+    return lambda marked: word if marked else ""
+
+
+_EFFECT = (
+    _vector("largest_effect", "LARGEST [mm]", 14),
+    name("largest_effect_at", "AT"),
+    number("standardized_effect", "LENGTH", 2, 8),
+)
+_FLAGGED = name("flagged", form=_mark("<< CHECK"))
+_REJECTED = for_programs("rejected")
+
+
+def _effect(found: UndetectedEffect | None) -> tuple[Any, ...]:
+    """Return the largest effect on a point [m], which point that is, and delta0 sqrt((1-r)/r)."""
+    return (None,) * 3 if found is None else (found.effect_m, found.point, found.standardized)
+
+
+_PHOTOS = (
+    name("photo", "PHOTO", 5),
+    number("X", "X", 3, 15, unit="m"),
+    number("Y", "Y", 3, 15, unit="m"),
+    number("Z", "Z", 3, 12, unit="m"),
+    number("omega", "omega", 5, 11, unit="rad", scale=_DEGREES),
+    number("phi", "phi", 5, 11, unit="rad", scale=_DEGREES),
+    number("kappa", "kappa", 5, 12, unit="rad", scale=_DEGREES),
+    *(number(key, key, 3, 8, unit="m") for key in ("sX", "sY", "sZ")),
+    *(number(k, k, 5, 9, unit="rad", scale=_DEGREES) for k in ("somega", "sphi", "skappa")),
+)
+_PHOTO_ORDER = (
+    *("photo", "X", "Y", "Z", "sX", "sY", "sZ"),
+    *("omega", "phi", "kappa", "somega", "sphi", "skappa"),
+)
+
+
+def photo_table(block: AdjustedBlock) -> Table:
+    """Return the orientations."""
+    rows = (
+        (row.photo, *row.position, *row.angles, *row.s_position, *row.s_angles)
+        for row in block.photo_rows()
+    )
+    return table("photos", _PHOTOS, rows, shown=_PHOTO_ORDER)
+
+
+_POINTS = (
+    name("point", "POINT", 5),
+    number("X", "X", 4, 15, unit="m"),
+    number("Y", "Y", 4, 15, unit="m"),
+    number("Z", "Z", 4, 12, unit="m"),
+    *(number(key, key, 4, 9, unit="m") for key in ("sX", "sY", "sZ")),
+    whole("rays", "RAYS", 6),
+)
+
+
+def point_table(block: AdjustedBlock) -> Table:
+    """Return the points."""
+    rows = ((row.point, *row.xyz, *row.s_xyz, row.rays) for row in block.point_rows())
+    return table("points", _POINTS, rows)
+
+
+_CONTROL = (
+    name("point", "CONTROL", 7),
+    name("axis", gap=1),
+    number("v", "v [m]", 4, 10, unit="m"),
+    number("r", "r", 3, 6),
+    number("w", "w", 2, 8),
+    number("mdb", "MDB [m]", 4, 10, unit="m"),
+    *for_programs("effect", unit="m", parts=_XYZ),
+    *_EFFECT,
+    _FLAGGED,
+)
+
+
+def control_table(
+    block: AdjustedBlock,
+    external: ExternalReliability,
+    rejected: Iterable[tuple[str, str, float | None]] | None = None,
+) -> Table:
+    """Return the weighted control coordinates.
+
+    Parameters
+    ----------
+    block, external
+        The block, and what its undetected errors do.
+    rejected
+        Point, axis and residual of those that are no observations any more; None: none are looked
+        for.
+    """
+    rows = [
+        (row.point, row.axis, row.residual, row.r, row.w, row.mdb, row.effect_m, *_effect(effect),
+         row.flagged)
+        for row, effect in zip(block.control_rows(), external.control, strict=True)
+    ]  # fmt: skip
+    return _with_rejected("control", _CONTROL, rows, rejected)
+
+
+def _with_rejected(
+    key: str,
+    columns: tuple[Column, ...],
+    rows: list[tuple[Any, ...]],
+    rejected: Iterable[tuple[Any, ...]] | None,
+) -> Table:
+    """Return a table of what was weighted, and of what is rejected after it."""
+    look = [bool(row[-1]) for row in rows]
+    if rejected is None:
+        return table(key, columns, rows, look=look)
+    gone = [(*one, *(None,) * (len(columns) - 1 - len(one)), False, True) for one in rejected]
+    kept = [(*row, False) for row in rows]
+    return table(key, (*columns, *_REJECTED), kept + gone, look=look + [True] * len(gone))
+
+
+_PRIORS = (
+    name("owner", "PRIOR", 5),
+    name("unknown", least=8, gap=1),
+    name("", "unit", 3, gap=1, head="  "),
+    number("v", "v", 6, 12),
+    number("r", "r", 3, 6),
+    number("w", "w", 2, 8),
+    number("mdb", "MDB", 6, 12),
+    *_EFFECT,
+    _FLAGGED,
+)
+
+
+def prior_table(
+    block: AdjustedBlock,
+    external: ExternalReliability,
+    rejected: Iterable[tuple[str, str, float | None]] | None = None,
+) -> Table:
+    """Return the priors [m, rad, mm]; parameters as `control_table` has them."""
+    rows = [
+        (row.owner, row.unknown, _UNITS.get(row.unknown, "mm"), row.residual, row.r, row.w, row.mdb,
+         *_effect(effect), row.flagged)
+        for row, effect in zip(block.prior_rows(), external.priors, strict=True)
+    ]  # fmt: skip
+    gone = None
+    if rejected is not None:
+        gone = [(owner, unknown, _UNITS.get(unknown, "mm"), v) for owner, unknown, v in rejected]
+    return _with_rejected("priors", _PRIORS, rows, gone)
+
+
+_CHECK = (
+    name("point", "CHECK", 5),
+    *(number(f"d{axis}", f"d{axis} [m]", 4, 10, unit="m") for axis in _XYZ),
+    name("", "(adjusted minus given)", gap=3),
+)
+
+
+def check_table(block: AdjustedBlock) -> Table:
+    """Return the differences at check points, adjusted minus given."""
+    return table("check", _CHECK, ((point, *found, "") for point, found in block.check_rows()))
+
+
+_PARAMETERS = (
+    name("group", "GROUP", 6),
+    name("name", "PARAMETER", 9, gap=1),
+    number("value", "value [um]", 3, 12, unit="mm", scale=1e3),
+    number("s", "s [um]", 3, 10, unit="mm", scale=1e3),
+    Column("coefficient", "coefficient", 14, form="{:.5g}".format),
+    Column("s_coefficient", "s", 11, form="{:.2g}".format),
+    name("", "unit", gap=1, head=""),
+)
+_PARAMETERS_OF_NO_LENS = ("group", "name", "value", "s")
+
+
+def parameter_table(block: AdjustedBlock) -> Table:
+    """Return the additional parameters [mm]; of a lens also their coefficients."""
+    rows = block.parameter_rows()
+    lens = any(row.coefficient is not None for row in rows)
+    cells = ((*row, "mm" if row.name in ("c", "x0", "y0") else "") for row in rows)
+    shown = None if lens else _PARAMETERS_OF_NO_LENS
+    return table("parameters", _PARAMETERS, cells, shown=shown)
+
+
+_IMAGE_POINTS = (
+    *for_programs("photo", "point", "model", "vx_um", "vy_um", "rx", "ry", "wx", "wy"),
+    *for_programs("mdb_x_um", "mdb_y_um"),
+    *for_programs("effect_x", "effect_y", unit="m", parts=_XYZ),
+    *for_programs("largest_effect_x", unit="m", parts=_XYZ),
+    *for_programs("largest_effect_at_x", "standardized_effect_x"),
+    *for_programs("largest_effect_y", unit="m", parts=_XYZ),
+    *for_programs("largest_effect_at_y", "standardized_effect_y", "flagged"),
+)
+
+
+def image_point_table(
+    block: AdjustedBlock,
+    external: ExternalReliability,
+    rejected: dict[int, list[str]] | None = None,
+) -> Table:
+    """Return the image points of the file, for programs; one that takes no part has no numbers.
+
+    Parameters
+    ----------
+    block, external
+        The block, and what its undetected errors do.
+    rejected
+        Axes that are rejected, by row of the file; None: none are looked for.
+    """
+    found = {
+        row.row: (row, effects)
+        for row, effects in zip(block.ray_rows(), external.rays, strict=True)
+    }
+    nothing = (None,) * (len(_IMAGE_POINTS) - 4)
+    rows = []
+    for k, one in enumerate(block.problem.block.image_points):
+        cells: tuple[Any, ...] = (*nothing, False)
+        if k in found:
+            row, effects = found[k]
+            r = (None if row.rejected[0] else row.r[0], None if row.rejected[1] else row.r[1])
+            cells = (
+                *row.residual, *r, *row.w, *row.mdb, *row.effect_m, *_effect(effects[0]),
+                *_effect(effects[1]), row.flagged,
+            )  # fmt: skip
+        if rejected is not None:
+            cells = (*cells, k in rejected, rejected.get(k, []))
+        rows.append((one.photo, one.point, one.model, *cells))
+    columns = _IMAGE_POINTS
+    if rejected is not None:
+        columns = (*columns, *for_programs("rejected", "rejected_axes"))
+    return table("image_points", columns, rows)
+
+
+_RAYS = (
+    name("photo", "PHOTO", 5),
+    name("point", "POINT", 5, gap=1),
+    name("axis"),
+    number("v_um", "v [um]", 1, 9, unit="um"),
+    number("r", "RED-N", 3, 8),
+    number("w", "w", 2, 8),
+    number("mdb_um", "MDB [um]", 1, 10, unit="um"),
+    _vector("effect", "EFFECT [mm]", 13),
+    *_EFFECT,
+    name("verdict"),
+)
+
+
+def ray_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
+    """Return the image coordinates that take part, for people: a row each."""
+    critical = np.inf if block.critical is None else block.critical
+    rows, look = [], []
+    for row, effects in zip(block.ray_rows(), external.rays, strict=True):
+        for axis in (0, 1):
+            w = row.w[axis]
+            verdict = "not testable" if row.effect_m[axis] is None else ""
+            if w is not None and abs(w) > critical:
+                verdict = "<< REMEASURE"
+            if row.rejected[axis]:
+                verdict = "rejected"
+            rows.append(
+                (row.photo, row.point, "xy"[axis], row.residual[axis],
+                 None if row.rejected[axis] else row.r[axis], w, row.mdb[axis],
+                 row.effect_m[axis], *_effect(effects[axis]), verdict)
+            )  # fmt: skip
+            look.append(verdict != "")
+    return table("rays", _RAYS, rows, look=look)

@@ -1,0 +1,47 @@
+"""A document's tables as CSV, each whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from anaplot.report.document import Column, Table, Values, plain_values
+
+__all__ = ["csv_text"]
+
+
+def csv_text(table: Table) -> str:
+    """Return a table with a heading of its keys.
+
+    What does not exist is an empty cell, true and false are 1 and 0; a vector has a column for each
+    component, and the items of a list stand in one cell with blanks between them.
+    """
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    columns = [pair for column, values in table.for_programs() for pair in _parted(column, values)]
+    writer.writerow(key for key, _ in columns)
+    writer.writerows(zip(*(values for _, values in columns), strict=True))
+    return text.getvalue()
+
+
+def _parted(column: Column, values: Values) -> Iterator[tuple[str, Iterable[Any]]]:
+    plain = [_cell(value) for value in plain_values(values)] if not column.parts else values
+    if not column.parts:
+        yield column.key, plain
+        return
+    for k, part in enumerate(column.parts):
+        yield f"{column.key}_{part}", [None if v is None else _cell(v[k]) for v in values]
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, bool | np.bool_):
+        return int(value)
+    if isinstance(value, float):
+        return None if value != value else float(value)
+    if isinstance(value, list | tuple):
+        return " ".join(map(str, value))
+    return value

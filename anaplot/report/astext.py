@@ -1,0 +1,138 @@
+"""A document as text for a terminal: names made safe, long tables cut to what needs a look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import chain, compress
+from typing import Any
+
+import numpy as np
+
+from anaplot.report.columns import fitted
+from anaplot.report.document import Block, Column, Figure, Line, Listed, Names, Table, Value, Values
+from anaplot.textfiles.wording import plain
+
+__all__ = ["MOST_ROWS", "line_text", "page_text", "table_lines"]
+
+MOST_ROWS = 100
+"""A longer table shows only the rows that need a look, unless all is asked for."""
+
+
+def page_text(page: Iterable[Block], *, everything: bool = False) -> str:
+    """Return a page.
+
+    Parameters
+    ----------
+    page
+        Its blocks.
+    everything
+        Whether long tables and lists are shown whole.
+    """
+    return "\n".join(chain.from_iterable(_lines(block, everything) for block in page))
+
+
+def _lines(block: Block, everything: bool) -> Iterator[str]:
+    if isinstance(block, Line):
+        yield line_text(block, everything=everything)
+    elif isinstance(block, Table):
+        yield from table_lines(block, everything=everything)
+    elif isinstance(block, Figure):
+        yield from block.lines(block.data)
+    else:
+        yield from _listed(block, everything)
+
+
+def _listed(listed: Listed, everything: bool) -> Iterator[str]:
+    most = len(listed.lines) if everything else listed.most
+    for line in listed.lines[:most]:
+        yield line_text(line, everything=everything)
+    if len(listed.lines) > most and listed.more:
+        yield listed.more.format(len(listed.lines) - most)
+
+
+def line_text(line: Line, *, everything: bool = False) -> str:
+    """Return a line."""
+    return "".join(_part(part, everything) for part in line.parts)
+
+
+def _part(part: str | Value | Names, everything: bool) -> str:
+    if isinstance(part, str):
+        return part
+    if isinstance(part, Value):
+        value = part.value
+        if value is None:
+            return part.none
+        text = format(plain(value) if isinstance(value, str) else value, part.form)
+        return f"{text} {part.unit}" if part.unit else text
+    most = len(part.items) if everything or part.most is None else part.most
+    text = part.separator.join(line_text(item, everything=everything) for item in part.items[:most])
+    return text + part.more.format(len(part.items) - most) if len(part.items) > most else text
+
+
+def table_lines(table: Table, *, everything: bool = True) -> list[str]:
+    """Return a table, a line each row, with its heading."""
+    n = len(table)
+    chosen = np.arange(n)
+    if n > MOST_ROWS and not everything:
+        look = np.zeros(n, dtype=bool) if table.look is None else table.look
+        chosen = np.nonzero(look)[0][:MOST_ROWS]
+    columns = [(column, _cells(column, values, chosen, n)) for column, values in table.for_people()]
+    heads, units, row = "", "", ""
+    for column, cells in columns:
+        width = column.width or 0
+        if column.align == "<":
+            title = len(column.title) if column.head is None else 0
+            width = max([title, width, *map(len, cells)])
+            head = f"{'':{column.gap}}{column.title:<{width}}"
+            row += f"{'':{column.gap}}%-{width}s"
+        else:
+            head = f"{column.title:>{width}}"
+            row += f" %{width - 1}s"
+        if column.head is not None:
+            head = column.head
+        heads += head
+        units += f"{column.unit if table.units else '':>{len(head)}}"
+    lines = [heads.rstrip()]
+    if table.units:
+        lines.append(units.rstrip())
+    if len(chosen):
+        every = chain.from_iterable(zip(*(cells for _, cells in columns), strict=True))
+        text = "\n".join([row] * len(chosen)) % tuple(every)
+        lines += [line.rstrip() for line in text.split("\n")]
+    if len(chosen) < n:
+        lines.append(_left_out(n, len(chosen)))
+    return lines
+
+
+def _left_out(n: int, shown: int) -> str:
+    rows = f"{n - shown} of {n} rows are not shown" if shown else f"{n} rows are not shown"
+    return f"  ... {rows}; --all prints them"
+
+
+def _cells(column: Column, values: Values, chosen: Any, n: int) -> list[str]:
+    """Return what stands in the cells of the chosen rows, without blanks around it."""
+    if isinstance(values, np.ndarray):
+        some: Any = values if len(chosen) == n else values[chosen]
+    else:
+        some = values if len(chosen) == n else [values[k] for k in chosen.tolist()]
+    if column.decimals is not None:
+        return _numbers(np.asarray(some, dtype=float) * column.scale, column)
+    each = some.tolist() if isinstance(some, np.ndarray) else some
+    if column.form is not None:
+        return [column.none if v is None else column.form(v) for v in each]
+    texts = [column.none if v is None else str(v) for v in each]
+    return texts if "".join(texts).isprintable() else [plain(text) for text in texts]
+
+
+def _numbers(values: Any, column: Column) -> list[str]:
+    """Return numbers in at most a cell's width; all at once, as most of them fit."""
+    each = values.tolist()
+    texts = "\n".join([f"%.{column.decimals}f"] * len(each)) % tuple(each)
+    cells = texts.split("\n") if each else []
+    most = (column.width or 0) - 1
+    if max(map(len, cells), default=0) > most:
+        for k in compress(range(len(cells)), (len(text) > most for text in cells)):
+            cells[k] = fitted(each[k], column.decimals or 0, most)
+    for k in np.nonzero(np.isnan(values))[0].tolist():
+        cells[k] = column.none
+    return cells

@@ -1,0 +1,409 @@
+"""What a command has found: one document, which renderers show as text, JSON or CSV.
+
+A document holds numbers and names, never their texts: a renderer writes them for its medium and
+makes foreign names safe for it. It has two views of the same findings, `answer` for programs and
+`page` for people; both may hold the same tables. docs/documents.md shows how a command builds one.
+"""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "BLANK",
+    "Answer",
+    "Block",
+    "Column",
+    "Document",
+    "Figure",
+    "Line",
+    "Listed",
+    "Names",
+    "Table",
+    "Value",
+    "Values",
+    "for_programs",
+    "name",
+    "named",
+    "number",
+    "plain_values",
+    "say",
+    "table",
+    "whole",
+]
+
+Answer: TypeAlias = dict[str, Any]
+"""What programs read: numbers, names, None, lists, further answers, tables; keys in order."""
+
+Values: TypeAlias = Sequence[Any] | NDArray[Any]
+Kind: TypeAlias = Literal["text", "heading", "remark", "look"]
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A number or a name within a line.
+
+    Attributes
+    ----------
+    value
+        None where it does not exist.
+    form
+        How it is written, as in `format`.
+    unit
+        Stands behind it.
+    none
+        Stands for None.
+    """
+
+    value: float | str | None
+    form: str = ""
+    unit: str = ""
+    none: str = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """A list within a line.
+
+    Attributes
+    ----------
+    items
+        What is listed.
+    most
+        How many are shown, unless all is asked for; None: every one.
+    more
+        What is said of the others, with their number in place of {}.
+    separator
+        Between two of them.
+    """
+
+    items: tuple[Line, ...]
+    most: int | None = None
+    more: str = " and {} more"
+    separator: str = ", "
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A sentence of a page, made by `say`.
+
+    Attributes
+    ----------
+    parts
+        Literal text, and what is written into it.
+    kind
+        What it is: "heading" of what follows, "remark", or what needs a "look".
+    """
+
+    parts: tuple[str | Value | Names, ...]
+    kind: Kind = "text"
+
+    def __add__(self, other: Line | str) -> Line:
+        added = (other,) if isinstance(other, str) else other.parts
+        return replace(self, parts=self.parts + added)
+
+    def of(self, kind: Kind) -> Line:
+        """Return this line as one of another kind."""
+        return replace(self, kind=kind)
+
+
+BLANK = Line(())
+"""An empty line of a page."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """Lines of one kind, of which the first are shown unless all are asked for.
+
+    Attributes
+    ----------
+    lines
+        One each.
+    most
+        How many are shown.
+    more
+        What is said of the others, with their number in place of {}.
+    """
+
+    lines: tuple[Line, ...]
+    most: int
+    more: str = "    and {} more"
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    key
+        For programs, in JSON and CSV; empty: for people only.
+    title
+        For people.
+    width
+        Characters of a cell: of numbers with the blank before it; of names the least, without the
+        blanks before them. None: for programs only.
+    decimals
+        Of a number; a large one has fewer.
+    form
+        Writes a value, where `decimals` do not.
+    unit
+        Of the values.
+    scale
+        What a person reads is a value times this.
+    align
+        Names stand at the left of their cells, numbers at the right.
+    gap
+        Blanks before a name.
+    none
+        Stands for what does not exist.
+    head
+        The heading where it does not stand above its cells as others do.
+    parts
+        Names of the components where every value is a vector.
+    """
+
+    key: str
+    title: str = ""
+    width: int | None = None
+    decimals: int | None = None
+    form: Callable[[Any], str] | None = None
+    unit: str = ""
+    scale: float = 1.0
+    align: Literal["<", ">"] = ">"
+    gap: int = 2
+    none: str = "-"
+    head: str | None = None
+    parts: tuple[str, ...] = ()
+
+
+def name(
+    key: str,
+    title: str = "",
+    least: int = 0,
+    *,
+    gap: int = 2,
+    form: Callable[[Any], str] | None = None,
+    none: str = "-",
+    head: str | None = None,
+) -> Column:
+    """Return a column of names or words, as wide as the longest, at the left."""
+    return Column(key, title, least, form=form, align="<", gap=gap, none=none, head=head)
+
+
+def number(
+    key: str, title: str, decimals: int, width: int, *, unit: str = "", scale: float = 1.0
+) -> Column:
+    """Return a column of numbers with decimals, at the right of cells of a width."""
+    return Column(key, title, width, decimals, unit=unit, scale=scale)
+
+
+def whole(key: str, title: str, width: int) -> Column:
+    """Return a column of whole numbers, at the right of cells of a width."""
+    return Column(key, title, width)
+
+
+def for_programs(*keys: str, unit: str = "", parts: tuple[str, ...] = ()) -> tuple[Column, ...]:
+    """Return columns that only JSON and CSV have."""
+    return tuple(Column(key, unit=unit, parts=parts) for key in keys)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A table: declared columns and their values, column by column.
+
+    Attributes
+    ----------
+    key
+        Its name, and that of its CSV file.
+    columns
+        In the order of JSON and CSV.
+    values
+        Of each column n values: an array (n,) or (n, k), or a sequence. NaN and None: it does not
+        exist.
+    look
+        (n,) rows that need a look; they are shown also where a table is too long to be shown.
+    shown
+        Keys (or titles, of columns for people only) of what a person reads, in this order; None:
+        every column that has a width.
+    units
+        Whether the units stand in a line of their own under the heading.
+    """
+
+    key: str
+    columns: tuple[Column, ...]
+    values: tuple[Values, ...]
+    look: NDArray[np.bool_] | None = None
+    shown: tuple[str, ...] | None = None
+    units: bool = False
+
+    def __post_init__(self) -> None:
+        lengths = {len(values) for values in self.values}
+        if len(self.values) != len(self.columns) or len(lengths) > 1:
+            raise ValueError(f"table {self.key}: {len(self.columns)} columns, values {lengths}")
+
+    def __len__(self) -> int:
+        return len(self.values[0])
+
+    def for_people(self) -> list[tuple[Column, Values]]:
+        """Return the columns that a person reads, in his order."""
+        pairs = list(zip(self.columns, self.values, strict=True))
+        if self.shown is None:
+            return [pair for pair in pairs if pair[0].width is not None]
+        by_name = {pair[0].key or pair[0].title: pair for pair in pairs}
+        return [by_name[key] for key in self.shown]
+
+    def for_programs(self) -> list[tuple[Column, Values]]:
+        """Return the columns of JSON and CSV."""
+        pairs = zip(self.columns, self.values, strict=True)
+        return [pair for pair in pairs if pair[0].key]
+
+    def records(self) -> list[Answer]:
+        """Return the rows for programs, one mapping each."""
+        columns = self.for_programs()
+        keys = [column.key for column, _ in columns]
+        cells = zip(*(plain_values(values) for _, values in columns), strict=True)
+        return [dict(zip(keys, row, strict=True)) for row in cells]
+
+
+def table(
+    key: str,
+    columns: Iterable[Column],
+    rows: Iterable[Sequence[Any]],
+    *,
+    look: Iterable[bool] | None = None,
+    shown: tuple[str, ...] | None = None,
+    units: bool = False,
+) -> Table:
+    """Return a table of rows: each has a value for every column."""
+    declared = tuple(columns)
+    values = tuple(zip(*rows, strict=True)) or ((),) * len(declared)
+    marked = None if look is None else np.array(list(look), dtype=bool)
+    return Table(key, declared, values, marked, shown, units)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Figure:
+    """A drawing.
+
+    Attributes
+    ----------
+    key
+        What is drawn; a renderer that draws better than with characters goes by it.
+    data
+        What it needs.
+    lines
+        Draws it with characters, from the data.
+    """
+
+    key: str
+    data: Any
+    lines: Callable[[Any], Sequence[str]]
+
+
+Block: TypeAlias = Line | Listed | Table | Figure
+"""A part of a page."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Document:
+    """What a command has found.
+
+    Attributes
+    ----------
+    answer
+        For programs: what `--json` prints.
+    page
+        For people: what is printed without `--json`, from top to bottom.
+    tables
+        What can be written as CSV, the main one first.
+    """
+
+    answer: Answer
+    page: tuple[Block, ...]
+    tables: tuple[Table, ...] = ()
+
+    def to_dict(self) -> Answer:
+        """Return the answer with its tables as lists of rows; NaN becomes None."""
+        plain: Answer = plain_value(self.answer)
+        return plain
+
+
+class _Template(string.Formatter):
+    """Parses what `say` is given."""
+
+    def parts(
+        self, template: str, values: Sequence[Any], named: Mapping[str, Any]
+    ) -> Iterable[Any]:
+        unnamed = count()
+        for literal, field, spec, _ in self.parse(template):
+            if literal:
+                yield literal
+            if field is None:
+                continue
+            value, _ = self.get_field(field or str(next(unnamed)), values, named)
+            if isinstance(value, Line):
+                yield from value.parts
+            elif isinstance(value, Names):
+                yield value
+            else:
+                form, _, rest = (spec or "").partition("|")
+                unit, _, none = rest.partition("|")
+                yield Value(value, form, unit, none or "-")
+
+
+_TEMPLATE = _Template()
+
+
+def say(template: str, *values: Any, **named: Any) -> Line:
+    """Return a line with values written into it.
+
+    Parameters
+    ----------
+    template
+        As for `str.format`; a field's format may go on with a unit and with what stands for None:
+        "sigma0 {sigma0_um:.2f|um|none}". Fields of a mapping are given as {0[key]}.
+    values, named
+        Numbers, names, None; or lines and lists, which become a part of this one.
+    """
+    return Line(tuple(_TEMPLATE.parts(template, values, named)))
+
+
+def named(
+    items: Iterable[str | Line], most: int | None = None, more: str = " and {} more"
+) -> Names:
+    """Return a list of names or lines that stands within a line."""
+    lines = (item if isinstance(item, Line) else Line((Value(item),)) for item in items)
+    return Names(tuple(lines), most, more)
+
+
+def plain_values(values: Values) -> list[Any]:
+    """Return a column's values as JSON has them."""
+    if isinstance(values, np.ndarray):
+        if values.dtype.kind == "f" and not np.isfinite(values).all():
+            return [plain_value(value) for value in values.tolist()]
+        plain: list[Any] = values.tolist()
+        return plain
+    return [plain_value(value) for value in values]
+
+
+def plain_value(value: Any) -> Any:
+    """Return a value as JSON has it: tables as lists of rows, None for NaN."""
+    if value is None or isinstance(value, str | int):
+        return value
+    if isinstance(value, float):
+        return None if value != value else value
+    if isinstance(value, Table):
+        return value.records()
+    if isinstance(value, Mapping):
+        return {key: plain_value(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain_values(value)
+    return [plain_value(inner) for inner in value]

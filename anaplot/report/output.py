@@ -1,0 +1,102 @@
+"""Where a command's document goes: to standard output, and as CSV into files."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple, TextIO
+
+from anaplot.errors import InputError
+from anaplot.report.ascsv import csv_text
+from anaplot.report.asjson import json_text
+from anaplot.report.astext import page_text
+from anaplot.report.csvoutput import check_csv, write_table
+from anaplot.report.document import Document, Table
+from anaplot.textfiles.wholefile import make_folder, replace_whole
+from anaplot.textfiles.wording import place, reason
+
+__all__ = ["PRINTED", "Output"]
+
+_SUMMARY = "summary.json"
+
+
+class Output(NamedTuple):
+    """How a command shows its document.
+
+    Attributes
+    ----------
+    as_json
+        Print the answer for programs instead of the page.
+    everything
+        Print long tables and lists whole.
+    csv
+        A file for the main table.
+    to
+        A folder for all tables, and for the rest of the answer.
+    stream
+        Standard output when None.
+    """
+
+    as_json: bool = False
+    everything: bool = False
+    csv: Path | None = None
+    to: Path | None = None
+    stream: TextIO | None = None
+
+    @classmethod
+    def of(cls, options: argparse.Namespace) -> Output:
+        """Return what the options of a command line ask for."""
+        asked = vars(options)
+        return cls(options.json, options.all, asked.get("csv"), asked.get("tables"))
+
+    def check(
+        self, taken: Mapping[str, Iterable[Path]] | None = None, made: Path | None = None
+    ) -> None:
+        """Refuse files that could not be written; parameters and errors as `check_csv` has them."""
+        check_csv(self.csv, taken, made)
+        if self.to is not None:
+            _check_folder(self.to)
+
+    def show(self, document: Document) -> None:
+        """Write the files that were asked for and print the document."""
+        if self.csv is not None:
+            write_table(self.csv, document.tables[0])
+        if self.to is not None:
+            _write_folder(self.to, document)
+        if self.as_json:
+            text = json_text(document.answer)
+        else:
+            text = page_text(document.page, everything=self.everything)
+        print(text, file=sys.stdout if self.stream is None else self.stream)
+
+
+PRINTED = Output()
+"""As a page on standard output."""
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder that holds anything but an earlier output: a block would be overwritten."""
+    where = f"{place(folder)}: cannot be written"
+    try:
+        if not os.path.lexists(folder):
+            around = next(path for path in folder.absolute().parents if os.path.lexists(path))
+            if not os.access(around, os.W_OK | os.X_OK):
+                raise InputError(f"{where}: {place(around)} is no folder that can be written")
+            return
+        if not folder.is_dir():
+            raise InputError(f"{where}: it is no folder")
+        if any(folder.iterdir()) and not (folder / _SUMMARY).is_file():
+            raise InputError(f"{where}: it is neither new nor empty")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{where}: {reason(error)}") from error
+
+
+def _write_folder(folder: Path, document: Document) -> None:
+    make_folder(folder)
+    for table in document.tables:
+        replace_whole(folder / f"{table.key}.csv", csv_text(table).encode())
+    rest = {k: v for k, v in document.answer.items() if not isinstance(v, Table)}
+    replace_whole(folder / _SUMMARY, json_text(rest).encode() + b"\n")
