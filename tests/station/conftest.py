@@ -10,6 +10,7 @@ from stationbench import Bench
 
 from anaplot.photogrammetry.block import TestSettings
 from anaplot.planning.synthetic import synthetic_strip
+from anaplot.station.blockwatch import BlockWatch
 
 
 def _descriptors() -> int:
@@ -34,3 +35,9 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     bench = Bench(tmp_path / "block", replace(made, block=block))
     with bench.stack:
         yield bench
+
+
+@pytest.fixture
+def without_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The block is not adjusted beside: the automatic operator does not look at it."""
+    monkeypatch.setattr(BlockWatch, "tell", lambda *_: None)

@@ -46,6 +46,7 @@ def test_all_else_is_as_without_fiducials() -> None:
         assert (again.plot, again.placements) == (demo.plot, demo.placements)
 
 
+@pytest.mark.usefixtures("without_block")
 @pytest.mark.parametrize("seed", range(1, 13))
 def test_the_missed_fiducial_is_found_and_repaired(tmp_path: Path, seed: int) -> None:
     demo = Demo.make(MODELS, seed, fiducials=True)
@@ -72,6 +73,7 @@ def test_the_missed_fiducial_is_found_and_repaired(tmp_path: Path, seed: int) ->
                 assert inner.before.flagged[0].key == (wrong.point, wrong.axis)
 
 
+@pytest.mark.usefixtures("without_block")
 def test_strip_tables_are_like_those_without_plates(tmp_path: Path) -> None:
     gaps, sigmas, scatter = [], [], []
     for seed in range(21, 27):
