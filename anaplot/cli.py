@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import math
 import signal
 import sys
 import tempfile
@@ -16,6 +15,18 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from anaplot import __version__
 from anaplot.errors import AnaplotError, InputError
+from anaplot.report.adjustarguments import (
+    add_adjust_arguments,
+    add_bridge_arguments,
+    add_compare_arguments,
+)
+from anaplot.report.arguments import positive, whole
+from anaplot.report.planarguments import (
+    add_block_arguments,
+    add_network_arguments,
+    add_pattern_arguments,
+    add_simulate_arguments,
+)
 
 if TYPE_CHECKING:
     from anaplot.orientation.results import ModelSolution
@@ -24,8 +35,6 @@ if TYPE_CHECKING:
     from anaplot.simulation.demo import Demo
 
 __all__ = ["main"]
-
-_LEAST_ALPHA = 1e-12  # below, nobody's noise is normal any more
 
 
 class _Parser(argparse.ArgumentParser):
@@ -343,7 +352,7 @@ def _add_plotter(commands: Any) -> None:
         "port", nargs="+", metavar="PORT", help="an address; LINK=ADDRESS for several cables"
     )
     watch.add_argument("profile", metavar="PROFILE", help="a name or a file")
-    watch.add_argument("--seconds", type=_positive, metavar="S", help="end after so long")
+    watch.add_argument("--seconds", type=positive, metavar="S", help="end after so long")
     watch.add_argument("--raw", action="store_true", help="print the bytes as well")
     watch.set_defaults(run=_plotter_watch)
 
@@ -365,14 +374,14 @@ def _add_plotter(commands: Any) -> None:
     sim.add_argument("--lay", metavar="LEFT/RIGHT", help="photographs to begin with")
     sim.add_argument("--link", type=Path, metavar="PATH", help="stable name of the port")
     sim.add_argument(
-        "--tcp", type=_whole(0, 65535), metavar="PORT", help="serve loopback TCP instead; 0: any"
+        "--tcp", type=whole(0, 65535), metavar="PORT", help="serve loopback TCP instead; 0: any"
     )
-    sim.add_argument("--seed", type=_whole(0, 2**31), default=1, metavar="N", help="default 1")
+    sim.add_argument("--seed", type=whole(0, 2**31), default=1, metavar="N", help="default 1")
     sim.add_argument(
-        "--noise-um", type=_positive, default=5.0, metavar="UM", help="of a pointing, default 5"
+        "--noise-um", type=positive, default=5.0, metavar="UM", help="of a pointing, default 5"
     )
     sim.add_argument(
-        "--time-scale", type=_positive, default=1.0, metavar="X", help="simulated seconds a second"
+        "--time-scale", type=positive, default=1.0, metavar="X", help="simulated seconds a second"
     )
     sim.add_argument("--auto-pedal", action="store_true", help="press the pedal after pointing")
     sim.add_argument(
@@ -406,144 +415,10 @@ def _plan_simulate(options: argparse.Namespace) -> int:
     return run_simulate(options)
 
 
-def _add_simulate(parts: Any) -> None:
-    simulate = parts.add_parser(
-        "simulate",
-        help="Monte Carlo: how often errors are found, rightly or wrongly",
-        epilog="example: anaplot plan simulate kratky-1983-6-3 --runs 20000",
-    )
-    simulate.add_argument(
-        "scenario",
-        nargs="?",
-        metavar="SCENARIO|PATTERN|BLOCK|NETWORK",
-        help="one of those named by --list; or a pattern (13/5 or a file), a block's folder, "
-        "cube:A (or cube) to cube:E or a network's file, in which errors are planted",
-    )
-    simulate.add_argument("--base", type=_length, metavar="MM", help="of a pattern, default 90")
-    simulate.add_argument(
-        "--d", type=_length, metavar="MM", help="half a named pattern in y, default 100"
-    )
-    simulate.add_argument(
-        "--c", type=_length, metavar="MM", help="camera constant of a pattern, default 152"
-    )
-    simulate.add_argument(
-        "--tie-variance",
-        choices=("paper", "propagated", "exact"),
-        help="how the ties of a pattern err, default exact",
-    )
-    simulate.add_argument(
-        "--errors", type=_wholes, metavar="N,...", help="how many errors in a run, default 1"
-    )
-    simulate.add_argument(
-        "--size", type=_sizes, metavar="S,...", help="their sizes [sigma], default 6,10,20"
-    )
-    simulate.add_argument(
-        "--place",
-        action="append",
-        metavar="NAME",
-        help="only in rows of this photo, point or axis; photo:NAME, point:NAME or axis:NAME where "
-        "NAME is more than one of them; several times: in one of the photos, and of the points, "
-        "and of the axes",
-    )
-    simulate.add_argument(
-        "--alpha",
-        type=_significance,
-        metavar="ALPHA",
-        help="of a single row, default 0.001; for named scenarios too",
-    )
-    simulate.add_argument("--list", action="store_true", help="name the scenarios")
-    simulate.add_argument(
-        "--strategy", metavar="NAME,...", help="only these of the scenario's methods"
-    )
-    simulate.add_argument(
-        "--runs", type=_whole(1, 100_000_000), metavar="N", help="default: the scenario's own"
-    )
-    simulate.add_argument(
-        "--seed", type=_whole(0, 2**63 - 1), default=0, metavar="S", help="default 0"
-    )
-    simulate.add_argument(
-        "--processes", type=_whole(1, 256), metavar="P", help="default: as many as processors"
-    )
-    simulate.add_argument("--json", action="store_true", help="print JSON for programs")
-    simulate.add_argument("--csv", type=Path, metavar="FILE", help="write the figures as CSV")
-    simulate.add_argument(
-        "--to",
-        type=Path,
-        metavar="FILE",
-        help="keep what is done in a file; the same call goes on from there",
-    )
-    simulate.set_defaults(run=_plan_simulate)
-
-
 def _plan_block(options: argparse.Namespace) -> int:
     from anaplot.report.planblock import run_plan_block
 
     return run_plan_block(options)
-
-
-def _add_plan_block(parts: Any) -> None:
-    block = parts.add_parser(
-        "block",
-        help="a regular aerial block: classes of observations, weak photos, accuracy",
-        epilog="example: anaplot plan block --strips 4 --photos 8 --bridging 3 --twin",
-    )
-    whole = _whole(1, 1000)
-    block.add_argument("--strips", type=whole, default=3, metavar="N", help="default 3")
-    block.add_argument("--photos", type=whole, default=6, metavar="N", help="a strip, default 6")
-    block.add_argument(
-        "--overlap", type=_between(0.0, 100.0), default=60.0, metavar="PERCENT", help="default 60"
-    )
-    block.add_argument(
-        "--sidelap", type=_between(0.0, 100.0), default=30.0, metavar="PERCENT", help="default 30"
-    )
-    block.add_argument(
-        "--points", choices=("3x3", "5x5"), default="3x3", help="a photo, default 3x3"
-    )
-    block.add_argument(
-        "--control",
-        choices=("perimeter", "corners", "none"),
-        default="perimeter",
-        help="where control stands, default perimeter, with heights inside",
-    )
-    block.add_argument(
-        "--bridging",
-        type=_length,
-        metavar="BASES",
-        help="bases from control to control, default 2",
-    )
-    block.add_argument("--twin", action="store_true", help="full control in pairs")
-    block.add_argument(
-        "--cross-strips", type=_whole(0, 100), default=0, metavar="N", help="flown across"
-    )
-    block.add_argument(
-        "--c", type=_length, default=150.0, metavar="MM", help="camera constant, default 150"
-    )
-    block.add_argument(
-        "--format", type=_length, default=230.0, metavar="MM", help="side, default 230"
-    )
-    block.add_argument(
-        "--scale", type=_length, default=10_000.0, metavar="N", help="1 : N, default 10000"
-    )
-    block.add_argument(
-        "--image-um",
-        type=_length,
-        default=5.0,
-        metavar="UM",
-        help="a-priori sigma0, default 5",
-    )
-    block.add_argument(
-        "--control-m",
-        type=_none_or_length,
-        default=0.0,
-        metavar="M",
-        help="standard deviation of control, default 0: free of error",
-    )
-    block.add_argument("--json", action="store_true", help="print JSON for programs")
-    block.add_argument("--csv", type=Path, metavar="FILE", help="write the classes as CSV")
-    block.add_argument(
-        "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
-    )
-    block.set_defaults(run=_plan_block)
 
 
 def _plan_network(options: argparse.Namespace) -> int:
@@ -552,88 +427,10 @@ def _plan_network(options: argparse.Namespace) -> int:
     return run_plan_network(options)
 
 
-def _add_plan_network(parts: Any) -> None:
-    network = parts.add_parser(
-        "network",
-        help="camera stations around an object: what they see, check and determine",
-        epilog="example: anaplot plan network cube --case C --point 2",
-    )
-    network.add_argument(
-        "network", metavar="cube|FILE", help="the cube of 1978, or a .toml of stations and points"
-    )
-    network.add_argument(
-        "--case", choices=("A", "B", "C", "D", "E"), help="stations of the cube, default A"
-    )
-    network.add_argument(
-        "--image-um", type=_length, metavar="UM", help="a-priori sigma0 of the cube, default 5"
-    )
-    network.add_argument(
-        "--correlations",
-        type=_correlation,
-        default=0.9,
-        metavar="LIMIT",
-        help="correlation of a point's residuals from which it is named, default 0.9",
-    )
-    network.add_argument("--point", metavar="NAME", help="all correlations of this point")
-    network.add_argument("--json", action="store_true", help="print JSON for programs")
-    network.add_argument("--csv", type=Path, metavar="FILE", help="write points and photos as CSV")
-    network.add_argument(
-        "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
-    )
-    network.set_defaults(run=_plan_network)
-
-
 def _compare(options: argparse.Namespace) -> int:
     from anaplot.report.comparecommand import run_compare
 
     return run_compare(options)
-
-
-def _add_compare_arguments(parser: Any) -> None:
-    parser.add_argument("first", type=Path, metavar="EPOCH1", help="the earlier block's folder")
-    parser.add_argument("second", type=Path, metavar="EPOCH2", help="the later block's folder")
-    parser.add_argument(
-        "--separate",
-        action="store_true",
-        help="adjust each epoch by itself; otherwise both in one, with common control "
-        "(of a point given in part, what is given)",
-    )
-    parser.add_argument(
-        "--additional",
-        metavar="SET",
-        help="additional parameters: ebner, gruen or physical (a lens: c, x0, y0, k1, k2, k3, p1, "
-        "p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo",
-    )
-    parser.add_argument(
-        "--additional-sigma-um", type=_positive, metavar="UM", help="weigh them by their effect"
-    )
-    parser.add_argument(
-        "--common-parameters",
-        action=argparse.BooleanOptionalAction,
-        default=None,
-        help="whether both epochs have the same ones; jointly, of block and camera: they have",
-    )
-    parser.add_argument(
-        "--stable",
-        metavar="POINT,...",
-        help="points that have not moved hold the datum in place of control: three or more",
-    )
-    parser.add_argument("--points", metavar="POINT,...", help="compare these only")
-    parser.add_argument(
-        "--alpha",
-        type=_significance,
-        default=0.05,
-        metavar="ALPHA",
-        help="significance of the global test, of every family of single tests, and of all of "
-        "them together (ANYTHING MOVED), default 0.05",
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON for programs")
-    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the displacements as CSV")
-    parser.add_argument(
-        "--fail-on-flag",
-        action="store_true",
-        help="exit with 1 when anything has moved: without movement with the probability ALPHA",
-    )
 
 
 def _add_plan(commands: Any) -> None:
@@ -649,39 +446,29 @@ def _add_plan(commands: Any) -> None:
         help="redundancy numbers of a point pattern, and the point that would help most",
         epilog="example: anaplot plan pattern 6 --ties 3",
     )
-    show.add_argument(
-        "pattern",
-        metavar="NAME|FILE",
-        help='"13", "13/5", ... or a .csv or .toml with label,x,y[,tie] (mm)',
-    )
-    show.add_argument("--ties", choices=("3", "5"), help="points shared with the preceding model")
-    show.add_argument(
-        "--base",
-        type=_length,
-        metavar="MM",
-        help="default 90, for a file the largest x of its points",
-    )
-    show.add_argument(
-        "--d",
-        type=_length,
-        metavar="MM",
-        help="half the model in y, default 100, for a file as far as its points lie",
-    )
-    show.add_argument(
-        "--c", type=_length, default=152.0, metavar="MM", help="camera constant, default 152"
-    )
-    show.add_argument(
-        "--tie-variance",
-        choices=("paper", "propagated", "exact"),
-        default="exact",
-        help="how the ties err, default exact",
-    )
-    show.add_argument("--json", action="store_true", help="print JSON for programs")
-    show.add_argument("--csv", type=Path, metavar="FILE", help="write the rows as CSV")
     show.set_defaults(run=_plan_pattern)
-    _add_plan_block(parts)
-    _add_plan_network(parts)
-    _add_simulate(parts)
+    add_pattern_arguments(show)
+    block = parts.add_parser(
+        "block",
+        help="a regular aerial block: classes of observations, weak photos, accuracy",
+        epilog="example: anaplot plan block --strips 4 --photos 8 --bridging 3 --twin",
+    )
+    block.set_defaults(run=_plan_block)
+    add_block_arguments(block)
+    network = parts.add_parser(
+        "network",
+        help="camera stations around an object: what they see, check and determine",
+        epilog="example: anaplot plan network cube --case C --point 2",
+    )
+    network.set_defaults(run=_plan_network)
+    add_network_arguments(network)
+    simulate = parts.add_parser(
+        "simulate",
+        help="Monte Carlo: how often errors are found, rightly or wrongly",
+        epilog="example: anaplot plan simulate kratky-1983-6-3 --runs 20000",
+    )
+    simulate.set_defaults(run=_plan_simulate)
+    add_simulate_arguments(simulate)
 
 
 def _parser() -> _Parser:
@@ -706,154 +493,21 @@ def _parser() -> _Parser:
         "form the models of every strip from image_points.csv and print their tables",
         "anaplot bridge myblock --json",
     )
-    bridge.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    bridge.add_argument("--json", action="store_true", help="print JSON for programs")
-    bridge.add_argument(
-        "--fail-on-flag",
-        action="store_true",
-        help="exit with 1 when a row is flagged; of n good ones alpha n are, alpha of [test]",
-    )
-    bridge.add_argument(
-        "--errors",
-        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds"),
-        metavar="NAME",
-        help="take out what this strategy rejects before the next model: baarda, tau, rms, "
-        "modified, huber, danish, l1, search or odds",
-    )
-    bridge.add_argument(
-        "--partner",
-        type=_correlation,
-        metavar="LIMIT",
-        help="with --errors: correlation of residuals from which two rows are named as hard to "
-        "tell apart, default 0.9",
-    )
-    bridge.add_argument(
-        "--as-given",
-        action="store_true",
-        help="with --errors: clean also where the residuals say that image_um cannot be right",
-    )
-    bridge.add_argument(
-        "--pairs", action="store_true", help="with --errors: add the odds over two gross errors"
-    )
+    add_bridge_arguments(bridge)
     adjust = command(
         "adjust",
         _adjust,
         "adjust the block as one bundle, with the redundancy number of every observation",
         "anaplot adjust myblock --additional ebner",
     )
-    adjust.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    _add_output(adjust, "the points")
-    adjust.add_argument(
-        "--fail-on-flag",
-        action="store_true",
-        help="exit with 1 when an observation is flagged; of n good ones alpha n are, alpha of "
-        "[test]",
-    )
-    adjust.add_argument(
-        "--datum",
-        choices=("control", "minimal", "free"),
-        default="control",
-        help="from control and priors (the default), minimal, or free by inner constraints",
-    )
-    adjust.add_argument(
-        "--additional",
-        metavar="SET",
-        help="additional parameters: ebner, gruen or physical (a lens: c, x0, y0, k1, k2, k3, p1, "
-        "p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo",
-    )
-    adjust.add_argument(
-        "--additional-sigma-um",
-        type=_positive,
-        metavar="UM",
-        help="weigh the additional parameters by what they may do at the edge of the format",
-    )
-    adjust.add_argument(
-        "--snooping",
-        action="store_true",
-        help="add the modified data snooping of 1980 beside the exact test, differences counted",
-    )
-    adjust.add_argument(
-        "--snooping-tolerance",
-        type=_percentage,
-        default=25.0,
-        metavar="PERCENT",
-        help="its k_q: what sqrt(q_vv) may differ from its model value, default 25",
-    )
-    adjust.add_argument(
-        "--correlations",
-        type=_correlation,
-        metavar="LIMIT",
-        help="name the pairs of a point's rays whose residuals are correlated at LIMIT or more",
-    )
-    adjust.add_argument(
-        "--hypothesis-alpha",
-        type=_significance,
-        default=0.05,
-        metavar="ALPHA",
-        help="significance of the tests of additional parameters, check points and control, "
-        "default 0.05",
-    )
-    adjust.add_argument(
-        "--errors",
-        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds"),
-        metavar="NAME",
-        help="reject what this strategy finds, coordinate by coordinate, and adjust again: baarda, "
-        "tau, rms, modified, huber, danish, l1, search or odds",
-    )
-    adjust.add_argument(
-        "--control-last",
-        action="store_true",
-        help="with --errors: clean the image coordinates without control (under priors, or as a "
-        "free network), then bring control in and clean that",
-    )
-    adjust.add_argument(
-        "--partner",
-        type=_correlation,
-        metavar="LIMIT",
-        help="with --errors: correlation of residuals from which two observations are named as "
-        "hard to tell apart, default 0.9",
-    )
-    adjust.add_argument(
-        "--as-given",
-        action="store_true",
-        help="with --errors: clean also where the residuals say that image_um cannot be right",
-    )
-    adjust.add_argument(
-        "--pairs",
-        action="store_true",
-        help="with --errors: add the odds over one and two gross errors",
-    )
-    adjust.add_argument(
-        "--prior",
-        choices=("known", "common", "separate"),
-        metavar="FACTORS",
-        help="how good image coordinates and prior knowledge (weighted control, stated positions "
-        "and angles, weighted additional parameters) are: known, as stated; common, one unknown "
-        "variance factor for both; separate, one for each, estimated",
-    )
-    adjust.add_argument(
-        "--components",
-        nargs="?",
-        const="axes",
-        choices=("kinds", "axes", "strips", "operators"),
-        metavar="GROUPING",
-        help="estimate the variances of image coordinates, control and priors: kinds, axes (x and "
-        "y apart, the default), strips or operators (image coordinates by strip, by operator)",
-    )
-    adjust.add_argument(
-        "--operators",
-        type=Path,
-        metavar="FILE",
-        help="for --components operators: a CSV file of photo,operator",
-    )
-
+    add_adjust_arguments(adjust)
     compare = command(
         "compare",
         _compare,
         "what has moved between two epochs",
         "anaplot compare spring autumn",
     )
-    _add_compare_arguments(compare)
+    add_compare_arguments(compare)
 
     demo = command(
         "demo",
@@ -864,10 +518,10 @@ def _parser() -> _Parser:
     )
     demo.add_argument("--auto", action="store_true", help="a simulated operator does the job")
     demo.add_argument("--json", action="store_true", help="with --auto: print JSON for programs")
-    demo.add_argument("--seed", type=_whole(0, 2**31), default=1, metavar="N", help="default 1")
+    demo.add_argument("--seed", type=whole(0, 2**31), default=1, metavar="N", help="default 1")
     demo.add_argument(
         "--models",
-        type=_whole(1, 200),
+        type=whole(1, 200),
         default=4,
         metavar="N",
         help="models of the strip, default 4",
@@ -901,7 +555,7 @@ def _parser() -> _Parser:
         help="with --simulate: the block whose image_points.csv lies in the simulated plates",
     )
     opening.add_argument(
-        "--seed", type=_whole(0, 2**31), default=1, metavar="N", help="of the simulation, default 1"
+        "--seed", type=whole(0, 2**31), default=1, metavar="N", help="of the simulation, default 1"
     )
     opening.add_argument(
         "--pattern", default="13", metavar="NAME", help="point pattern of new models, default 13"
@@ -951,107 +605,10 @@ def _parser() -> _Parser:
     )
     replay.add_argument("--json", action="store_true", help="print JSON for programs")
     replay.add_argument(
-        "--speed", type=_positive, metavar="X", help="watch it, X times as fast as it was recorded"
+        "--speed", type=positive, metavar="X", help="watch it, X times as fast as it was recorded"
     )
     replay.add_argument("--console", action="store_true", help="watch it in the console")
     return parser
-
-
-def _add_output(parser: argparse.ArgumentParser, main: str, *, folder: bool = True) -> None:
-    """Add how a command shows its document; without `folder` its --to is another one."""
-    parser.add_argument("--json", action="store_true", help="print JSON for programs")
-    parser.add_argument(
-        "--all", action="store_true", help="print tables of more than 100 rows, and lists, whole"
-    )
-    parser.add_argument("--csv", type=Path, metavar="FILE", help=f"write {main} as CSV")
-    if folder:
-        parser.add_argument(
-            "--to",
-            dest="tables",
-            type=Path,
-            metavar="FOLDER",
-            help="write every table as CSV, and summary.json, into a new or empty folder",
-        )
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"{text!r} is no positive number")
-    return value
-
-
-def _between(low: float, high: float) -> Callable[[str], float]:
-    def number(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text!r} is no number from {low:g} to {high:g}")
-        return value
-
-    return number
-
-
-# what is planned is computed in double precision: wide enough for any camera and any object
-_length = _between(1e-3, 1e6)
-
-
-def _none_or_length(text: str) -> float:
-    try:
-        if float(text) == 0.0:
-            return 0.0
-        return _between(1e-9, 1e6)(text)
-    except (ValueError, argparse.ArgumentTypeError):
-        raise argparse.ArgumentTypeError(f"{text!r} is neither 0 nor from 1e-09 to 1e+06") from None
-
-
-def _percentage(text: str) -> float:
-    value = _positive(text)
-    if value >= 100.0:
-        raise argparse.ArgumentTypeError(f"{text!r} must lie below 100")
-    return value
-
-
-def _correlation(text: str) -> float:
-    value = _positive(text)
-    if value > 1.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no correlation: above 0, at most 1")
-    return value
-
-
-def _significance(text: str) -> float:
-    value = _positive(text)
-    if not _LEAST_ALPHA <= value <= 0.5:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no significance: at least {_LEAST_ALPHA:g}, at most 0.5"
-        )
-    return value
-
-
-def _wholes(text: str) -> tuple[int, ...]:
-    return tuple(_whole(0, 10_000)(part) for part in text.split(","))
-
-
-def _sizes(text: str) -> tuple[float, ...]:
-    return tuple(_positive(part) for part in text.split(","))
-
-
-def _whole(low: int, high: int) -> Callable[[str], int]:
-    def whole(text: str) -> int:
-        try:
-            value = int(text)
-        except ValueError:
-            value = low - 1
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text!r} is no whole number from {low} to {high}")
-        return value
-
-    return whole
 
 
 def _end_cleanly() -> None:

@@ -1,0 +1,206 @@
+"""What the commands on measured blocks take; light, `--help` reads it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from anaplot.report.arguments import (
+    add_output,
+    correlation,
+    percentage,
+    positive,
+    significance,
+)
+
+__all__ = ["add_adjust_arguments", "add_bridge_arguments", "add_compare_arguments"]
+
+
+def add_bridge_arguments(bridge: argparse.ArgumentParser) -> None:
+    """Add what `bridge` takes."""
+    bridge.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
+    bridge.add_argument("--json", action="store_true", help="print JSON for programs")
+    bridge.add_argument(
+        "--fail-on-flag",
+        action="store_true",
+        help="exit with 1 when a row is flagged; of n good ones alpha n are, alpha of [test]",
+    )
+    bridge.add_argument(
+        "--errors",
+        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds"),
+        metavar="NAME",
+        help="take out what this strategy rejects before the next model: baarda, tau, rms, "
+        "modified, huber, danish, l1, search or odds",
+    )
+    bridge.add_argument(
+        "--partner",
+        type=correlation,
+        metavar="LIMIT",
+        help="with --errors: correlation of residuals from which two rows are named as hard to "
+        "tell apart, default 0.9",
+    )
+    bridge.add_argument(
+        "--as-given",
+        action="store_true",
+        help="with --errors: clean also where the residuals say that image_um cannot be right",
+    )
+    bridge.add_argument(
+        "--pairs", action="store_true", help="with --errors: add the odds over two gross errors"
+    )
+
+
+def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
+    """Add what `adjust` takes."""
+    adjust.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
+    add_output(adjust, "the points")
+    adjust.add_argument(
+        "--fail-on-flag",
+        action="store_true",
+        help="exit with 1 when an observation is flagged; of n good ones alpha n are, alpha of "
+        "[test]",
+    )
+    adjust.add_argument(
+        "--datum",
+        choices=("control", "minimal", "free"),
+        default="control",
+        help="from control and priors (the default), minimal, or free by inner constraints",
+    )
+    adjust.add_argument(
+        "--additional",
+        metavar="SET",
+        help="additional parameters: ebner, gruen or physical (a lens: c, x0, y0, k1, k2, k3, p1, "
+        "p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo",
+    )
+    adjust.add_argument(
+        "--additional-sigma-um",
+        type=positive,
+        metavar="UM",
+        help="weigh the additional parameters by what they may do at the edge of the format",
+    )
+    adjust.add_argument(
+        "--snooping",
+        action="store_true",
+        help="add the modified data snooping of 1980 beside the exact test, differences counted",
+    )
+    adjust.add_argument(
+        "--snooping-tolerance",
+        type=percentage,
+        default=25.0,
+        metavar="PERCENT",
+        help="its k_q: what sqrt(q_vv) may differ from its model value, default 25",
+    )
+    adjust.add_argument(
+        "--correlations",
+        type=correlation,
+        metavar="LIMIT",
+        help="name the pairs of a point's rays whose residuals are correlated at LIMIT or more",
+    )
+    adjust.add_argument(
+        "--hypothesis-alpha",
+        type=significance,
+        default=0.05,
+        metavar="ALPHA",
+        help="significance of the tests of additional parameters, check points and control, "
+        "default 0.05",
+    )
+    adjust.add_argument(
+        "--errors",
+        choices=("baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds"),
+        metavar="NAME",
+        help="reject what this strategy finds, coordinate by coordinate, and adjust again: baarda, "
+        "tau, rms, modified, huber, danish, l1, search or odds",
+    )
+    adjust.add_argument(
+        "--control-last",
+        action="store_true",
+        help="with --errors: clean the image coordinates without control (under priors, or as a "
+        "free network), then bring control in and clean that",
+    )
+    adjust.add_argument(
+        "--partner",
+        type=correlation,
+        metavar="LIMIT",
+        help="with --errors: correlation of residuals from which two observations are named as "
+        "hard to tell apart, default 0.9",
+    )
+    adjust.add_argument(
+        "--as-given",
+        action="store_true",
+        help="with --errors: clean also where the residuals say that image_um cannot be right",
+    )
+    adjust.add_argument(
+        "--pairs",
+        action="store_true",
+        help="with --errors: add the odds over one and two gross errors",
+    )
+    adjust.add_argument(
+        "--prior",
+        choices=("known", "common", "separate"),
+        metavar="FACTORS",
+        help="how good image coordinates and prior knowledge (weighted control, stated positions "
+        "and angles, weighted additional parameters) are: known, as stated; common, one unknown "
+        "variance factor for both; separate, one for each, estimated",
+    )
+    adjust.add_argument(
+        "--components",
+        nargs="?",
+        const="axes",
+        choices=("kinds", "axes", "strips", "operators"),
+        metavar="GROUPING",
+        help="estimate the variances of image coordinates, control and priors: kinds, axes (x and "
+        "y apart, the default), strips or operators (image coordinates by strip, by operator)",
+    )
+    adjust.add_argument(
+        "--operators",
+        type=Path,
+        metavar="FILE",
+        help="for --components operators: a CSV file of photo,operator",
+    )
+
+
+def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `compare` takes."""
+    parser.add_argument("first", type=Path, metavar="EPOCH1", help="the earlier block's folder")
+    parser.add_argument("second", type=Path, metavar="EPOCH2", help="the later block's folder")
+    parser.add_argument(
+        "--separate",
+        action="store_true",
+        help="adjust each epoch by itself; otherwise both in one, with common control "
+        "(of a point given in part, what is given)",
+    )
+    parser.add_argument(
+        "--additional",
+        metavar="SET",
+        help="additional parameters: ebner, gruen or physical (a lens: c, x0, y0, k1, k2, k3, p1, "
+        "p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo",
+    )
+    parser.add_argument(
+        "--additional-sigma-um", type=positive, metavar="UM", help="weigh them by their effect"
+    )
+    parser.add_argument(
+        "--common-parameters",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="whether both epochs have the same ones; jointly, of block and camera: they have",
+    )
+    parser.add_argument(
+        "--stable",
+        metavar="POINT,...",
+        help="points that have not moved hold the datum in place of control: three or more",
+    )
+    parser.add_argument("--points", metavar="POINT,...", help="compare these only")
+    parser.add_argument(
+        "--alpha",
+        type=significance,
+        default=0.05,
+        metavar="ALPHA",
+        help="significance of the global test, of every family of single tests, and of all of "
+        "them together (ANYTHING MOVED), default 0.05",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON for programs")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the displacements as CSV")
+    parser.add_argument(
+        "--fail-on-flag",
+        action="store_true",
+        help="exit with 1 when anything has moved: without movement with the probability ALPHA",
+    )

@@ -1,0 +1,133 @@
+"""Options that several commands have, and the numbers in them; light, `--help` reads it."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+__all__ = [
+    "add_output",
+    "between",
+    "correlation",
+    "length",
+    "none_or_length",
+    "percentage",
+    "positive",
+    "significance",
+    "sizes",
+    "whole",
+    "wholes",
+]
+
+_LEAST_ALPHA = 1e-12  # below, nobody's noise is normal any more
+
+
+def add_output(parser: argparse.ArgumentParser, main: str, *, folder: bool = True) -> None:
+    """Add how a command shows its document; without `folder` its --to is another one."""
+    parser.add_argument("--json", action="store_true", help="print JSON for programs")
+    parser.add_argument(
+        "--all", action="store_true", help="print tables of more than 100 rows, and lists, whole"
+    )
+    parser.add_argument("--csv", type=Path, metavar="FILE", help=f"write {main} as CSV")
+    if folder:
+        parser.add_argument(
+            "--to",
+            dest="tables",
+            type=Path,
+            metavar="FOLDER",
+            help="write every table as CSV, and summary.json, into a new or empty folder",
+        )
+
+
+def positive(text: str) -> float:
+    """Return a number above 0 and below a million."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text!r} is no positive number")
+    return value
+
+
+def between(low: float, high: float) -> Callable[[str], float]:
+    """Return what reads a number within limits."""
+
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} is no number from {low:g} to {high:g}")
+        return value
+
+    return number
+
+
+# what is planned is computed in double precision: wide enough for any camera and any object
+length = between(1e-3, 1e6)
+"""Reads a length."""
+
+
+def none_or_length(text: str) -> float:
+    """Return 0, or a length that is not too small."""
+    try:
+        if float(text) == 0.0:
+            return 0.0
+        return between(1e-9, 1e6)(text)
+    except (ValueError, argparse.ArgumentTypeError):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither 0 nor from 1e-09 to 1e+06") from None
+
+
+def percentage(text: str) -> float:
+    """Return a number above 0 and below 100."""
+    value = positive(text)
+    if value >= 100.0:
+        raise argparse.ArgumentTypeError(f"{text!r} must lie below 100")
+    return value
+
+
+def correlation(text: str) -> float:
+    """Return a number above 0 and at most 1."""
+    value = positive(text)
+    if value > 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no correlation: above 0, at most 1")
+    return value
+
+
+def significance(text: str) -> float:
+    """Return a probability that a test can have."""
+    value = positive(text)
+    if not _LEAST_ALPHA <= value <= 0.5:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no significance: at least {_LEAST_ALPHA:g}, at most 0.5"
+        )
+    return value
+
+
+def wholes(text: str) -> tuple[int, ...]:
+    """Return whole numbers, separated by commas."""
+    return tuple(whole(0, 10_000)(part) for part in text.split(","))
+
+
+def sizes(text: str) -> tuple[float, ...]:
+    """Return positive numbers, separated by commas."""
+    return tuple(positive(part) for part in text.split(","))
+
+
+def whole(low: int, high: int) -> Callable[[str], int]:
+    """Return what reads a whole number within limits."""
+
+    def number(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = low - 1
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number from {low} to {high}")
+        return value
+
+    return number
