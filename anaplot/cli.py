@@ -77,7 +77,7 @@ def _bridge(options: argparse.Namespace) -> int:
                 print(
                     model_printout(
                         model,
-                        diagnose(model, block.test.power),
+                        diagnose(model),
                         strip=strip.strip,
                         number=k + 1,
                         count=len(declared.models()),
@@ -235,7 +235,7 @@ def _print_solutions(
         print(
             model_printout(
                 model,
-                diagnose(model, block.test.power),
+                diagnose(model),
                 strip=strip,
                 number=pairs.index((model.left, model.right)) + 1,
                 count=len(pairs),

@@ -6,7 +6,8 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from anaplot.adjustment.reliability import HARD_TO_TELL, Odds
+from anaplot.adjustment.reliability import HARD_TO_TELL
+from anaplot.adjustment.tested import Odds
 from anaplot.aliases import Array, Index
 
 __all__ = [

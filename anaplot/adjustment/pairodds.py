@@ -12,6 +12,7 @@ from anaplot.adjustment.leftout import ReducedSystem, remaining, spread
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.stepwise import NO_SIGMA
+from anaplot.adjustment.tested import sigma0_known
 from anaplot.aliases import Array, Index, TestKind
 
 __all__ = ["MOST_ROWS_OF_PAIRS", "pair_odds", "pair_odds_of"]
@@ -73,7 +74,7 @@ def _log_factors(
     system: ResidualSystem, determinant: Array, square: Array, kind: TestKind
 ) -> Array:
     """Return log BF from det(I + g R) and q of sets of rows; zero where sigma does not exist."""
-    if kind == "baarda":
+    if sigma0_known(kind):
         return -0.5 * np.log(determinant) + 0.5 * square
     f, vtpv = system.redundancy, system.vtpv
     if f < 1 or vtpv <= f * NO_SIGMA**2:

@@ -47,10 +47,7 @@ from anaplot.adjustment.leastabsolute import least_absolute_residuals
 from anaplot.adjustment.leftout import ReducedSystem, remaining, spread
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds, pair_odds_of
 from anaplot.adjustment.partners import WEAK, Proposals
-from anaplot.adjustment.reliability import (
-    Odds,
-    error_odds,
-)
+from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.reweighting import SETTLED, Reweighting, reweight
 from anaplot.adjustment.search import search
@@ -64,6 +61,7 @@ from anaplot.adjustment.stepwise import (
     rule_of,
     stepwise,
 )
+from anaplot.adjustment.tested import Odds, error_odds, sigma0_known
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, Index, TestKind
 
@@ -456,11 +454,10 @@ def _findings(
     size = np.full(len(e), np.nan)
     size[testable] = np.abs(e[testable]) / np.sqrt(r[testable])
     kind = sigma_of(strategy)
-    ratio: Array | None = size
-    if kind == "tau":
+    if not sigma0_known(kind):
         s0 = sqrt(system.vtpv / system.redundancy) if system.redundancy > 0 else 0.0
-        ratio = size / s0 if s0 > NO_SIGMA else None
-    single = error_odds(r[rows], None if ratio is None else ratio[rows], system.redundancy, kind)
+        size = size / s0 if s0 > NO_SIGMA else np.full(len(e), np.nan)
+    single = error_odds(ERROR_PRIOR_SIGMAS**2 * r[rows], size[rows], system.redundancy, kind)
     return Findings(
         strategy=strategy,
         steps=tuple(steps),

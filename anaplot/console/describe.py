@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+from anaplot.adjustment.tested import AppliedTest, Observation
 from anaplot.console.blockline import block_line
 from anaplot.console.inwork import in_work
 from anaplot.console.rows import ShownRow
-from anaplot.orientation.results import AppliedTest, ModelSolution, RowDiagnosis
+from anaplot.orientation.results import ModelSolution, Row
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.station.snapshot import InnerView, Snapshot
 
@@ -40,15 +41,11 @@ def _odds(ratio: float) -> str:
     return f"1 to {1.0 / ratio:.0f}" if ratio <= 0.1 else f"1 to {1.0 / ratio:.1f}"
 
 
-def _chances(mine: RowDiagnosis, rows: tuple[RowDiagnosis, ...], none: float | None) -> list[Entry]:
-    if none is None:
-        return []
+def _chances(
+    mine: Observation[Row], rows: tuple[Observation[Row], ...], none: float
+) -> list[Entry]:
     entries = [("holds the error", f"probability {100.0 * mine.probability:.1f} %")]
-    others = [
-        row
-        for row in rows
-        if (row.point, row.axis) != (mine.point, mine.axis) and row.probability > 0.0
-    ]
+    others = [row for row in rows if row.key != mine.key and row.probability > 0.0]
     rival = max(others, key=lambda row: row.probability, default=None)
     if rival is not None:
         odds = _odds(mine.probability / rival.probability)
@@ -109,15 +106,11 @@ def describe_row(shown: ShownRow, snapshot: Snapshot) -> list[Entry]:
             ("RED-N", f"{row.r:.3f}"),
             ("PARX" if snapshot.inner is None else "RESID", _um(row.residual)),
             ("EXPD", _um(row.expected)),
-            ("SIGF", "–" if row.w is None else f"{row.w:.2f}"),
+            ("SIGF", "–" if row.size is None else f"{row.size:.2f}"),
             ("verdict", shown.verdict),
+            ("finds errors from", _um(row.mdb)),
+            *_chances(row, work.table, work.none),
         ]
-    if shown.diagnosis is not None:
-        entries.append(("finds errors from", _um(shown.diagnosis.mdb)))
-        none = None if snapshot.diagnosis is None else snapshot.diagnosis.none
-        if snapshot.inner is not None and snapshot.inner.solution is not None:
-            none = snapshot.inner.solution.none
-        entries += _chances(shown.diagnosis, work.diagnoses, none)
     entries += _relations(shown.key, snapshot)
     if snapshot.solution is not None:
         for point in snapshot.solution.points:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import nan
 
+from anaplot.adjustment.tested import Observation
 from anaplot.aliases import Axis
-from anaplot.orientation.results import RowDiagnosis, TableRow
+from anaplot.orientation.results import Row
 from anaplot.station.snapshot import InnerView, PointView, Snapshot
 
 __all__ = ["InWork", "in_work"]
@@ -24,8 +25,10 @@ class InWork:
         Points, or fiducials with their place in the fiducial system; NaN where it is not known.
     keys
         Every row (point, axis) that there is or will be, in the order of the table.
-    table, diagnoses
+    table
         The rows so far.
+    none
+        Probability that none of them holds a gross error.
     suspects
         Rows to measure again, the one to begin with first; axis None: the whole fiducial.
     flagged
@@ -38,8 +41,8 @@ class InWork:
 
     points: tuple[PointView, ...]
     keys: tuple[tuple[str, Axis], ...]
-    table: tuple[TableRow, ...] = ()
-    diagnoses: tuple[RowDiagnosis, ...] = ()
+    table: tuple[Observation[Row], ...] = ()
+    none: float = 0.0
     suspects: tuple[tuple[str, Axis | None], ...] = ()
     flagged: tuple[tuple[str, str], ...] = ()
     solved: bool = False
@@ -64,7 +67,7 @@ def in_work(snapshot: Snapshot) -> InWork:
         points=snapshot.points,
         keys=tuple(keys),
         table=solution.table,
-        diagnoses=() if diagnosis is None else diagnosis.rows,
+        none=solution.tested.odds.none,
         suspects=suspects,
         flagged=tuple(dict.fromkeys([*(key for key in suspects if key in flagged), *flagged])),
         solved=True,
@@ -87,13 +90,8 @@ def _inner(inner: InnerView) -> InWork:
     return InWork(
         points=points,
         keys=keys,
-        table=tuple(
-            TableRow(r.fiducial, r.axis, r.r, r.residual, r.expected, r.w, r.flagged)
-            for r in solution.rows
-        ),
-        diagnoses=tuple(
-            RowDiagnosis(r.fiducial, r.axis, r.mdb, r.probability) for r in solution.rows
-        ),
+        table=solution.rows,
+        none=solution.tested.odds.none,
         suspects=inner.suspects,
         flagged=tuple(row.key for row in solution.flagged),
         solved=True,

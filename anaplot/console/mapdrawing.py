@@ -12,9 +12,10 @@ from enum import IntEnum
 import numpy as np
 from rich.cells import cell_len
 
+from anaplot.adjustment.tested import Transfer
 from anaplot.console.braille import Canvas
 from anaplot.console.inwork import InWork, in_work
-from anaplot.orientation.results import Transfer
+from anaplot.orientation.results import Row
 from anaplot.station.snapshot import PointView, Snapshot
 from anaplot.textfiles.wording import plain
 
@@ -305,7 +306,7 @@ def _name(
 
 def _transfers(
     snapshot: Snapshot, selected: tuple[str, str] | None, all_transfers: bool
-) -> tuple[Transfer, ...]:
+) -> tuple[Transfer[Row], ...]:
     if snapshot.diagnosis is None:
         return ()
     if all_transfers:

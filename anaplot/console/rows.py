@@ -6,9 +6,10 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
+from anaplot.adjustment.tested import Observation
 from anaplot.aliases import Axis
 from anaplot.console.inwork import in_work
-from anaplot.orientation.results import RowDiagnosis, TableRow
+from anaplot.orientation.results import Row
 from anaplot.station.snapshot import PointView, Snapshot
 
 __all__ = ["SORT_ORDERS", "RowState", "ShownRow", "SortOrder", "shown_rows", "sort_rows"]
@@ -32,7 +33,7 @@ class ShownRow:
         pending (not measured), measured or off.
     expected
         Whether its point is the one to be measured next.
-    row, diagnosis
+    row
         What the model says of it, or None while it says nothing.
     accused
         Whether it is the flagged row most probably wrong.
@@ -44,8 +45,7 @@ class ShownRow:
     axis: Axis
     state: RowState
     expected: bool
-    row: TableRow | None = None
-    diagnosis: RowDiagnosis | None = None
+    row: Observation[Row] | None = None
     accused: bool = False
     half: str = ""
 
@@ -83,8 +83,7 @@ def _row(
     view: PointView,
     axis: Axis,
     expected: bool,
-    table: dict[tuple[str, str], TableRow],
-    diagnoses: dict[tuple[str, str], RowDiagnosis],
+    table: dict[Row, Observation[Row]],
     accused: tuple[str, str | None] | None,
 ) -> ShownRow:
     key = (view.point, axis)
@@ -98,7 +97,6 @@ def _row(
         state,
         expected,
         table.get(key),
-        diagnoses.get(key),
         key == accused,
         view.seen[0] if len(view.seen) == 1 else "",
     )
@@ -112,13 +110,10 @@ def shown_rows(snapshot: Snapshot) -> tuple[ShownRow, ...]:
     """
     work = in_work(snapshot)
     table = {row.key: row for row in work.table}
-    diagnoses: dict[tuple[str, str], RowDiagnosis] = {
-        (row.point, row.axis): row for row in work.diagnoses
-    }
     accused = work.suspects[0] if work.suspects else None
     views = {view.point: view for view in work.points}
     return tuple(
-        _row(views[point], axis, point == snapshot.next_point, table, diagnoses, accused)
+        _row(views[point], axis, point == snapshot.next_point, table, accused)
         for point, axis in work.keys
     )
 
@@ -132,8 +127,8 @@ def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
 
 
 def _by_significance(shown: ShownRow) -> float:
-    w = shown.row.w if shown.row is not None else None
-    return 1.0 if w is None else -w
+    size = shown.row.size if shown.row is not None else None
+    return 1.0 if size is None else -size
 
 
 def sort_rows(rows: tuple[ShownRow, ...], order: SortOrder) -> tuple[ShownRow, ...]:

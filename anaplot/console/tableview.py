@@ -46,17 +46,15 @@ def _expd(shown: ShownRow, width: int) -> str:
 
 
 def _sigf(shown: ShownRow, width: int) -> str:
-    return cell(shown.row.w, width, 2) if shown.row else " " * width
+    return cell(shown.row.size, width, 2) if shown.row else " " * width
 
 
 def _mdb(shown: ShownRow, width: int) -> str:
-    return cell(shown.diagnosis.mdb, width, 0) if shown.diagnosis else " " * width
+    return cell(shown.row.mdb, width, 0) if shown.row else " " * width
 
 
 def _chance(shown: ShownRow, width: int) -> str:
-    if shown.diagnosis is None:
-        return " " * width
-    return cell(100.0 * shown.diagnosis.probability, width, 1)
+    return cell(100.0 * shown.row.probability, width, 1) if shown.row else " " * width
 
 
 _NUMBERS = (

@@ -1,98 +1,43 @@
-"""What the operator is told beyond the table: detectable errors, transfers, odds, advice."""
+"""What the operator is told beyond the table: transfers, partners, suspects, advice."""
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.oddswords import odds_in_words, to_one
-from anaplot.adjustment.reliability import (
-    ERROR_PRIOR_SIGMAS,
-    HARD_TO_TELL,
-    critical_transfers,
-    error_odds,
-    residual_correlations,
-    smallest_detectable_errors,
-    undetected_effects,
-)
-from anaplot.adjustment.significance import TESTABLE, noncentrality, tau_power
-from anaplot.aliases import Axis, RowKey
-from anaplot.orientation.residuals import residual_system
-from anaplot.orientation.results import (
-    Diagnosis,
-    ModelSolution,
+from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
+from anaplot.adjustment.significance import TESTABLE
+from anaplot.adjustment.tested import (
+    Observation,
+    Odds,
     Partner,
-    RowDiagnosis,
-    TableRow,
-    Transfer,
+    Tested,
+    error_odds,
+    sum_by_point,
 )
+from anaplot.aliases import Array
+from anaplot.orientation.residuals import residual_system
+from anaplot.orientation.results import Diagnosis, ModelSolution, Row
 
-__all__ = ["HARD_TO_TELL", "diagnose", "point_odds"]
+__all__ = ["diagnose"]
 
 
 _SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may hide behind it
 
 
-def diagnose(solution: ModelSolution, power: float = 0.80) -> Diagnosis:
-    """Say what can be said of every row of a model beyond its table.
-
-    Smallest detectable errors and their effects hold for the a-priori sigma0 whatever the test;
-    the power that the test really has against them stands beside.
-
-    Parameters
-    ----------
-    solution
-        The oriented model.
-    power
-        Power that smallest detectable errors refer to.
-    """
-    table = solution.table
-    r = np.array([row.r for row in table])
-    ratio = np.array([np.nan if row.w is None else row.w for row in table])
-    apparent = solution.apparent_q_l
-    detectable = smallest_detectable_errors(
-        r, apparent, apriori=solution.apriori_um, alpha=solution.test.alpha, power=power
-    )
-    odds = error_odds(
-        # g = 400 q_l r^2 / q_vv, which is 400 r but for "exact"
-        r if solution.exact is None else solution.q_l * r / apparent,
-        None if solution.redundancy < 1 else ratio,
-        solution.redundancy,
-        solution.test.kind,
-    )
-    if solution.exact is None:
-        effects = undetected_effects(r, alpha=solution.test.alpha, power=power)
-    else:
-        effects = detectable / solution.apriori_um * solution.exact.effects
-    rows = tuple(
-        RowDiagnosis(
-            row.point, row.axis, None if nabla != nabla else nabla, p, None if e != e else e
-        )
-        for row, nabla, p, e in zip(
-            table, detectable.tolist(), odds.rows.tolist(), effects.tolist(), strict=True
-        )
-    )
-    keys = [row.key for row in table]
-    transfers = tuple(
-        Transfer(keys[i], keys[j], value) for i, j, value in critical_transfers(solution.influence)
-    )
-    correlation = residual_correlations(solution.q_vv, r)
-    first, second = np.nonzero(np.triu(np.abs(correlation) >= HARD_TO_TELL, 1))
-    partners = tuple(
-        Partner(keys[i], keys[j], float(correlation[i, j]))
-        for i, j in zip(first.tolist(), second.tolist(), strict=True)
-    )
-    evidence = _evidence(solution, rows, odds.none)
+def diagnose(solution: ModelSolution) -> Diagnosis:
+    """Say what can be said of a model beyond its table."""
+    partners = solution.tested.partners()
+    evidence = _evidence(solution)
     suspects = _suspects(solution, evidence)
     return Diagnosis(
-        rows=rows,
-        none=odds.none,
-        transfers=transfers,
+        transfers=solution.tested.transfers(),
         partners=partners,
         advice=_advice(solution, evidence, suspects, partners),
         suspects=suspects,
-        power=_real_power(solution, power),
     )
 
 
@@ -111,42 +56,47 @@ class _Evidence(NamedTuple):
         Probability that there is no gross error.
     """
 
-    chance: dict[RowKey, float]
-    size: dict[RowKey, float]
+    chance: dict[Row, float]
+    size: dict[Row, float]
     points: dict[str, float]
     none: float
 
 
-def _evidence(solution: ModelSolution, rows: tuple[RowDiagnosis, ...], none: float) -> _Evidence:
+def _evidence(solution: ModelSolution) -> _Evidence:
     """Return what the table says; under "exact", what the weight Sigma_F^-1 makes of it.
 
     In a table of correlated rows an error may show larger in another row than in its own. Where the
     largest needs an error beyond the usual width of the prior, the prior is as wide as that: else
     the odds would prefer a row that explains it worse by a smaller error.
     """
-    if solution.exact is None or solution.redundancy < 1:
-        chance: dict[RowKey, float] = {(row.point, row.axis): row.probability for row in rows}
-        size: dict[RowKey, float] = {row.key: row.w or 0.0 for row in solution.table}
-        return _Evidence(chance, size, point_odds(rows), none)
+    tested = solution.tested
+    if solution.exact is None or tested.redundancy < 1:
+        return _evidence_of(tested, np.nan_to_num(np.abs(tested.w)), tested.odds)
     system = residual_system(solution)
     w = np.full(len(system.e), np.nan)
     np.divide(np.abs(system.e), np.sqrt(system.r), out=w, where=system.r >= TESTABLE)
-    if solution.test.kind == "tau" and system.vtpv > 0.0:
-        w /= np.sqrt(system.vtpv / system.redundancy)
+    factor = tested.test.factor(sqrt(system.vtpv / system.redundancy))
+    if factor:
+        w /= factor
     shown = np.nan_to_num(w)
     top = int(np.argmax(shown))
     error = float(shown[top]) / max(float(system.r[top]), TESTABLE) ** 0.5
-    wider = max(1.0, error / ERROR_PRIOR_SIGMAS)
-    odds = error_odds(wider**2 * system.r, w, system.redundancy, solution.test.kind)
-    keys = [row.key for row in solution.table]
-    chances = dict(zip(keys, odds.rows.tolist(), strict=True))
-    points: dict[str, float] = {}
-    for (point, _), one in chances.items():
-        points[point] = points.get(point, 0.0) + one
-    return _Evidence(chances, dict(zip(keys, shown.tolist(), strict=True)), points, odds.none)
+    wider = max(ERROR_PRIOR_SIGMAS, error)
+    odds = error_odds(wider**2 * system.r, w, system.redundancy, tested.test.kind)
+    return _evidence_of(tested, shown, odds)
 
 
-def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[tuple[str, Axis], ...]:
+def _evidence_of(tested: Tested[Row], size: Array, odds: Odds) -> _Evidence:
+    keys, chances = tested.keys, odds.rows
+    return _Evidence(
+        dict(zip(keys, chances.tolist(), strict=True)),
+        dict(zip(keys, size.tolist(), strict=True)),
+        sum_by_point(keys, chances),
+        odds.none,
+    )
+
+
+def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[Row, ...]:
     """Rows to doubt, the most probably wrong first: of outliers, then flagged ones.
 
     Under "exact" one that is not flagged may be why others are, and the significance by the weight
@@ -154,7 +104,7 @@ def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[tuple[str, 
     """
     exact = solution.exact is not None
 
-    def order(row: TableRow) -> tuple[bool, float, float, float, float]:
+    def order(row: Observation[Row]) -> tuple[bool, float, float, float, float]:
         # odds saturate when errors are large; the significance then decides
         outlying = row.point in solution.outliers
         points, chance = evidence.points[row.point], evidence.chance[row.key]
@@ -171,30 +121,14 @@ def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[tuple[str, 
             for row in solution.table
             if row.key not in there and evidence.size[row.key] > critical
         ]
-    return tuple((row.point, row.axis) for row in sorted(doubted, key=order))
-
-
-def _real_power(solution: ModelSolution, power: float) -> float | None:
-    """Power of the applied test against the smallest detectable errors of the normal test."""
-    alpha = solution.test.alpha
-    if solution.test.kind == "tau":
-        return tau_power(noncentrality(alpha, power), alpha, solution.redundancy)
-    return power if solution.redundancy > 0 else None
-
-
-def point_odds(rows: tuple[RowDiagnosis, ...]) -> dict[str, float]:
-    """Return each point's probability of holding the gross error: the sum over its rows."""
-    out: dict[str, float] = {}
-    for row in rows:
-        out[row.point] = out.get(row.point, 0.0) + row.probability
-    return out
+    return tuple(row.key for row in sorted(doubted, key=order))
 
 
 def _advice(
     solution: ModelSolution,
     evidence: _Evidence,
-    suspects: tuple[tuple[str, Axis], ...],
-    partners: tuple[Partner, ...],
+    suspects: tuple[Row, ...],
+    partners: tuple[Partner[Row], ...],
 ) -> tuple[str, ...]:
     out = list(solution.remarks)
     if not suspects:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import inf
 
 import numpy as np
 
 from anaplot.adjustment.leastsquares import Adjustment, RankDefectError, adjust
-from anaplot.adjustment.reliability import Standardized, standardize
-from anaplot.aliases import Array, Axis
+from anaplot.adjustment.tested import Dense, Tested, examine
+from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.pair import Stereopair
-from anaplot.orientation.results import AppliedTest, ModelPoint, ModelSolution, TableRow
+from anaplot.orientation.results import ModelPoint, ModelSolution, Row
 from anaplot.orientation.solver import (
     IN_FRONT,
     ConditionEquations,
@@ -21,7 +21,7 @@ from anaplot.orientation.solver import (
     iterate,
     vertical_start,
 )
-from anaplot.orientation.tieerrors import exact_statistics
+from anaplot.orientation.tieerrors import ExactStatistics, exact_statistics
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
@@ -112,28 +112,15 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     exact = None
     if precision.tie_variance == "exact":
         exact = exact_statistics(pair, conditions, state, design, adjusted.q_vv)
-    vtpv = adjusted.vtpv if exact is None else float(adjusted.w @ exact.weight @ adjusted.w)
-    used = standardize(
-        adjusted,
-        kind=test.kind,
-        alpha=test.alpha,
-        apriori=apriori_mm,
-        cofactors=None if exact is None else np.diag(exact.residuals),
-        vtpv=vtpv,
-    )
-    table = _table(pair, conditions, adjusted, used)
-    f = adjusted.redundancy
+    tested = _tested(pair, conditions, adjusted, exact, precision, test)
     return ModelSolution(
         left=pair.left,
         right=pair.right,
         centre=tuple(pair.fixed.centre.tolist()),
         base=(state.bx, state.bx * state.beta_y, state.bx * state.beta_z),
         rotation=(omega, phi, kappa),
-        sigma0_um=sqrt(vtpv / f) * 1e3 if f > 0 else None,
-        redundancy=f,
         iterations=solution.iterations,
-        test=AppliedTest(test.kind, test.alpha, used.critical),
-        table=table,
+        tested=tested,
         points=points,
         ties=tuple(pair.points[k] for k in conditions.x_index),
         condition=adjusted.condition,
@@ -142,7 +129,6 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         outliers=suspects,
         remarks=_remarks(adjusted, behind),
         q_l=q_l,
-        q_vv=adjusted.q_vv if exact is None else exact.residuals,
         q_gg=adjusted.q_xx if exact is None else exact.unknowns,
         unknowns=unknowns,
         exact=exact,
@@ -261,27 +247,37 @@ def _design(
     return (np.concatenate(parts) * np.sqrt(q_l)).T, q_l
 
 
-def _table(
-    pair: Stereopair, conditions: ConditionEquations, adjusted: Adjustment, used: Standardized
-) -> tuple[TableRow, ...]:
+def _tested(
+    pair: Stereopair,
+    conditions: ConditionEquations,
+    adjusted: Adjustment,
+    exact: ExactStatistics | None,
+    precision: Precision,
+    test: TestSettings,
+) -> Tested[Row]:
     points = pair.points
-    names = [points[k] for k in conditions.y_index] + [points[k] for k in conditions.x_index]
-    axes: list[Axis] = ["y"] * len(conditions.y_index)
-    axes += ["x"] * len(conditions.x_index)
-    parallax = (adjusted.w * 1e3).tolist()
-    n = len(names)
-    expected: list[float] | list[None] = [None] * n
-    ratio: list[float | None] = [None] * n
-    if used.expected is not None and used.ratio is not None:
-        expected = (used.expected * 1e3).tolist()
-        ratio = [None if w != w else w for w in used.ratio.tolist()]
-    limit = inf if used.critical is None else used.critical
-    flagged = [
-        w is not None and w > limit and abs(parx) > _DUST_UM
-        for w, parx in zip(ratio, parallax, strict=True)
-    ]
-    return tuple(
-        map(TableRow, names, axes, adjusted.r.tolist(), parallax, expected, ratio, flagged)
+    keys: list[Row] = [(points[k], "y") for k in conditions.y_index]
+    keys += [(points[k], "x") for k in conditions.x_index]
+    apriori = precision.image_um
+    root = np.sqrt(adjusted.q_l)
+    vtpv, q_vv, deviation, moved = adjusted.vtpv, adjusted.q_vv, None, None
+    if exact is not None:
+        vtpv, q_vv = float(adjusted.w @ exact.weight @ adjusted.w), exact.residuals
+        deviation = apriori * np.sqrt(np.einsum("ii->i", q_vv))
+        moved = exact.effects * root
+    return examine(
+        keys,
+        ["um"] * len(keys),
+        adjusted.w * 1e3,
+        adjusted.r,
+        apriori * root,
+        vtpv=vtpv / (apriori * 1e-3) ** 2,
+        redundancy=adjusted.redundancy,
+        test=test,
+        deviation=deviation,
+        moved=moved,
+        rounding=_DUST_UM,
+        dense=Dense(q_vv, adjusted.q_vv / adjusted.q_l),
     )
 
 

@@ -35,7 +35,7 @@ def ideal_roots(solution: ModelSolution, keys: Sequence[tuple[str, str]] | None 
         (n,) in a-priori sigmas of the row; all NaN when the points do not determine the ideal
         model.
     """
-    rows = [row.key for row in solution.table] if keys is None else list(keys)
+    rows = list(solution.tested.keys) if keys is None else list(keys)
     rays = np.array([point[1:] for point in solution.points]) - solution.centre
     c = float(np.median(np.abs(rays[:, 2])))
     base = solution.base[0]
@@ -54,9 +54,9 @@ def ideal_roots(solution: ModelSolution, keys: Sequence[tuple[str, str]] | None 
         )
     except NotComputableError:
         return np.full(len(rows), np.nan)
-    redundancy = dict(
+    redundancy: dict[tuple[str, str], float] = dict(
         zip(
-            (row.key for row in ideal.table),
+            ideal.tested.keys,
             np.maximum(residual_system(ideal).r, 0.0).tolist(),
             strict=True,
         )

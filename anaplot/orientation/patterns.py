@@ -111,7 +111,8 @@ class Pattern:
         tie_variance: TieVariance = "paper",
     ) -> dict[tuple[str, str], float]:
         """Return the redundancy number of every row (label, axis) of the ideal model."""
-        return {row.key: row.r for row in self.ideal(base, d, c, tie_variance).table}
+        ideal = self.ideal(base, d, c, tie_variance).tested
+        return dict(zip(ideal.keys, ideal.r.tolist(), strict=True))
 
     def trace_q_gg(
         self,

@@ -74,19 +74,18 @@ def residual_system(solution: ModelSolution) -> DenseResiduals:
     """
     if solution.exact is not None:
         return _correlated(
-            tuple(row.key for row in solution.table),
-            np.array([row.residual for row in solution.table]) / solution.apriori_um,
+            tuple(solution.tested.keys),
+            solution.tested.residual / solution.apriori_um,
             solution.exact.weight,
             solution.redundancy,
             correlated_units(solution.exact.misclosures),
         )
     root = np.sqrt(solution.q_l)
-    parallax = np.array([row.residual for row in solution.table])
-    e = parallax / (solution.apriori_um * root)
+    e = solution.tested.residual / (solution.apriori_um * root)
     return DenseResiduals(
-        tuple(row.key for row in solution.table),
+        tuple(solution.tested.keys),
         e,
-        np.array([row.r for row in solution.table]),
+        solution.tested.r,
         float(e @ e),
         solution.redundancy,
         solution.q_vv / root[:, None] / root,

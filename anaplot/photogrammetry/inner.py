@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from anaplot.adjustment.reliability import (
-    error_odds,
-    residual_correlations,
-    smallest_detectable_errors,
-    standardize,
-)
-from anaplot.adjustment.significance import noncentrality, tau_power
+from anaplot.adjustment.tested import Dense, examine
 from anaplot.aliases import Axis, Bools
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import TestSettings
@@ -21,14 +14,7 @@ from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.distancefit import fit_distances
 from anaplot.photogrammetry.fiducialfit import fit_fiducials
 from anaplot.photogrammetry.innerfit import InnerFit, in_brackets
-from anaplot.photogrammetry.innerresults import (
-    HARD_TO_TELL,
-    AppliedTest,
-    DistanceRow,
-    InnerOrientation,
-    InnerPartner,
-    InnerRow,
-)
+from anaplot.photogrammetry.innerresults import DistanceRow, Fiducial, InnerOrientation
 from anaplot.photogrammetry.platetransformation import (
     TRANSFORMATIONS,
     Placement,
@@ -38,14 +24,10 @@ from anaplot.photogrammetry.platetransformation import (
 )
 
 __all__ = [
-    "HARD_TO_TELL",
     "MINIMUM",
     "TRANSFORMATIONS",
-    "AppliedTest",
     "DistanceRow",
     "InnerOrientation",
-    "InnerPartner",
-    "InnerRow",
     "Placement",
     "PlateTransformation",
     "TransformationName",
@@ -174,75 +156,37 @@ def _result(
     keep: Bools,
 ) -> InnerOrientation:
     adjusted = fit.adjustment
-    adjusted = replace(
-        adjusted,
-        w=adjusted.w[keep],
-        q_l=adjusted.q_l[keep],
-        q_vv=adjusted.q_vv[np.ix_(keep, keep)],
-        r=adjusted.r[keep],
-    )
+    residual, vtpv, f = adjusted.w[keep], adjusted.vtpv, adjusted.redundancy
     if (adjusted.sigma0 or 0.0) < _NOTHING_MM:
-        adjusted = replace(adjusted, w=np.zeros_like(adjusted.w), vtpv=0.0)
-    f = adjusted.redundancy
-    tested = standardize(adjusted, kind=test.kind, alpha=test.alpha, apriori=apriori_um * 1e-3)
-    detectable = smallest_detectable_errors(
-        adjusted.r, adjusted.q_l, apriori=apriori_um, alpha=test.alpha, power=test.power
+        residual, vtpv = np.zeros_like(residual), 0.0
+    keys: list[Fiducial] = [(name, axis) for name in names for axis in _AXES]
+    q_vv = adjusted.q_vv[np.ix_(keep, keep)]
+    tested = examine(
+        [key for key, kept in zip(keys, keep.tolist(), strict=True) if kept],
+        ["um"] * len(residual),
+        residual * 1e3,
+        adjusted.r[keep],
+        apriori_um * np.sqrt(adjusted.q_l[keep]),
+        vtpv=vtpv / (apriori_um * 1e-3) ** 2,
+        redundancy=f,
+        test=test,
+        dense=Dense(q_vv, q_vv / adjusted.q_l[keep]),
     )
-    odds = error_odds(adjusted.r, tested.ratio if f > 0 else None, f, test.kind)
-    every: list[tuple[str, Axis]] = [(name, axis) for name in names for axis in _AXES]
-    keys = [key for key, kept in zip(every, keep.tolist(), strict=True) if kept]
-    rows = []
-    for k, (name, axis) in enumerate(keys):
-        w = None if tested.ratio is None else _number(tested.ratio[k])
-        rows.append(
-            InnerRow(
-                fiducial=name,
-                axis=axis,
-                r=float(adjusted.r[k]),
-                residual=float(adjusted.w[k]) * 1e3,
-                expected=None if tested.expected is None else float(tested.expected[k]) * 1e3,
-                w=w,
-                flagged=w is not None and tested.critical is not None and w > tested.critical,
-                mdb=_number(detectable[k]),
-                probability=float(odds.rows[k]),
-            )
-        )
-    correlation = residual_correlations(adjusted.q_vv, adjusted.r)
-    first, second = np.nonzero(np.triu(np.abs(correlation) >= HARD_TO_TELL, 1))
-    sigma0 = adjusted.sigma0
-    power: float | None = None
     from scipy.special import chdtri  # loaded with the first inner orientation
 
-    if f > 0:
-        delta = noncentrality(test.alpha, test.power)
-        power = test.power if test.kind == "baarda" else tau_power(delta, test.alpha, f)
     return InnerOrientation(
         camera=calibration.id,
         transformation=fit.transformation,
         placement=fit.transformation.placement(),
-        sigma0_um=None if sigma0 is None else sigma0 * 1e3,
         apriori_um=apriori_um,
-        redundancy=f,
         iterations=fit.iterations,
-        test=AppliedTest(test.kind, test.alpha, tested.critical),
-        rows=tuple(rows),
-        partners=tuple(
-            InnerPartner(keys[i], keys[j], float(correlation[i, j]))
-            for i, j in zip(first.tolist(), second.tolist(), strict=True)
-        ),
+        tested=tested,
         distances=fit.distances,
         unmeasured=tuple(n for n in calibration.fiducial_names() if n not in names),
-        none=odds.none,
-        power=power,
         overall=apriori_um * float(np.sqrt(chdtri(f, test.alpha) / f)) if f > 0 else None,
         exchanged=fit.exchanged,
         remarks=fit.remarks,
-        q_vv=adjusted.q_vv,
     )
 
 
 _AXES: tuple[Axis, Axis] = ("x", "y")
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

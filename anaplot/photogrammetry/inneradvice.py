@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from anaplot.adjustment.oddswords import odds_in_words, to_one
-from anaplot.photogrammetry.innerresults import InnerOrientation, InnerRow
+from anaplot.adjustment.tested import Observation
+from anaplot.photogrammetry.innerresults import Fiducial, InnerOrientation
 from anaplot.photogrammetry.platetransformation import TITLES, TransformationName
 
 __all__ = ["inner_advice"]
@@ -28,7 +29,7 @@ def inner_advice(inner: InnerOrientation) -> tuple[str, ...]:
 
 
 def _what_to_measure(inner: InnerOrientation) -> list[str]:
-    names = list(dict.fromkeys(row.fiducial for row in inner.rows))
+    names = list(dict.fromkeys(row.point for row in inner.rows))
     title = TITLES[inner.kind]
     if inner.exchanged:
         first, second = inner.exchanged
@@ -40,22 +41,22 @@ def _what_to_measure(inner: InnerOrientation) -> list[str]:
     flagged = inner.flagged
     if flagged:
         row = flagged[0]
-        chances = _by_fiducial(inner)
+        chances = inner.tested.point_odds()
         if inner.locatable:
-            out.append(f"remeasure {row.fiducial} ({row.axis})" + _odds(row, chances))
+            out.append(f"remeasure {row.point} ({row.axis})" + _odds(row, chances))
         else:
             out.append(f"{_all(names)} must be measured again: which one is wrong is not known")
         for partner in inner.partners:
             if inner.locatable and row.key in (partner.first, partner.second):
                 other = partner.second if partner.first == row.key else partner.first
                 out.append(
-                    f"{row.fiducial} {row.axis} and {other[0]} {other[1]} are hard to tell apart "
+                    f"{row.point} {row.axis} and {other[0]} {other[1]} are hard to tell apart "
                     f"(correlation {partner.correlation:.2f})"
                 )
-        if inner.none > chances[row.fiducial]:
+        if inner.tested.odds.none > chances[row.point]:
             out.append(
-                f"no gross error at all: {to_one(inner.none, chances[row.fiducial])} over "
-                f"{row.fiducial}"
+                f"no gross error at all: {to_one(inner.tested.odds.none, chances[row.point])} over "
+                f"{row.point}"
             )
     elif inner.refused and inner.sigma0_um is not None:
         times = f"sigma0 is {inner.sigma0_um / inner.apriori_um:.1f} times its a-priori value"
@@ -80,7 +81,7 @@ def _what_to_measure(inner: InnerOrientation) -> list[str]:
 
 
 def _what_cannot_be_known(inner: InnerOrientation) -> list[str]:
-    count = len({row.fiducial for row in inner.rows})
+    count = len({row.point for row in inner.rows})
     title = TITLES[inner.kind]
     if inner.redundancy == 0:
         return [f"{_number_word(count)} fiducials and {title}: no check at all"]
@@ -90,22 +91,14 @@ def _what_cannot_be_known(inner: InnerOrientation) -> list[str]:
             f"{title} (redundancy {inner.redundancy}): residuals of different fiducials are equal "
             "but for sign and size"
         ]
-    blind = [f"{row.fiducial} {row.axis}" for row in inner.rows if row.mdb is None]
+    blind = [f"{row.point} {row.axis}" for row in inner.rows if row.mdb is None]
     return [f"cannot be tested: {', '.join(blind)}"] if blind else []
 
 
-def _by_fiducial(inner: InnerOrientation) -> dict[str, float]:
-    """Return each fiducial's probability of holding the gross error: the sum over its rows."""
-    out: dict[str, float] = {}
-    for row in inner.rows:
-        out[row.fiducial] = out.get(row.fiducial, 0.0) + row.probability
-    return out
-
-
-def _odds(row: InnerRow, chances: dict[str, float]) -> str:
-    others = {name: p for name, p in chances.items() if name != row.fiducial}
+def _odds(row: Observation[Fiducial], chances: dict[str, float]) -> str:
+    others = {name: p for name, p in chances.items() if name != row.point}
     rival = max(others, key=others.__getitem__)
-    return f": {odds_in_words(chances, row.fiducial, rival)}"
+    return f": {odds_in_words(chances, row.point, rival)}"
 
 
 def _all(names: list[str]) -> str:

@@ -1,64 +1,21 @@
-"""What inner orientation returns: rows that carry everything said of one measured coordinate."""
+"""What inner orientation returns."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
-from anaplot.adjustment.reliability import HARD_TO_TELL, AppliedTest
-from anaplot.aliases import Array, Axis
+from anaplot.adjustment.tested import AppliedTest, Observation, Partner, Tested
+from anaplot.aliases import Axis
 from anaplot.photogrammetry.platetransformation import Placement, PlateTransformation
 
-__all__ = [
-    "HARD_TO_TELL",
-    "AppliedTest",
-    "DistanceRow",
-    "InnerOrientation",
-    "InnerPartner",
-    "InnerRow",
-]
+__all__ = ["DistanceRow", "Fiducial", "InnerOrientation"]
 
+Fiducial = tuple[str, Axis]
+"""A row of an inner orientation: name and axis."""
 
 _INSEPARABLE = 1.0 - 1e-4
-
-
-class InnerRow(NamedTuple):
-    """One coordinate of one measured fiducial.
-
-    Attributes
-    ----------
-    fiducial, axis
-        Name, and "x" or "y" along the image's axes.
-    r
-        Redundancy number r_i.
-    residual
-        Residual [um in the image], adjusted minus measured: - r_i times an error of the row.
-    expected
-        Its expected standard deviation [um]; None when sigma does not exist.
-    w
-        Standardized residual; None when the row cannot be tested.
-    flagged
-        Whether w exceeds the critical value.
-    mdb
-        Smallest detectable error [um], for the a-priori sigma0; None when it cannot be tested.
-    probability
-        Posterior probability that this row holds the one gross error.
-    """
-
-    fiducial: str
-    axis: Axis
-    r: float
-    residual: float
-    expected: float | None
-    w: float | None
-    flagged: bool
-    mdb: float | None
-    probability: float
-
-    @property
-    def key(self) -> tuple[str, Axis]:
-        """(fiducial, axis), the row's identity."""
-        return self.fiducial, self.axis
 
 
 class DistanceRow(NamedTuple):
@@ -70,15 +27,7 @@ class DistanceRow(NamedTuple):
     difference_um: float
 
 
-class InnerPartner(NamedTuple):
-    """Two rows whose residuals are correlated by 0.9 or more: hard to tell apart."""
-
-    first: tuple[str, Axis]
-    second: tuple[str, Axis]
-    correlation: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class InnerOrientation:
     """The inner orientation of one photograph.
 
@@ -90,28 +39,17 @@ class InnerOrientation:
         Plate to image (the camera's fiducial system), and back.
     placement
         How the photograph lies on the plate.
-    sigma0_um
-        Estimated sigma0 [um]; None without redundancy.
     apriori_um
         A-priori sigma0 [um] of a measured plate coordinate.
-    redundancy, iterations
-        Counts.
-    test
-        The test that flags rows.
-    rows
-        x and y of every fiducial in use, in the order of the certificate; rows switched off are
-        left out.
-    partners
-        Rows hard to tell apart.
+    iterations
+        Count.
+    tested
+        x and y of every fiducial in use [um], in the order of the certificate; rows switched off
+        are left out.
     distances
         Where only distances are known, each of those in use.
     unmeasured
         Fiducials of the certificate that are not measured.
-    none
-        Posterior probability that no row holds a gross error.
-    power
-        Power that the test really has against errors of the size `mdb`; None where there is no
-        test.
     overall
         Critical value of sigma0_um by the test of the whole adjustment, same alpha (chi-square of
         the redundancy); None without redundancy.
@@ -119,28 +57,19 @@ class InnerOrientation:
         Two fiducials whose exchange would make a bad fit good: measured in the wrong order?
     remarks
         Sentences on how the transformation was chosen.
-    q_vv
-        (m, m) cofactors of the residuals, in the order of the m rows.
     """
 
     camera: str
     transformation: PlateTransformation
     placement: Placement
-    sigma0_um: float | None
     apriori_um: float
-    redundancy: int
     iterations: int
-    test: AppliedTest
-    rows: tuple[InnerRow, ...]
-    partners: tuple[InnerPartner, ...]
+    tested: Tested[Fiducial]
     distances: tuple[DistanceRow, ...]
     unmeasured: tuple[str, ...]
-    none: float
-    power: float | None
     overall: float | None
     exchanged: tuple[str, str] | None
     remarks: tuple[str, ...]
-    q_vv: Array = field(repr=False)
 
     @property
     def kind(self) -> str:
@@ -148,7 +77,33 @@ class InnerOrientation:
         return self.transformation.kind
 
     @property
-    def flagged(self) -> tuple[InnerRow, ...]:
+    def sigma0_um(self) -> float | None:
+        """Estimated sigma0 [um]; None without redundancy."""
+        sigma0 = self.tested.sigma0
+        return None if sigma0 is None else sigma0 * self.apriori_um
+
+    @property
+    def redundancy(self) -> int:
+        """Redundancy."""
+        return self.tested.redundancy
+
+    @property
+    def test(self) -> AppliedTest:
+        """The test that flags rows."""
+        return self.tested.test
+
+    @cached_property
+    def rows(self) -> tuple[Observation[Fiducial], ...]:
+        """The tested rows."""
+        return tuple(self.tested)
+
+    @cached_property
+    def partners(self) -> tuple[Partner[Fiducial], ...]:
+        """Rows hard to tell apart."""
+        return self.tested.partners()
+
+    @property
+    def flagged(self) -> tuple[Observation[Fiducial], ...]:
         """Rows whose significance exceeds the critical value, the most probably wrong first."""
         found = [row for row in self.rows if row.flagged]
         return tuple(sorted(found, key=lambda row: -row.probability))

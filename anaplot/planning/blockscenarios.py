@@ -13,9 +13,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from anaplot.adjustment.batch import standardized, tau_statistics
-from anaplot.adjustment.reliability import smallest_detectable_errors
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import (
+    TESTABLE,
     critical_normal,
     critical_tau,
     noncentrality,
@@ -137,9 +137,7 @@ class _SizeTrial:
         signs = rng.choice((-1.0, 1.0), runs)
         one = np.arange(runs)
         for alpha in self._alphas:
-            least = smallest_detectable_errors(
-                r, np.ones(n), apriori=1.0, alpha=alpha, power=_POWER
-            )
+            least = noncentrality(alpha, _POWER) / np.sqrt(np.maximum(r, TESTABLE))
             wrong = noise + (signs * least[rows])[:, None] * self._matrix[rows]
             for method in methods:
                 clean, hit = (_statistics(method, e, r, redundancy) for e in (noise, wrong))

@@ -13,7 +13,6 @@ import numpy as np
 
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.aliases import Array
-from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
@@ -135,8 +134,7 @@ class _StripTrial:
 
     def _detectable(self, tie_variance: TieVariance) -> Array:
         """Return the smallest detectable errors of the last model's y rows [mm]."""
-        last = self._bridged(None, tie_variance)[-1]
-        rows = diagnose(last, POWER).rows
+        rows = self._bridged(None, tie_variance)[-1].table
         return np.array([row.mdb or np.inf for row in rows if row.axis == "y"]) / 1000.0
 
     def _one(
@@ -191,17 +189,18 @@ class _StripTrial:
             preceding=before,
             base=self._base,
         )
-        return orient(pair, Precision(_IMAGE_UM, tie_variance), TestSettings("baarda", self._alpha))
+        test = TestSettings("baarda", self._alpha, POWER)
+        return orient(pair, Precision(_IMAGE_UM, tie_variance), test)
 
 
 def _flags(solution: ModelSolution, method: str, axis: str, alpha: float) -> list[bool]:
-    """Return which rows of an axis a test flags; `sigf` of the solution has the a-priori sigma."""
+    """Return which rows of an axis a test flags; `w` of the solution has the a-priori sigma."""
     limit: float | None = critical_normal(alpha)
     if method == "tau":
         sigma0, critical = solution.sigma0_um, critical_tau(alpha, solution.redundancy)
         limit = None if not sigma0 or critical is None else critical * sigma0 / solution.apriori_um
     return [
-        limit is not None and row.w is not None and row.w > limit
+        limit is not None and row.size is not None and row.size > limit
         for row in solution.table
         if row.axis == axis
     ]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from anaplot.adjustment.findings import SearchStep
-from anaplot.adjustment.reliability import Odds
 from anaplot.adjustment.strategies import deciding_critical, sigma_of
+from anaplot.adjustment.tested import Odds
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.errors.controllast import ControlLast, clean_control_last
 from anaplot.bundle.errors.grosserrors import BlockFindings, RejectedObservation, block_gross_errors

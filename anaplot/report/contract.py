@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.results import ModelSolution, TableRow
+from anaplot.adjustment.tested import Observation
+from anaplot.orientation.results import ModelSolution, Row
 from anaplot.orientation.strip import BridgedStrip
 from anaplot.report.innercontract import photo_json
 from anaplot.simulation.automatic import ModelRecord
@@ -18,7 +18,7 @@ __all__ = ["bridge_json", "demo_json", "model_json", "table_json"]
 Json = dict[str, Any]
 
 
-def table_json(table: Iterable[TableRow]) -> list[Json]:
+def table_json(table: Iterable[Observation[Row]]) -> list[Json]:
     """Return the rows of a table; what does not exist is None."""
     return [
         {
@@ -27,7 +27,7 @@ def table_json(table: Iterable[TableRow]) -> list[Json]:
             "redn": row.r,
             "parx_um": row.residual,
             "expd_um": row.expected,
-            "sigf": row.w,
+            "sigf": row.size,
             "flagged": row.flagged,
         }
         for row in table
@@ -64,12 +64,11 @@ def model_json(model: ModelSolution) -> Json:
 
 def _odds_json(model: ModelSolution) -> Json:
     """Return the probabilities of no gross error, and of one in each row."""
-    diagnosis = diagnose(model)
     return {
-        "none": diagnosis.none,
+        "none": model.tested.odds.none,
         "rows": [
             {"point": row.point, "axis": row.axis, "probability": row.probability}
-            for row in diagnosis.rows
+            for row in model.table
         ],
     }
 

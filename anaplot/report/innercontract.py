@@ -56,26 +56,26 @@ def photo_json(photo: str, inner: InnerOrientation) -> Json:
             "kind": inner.test.kind,
             "alpha": inner.test.alpha,
             "critical": inner.test.critical,
-            "power": inner.power,
+            "power": inner.tested.power,
             "sigma0_limit_um": inner.overall,
         },
         "refused": inner.refused,
         "locatable": inner.locatable,
         "table": [
             {
-                "fiducial": row.fiducial,
+                "fiducial": row.point,
                 "axis": row.axis,
                 "redn": row.r,
                 "residual_um": row.residual,
                 "expd_um": row.expected,
-                "sigf": row.w,
+                "sigf": row.size,
                 "flagged": row.flagged,
                 "mdb_um": row.mdb,
                 "probability": row.probability,
             }
             for row in inner.rows
         ],
-        "odds": {"none": inner.none},
+        "odds": {"none": inner.tested.odds.none},
         "partners": [
             {"first": list(p.first), "second": list(p.second), "correlation": p.correlation}
             for p in inner.partners

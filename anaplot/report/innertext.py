@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from math import degrees
 
+from anaplot.adjustment.tested import Observation
 from anaplot.photogrammetry.camera import CameraCalibration, RadialTable
-from anaplot.photogrammetry.inner import InnerOrientation, InnerRow
+from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.photogrammetry.inneradvice import inner_advice
+from anaplot.photogrammetry.innerresults import Fiducial
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.report.columns import cell
 from anaplot.textfiles.wording import plain
@@ -21,15 +23,15 @@ def inner_table_lines(inner: InnerOrientation) -> list[str]:
     deviation, SIGF their ratio, MDB smallest detectable error; all but RED-N and SIGF in um.
     """
     accused = inner.flagged[0].key if inner.flagged and inner.locatable else None
-    width = max([8, *(len(plain(row.fiducial)) for row in inner.rows)])
+    width = max([8, *(len(plain(row.point)) for row in inner.rows)])
     lines = [
         f"  {'FIDUCIAL':<{width}}     RED-N   RESID    EXPD    SIGF     MDB",
         f"  {'':<{width}}{'um':>18}{'um':>8}{'um':>16}",
     ]
     for row in inner.rows:
         line = (
-            f"  {plain(row.fiducial):<{width}}  {row.axis}  {row.r:6.3f}"
-            f"{_um(row.residual)}{_um(row.expected)}{cell(row.w, 2, 8)}{_um(row.mdb)}"
+            f"  {plain(row.point):<{width}}  {row.axis}  {row.r:6.3f}"
+            f"{_um(row.residual)}{_um(row.expected)}{cell(row.size, 2, 8)}{_um(row.mdb)}"
             f"  {_verdict(row, accused)}"
         )
         lines.append(line.rstrip())
@@ -49,7 +51,7 @@ def inner_printout(photo: str, inner: InnerOrientation) -> str:
         f"  sigma0    {sigma0}, a priori {inner.apriori_um:g} um, redundancy {inner.redundancy}",
         f"  test      {inner.test.kind}, alpha {inner.test.alpha:g}, critical value {critical}"
         + limit
-        + ("" if inner.power is None else f", power {inner.power:.2f} at MDB"),
+        + ("" if inner.tested.power is None else f", power {inner.tested.power:.2f} at MDB"),
         f"  origin    x {place.x:.4f}  y {place.y:.4f} mm on the plate",
         f"  rotation  {degrees(place.rotation):.5f} deg"
         + (f", shear {degrees(place.shear):.5f} deg" if inner.kind in _SHEARED else "")
@@ -93,7 +95,7 @@ _TWO_SCALES = ("scales", "affine", "bilinear", "projective")
 _SHEARED = ("affine", "bilinear", "projective")
 
 
-def _verdict(row: InnerRow, accused: tuple[str, str] | None) -> str:
+def _verdict(row: Observation[Fiducial], accused: tuple[str, str] | None) -> str:
     if row.flagged:
         return "<< REMEASURE" if row.key == accused else "< flagged"
     return "not testable" if row.mdb is None else ""

@@ -87,7 +87,7 @@ def run_bridge_errors(
                 print(
                     model_printout(
                         cleaned.solution,
-                        diagnose(cleaned.solution, block.test.power),
+                        diagnose(cleaned.solution),
                         strip=strip.bridged.strip,
                         number=k + 1,
                         count=len(declared.models()),

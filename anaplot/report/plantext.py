@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
-from anaplot.orientation.results import ModelSolution, Transfer
+from anaplot.adjustment.tested import Transfer
+from anaplot.aliases import Axis
+from anaplot.orientation.results import ModelSolution, Row
 from anaplot.planning.patternplan import Place, PlannedPattern, PointAdvice, PointSetAdvice
 from anaplot.report.columns import cell
 from anaplot.textfiles.wording import plain
@@ -31,7 +33,7 @@ class _Arrow(NamedTuple):
 
 
 def drawing(
-    plan: PlannedPattern, solution: ModelSolution, transfers: Iterable[Transfer] = ()
+    plan: PlannedPattern, solution: ModelSolution, transfers: Iterable[Transfer[Row]] = ()
 ) -> list[str]:
     """Return the points in their places, each with its redundancy numbers, at most 80 wide.
 
@@ -85,11 +87,14 @@ def _ranks(values: list[float]) -> list[int]:
     return [rank[round(value, 3)] for value in values]
 
 
-def _cell(labels: list[str], r: dict[tuple[str, str], float], width: int) -> list[str]:
+_AXES: tuple[Axis, Axis] = ("y", "x")
+
+
+def _cell(labels: list[str], r: Mapping[Row, float], width: int) -> list[str]:
     lines = []
     for label in labels:
         lines.append(f"o {plain(label)}"[: width - 1])
-        lines += [f"  {a} {r[label, a]:.3f}" for a in ("y", "x") if (label, a) in r]
+        lines += [f"  {a} {r[label, a]:.3f}" for a in _AXES if (label, a) in r]
     return lines or [""]
 
 
@@ -98,7 +103,7 @@ def _row(cells: list[str], width: int) -> str:
 
 
 def _arrows(
-    place: dict[str, Cell], transfers: Iterable[Transfer]
+    place: dict[str, Cell], transfers: Iterable[Transfer[Row]]
 ) -> dict[tuple[Cell, Cell], _Arrow]:
     neighbours = _neighbours(set(place.values()))
     out: dict[tuple[Cell, Cell], _Arrow] = {}
@@ -174,7 +179,7 @@ def _vertical(
     return lines
 
 
-def _listed(plan: PlannedPattern, r: dict[tuple[str, str], float]) -> list[str]:
+def _listed(plan: PlannedPattern, r: Mapping[Row, float]) -> list[str]:
     lines = ["POINT             x mm     y mm    r of y    r of x"]
     for label, x, y in plan.points:
         tie = cell(r[label, "x"], 3, 10) if (label, "x") in r else ""
@@ -185,7 +190,7 @@ def _listed(plan: PlannedPattern, r: dict[tuple[str, str], float]) -> list[str]:
     return lines
 
 
-def transfer_lines(transfers: tuple[Transfer, ...]) -> list[str]:
+def transfer_lines(transfers: tuple[Transfer[Row], ...]) -> list[str]:
     """Return one arrow per critical transfer, with its value."""
     if not transfers:
         return ["no critical transfers"]

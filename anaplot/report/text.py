@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import degrees
 
-from anaplot.orientation.results import Diagnosis, ModelSolution, TableRow
+from anaplot.adjustment.tested import Observation
+from anaplot.orientation.results import Diagnosis, ModelSolution, Row
 from anaplot.report.columns import cell
 from anaplot.textfiles.wording import plain
 
@@ -14,7 +15,7 @@ __all__ = ["model_printout", "table_lines", "verdict"]
 _PER_LINE = 6
 
 
-def verdict(row: TableRow, accused: tuple[str, str] | None) -> str:
+def verdict(row: Observation[Row], accused: tuple[str, str] | None) -> str:
     """Return what a row's test says, in a word; `accused` is the row most probably wrong."""
     if row.key == accused:
         return "<< REMEASURE"
@@ -25,7 +26,9 @@ def verdict(row: TableRow, accused: tuple[str, str] | None) -> str:
     return ""
 
 
-def table_lines(table: Iterable[TableRow], suspects: Sequence[tuple[str, str]] = ()) -> list[str]:
+def table_lines(
+    table: Iterable[Observation[Row]], suspects: Sequence[tuple[str, str]] = ()
+) -> list[str]:
     """Return the RED-N / PARX / EXPD / SIGF table, a line each, with a heading.
 
     Parameters
@@ -45,14 +48,14 @@ def table_lines(table: Iterable[TableRow], suspects: Sequence[tuple[str, str]] =
     for row in rows:
         line = (
             f"  {plain(row.point):<{width}}  {row.axis}  {row.r:6.3f}"
-            f"{cell(row.residual, 1, 8)}{cell(row.expected, 1, 8)}{cell(row.w, 2, 8)}"
+            f"{cell(row.residual, 1, 8)}{cell(row.expected, 1, 8)}{cell(row.size, 2, 8)}"
             f"  {verdict(row, accused)}"
         )
         lines.append(line.rstrip())
     return lines
 
 
-def _discrepancies(title: str, rows: list[TableRow]) -> list[str]:
+def _discrepancies(title: str, rows: list[Observation[Row]]) -> list[str]:
     if not rows:
         return []
     width = max(len(plain(row.point)) for row in rows)

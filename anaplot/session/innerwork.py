@@ -140,11 +140,11 @@ def _suspects(inner: InnerState, solution: InnerOrientation) -> tuple[Suspect, .
     if not flagged and (solution.locatable or not solution.refused):
         return ()
     if solution.locatable:
-        keys = [row.key if inner.rows else (row.fiducial, None) for row in flagged]
+        keys = [row.key if inner.rows else (row.point, None) for row in flagged]
         return tuple(dict.fromkeys(keys))
     # which one is wrong cannot be known: each is measured again, in turn
     times = {m.fiducial: m.times for m in inner.measured}
-    names = dict.fromkeys(row.fiducial for row in solution.rows)
+    names = dict.fromkeys(row.point for row in solution.rows)
     return tuple((name, None) for name in sorted(names, key=times.__getitem__))
 
 

@@ -86,9 +86,9 @@ def _solve(
 
 
 @lru_cache(maxsize=256)
-def diagnosis_of(solution: ModelSolution, power: float) -> Diagnosis:
+def diagnosis_of(solution: ModelSolution) -> Diagnosis:
     """Return what is said of a model beyond its table, remembered."""
-    return diagnose(solution, power)
+    return diagnose(solution)
 
 
 def strip_solutions(state: SessionState, strip: str) -> tuple[ModelSolution, ...]:

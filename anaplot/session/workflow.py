@@ -86,7 +86,7 @@ def outlook(state: SessionState) -> Outlook:
     if model.measured:
         try:
             solution = solve(state, model)
-            diagnosis = diagnosis_of(solution, state.block.test.power)
+            diagnosis = diagnosis_of(solution)
             suspects = tuple(dict.fromkeys(point for point, _ in diagnosis.suspects))
         except WrongPointsError as error:
             problem, suspects = str(error), error.suspects

@@ -192,13 +192,13 @@ def _repaired(
             continue
         except NotComputableError:
             return None
-        suspects = diagnose(solution, block.test.power).suspects
+        suspects = diagnose(solution).suspects
         if not suspects:
             return None if wrong.keys() & shown.keys() else solution
         guilty = carried | (wrong.keys() & shown.keys())
-        others = [row.w or 0.0 for row in solution.table if row.point not in guilty]
+        others = [row.size or 0.0 for row in solution.table if row.point not in guilty]
         accused = next(row for row in solution.table if row.key == suspects[0])
-        if accused.point not in guilty or (accused.w or 0.0) < max(others, default=0.0) + _CLEAR:
+        if accused.point not in guilty or (accused.size or 0.0) < max(others, default=0.0) + _CLEAR:
             return None
         if accused.point in shown:
             wrong.pop(accused.point, None)
@@ -233,7 +233,7 @@ def _models(block: Block, truth: Truth, candidates: Candidates, pattern: Pattern
         )
         solution = orient(pair, block.precision, block.test)
         sigma = block.precision.image_um * 1e-3
-        smallest = {
+        smallest: dict[tuple[str, str], float] = {
             row.key: SMALLEST * sigma * sqrt(q / max(row.r, 1e-9))
             for row, q in zip(solution.table, solution.q_l.tolist(), strict=True)
         }

@@ -57,8 +57,9 @@ def plant_wrong_fiducial(
     smallest = SMALLEST * block.precision.image_um * 1e-3 / sqrt(max(row.r, 1e-3))
     size = (1.0 if rng.random() < 0.5 else -1.0) * smallest * float(rng.uniform(1.1, 3.0))
     name = f"{left}/{right}"
-    planted = Planted(name, row.fiducial, photo, row.axis, size * 1e3, "wrong fiducial", True, name)
-    offsets = {(left, right, fiducial_name(side, row.fiducial)): _offsets(side, row.axis, size)}
+    fiducial, axis = row.key
+    planted = Planted(name, fiducial, photo, axis, size * 1e3, "wrong fiducial", True, name)
+    offsets = {(left, right, fiducial_name(side, fiducial)): _offsets(side, axis, size)}
     return planted, offsets
 
 

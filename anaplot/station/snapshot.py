@@ -276,7 +276,7 @@ def _inner(block: Block, inner: InnerState, view: Outlook) -> InnerView:
     current = view.inner is not None and view.inner.state is inner
     found: InnerOutlook = view.inner if current and view.inner else inner_outlook(block, inner)
     solution = found.solution
-    flagged = set() if solution is None else {row.fiducial for row in solution.flagged}
+    flagged = set() if solution is None else {row.point for row in solution.flagged}
     calibration = block.camera_of(inner.photo).calibration
     places = {} if calibration is None else expected_fiducials(calibration)
     fiducials = []

@@ -16,15 +16,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
+from anaplot.adjustment.tested import Observation
 from anaplot.aliases import Axis, Side
 from anaplot.errors import AnaplotError, InputError, NotComputableError
 from anaplot.exchange.blockfolder import clear_image_points, read_block, write_image_points
 from anaplot.exchange.journal import Journal, JournalError, event_of
 from anaplot.orientation.model import warm_up
 from anaplot.orientation.patterns import pattern
-from anaplot.orientation.results import TableRow
+from anaplot.orientation.results import Row
 from anaplot.photogrammetry.block import Block
-from anaplot.photogrammetry.inner import InnerRow
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.planning.modelplan import Candidates
 from anaplot.plotter.commands import UNCHECKED
@@ -826,7 +826,7 @@ class Station:
             self._tell("warning", "flagged: " + ", ".join(f"{name} {axis}" for name, axis in fresh))
         self._advance()
 
-    def _flagged(self) -> tuple[TableRow | InnerRow, ...]:
+    def _flagged(self) -> tuple[Observation[Row], ...]:
         view = self._outlook.inner
         solution = self._outlook.solution if view is None else view.solution
         return () if solution is None else solution.flagged

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from math import isclose
 from typing import Any, NamedTuple
 
-from anaplot.orientation.results import ModelSolution, TableRow
-from anaplot.photogrammetry.inner import InnerOrientation, InnerRow
+from anaplot.adjustment.tested import Observation
+from anaplot.orientation.results import ModelSolution, Row
+from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.session.innerstate import InnerState
 from anaplot.station.payloads import RecordedInnerTable, RecordedTable, Value
 from anaplot.textfiles.wording import plain
@@ -21,7 +22,35 @@ _ABSOLUTE_UM = 1e-6
 class _Table(NamedTuple):
     name: str
     sigma0_um: float | None
-    rows: Sequence[TableRow | InnerRow]
+    rows: Sequence[dict[str, Value]]
+
+
+def _model_row(row: Observation[Row]) -> dict[str, Value]:
+    """Return the columns of a model's table in the order in which the journal has them."""
+    return {
+        "point": row.point,
+        "axis": row.axis,
+        "redn": row.r,
+        "parx_um": row.residual,
+        "expd_um": row.expected,
+        "sigf": row.size,
+        "flagged": row.flagged,
+    }
+
+
+def _inner_row(row: Observation[Row]) -> dict[str, Value]:
+    """Return the columns of an inner orientation's table, likewise."""
+    return {
+        "fiducial": row.point,
+        "axis": row.axis,
+        "redn": row.r,
+        "residual_um": row.residual,
+        "expd_um": row.expected,
+        "sigf": row.size,
+        "flagged": row.flagged,
+        "mdb_um": row.mdb,
+        "probability": row.probability,
+    }
 
 
 def table_payload(solution: ModelSolution) -> dict[str, Any]:
@@ -30,7 +59,7 @@ def table_payload(solution: ModelSolution) -> dict[str, Any]:
         "model": solution.name,
         "redundancy": solution.redundancy,
         "sigma0_um": solution.sigma0_um,
-        "rows": [list(row) for row in solution.table],
+        "rows": [list(row.values()) for row in map(_model_row, solution.table)],
     }
 
 
@@ -42,7 +71,7 @@ def inner_table_payload(inner: InnerState, solution: InnerOrientation) -> dict[s
         "transformation": solution.kind,
         "redundancy": solution.redundancy,
         "sigma0_um": solution.sigma0_um,
-        "rows": [list(row) for row in solution.rows],
+        "rows": [list(row.values()) for row in map(_inner_row, solution.rows)],
     }
 
 
@@ -51,7 +80,8 @@ def table_difference(recorded: RecordedTable, solution: ModelSolution | None) ->
     name = f"model {plain(recorded.model)}"
     if solution is None or solution.name != recorded.model:
         return f"{name}: there is a recorded table, but none is computed now"
-    return _difference(recorded, _Table(name, solution.sigma0_um, solution.table))
+    rows = list(map(_model_row, solution.table))
+    return _difference(recorded, _Table(name, solution.sigma0_um, rows))
 
 
 def inner_table_difference(
@@ -63,7 +93,8 @@ def inner_table_difference(
         return f"{plain(name)}: there is a recorded inner orientation, but none is computed now"
     if recorded.transformation != solution.kind:
         return f"{plain(name)}: {solution.kind} instead of {plain(recorded.transformation)}"
-    return _difference(recorded, _Table(plain(name), solution.sigma0_um, solution.rows))
+    rows = list(map(_inner_row, solution.rows))
+    return _difference(recorded, _Table(plain(name), solution.sigma0_um, rows))
 
 
 def _difference(recorded: RecordedTable | RecordedInnerTable, table: _Table) -> str | None:
@@ -74,9 +105,10 @@ def _difference(recorded: RecordedTable | RecordedInnerTable, table: _Table) -> 
     for values, row in zip(recorded.rows, table.rows, strict=True):
         if len(values) != len(row):
             return f"{table.name}: rows of {len(values)} values instead of {len(row)}"
-        for name, was, now in zip(row._fields, values, row, strict=True):
+        for (name, now), was in zip(row.items(), values, strict=True):
             if not _same(was, now):
-                where = plain(f"{table.name}, row {row.key[0]} {row.axis}")
+                which, axis, *_ = row.values()
+                where = plain(f"{table.name}, row {which} {axis}")
                 return f"{where}: {name} {now} instead of {plain(str(was))}"
     return None
 

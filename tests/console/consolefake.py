@@ -6,18 +6,11 @@ import threading
 from dataclasses import replace
 
 import numpy as np
+from testedrows import made_of, observation
 
+from anaplot.adjustment.tested import AppliedTest, Dense, Observation, Partner, Transfer
 from anaplot.console.app import ConsoleApp
-from anaplot.orientation.results import (
-    AppliedTest,
-    Diagnosis,
-    ModelPoint,
-    ModelSolution,
-    Partner,
-    RowDiagnosis,
-    TableRow,
-    Transfer,
-)
+from anaplot.orientation.results import Diagnosis, ModelPoint, ModelSolution
 from anaplot.plotter.readings import Position
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.stereo import StereoGround
@@ -46,36 +39,45 @@ REDN_X = (0.577, 0.584, 0.803, 0.581, 0.579)
 PARX_X = (-2.4, 7.9, 1.1, -0.2, 4.0)
 SIGMA0 = 5.0
 CRITICAL = 2.66
+CHANCES = {("103", "y"): 0.84, ("102", "y"): 0.07}
 
 
-def table(gross: bool) -> tuple[TableRow, ...]:
+def table(gross: bool) -> tuple[Observation, ...]:
     rows = []
     y = [(p[0], "y", r, v, 2.0) for p, r, v in zip(PATTERN, REDN_Y, PARX_Y, strict=True)]
     ties = [p for p in PATTERN if p[1] == "tie"]
     x = [(p[0], "x", r, v, 6.0) for p, r, v in zip(ties, REDN_X, PARX_X, strict=True)]
-    for point, axis, redn, parx, q in y + x:
+    for point, axis, r, parallax, q in y + x:
         if not gross and point == "103":
-            parx /= 9.0
-        expd = SIGMA0 * float(np.sqrt(q * redn))
-        sigf = abs(parx) / expd
-        rows.append(TableRow(point, axis, redn, parx, expd, sigf, sigf > CRITICAL))
+            parallax /= 9.0
+        expected = SIGMA0 * float(np.sqrt(q * r))
+        w = parallax / expected
+        chance = CHANCES.get((point, axis), 0.02) if gross else 0.02
+        mdb = 4.132 * 5.0 * float(np.sqrt(q / r))
+        flagged = abs(w) > CRITICAL
+        rows.append(
+            observation(
+                point, axis, parallax, r, expected, w, flagged=flagged, mdb=mdb, probability=chance
+            )
+        )
     return tuple(rows)
 
 
 def solution(gross: bool = True) -> ModelSolution:
     rows = table(gross)
     n = len(rows)
+    test = AppliedTest("tau", 0.001, CRITICAL)
+    sigma0 = (9.31 if gross else 4.87) / 5.0
+    dense = Dense(np.eye(n), np.eye(n))
+    tested = made_of(rows, test, n - 6, sigma0, 0.0004 if gross else 0.97, dense)
     return ModelSolution(
         left="102",
         right="103",
         base=(91.8734, 0.4121, -1.0932),
         rotation=(0.01234, -0.00871, 0.02345),
         centre=(91.8734, 0.4121, -1.0932),
-        sigma0_um=9.31 if gross else 4.87,
-        redundancy=n - 6,
         iterations=4,
-        test=AppliedTest("tau", 0.001, CRITICAL),
-        table=rows,
+        tested=tested,
         points=tuple(ModelPoint(p, x, y, -152.0 + 0.01 * x) for p, _, x, y in PATTERN),
         ties=tuple(p[0] for p in PATTERN if p[1] == "tie"),
         condition=17.3,
@@ -84,29 +86,15 @@ def solution(gross: bool = True) -> ModelSolution:
         outliers=(),
         remarks=(),
         q_l=np.array([2.0] * 13 + [6.0] * 5),
-        q_vv=np.eye(n),
         q_gg=np.eye(6),
         unknowns=("bx", "beta_y", "beta_z", "kappa", "phi", "omega"),
     )
 
 
 def diagnosis(gross: bool = True) -> Diagnosis:
-    rows = []
-    for row in table(gross):
-        chance = 0.02
-        if gross and row.key == ("103", "y"):
-            chance = 0.84
-        if gross and row.key == ("102", "y"):
-            chance = 0.07
-        q = 2.0 if row.axis == "y" else 6.0
-        rows.append(
-            RowDiagnosis(row.point, row.axis, 4.132 * 5.0 * float(np.sqrt(q / row.r)), chance)
-        )
     if not gross:
-        return Diagnosis(tuple(rows), 0.97, (), (), ("nothing is flagged: accept the model",), ())
+        return Diagnosis((), (), ("nothing is flagged: accept the model",), ())
     return Diagnosis(
-        rows=tuple(rows),
-        none=0.0004,
         transfers=(
             Transfer(("103", "y"), ("107", "y"), -0.71),
             Transfer(("113", "y"), ("109", "y"), 0.62),

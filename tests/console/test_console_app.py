@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
+from testedrows import with_rows
 
 from anaplot.console.app import ConsoleApp, run_console
 from anaplot.console.keys import ACTIONS
@@ -521,7 +522,7 @@ async def test_foreign_text_is_shown_as_it_is(name, size):
     odd = replace(points[0], point=name)
     solved = picture().solution
     table = tuple(
-        row._replace(point=name, flagged=True, w=9.9) if row.point == "102" else row
+        row._replace(key=(name, row.axis), flagged=True, w=9.9) if row.point == "102" else row
         for row in solved.table
     )
     advised = replace(picture().diagnosis, advice=(f"remeasure {name}",), suspects=((name, "y"),))
@@ -534,7 +535,7 @@ async def test_foreign_text_is_shown_as_it_is(name, size):
             points=(odd, *points[1:]),
             target=name,
             next_point=name,
-            solution=replace(solved, table=table, remarks=(name,)),
+            solution=replace(with_rows(solved, table), remarks=(name,)),
             diagnosis=advised,
             problem=name,
             expected=f"measure {name}",
@@ -733,10 +734,12 @@ async def test_large_numbers_and_longer_names_keep_apart():
     points = tuple(replace(view, point=f"{view.point}-1'") for view in picture().points)
     solved = picture().solution
     table = tuple(
-        row._replace(point=f"{row.point}-1'", residual=-2519.14, expected=1234.56, w=274.67)
+        row._replace(
+            key=(f"{row.point}-1'", row.axis), residual=-2519.14, expected=1234.56, w=274.67
+        )
         for row in solved.table
     )
-    solved = replace(solved, sigma0_um=557.49, table=table)
+    solved = with_rows(solved, table, sigma0=557.49 / 5.0)
     station = FakeStation(picture(points=points, solution=solved, test="baarda 0.001"))
     station.automatic = True
     app = console(station)

@@ -1,10 +1,11 @@
 from dataclasses import replace
 
 from consolefake import picture, solution
+from testedrows import observation, with_rows
 
+from anaplot.adjustment.tested import AppliedTest
 from anaplot.console.describe import advice_of, describe_model, describe_row
 from anaplot.console.rows import shown_rows, sort_rows
-from anaplot.orientation.results import AppliedTest, TableRow
 
 
 def keys(rows):
@@ -28,9 +29,9 @@ def test_verdicts_in_words():
 
 
 def test_a_row_that_cannot_be_tested_says_so():
-    table = (TableRow("102", "y", 0.0, 0.0, 0.0, None, False), *solution().table[1:])
-    table = (*table[:1], TableRow("103", "y", 0.3, 1.0, None, None, False), *table[2:])
-    rows = shown_rows(picture(solution=replace(solution(), table=table)))
+    blind = observation("102", "y", 0.0, 0.0, 0.0, None)
+    bare = observation("103", "y", 1.0, 0.3, None, None)
+    rows = shown_rows(picture(solution=with_rows(solution(), (blind, bare, *solution().table[2:]))))
     assert [row.verdict for row in rows[:2]] == ["not testable", "no check"]
 
 
@@ -90,7 +91,8 @@ def test_the_model_in_words():
 
 
 def test_the_model_in_words_without_check_or_solution():
-    bare = replace(solution(), sigma0_um=None, test=AppliedTest("tau", 0.001, None), ties=())
+    test = AppliedTest("tau", 0.001, None)
+    bare = replace(with_rows(solution(), solution().table, sigma0=None, test=test), ties=())
     text = dict(describe_model(picture(solution=bare)))
     assert text["sigma0"].startswith("–")
     assert text["test"] == "tau 0.001, no critical value"

@@ -1,10 +1,10 @@
 """The page of strategies for gross errors, over a model with one planted error."""
 
 import asyncio
-from dataclasses import replace
 
 import pytest
 from consolefake import FakeStation, console, picture
+from testedrows import with_rows
 
 from anaplot.console.errorspage import CHOICES, errors_line, errors_lines, model_findings
 from anaplot.orientation.patterns import pattern
@@ -23,12 +23,12 @@ def model(name: str = "13/5", wrong: str | None = "8", size_um: float = 200.0) -
             replace_row(r, v, solution.apriori_um, q)
             for r, v, q in zip(table, parallax, solution.q_l, strict=True)
         ]
-    return replace(solution, table=tuple(table))
+    return with_rows(solution, table)
 
 
 def replace_row(row, parallax, apriori, q):
-    sigf = abs(parallax) / (apriori * (q * row.r) ** 0.5) if row.r > 1e-9 else None
-    return row._replace(residual=float(parallax), w=sigf)
+    w = parallax / (apriori * (q * row.r) ** 0.5) if row.r > 1e-9 else None
+    return row._replace(residual=float(parallax), w=w)
 
 
 def page(solution: ModelSolution | None, strategy: str, width: int = 72) -> str:
@@ -74,7 +74,8 @@ def test_nothing_wrong_nothing_said() -> None:
 
 def test_a_model_without_redundancy_says_so() -> None:
     assert "No row of this model can be tested yet." in page(None, "search")
-    assert model_findings(replace(model(wrong=None), redundancy=0), "search") is None
+    solution = model(wrong=None)
+    assert model_findings(with_rows(solution, solution.table, redundancy=0), "search") is None
 
 
 def text(app) -> str:

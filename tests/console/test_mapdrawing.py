@@ -5,6 +5,7 @@ import pytest
 from consolefake import picture, solution
 from hypothesis import given
 from hypothesis import strategies as st
+from testedrows import with_rows
 
 from anaplot.console.mapdrawing import Layer, MapProjection, draw_map, nice_above
 from anaplot.orientation.results import Diagnosis
@@ -60,7 +61,7 @@ def test_residuals_are_as_long_as_the_bar_says():
         for row in solution().table
     )
     snapshot = picture(
-        solution=replace(solution(), table=rows),
+        solution=with_rows(solution(), rows),
         diagnosis=None,
         points=tuple(v for v in picture().points if v.point == "103" or v.y < 90.0),
     )
@@ -80,7 +81,7 @@ def test_y_rows_are_upright_and_x_rows_level():
             row._replace(residual=60.0 if row.key == key else 0.0, flagged=False)
             for row in solution().table
         )
-        alone = replace(solution(), table=rows)
+        alone = with_rows(solution(), rows)
         canvas = draw_map(
             picture(solution=alone, diagnosis=None, points=picture().points[2:3]), None, 40, 30
         )
@@ -140,6 +141,6 @@ def test_nice_numbers(value):
 def test_a_transfer_within_one_point_needs_no_arrow():
     snapshot = picture()
     within = snapshot.diagnosis.transfers[0]._replace(target=("103", "x"))
-    diagnosis = Diagnosis(snapshot.diagnosis.rows, 0.1, (within,), (), (), ())
+    diagnosis = Diagnosis((within,), (), (), ())
     canvas = draw_map(picture(diagnosis=diagnosis), ("103", "y"), 60, 30)
     assert glyphs(canvas, Layer.TRANSFER) == ""

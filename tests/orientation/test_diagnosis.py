@@ -1,5 +1,7 @@
 """What the operator is told beyond the table."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flightscene import (
@@ -14,8 +16,9 @@ from flightscene import (
     spoiled,
 )
 
+from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.significance import noncentrality, tau_power
-from anaplot.orientation.diagnosis import HARD_TO_TELL, diagnose, point_odds
+from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 
 
@@ -27,22 +30,20 @@ def models(precision=PAPER, test=TAU):
 def test_smallest_detectable_errors_take_the_a_priori_sigma_whatever_the_test(precision):
     for test in (TAU, BAARDA):
         for model in models(precision, test):
-            d = diagnose(model)
-            for row, said in zip(model.table, d.rows, strict=True):
+            for row in model.table:
                 q = 2.0 if row.axis == "y" else model.q_l[-1]
                 expected = noncentrality(0.001, 0.80) * 5.0 * (q / row.r) ** 0.5
-                assert (said.point, said.axis) == row.key
-                assert said.mdb == pytest.approx(expected)
+                assert row.mdb == pytest.approx(expected)
                 effect = noncentrality(0.001, 0.80) * ((1 - row.r) / row.r) ** 0.5
-                assert said.effect == pytest.approx(effect)
+                assert row.effect == pytest.approx(effect)
 
 
 def test_the_real_power_of_tau_is_shown():
     model = models()[1]
     expected = tau_power(noncentrality(0.001, 0.8), 0.001, model.redundancy)
-    assert diagnose(model).power == pytest.approx(expected)
+    assert model.tested.power == pytest.approx(expected)
     assert 0.0 < expected < 0.8
-    assert diagnose(models(test=BAARDA)[1], power=0.9).power == 0.9
+    assert models(test=replace(BAARDA, power=0.9))[1].tested.power == 0.9
 
 
 def test_correlated_rows_are_partners():
@@ -67,7 +68,9 @@ def test_nothing_flagged():
     assert not model.flagged
     assert d.advice == ("nothing is flagged",)
     assert d.suspects == ()
-    assert sum(row.probability for row in d.rows) + d.none == pytest.approx(1.0)
+    assert sum(row.probability for row in model.table) + model.tested.odds.none == pytest.approx(
+        1.0
+    )
 
 
 @pytest.mark.parametrize("test", [TAU, BAARDA])
@@ -79,11 +82,11 @@ def test_a_wrong_y_is_named_with_its_odds_over_the_next_point(test):
     assert d.suspects[0] == ("2c", "y")
     assert d.advice[0].startswith("remeasure 2c (y): ")
     assert " to 1 over " in d.advice[0]
-    odds = point_odds(d.rows)
+    odds = model.tested.point_odds()
     assert max(odds, key=odds.__getitem__) == "2c"
     rival = d.advice[0].split(" over ")[1].split(",")[0]
     assert odds[rival] == max(p for name, p in odds.items() if name != "2c")
-    assert sum(odds.values()) + d.none == pytest.approx(1.0)
+    assert sum(odds.values()) + model.tested.odds.none == pytest.approx(1.0)
 
 
 def test_a_wrong_x_at_a_tie_has_two_suspects():
@@ -98,17 +101,17 @@ def test_a_wrong_x_at_a_tie_has_two_suspects():
 
 
 def test_odds_of_a_point_are_the_sum_over_its_rows():
-    d = diagnose(models()[1])
-    odds = point_odds(d.rows)
-    tie = next(row.point for row in d.rows if row.axis == "x")
-    assert odds[tie] == pytest.approx(sum(row.probability for row in d.rows if row.point == tie))
-    assert len([row for row in d.rows if row.point == tie]) == 2
+    tested = models()[1].tested
+    odds = tested.point_odds()
+    tie = next(row.point for row in tested if row.axis == "x")
+    assert odds[tie] == pytest.approx(sum(row.probability for row in tested if row.point == tie))
+    assert len([row for row in tested if row.point == tie]) == 2
 
 
 def test_suspects_are_the_flagged_rows_the_most_probable_first():
     model = orient(spoiled(ideal_pair("13/5"), "4", "y", 0.3), PAPER, BAARDA)
     d = diagnose(model)
-    chance = {(row.point, row.axis): row.probability for row in d.rows}
+    chance = {(row.point, row.axis): row.probability for row in model.table}
     assert {row.key for row in model.flagged} == set(d.suspects)
     assert [chance[key] for key in d.suspects] == sorted(
         (chance[key] for key in d.suspects), reverse=True

@@ -72,8 +72,8 @@ def simulated(name, *, strips=24, models=5, once=False, seed=1983, skipped=1):
             sigma2.append(ratio**2)
             for row in before.table:
                 axis.append(row.axis)
-                known.append(row.w)
-                estimated.append(row.w / ratio)
+                known.append(row.size)
+                estimated.append(row.size / ratio)
     return Found(np.array(axis), np.array(known), np.array(estimated), freedom, np.array(sigma2))
 
 

@@ -67,7 +67,7 @@ def test_residual_system_is_that_of_the_table() -> None:
     solution = orient(wrong, PAPER, BAARDA)
     system = residual_system(solution)
     w = abs(system.e) / system.r**0.5
-    assert w == pytest.approx([row.w for row in solution.table], rel=1e-9)
+    assert w == pytest.approx([row.size for row in solution.table], rel=1e-9)
     assert system.r == pytest.approx(system.matrix.diagonal(), abs=1e-12)
 
 

@@ -47,9 +47,9 @@ def test_five_points_are_an_orientation_without_any_check(test):
         else:
             assert row.expected == pytest.approx(0.0, abs=1e-3)
     d = diagnose(model)
-    assert all(row.mdb is None and row.effect is None for row in d.rows)
-    assert d.none == pytest.approx(0.9)
-    assert d.power is None
+    assert all(row.mdb is None and row.effect is None for row in model.table)
+    assert model.tested.odds.none == pytest.approx(0.9)
+    assert model.tested.power is None
     assert d.advice == model.remarks
     assert d.suspects == d.partners == d.transfers == ()
 
@@ -58,19 +58,18 @@ def test_redundancy_one_under_tau():
     model = orient(pair_of(flight(), 0, points=SIX), PAPER, TAU)
     assert model.redundancy == 1
     assert model.test.critical is None
-    assert [row.w for row in model.table] == pytest.approx([1.0] * 6)
+    assert [row.size for row in model.table] == pytest.approx([1.0] * 6)
     assert not model.flagged
     assert "nothing can be located" in model.remarks[0]
-    d = diagnose(model)
-    assert d.power is None
-    assert d.none == pytest.approx(0.9)  # every factor is 1: nothing was learnt
+    assert model.tested.power is None
+    assert model.tested.odds.none == pytest.approx(0.9)  # every factor is 1: nothing was learnt
 
 
 def test_redundancy_one_under_baarda_flags_all_rows_or_none():
     pair = pair_of(flight(), 0, points=SIX)
     good = orient(pair, PAPER, BAARDA)
     assert good.test.critical == pytest.approx(critical_normal(0.001))
-    ratios = [row.w for row in good.table]
+    ratios = [row.size for row in good.table]
     assert ratios == pytest.approx([ratios[0]] * 6)
     bad = orient(spoiled(pair, "0c", "y", 0.5), PAPER, BAARDA)
     assert len(bad.flagged) == 6
@@ -79,7 +78,7 @@ def test_redundancy_one_under_baarda_flags_all_rows_or_none():
 
 def test_critical_values_in_use():
     first, second = bridge_flight(flight(), PAPER, TAU)
-    assert first.test == ("tau", 0.001, critical_tau(0.001, first.redundancy))
+    assert first.test == ("tau", 0.001, critical_tau(0.001, first.redundancy), 0.80)
     assert second.test.critical == critical_tau(0.001, second.redundancy)
     assert bridge_flight(flight(), PAPER, BAARDA)[1].test.critical == critical_normal(0.001)
 
@@ -97,7 +96,7 @@ def test_a_row_that_nothing_checks_has_no_significance():
     assert row.w is None
     assert not row.flagged
     d = diagnose(model)
-    assert d.rows[-1].mdb is None
+    assert model.table[-1].mdb is None
     assert all(("1a", "x") not in (p.first, p.second) for p in d.partners)
     assert all(row.w is not None for row in model.table[:-1])
 

@@ -87,8 +87,8 @@ def test_redundancy_numbers_sum_to_the_redundancy(seed, precision, test):
         sigma = model.sigma0_um if test.kind == "tau" else 5.0
         for row, q in zip(model.table, np.diag(model.q_vv), strict=True):
             assert row.expected == pytest.approx(sigma * q**0.5)
-            assert row.w == pytest.approx(abs(row.residual) / row.expected)
-            assert row.flagged == (row.w > model.test.critical)
+            assert row.size == pytest.approx(abs(row.residual) / row.expected)
+            assert row.flagged == (row.size > model.test.critical)
 
 
 @settings(max_examples=40)
@@ -195,7 +195,7 @@ def test_large_errors_in_one_point_still_lead_to_the_least_squares_solution():
     pair = pair_of(flight, 0)
     for size in (0.05, 1.0, 20.0):
         model = orient(spoiled(pair, "0ma", "y", size), PAPER, TAU)
-        assert max(model.table, key=lambda row: row.w).key == ("0ma", "y")
+        assert max(model.table, key=lambda row: row.size).key == ("0ma", "y")
         assert model.flagged
 
 

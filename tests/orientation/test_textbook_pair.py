@@ -83,5 +83,5 @@ def test_the_model_of_the_paper_comes_close():
     model = orient(pair, PAPER, TAU)
     assert tuple(map(degrees, model.rotation)) == pytest.approx(BOOK, abs=0.005)
     assert model.redundancy == 1
-    assert [row.w for row in model.table] == pytest.approx([1.0] * 6)
+    assert [row.size for row in model.table] == pytest.approx([1.0] * 6)
     assert model.base[0] == pytest.approx(91.989, abs=0.5)

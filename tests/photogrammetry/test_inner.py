@@ -336,7 +336,7 @@ def test_without_redundancy_there_is_no_check_and_said_so():
     plate = named(laid(CORNERS, LIES["straight"]))
     inner = orient_inner(camera(CORNERS), plate, transformation="projective")
     assert (inner.redundancy, inner.sigma0_um, inner.test.critical) == (0, None, None)
-    assert (inner.power, inner.overall, inner.refused, inner.locatable) == (None, None) + (
+    assert (inner.tested.power, inner.overall, inner.refused, inner.locatable) == (None, None) + (
         False,
     ) * 2
     assert all(row.w is None and row.mdb is None for row in inner.rows)
@@ -402,11 +402,11 @@ def test_detectable_errors_limits_and_power():
     for row in inner.rows:
         assert row.mdb == pytest.approx(4.1324 * 4.0 / sqrt(row.r), rel=1e-4)
         assert row.expected == pytest.approx(inner.sigma0_um * sqrt(row.r))
-        assert row.w == pytest.approx(abs(row.residual) / row.expected)
-        assert row.flagged == (row.w > inner.test.critical)
+        assert row.size == pytest.approx(abs(row.residual) / row.expected)
+        assert row.flagged == (row.size > inner.test.critical)
     assert inner.overall == pytest.approx(4.0 * sqrt(stats.chi2.isf(0.001, 8) / 8))
-    assert 0.1 < inner.power < 0.8
-    total = sum(row.probability for row in inner.rows) + inner.none
+    assert 0.1 < inner.tested.power < 0.8
+    total = sum(row.probability for row in inner.rows) + inner.tested.odds.none
     assert total == pytest.approx(1.0)
 
 
@@ -418,7 +418,7 @@ def test_the_sum_of_redundancy_numbers_is_the_redundancy(seed, kind):
     lie = Placement(*rng.normal(size=2) * 100, rng.uniform(-3, 3), mirrored=bool(seed % 2))
     inner = orient_inner(camera(image), named(laid(image, lie, seed=seed)), transformation=kind)
     assert sum(row.r for row in inner.rows) == pytest.approx(inner.redundancy, abs=1e-7)
-    P = inner.q_vv
+    P = inner.tested.q_vv
     assert np.abs(P @ P - P).max() < 1e-7
     again = inner.transformation.to_plate(image)
     assert np.abs(inner.transformation.to_image(again) - image).max() < 1e-9

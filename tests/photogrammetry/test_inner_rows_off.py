@@ -64,7 +64,7 @@ def test_residuals_and_redundancy_without_the_rows(off) -> None:
         residual, redn = wanted[row.key]
         assert row.residual == pytest.approx(residual, abs=0.01)
         assert row.r == pytest.approx(redn, abs=2e-3)
-    assert found.q_vv.shape == (len(wanted), len(wanted))
+    assert found.tested.q_vv.shape == (len(wanted), len(wanted))
 
 
 def test_a_row_off_says_nothing_of_its_error() -> None:

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from anaplot.adjustment.tested import Transfer
 from anaplot.cli import main
-from anaplot.orientation.results import Transfer
 from anaplot.planning.patternplan import PlannedPattern
 from anaplot.report.plantext import drawing
 

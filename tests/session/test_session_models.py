@@ -115,7 +115,7 @@ def test_solutions_are_remembered_per_measurement(scene: Scene) -> None:
     assert state.current is not None
     one = solve(state, state.current)
     assert solve(state, state.current) is one
-    assert diagnosis_of(one, 0.8) is diagnosis_of(one, 0.8)
+    assert diagnosis_of(one) is diagnosis_of(one)
     name = state.current.plan[0].point
     after = apply(state, scene.measurement(state, name, dyr=0.05))
     assert after.current is not None

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from anaplot.adjustment.tested import Observation
 from anaplot.exchange.blockfolder import write_new_block
-from anaplot.orientation.results import TableRow
 from anaplot.photogrammetry.block import Block, TestSettings
 from anaplot.planning.synthetic import Truth, synthetic_strip
 from anaplot.plotter.faults import LASTING_FAULTS
@@ -27,7 +27,7 @@ PATTERN = "9"
 TIME_SCALE = 1000.0
 SECONDS = 2500.0  # simulated: how long a lasting fault lasts, longer than any line may be silent
 
-Tables = list[tuple[str, list[TableRow]]]
+Tables = list[tuple[str, list[Observation]]]
 
 
 @dataclass(frozen=True)

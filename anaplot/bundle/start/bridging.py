@@ -139,7 +139,7 @@ def _model(
         except NotComputableError:
             return None
         else:
-            worst = max(model.table, key=lambda row: row.w or 0.0)
+            worst = max(model.table, key=lambda row: row.size or 0.0)
             rough = (model.sigma0_um or 0.0) > 20.0 * block.precision.image_um
             if not rough or not worst.flagged or allowed <= 0:
                 return model

@@ -1,0 +1,505 @@
+"""Tested observations: what an adjustment says of every observation, whatever was observed.
+
+A fiducial's coordinate, a row of a model, an image or control coordinate, a prior: of each there is
+the same to be said. A `Tested` holds it as arrays and gives it out as `Observation`; here alone it
+is asked whether the test takes the a-priori sigma0 (Baarda 1968) or the estimated one (Pope 1976).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import log, sqrt
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from anaplot.adjustment.reliability import (
+    ERROR_PRIOR_SIGMAS,
+    HARD_TO_TELL,
+    NONE_PRIOR,
+    critical_transfers,
+    residual_correlations,
+)
+from anaplot.adjustment.significance import (
+    TESTABLE,
+    critical_normal,
+    critical_tau,
+    noncentrality,
+    tau_power,
+)
+from anaplot.aliases import Array, Bools, Index, TestKind
+
+__all__ = [
+    "AppliedTest",
+    "Dense",
+    "Observation",
+    "Odds",
+    "Partner",
+    "Tested",
+    "Transfer",
+    "error_odds",
+    "examine",
+    "log_bayes_factor",
+    "sigma0_known",
+    "sum_by_point",
+]
+
+Key = tuple[str | None, ...]
+K = TypeVar("K", bound=Key)
+
+
+class _Settings(Protocol):
+    """What is asked of a test: kind, significance of one row, power of detectable errors."""
+
+    @property
+    def kind(self) -> TestKind: ...
+    @property
+    def alpha(self) -> float: ...
+    @property
+    def power(self) -> float: ...
+
+
+def sigma0_known(kind: TestKind) -> bool:
+    """Return whether a test takes the a-priori sigma0: "baarda" does, "tau" the estimated one."""
+    return kind == "baarda"
+
+
+class AppliedTest(NamedTuple):
+    """The two-sided test applied to every row.
+
+    Attributes
+    ----------
+    kind
+        "baarda": w by the a-priori sigma0, normal; "tau": by the estimated one, Pope's tau.
+    alpha
+        Significance of one row.
+    critical
+        Critical value of abs(w); None when there is no such value.
+    power
+        Power that smallest detectable errors refer to.
+    """
+
+    kind: TestKind
+    alpha: float
+    critical: float | None
+    power: float = 0.80
+
+    @classmethod
+    def of(cls, settings: _Settings, redundancy: int) -> AppliedTest:
+        """Return a test as it is applied with a redundancy."""
+        kind, alpha = settings.kind, settings.alpha
+        if not sigma0_known(kind):
+            critical = critical_tau(alpha, redundancy)
+        else:
+            critical = critical_normal(alpha) if redundancy > 0 else None
+        return cls(kind, alpha, critical, settings.power)
+
+    @property
+    def delta0(self) -> float:
+        """Noncentrality that smallest detectable errors refer to."""
+        return noncentrality(self.alpha, self.power)
+
+    def factor(self, sigma0: float | None) -> float | None:
+        """Return the sigma0 that the test uses, in a-priori ones; None when it does not exist.
+
+        Parameters
+        ----------
+        sigma0
+            The estimated one, in a-priori ones; None without redundancy.
+        """
+        return 1.0 if sigma0_known(self.kind) else sigma0
+
+    def real_power(self, redundancy: int) -> float | None:
+        """Return the power against smallest detectable errors; None where there is no test.
+
+        Under "tau" with few redundancies less than was asked.
+        """
+        if not sigma0_known(self.kind):
+            return tau_power(self.delta0, self.alpha, redundancy)
+        return self.power if redundancy > 0 else None
+
+
+class Observation(NamedTuple, Generic[K]):
+    """What an adjustment says of one observation; None where something does not exist.
+
+    Attributes
+    ----------
+    key
+        Its identity; the last two elements are what was observed (a point, a fiducial, the owner
+        of a prior) and of it the axis or unknown.
+    unit
+        Of residual, expected and mdb: "um", "m", "rad" or "mm".
+    use
+        Whether it counts; where it is off, the residual is what it is off from all the others.
+    residual
+        Adjusted minus observed: - r times an error of the observation. Of a model's row the
+        parallax that is left: + r times an error.
+    r
+        Redundancy number.
+    expected
+        Expected standard deviation of the residual, for the sigma0 of the test.
+    w
+        residual / expected: Baarda's w or Pope's tau; None when it cannot be tested.
+    mdb
+        Smallest detectable error, for the a-priori sigma0; None when it cannot be tested.
+    effect
+        External reliability: no function of the unknowns changes by more of its standard
+        deviations by an undetected error of the size `mdb`.
+    flagged
+        Whether abs(w) exceeds the critical value.
+    probability
+        Posterior probability that this observation holds the one gross error.
+    """
+
+    key: K
+    unit: str
+    use: bool
+    residual: float
+    r: float
+    expected: float | None
+    w: float | None
+    mdb: float | None
+    effect: float | None
+    flagged: bool
+    probability: float
+
+    @property
+    def point(self) -> str:
+        """What was observed: the last but one element of the key."""
+        return str(self.key[-2])
+
+    @property
+    def axis(self) -> str:
+        """Which coordinate of it: the last element of the key."""
+        return str(self.key[-1])
+
+    @property
+    def size(self) -> float | None:
+        """abs(w)."""
+        return None if self.w is None else abs(self.w)
+
+
+class Partner(NamedTuple, Generic[K]):
+    """Two rows whose residuals are correlated by 0.9 or more: hard to tell apart."""
+
+    first: K
+    second: K
+    correlation: float
+
+
+class Transfer(NamedTuple, Generic[K]):
+    """A critical transfer: an error in `source` shows at least as large in `target`.
+
+    `value` is the element (target, source) of Q_vv P.
+    """
+
+    source: K
+    target: K
+    value: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odds:
+    """Posterior probabilities of a single gross error.
+
+    Attributes
+    ----------
+    rows
+        (n,) probability that row i holds the one gross error; a row that cannot be tested keeps
+        its prior against none.
+    none
+        Probability that no row does.
+    """
+
+    rows: Array
+    none: float
+
+
+class Dense(NamedTuple):
+    """Matrices of all rows: (n, n) Q_vv, the cofactors of the residuals, and Q_vv P."""
+
+    q_vv: Array
+    influence: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Tested(Generic[K]):
+    """The tested observations of an adjustment; iterating gives an `Observation` each.
+
+    Attributes
+    ----------
+    keys, units
+        n identities, and units as `Observation` has them.
+    test
+        The test that flags.
+    redundancy
+        f.
+    sigma0
+        Estimated standard deviation of unit weight, in a-priori ones; None without redundancy.
+    residual, r
+        (n,) residuals and redundancy numbers.
+    deviation
+        (n,) standard deviations of the residuals for the a-priori sigma0.
+    expected, w, mdb, effect
+        (n,) as `Observation` has them; NaN where they do not exist.
+    flagged, use
+        (n,) which rows are flagged, and which count.
+    evidence
+        (n,) g of `error_odds`: variance of the residual by an error of the width of its prior,
+        over that without an error.
+    dense
+        Q_vv and Q_vv P; None where they are not kept.
+    """
+
+    __test__ = False  # not a test class, whatever a test runner may think of its name
+
+    keys: Sequence[K]
+    units: Sequence[str]
+    test: AppliedTest
+    redundancy: int
+    sigma0: float | None
+    residual: Array
+    r: Array
+    deviation: Array
+    expected: Array
+    w: Array
+    mdb: Array
+    effect: Array
+    flagged: Bools
+    use: Bools
+    evidence: Array
+    dense: Dense | None = field(default=None, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.residual)
+
+    def __iter__(self) -> Iterator[Observation[K]]:
+        return iter(self.rows(np.arange(len(self))))
+
+    def rows(self, at: Index) -> list[Observation[K]]:
+        """Return the observations of some rows."""
+        index = at.tolist()
+        columns = (
+            [self.keys[k] for k in index],
+            [self.units[k] for k in index],
+            self.use[at].tolist(),
+            self.residual[at].tolist(),
+            self.r[at].tolist(),
+            _numbers(self.expected[at]),
+            _numbers(self.w[at]),
+            _numbers(self.mdb[at]),
+            _numbers(self.effect[at]),
+            self.flagged[at].tolist(),
+            self.odds.rows[at].tolist(),
+        )
+        return list(map(Observation, *columns))
+
+    @cached_property
+    def odds(self) -> Odds:
+        """Probabilities of a gross error in each row, and of none."""
+        return error_odds(self.evidence, np.abs(self.w), self.redundancy, self.test.kind)
+
+    @property
+    def worst(self) -> list[Observation[K]]:
+        """The flagged observations, those with the largest abs(w) first."""
+        at = np.flatnonzero(self.flagged)
+        return self.rows(at[np.argsort(-np.abs(self.w[at]), kind="stable")])
+
+    @property
+    def power(self) -> float | None:
+        """Power that the test really has against errors of the size `mdb`."""
+        return self.test.real_power(self.redundancy)
+
+    def point_odds(self) -> dict[str, float]:
+        """Return the probability of every point to hold the gross error: the sum over its rows."""
+        return sum_by_point(self.keys, self.odds.rows)
+
+    @property
+    def q_vv(self) -> Array:
+        """(n, n) cofactors of the residuals; ValueError where they are not kept."""
+        return self._kept().q_vv
+
+    @property
+    def influence(self) -> Array:
+        """(n, n) Q_vv P, column i what a unit error in row i does to every residual; likewise."""
+        return self._kept().influence
+
+    def _kept(self) -> Dense:
+        if self.dense is None:
+            raise ValueError("the cofactors of all residuals are not kept")
+        return self.dense
+
+    def correlations(self) -> Array:
+        """Return (n, n) correlations of the residuals; NaN in rows that cannot be tested."""
+        return residual_correlations(self.q_vv, self.r)
+
+    def partners(self, limit: float = HARD_TO_TELL) -> tuple[Partner[K], ...]:
+        """Return the pairs of rows that are hard to tell apart."""
+        rho, keys = self.correlations(), self.keys
+        first, second = np.nonzero(np.triu(np.abs(rho) >= limit, 1))
+        return tuple(
+            Partner(keys[i], keys[j], float(rho[i, j]))
+            for i, j in zip(first.tolist(), second.tolist(), strict=True)
+        )
+
+    def transfers(self) -> tuple[Transfer[K], ...]:
+        """Return the critical transfers (Kratky and El-Hakim 1983, Figure 2)."""
+        keys = self.keys
+        return tuple(
+            Transfer(keys[i], keys[j], value) for i, j, value in critical_transfers(self.influence)
+        )
+
+
+def examine(
+    keys: Sequence[K],
+    units: Sequence[str],
+    residual: Array,
+    r: Array,
+    sigma: Array,
+    *,
+    vtpv: float,
+    redundancy: int,
+    test: _Settings,
+    deviation: Array | None = None,
+    moved: Array | None = None,
+    use: Bools | None = None,
+    rounding: float = 0.0,
+    dense: Dense | None = None,
+) -> Tested[K]:
+    """Test the rows of an adjustment.
+
+    Parameters
+    ----------
+    keys, units
+        n identities and units.
+    residual, r
+        (n,) residuals and redundancy numbers.
+    sigma
+        (n,) a-priori standard deviations of the observations, in the units.
+    vtpv
+        v'Pv for the a-priori sigma0 one.
+    redundancy
+        f.
+    test
+        Kind, significance of one row, and power of smallest detectable errors.
+    deviation
+        (n,) standard deviations of the residuals for the a-priori sigma0; None: sigma sqrt(r), as
+        uncorrelated observations have them.
+    moved
+        (n,) how far an error of one sigma moves a function of the unknowns at most, in its standard
+        deviations; None: sqrt(1 - r), likewise.
+    use
+        (n,) which rows count; None: all.
+    rounding
+        Residuals up to this size are never flagged.
+    dense
+        As `Tested` has it.
+
+    Notes
+    -----
+    nabla = delta0 sigma_v / r (delta0 sigma / sqrt(r) where observations are uncorrelated), for the
+    a-priori sigma0 whatever the test; effect delta0 sqrt((1 - r) / r) (Baarda 1968).
+    """
+    applied = AppliedTest.of(test, redundancy)
+    sigma0 = sqrt(vtpv / redundancy) if redundancy > 0 else None
+    factor = applied.factor(sigma0)
+    deviation = sigma * np.sqrt(np.maximum(r, 0.0)) if deviation is None else deviation
+    testable = r >= TESTABLE
+    divisor = np.where(testable, r, np.nan)
+    mdb = applied.delta0 * deviation / divisor
+    moved = np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved
+    w = np.full(len(r), np.nan)
+    expected = w if factor is None else factor * deviation
+    # a residual that is exactly zero with sigma estimated as zero: nothing deviates from anything
+    np.divide(residual, expected, out=w, where=testable & (expected > 0.0))
+    limit = np.inf if applied.critical is None else applied.critical
+    size = np.abs(w)
+    shown = np.divide(r * sigma, deviation, out=np.zeros(len(r)), where=testable & (deviation > 0))
+    return Tested(
+        keys=keys,
+        units=units,
+        test=applied,
+        redundancy=redundancy,
+        sigma0=sigma0,
+        residual=residual,
+        r=r,
+        deviation=deviation,
+        expected=expected,
+        w=w,
+        mdb=mdb,
+        effect=mdb / sigma * moved,
+        flagged=(size > limit) & (np.abs(residual) > rounding),
+        use=np.ones(len(r), dtype=np.bool_) if use is None else use,
+        evidence=ERROR_PRIOR_SIGMAS**2 * shown**2,
+        dense=dense,
+    )
+
+
+def log_bayes_factor(g: Array, square: Array, redundancy: int, kind: TestKind) -> Array:
+    """Return log BF of one gross error in each row against none.
+
+    sigma known: BF = (1 + g)^(-1/2) exp((w^2 / 2) g / (1 + g)); sigma estimated from f
+    redundancies: BF = (1 + g)^(-1/2) (1 - (w^2 / f) g / (1 + g))^(-f/2).
+
+    Parameters
+    ----------
+    g
+        (n,) variance of the residual by the error over that without.
+    square
+        (n,) w^2 of the test.
+    redundancy
+        f.
+    kind
+        "baarda": sigma known; "tau": sigma estimated.
+    """
+    shrink = g / (1.0 + g)
+    if sigma0_known(kind):
+        return np.asarray(-0.5 * np.log1p(g) + 0.5 * square * shrink)
+    f = redundancy
+    # w^2 cannot exceed f but for rounding; the bracket stays positive because shrink < 1
+    share = np.minimum(square / f, 1.0) * shrink
+    return np.asarray(-0.5 * np.log1p(g) - 0.5 * f * np.log1p(-share))
+
+
+def error_odds(g: Array, size: Array, redundancy: int, kind: TestKind) -> Odds:
+    """Weigh a gross error in each row against every other row and against none.
+
+    Prior: none 0.9, the rest shared equally by the rows.
+
+    Parameters
+    ----------
+    g
+        (n,) variance of the residual by an error of the width of its prior (20 standard deviations
+        of the observation) over that without an error: 400 r of uncorrelated observations.
+    size
+        (n,) abs(w), NaN where a row cannot be tested.
+    redundancy
+        f; without any the prior is returned.
+    kind
+        "baarda": sigma known; "tau": sigma estimated.
+    """
+    n = len(g)
+    if redundancy < 1 or not n:
+        return Odds(np.full(n, (1.0 - NONE_PRIOR) / max(n, 1)), NONE_PRIOR)
+    testable = np.isfinite(size)
+    square = np.where(testable, size, 0.0) ** 2
+    logs = log_bayes_factor(np.where(testable, g, 0.0), square, redundancy, kind)
+    terms = np.append(logs + log((1.0 - NONE_PRIOR) / n), log(NONE_PRIOR))
+    terms = np.exp(terms - terms.max())
+    terms /= terms.sum()
+    return Odds(terms[:-1], float(terms[-1]))
+
+
+def sum_by_point(keys: Iterable[Key], rows: Array) -> dict[str, float]:
+    """Return the sums of (n,) values over the rows of every point, the last but one of a key."""
+    out: dict[str, float] = {}
+    for key, one in zip(keys, rows.tolist(), strict=True):
+        point = str(key[-2])
+        out[point] = out.get(point, 0.0) + one
+    return out
+
+
+def _numbers(values: Array) -> list[float | None]:
+    return [value if abs(value) < np.inf else None for value in values.tolist()]
