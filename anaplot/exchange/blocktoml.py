@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from functools import partial
 from pathlib import Path
-from typing import cast, get_args
+from typing import get_args
 
 from anaplot.aliases import TestKind
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import (
+    FRAME,
     camera_path,
     format_camera,
-    frame_format,
     parse_camera,
     read_camera,
 )
@@ -25,16 +26,33 @@ from anaplot.photogrammetry.block import (
     TestSettings,
     TieVariance,
 )
-from anaplot.textfiles.tomlfile import TomlFile, TomlTable
+from anaplot.textfiles.kinds import (
+    FRACTION,
+    NAME,
+    NUMBER,
+    PHOTO,
+    POSITIVE,
+    Fields,
+    Keys,
+    Kind,
+    ListOf,
+    Made,
+    Number,
+    Numbers,
+    Reference,
+    Text,
+    Word,
+)
+from anaplot.textfiles.tomltable import TomlTable, parse_toml
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
-from anaplot.textfiles.wording import hint, quoted
+from anaplot.textfiles.wording import quoted
 
 __all__ = [
     "BLOCK_FORMAT",
+    "ROTATION",
     "camera_texts",
     "format_block_toml",
     "parse_block_toml",
-    "read_rotation",
     "read_test",
 ]
 
@@ -42,6 +60,26 @@ BLOCK_FORMAT = 1
 
 _ANGLES = ("omega", "phi", "kappa")
 _UNITS = {"deg": math.pi / 180.0, "gon": math.pi / 200.0, "rad": 1.0}
+
+
+def _rotation(kind: Kind[float]) -> Kind[tuple[float, ...]]:
+    """Return the kind of a rotation's table, in radians; its angles are of another kind."""
+    keys = Keys({**dict.fromkeys(_ANGLES, kind), "unit": Word(*_UNITS)})
+    return Made(keys, lambda found: tuple(found[name] * _UNITS[found["unit"]] for name in _ANGLES))
+
+
+ROTATION = _rotation(NUMBER)
+"""omega, phi, kappa [rad] of a table that names its unit."""
+
+_PRECISION: Fields = {
+    "image_um": POSITIVE,
+    "tie_variance": Word(*get_args(TieVariance)),
+    "control_m": Number(0.0),
+}
+_TEST: Fields = {"kind": Word(*get_args(TestKind)), "alpha": FRACTION, "power": FRACTION}
+_CAMERA: Fields = {"id": NAME, "c": POSITIVE}
+_SIGMAS: Fields = {"position_sigma": Numbers(3, POSITIVE), "rotation_sigma": _rotation(POSITIVE)}
+_PHOTO: Fields = {"position": Numbers(3), "rotation": ROTATION, **_SIGMAS}
 
 
 def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | None = None) -> Block:
@@ -61,22 +99,18 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
     InputError
         Anything but a complete block of format 1, with file, line and key.
     """
-    root = TomlFile(path, text).root
+    root = parse_toml(text, path)
     root.version(BLOCK_FORMAT)
-    root.only("format", "name", "precision", "test", "camera", "strip", "photo")
-    name = root.name("name")
-    precision = _precision(root.table("precision", "[precision]"))
-    test = read_test(root.table("test", "[test]"))
-    cameras = _cameras(root, path.parent, camera_files or {})
-    photos = _photos(root, cameras)
-    strips = _strips(root, photos)
+    tables = ("format", "precision", "test", "camera", "strip", "photo")
+    name = root.take({"name": NAME}, also=tables)["name"]
+    precision = Precision(**root.table("precision").take({}, _PRECISION))
+    test = read_test(root.table("test"))
+    cameras = root.each("camera", partial(_camera, path.parent, camera_files or {}))
+    known = {camera.id for camera in cameras}
+    photos = root.each("photo", partial(_photo, known))
+    strips = root.each("strip", partial(_strip, {photo.id for photo in photos}))
     return Block(
-        name=name,
-        precision=precision,
-        test=test,
-        cameras=tuple(cameras.values()),
-        photos=tuple(photos.values()),
-        strips=tuple(strips.values()),
+        name=name, precision=precision, test=test, cameras=cameras, photos=photos, strips=strips
     )
 
 
@@ -138,175 +172,63 @@ def format_block_toml(block: Block) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _precision(table: TomlTable) -> Precision:
-    table.only("image_um", "tie_variance", "control_m")
-    default = Precision()
-    control_m = table.number("control_m", default.control_m)
-    if control_m < 0.0:
-        raise table.fail("control_m", f"control_m = {control_m:g} must not be negative")
-    return Precision(
-        image_um=table.positive("image_um", default.image_um),
-        tie_variance=cast(
-            TieVariance,
-            table.choice("tie_variance", get_args(TieVariance), default.tie_variance),
-        ),
-        control_m=control_m,
-    )
-
-
 def read_test(table: TomlTable) -> TestSettings:
     """Return the settings of a [test] table, each the default where it is left out."""
-    table.only("kind", "alpha", "power")
-    default = TestSettings()
-    settings = TestSettings(
-        kind=cast(TestKind, table.choice("kind", ("tau", "baarda"), default.kind)),
-        alpha=table.fraction("alpha", default.alpha),
-        power=table.fraction("power", default.power),
-    )
+    settings = TestSettings(**table.take({}, _TEST))
     if not settings.alpha < settings.power:
         raise table.fail(
-            "power" if "power" in table else "alpha",
             f"power = {settings.power:g} must be greater than alpha = {settings.alpha:g}",
+            "power" if "power" in table else "alpha",
         )
     return settings
 
 
-def _cameras(root: TomlTable, folder: Path, files: Mapping[str, str]) -> dict[str, Camera]:
-    cameras: dict[str, Camera] = {}
-    tables: dict[str, TomlTable] = {}
-    for table in root.tables("camera"):
-        camera = _camera(table, folder, files)
-        _refuse_second("camera", camera.id, table, tables)
-        cameras[camera.id] = camera
-    if not cameras:
-        raise root.fail(None, "no camera: a block needs at least one [[camera]]")
-    return cameras
-
-
-def _camera(table: TomlTable, folder: Path, files: Mapping[str, str]) -> Camera:
-    table.only("id", "c", "format", "file")
+def _camera(folder: Path, files: Mapping[str, str], table: TomlTable) -> Camera:
     if "file" not in table:
-        return Camera(id=table.name("id"), c=table.positive("c"), format=frame_format(table))
-    file = table.text("file")
-    try:
-        path = camera_path(folder, file)
-    except ValueError as error:
-        raise table.fail("file", f"file: {error}") from None
+        return Camera(**table.take(_CAMERA, {"format": FRAME}, also=("file",)))
+    stated = table.take({"file": Text()}, {**_CAMERA, "format": FRAME})
+    file = stated["file"]
+    path = table.get("file", Made(Text(), partial(camera_path, folder)))
     calibration = parse_camera(files[file], path) if file in files else read_camera(path)
     # What stands in both places must be the same: nobody could say which of the two is meant.
-    name = table.name("id") if "id" in table else calibration.id
-    if name != calibration.id:
-        raise _differs(table, "id", quoted(name), quoted(calibration.id), file)
-    c = table.positive("c", calibration.c)
-    if c != calibration.c:
-        raise _differs(table, "c", repr(c), repr(calibration.c), file)
-    size = frame_format(table)
-    if size is not None and calibration.format is not None and size != calibration.format:
-        raise _differs(table, "format", repr(list(size)), repr(list(calibration.format)), file)
-    return Camera(name, c, size or calibration.format, calibration, file)
+    for key in ("id", "c", "format"):
+        here, there = stated.get(key), getattr(calibration, key)
+        if here is not None and there is not None and here != there:
+            raise table.fail(f"{_shown(here)}, but {quoted(file)} says {_shown(there)}", key)
+    return Camera(
+        calibration.id, calibration.c, stated.get("format", calibration.format), calibration, file
+    )
 
 
-def _differs(table: TomlTable, key: str, here: str, there: str, file: str) -> InputError:
-    return table.fail(key, f"{key} = {here}, but {quoted(file)} says {there}")
+def _shown(value: object) -> str:
+    if isinstance(value, str):
+        return quoted(value)
+    return repr(list(value)) if isinstance(value, tuple) else repr(value)
 
 
-def _photos(root: TomlTable, cameras: dict[str, Camera]) -> dict[str, Photo]:
-    photos: dict[str, Photo] = {}
-    tables: dict[str, TomlTable] = {}
-    for table in root.tables("photo"):
-        table.only("id", "camera", "position", "rotation", "position_sigma", "rotation_sigma")
-        photo = table.name("id", photo=True)
-        _refuse_second("photo", photo, table, tables)
-        camera = table.name("camera")
-        if camera not in cameras:
-            raise table.fail(
-                "camera",
-                f"photo {quoted(photo)}: unknown camera {quoted(camera)}{hint(camera, cameras)}",
-            )
-        photos[photo] = Photo(
-            id=photo,
-            camera=camera,
-            position=_triple(table, "position"),
-            rotation=read_rotation(table, "rotation"),
-            position_sigma=_sigma(table, "position"),
-            rotation_sigma=_sigma(table, "rotation"),
-        )
-    if not photos:
-        raise root.fail(None, "no photo: a block needs at least one [[photo]]")
-    return photos
+def _photo(cameras: Collection[str], table: TomlTable) -> Photo:
+    photo = Photo(**table.take({"id": PHOTO, "camera": Reference("camera", cameras)}, _PHOTO))
+    for key in _SIGMAS:
+        of = key.removesuffix("_sigma")
+        if key in table and of not in table:
+            raise table.fail(f"{key} without {of}", key)
+    return photo
 
 
-def _strips(root: TomlTable, photos: dict[str, Photo]) -> dict[str, Strip]:
-    strips: dict[str, Strip] = {}
-    tables: dict[str, TomlTable] = {}
-    for table in root.tables("strip"):
-        table.only("id", "photos", "base")
-        strip = table.name("id")
-        _refuse_second("strip", strip, table, tables)
-        names = table.names("photos", photo=True)
-        seen: set[str] = set()
-        for index, photo in enumerate(names):
-            if photo not in photos:
-                raise table.fail(
-                    "photos",
-                    f"strip {quoted(strip)}: unknown photo {quoted(photo)}{hint(photo, photos)}",
-                    index,
-                )
-            if photo in seen:
-                raise table.fail(
-                    "photos", f"strip {quoted(strip)}: photo {quoted(photo)} twice", index
-                )
-            seen.add(photo)
-        if len(names) < 2:
-            raise table.fail("photos", f"strip {quoted(strip)} has fewer than 2 photos")
-        base: float | None = None
-        if "base" in table:
-            # The sign comes from the data: only the magnitude is taken.
-            base = abs(table.number("base"))
-            if base == 0.0:
-                raise table.fail("base", f"strip {quoted(strip)}: base must not be 0")
-        strips[strip] = Strip(id=strip, photos=names, base=base)
-    if not strips:
-        raise root.fail(None, "no strip: a block needs at least one [[strip]]")
-    return strips
-
-
-def _refuse_second(what: str, name: str, table: TomlTable, tables: dict[str, TomlTable]) -> None:
-    if name in tables:
-        first = tables[name].line("id")
-        also = "" if first is None else f" (first in line {first})"
-        raise table.fail("id", f"{what} {quoted(name)} twice{also}")
-    tables[name] = table
-
-
-def _triple(table: TomlTable, key: str) -> tuple[float, float, float] | None:
-    if key not in table:
-        return None
-    first, second, third = table.numbers(key, 3)
-    return first, second, third
-
-
-def read_rotation(table: TomlTable, key: str) -> tuple[float, float, float] | None:
-    """Return omega, phi, kappa [rad] of a rotation's table, or None when it is left out."""
-    if key not in table:
-        return None
-    angles = table.table(key, key)
-    angles.only(*_ANGLES, "unit")
-    to_radians = _UNITS[angles.choice("unit", tuple(_UNITS))]
-    omega, phi, kappa = (angles.number(angle) * to_radians for angle in _ANGLES)
-    return omega, phi, kappa
-
-
-def _sigma(table: TomlTable, of: str) -> tuple[float, float, float] | None:
-    key = f"{of}_sigma"
-    if key not in table:
-        return None
-    if of not in table:
-        raise table.fail(key, f"{key} without {of}")
-    sigma = _triple(table, key) if of == "position" else read_rotation(table, key)
-    if sigma is not None and min(sigma) <= 0.0:
-        raise table.fail(key, f"{key} must hold numbers greater than 0")
-    return sigma
+def _strip(photos: Collection[str], table: TomlTable) -> Strip:
+    names = ListOf(Reference("photo", photos), "photos")
+    # The sign of the base comes from the data: only the magnitude is taken.
+    strip = Strip(**table.take({"id": NAME, "photos": names}, {"base": Made(NUMBER, abs)}))
+    seen: set[str] = set()
+    for index, photo in enumerate(strip.photos):
+        if photo in seen:
+            raise table.fail(f"photo {quoted(photo)} twice", "photos", index)
+        seen.add(photo)
+    if len(strip.photos) < 2:
+        raise table.fail("fewer than 2 photos", "photos")
+    if strip.base == 0.0:
+        raise table.fail("must not be 0", "base")
+    return strip
 
 
 def _angles(values: tuple[float, float, float]) -> str:

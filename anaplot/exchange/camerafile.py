@@ -27,6 +27,7 @@ out both.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -40,18 +41,30 @@ from anaplot.photogrammetry.camera import (
 )
 from anaplot.photogrammetry.refinement import Refinement
 from anaplot.textfiles.inputfile import read_text
-from anaplot.textfiles.names import name_fault
-from anaplot.textfiles.tomlfile import TomlFile, TomlTable
+from anaplot.textfiles.kinds import (
+    NAME,
+    POSITIVE,
+    TABLE,
+    Fields,
+    Items,
+    Keys,
+    ListOf,
+    Made,
+    MapOf,
+    Numbers,
+    WrongValueError,
+)
+from anaplot.textfiles.tomltable import TomlTable, parse_toml
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
 from anaplot.textfiles.wholefile import create_whole
-from anaplot.textfiles.wording import describe_type, place, quoted
+from anaplot.textfiles.wording import place, quoted
 
 __all__ = [
     "CAMERA_FORMAT",
+    "FRAME",
     "MAX_CAMERA_BYTES",
     "camera_path",
     "format_camera",
-    "frame_format",
     "parse_camera",
     "read_camera",
     "write_camera",
@@ -90,50 +103,38 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
     InputError
         Anything but a complete camera of format 1, with file, line and key.
     """
-    root = TomlFile(path, text).root
+    root = parse_toml(text, path)
     root.version(CAMERA_FORMAT)
-    root.only("format", "camera", "fiducials", "distances", "distortion")
-    root.raw("camera")
-    camera = root.table("camera", "[camera]")
-    camera.only("id", "c", "format", "principal_point")
-    name, c = camera.name("id"), camera.positive("c")
-    size = frame_format(camera)
-    x0, y0 = camera.numbers("principal_point", 2) if "principal_point" in camera else (0.0, 0.0)
+    camera = root.take({"camera": Keys(_CAMERA, _CAMERA_MORE)}, _TABLES, also=("format",))["camera"]
+    c = camera["c"]
+    size = camera.get("format")
+    x0, y0 = camera.get("principal_point", (0.0, 0.0))
     if abs(x0) > c or abs(y0) > c:
-        raise camera.fail("principal_point", "principal_point lies further off than c")
+        raise root.fail("lies further off than c", "camera", "principal_point")
     if "fiducials" in root and "distances" in root:
-        raise root.fail("distances", "[distances] beside [fiducials]: only one of them")
-    distances = root.table("distances", "[distances]")
-    distances.only("sigma_um", "mm")
-    distortion = root.table("distortion", "[distortion]")
-    distortion.only("radial", "table", "decentring")
-    p1, p2 = distortion.numbers("decentring", 2) if "decentring" in distortion else (0.0, 0.0)
+        raise root.fail("[distances] beside [fiducials]: only one of them", "distances")
+    fiducials = _fiducials(root.table("fiducials"), size or (4.0 * c, 4.0 * c))
+    if "fiducials" in root and not fiducials:
+        raise root.fail("is empty", "fiducials")
+    distances = _distances(root.table("distances")) if "distances" in root else {}
+    distortion = root.table("distortion").take({}, _DISTORTION)
+    if "radial" in distortion and "table" in distortion:
+        raise root.fail("table beside radial: only one of them", "distortion", "table")
     made = CameraCalibration(
-        id=name,
+        id=camera["id"],
         c=c,
         principal_point=(x0, y0),
         format=size,
-        fiducials=_fiducials(root, size or (4.0 * c, 4.0 * c)),
-        distances=_distances(distances) if "distances" in root else (),
-        distance_sigma_um=distances.positive("sigma_um", 2.0),
-        radial=_radial(distortion),
-        decentring=(p1, p2),
+        fiducials=fiducials,
+        radial=distortion.get("radial", distortion.get("table")),
+        decentring=distortion.get("decentring", (0.0, 0.0)),
+        **distances,
     )
     try:
         Refinement.of(made)
     except InputError as error:
-        raise root.fail("distortion", str(error)) from None
+        raise root.fail(str(error), "distortion") from None
     return made
-
-
-def frame_format(table: TomlTable) -> tuple[float, float] | None:
-    """Return a camera's format [mm], None when the key is left out."""
-    if "format" not in table:
-        return None
-    width, height = table.numbers("format", 2)
-    if width <= 0.0 or height <= 0.0:
-        raise table.fail("format", "format must hold two numbers greater than 0")
-    return width, height
 
 
 def camera_path(folder: Path, name: str) -> Path:
@@ -218,89 +219,70 @@ def write_camera(path: Path, calibration: CameraCalibration) -> None:
     create_whole(path, data)
 
 
-def _fiducials(root: TomlTable, reach: tuple[float, float]) -> tuple[Fiducial, ...]:
-    table = root.table("fiducials", "[fiducials]")
-    if "fiducials" in root and not table.key_names():
-        raise root.fail("fiducials", "[fiducials] is empty")
-    if len(table.key_names()) > _MAX_FIDUCIALS:
-        raise root.fail("fiducials", f"more than {_MAX_FIDUCIALS} fiducials")
-    marks: list[Fiducial] = []
-    for name in table.key_names():
-        fault = name_fault(name)
-        if fault is not None:
-            raise table.fail(name, f"fiducial: the name {quoted(name)} {fault}")
-        x, y = table.numbers(name, 2)
+def _fiducials(table: TomlTable, reach: tuple[float, float]) -> tuple[Fiducial, ...]:
+    places: dict[tuple[float, ...], str] = {}
+    for name in table:
+        x, y = place = table.get(name, Numbers(2))
         # fiducials stand at the edge, some outside what the frame exposes
         if abs(x) > reach[0] or abs(y) > reach[1]:
-            raise table.fail(name, f"fiducial {quoted(name)} lies far outside the format")
-        twin = next((mark for mark in marks if (mark.x, mark.y) == (x, y)), None)
-        if twin is not None:
-            raise table.fail(
-                name, f"fiducial {quoted(name)} has the same place as {quoted(twin.id)}"
-            )
-        marks.append(Fiducial(name, x, y))
-    return tuple(marks)
+            raise table.fail(f"fiducial {quoted(name)} lies far outside the format", name)
+        if (twin := places.setdefault(place, name)) != name:
+            raise table.fail(f"fiducial {quoted(name)} has the same place as {quoted(twin)}", name)
+    if len(places) > _MAX_FIDUCIALS:
+        raise table.fail(f"more than {_MAX_FIDUCIALS} fiducials")
+    return tuple(Fiducial(name, x, y) for (x, y), name in places.items())
 
 
-def _distances(table: TomlTable) -> tuple[FiducialDistance, ...]:
-    shape = 'mm must hold distances ["name", "name", mm]'
-    rows = table.raw("mm")
-    if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
-        raise table.fail("mm", f"{shape}, not {_wrong_type(rows)}")
-    if len(rows) < 2:
-        raise table.fail("mm", "two distances at least: one along x, one along y")
-    if len(rows) > _MAX_FIDUCIALS:
-        raise table.fail("mm", f"more than {_MAX_FIDUCIALS} distances")
-    found: list[FiducialDistance] = []
-    for index, row in enumerate(rows):
-        if len(row) != 3:
-            raise table.fail("mm", f"{shape}, this one has {len(row)} items", index)
-        first = table.name_at("mm", row[0], index)
-        second = table.name_at("mm", row[1], index)
-        mm = table.number_at("mm", row[2], index)
-        if mm <= 0.0:
-            raise table.fail("mm", f"the distance {mm:g} must be greater than 0", index)
-        if first == second:
-            raise table.fail("mm", f"a distance from {quoted(first)} to itself", index)
-        if any({first, second} == {d.first, d.second} for d in found):
-            raise table.fail(
-                "mm", f"the distance between {quoted(first)} and {quoted(second)} twice", index
-            )
-        found.append(FiducialDistance(first, second, mm))
-    return tuple(found)
+def _distances(table: TomlTable) -> dict[str, Any]:
+    """Return the keyword arguments of a calibration that states distances."""
+    found = table.take({"mm": ListOf(_DISTANCE, 'distances ["name", "name", mm]')}, _DISTANCES)
+    distances: tuple[FiducialDistance, ...] = found["mm"]
+    if len(distances) < 2:
+        raise table.fail("two distances at least: one along x, one along y", "mm")
+    if len(distances) > _MAX_FIDUCIALS:
+        raise table.fail(f"more than {_MAX_FIDUCIALS} distances", "mm")
+    pairs: set[frozenset[str]] = set()
+    for index, distance in enumerate(distances):
+        first, second = quoted(distance.first), quoted(distance.second)
+        if distance.first == distance.second:
+            raise table.fail(f"a distance from {first} to itself", "mm", index)
+        pair = frozenset((distance.first, distance.second))
+        if pair in pairs:
+            raise table.fail(f"the distance between {first} and {second} twice", "mm", index)
+        pairs.add(pair)
+    return {"distances": distances, "distance_sigma_um": found.get("sigma_um", 2.0)}
 
 
-def _wrong_type(rows: Any) -> str:
-    if not isinstance(rows, list):
-        return describe_type(rows)
-    return describe_type(next(row for row in rows if not isinstance(row, list)))
+def _radial_table(pairs: tuple[tuple[float, ...], ...]) -> RadialTable:
+    if not pairs:
+        raise WrongValueError("is empty")
+    if len(pairs) > _MAX_TABLE:
+        raise WrongValueError(f"more than {_MAX_TABLE} radii")
+    last = -math.inf
+    for index, (radius, um) in enumerate(pairs):
+        if radius < 0.0 or radius <= last:
+            raise WrongValueError(f"radius {radius:g}: radii must grow from 0 on", index)
+        if radius == 0.0 and um != 0.0:
+            raise WrongValueError("the distortion at radius 0 must be 0", index)
+        last = radius
+    radii, um_of = zip(*pairs, strict=True)
+    return RadialTable(radii, um_of)
 
 
-def _radial(table: TomlTable) -> RadialPolynomial | RadialTable | None:
-    if "radial" in table and "table" in table:
-        raise table.fail("table", "table beside radial: only one of them")
-    if "radial" in table:
-        k0, k1, k2, k3 = table.numbers("radial", 4)
-        return RadialPolynomial((k0, k1, k2, k3))
-    if "table" not in table:
-        return None
-    rows = table.raw("table")
-    if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
-        raise table.fail("table", f"table must hold pairs [mm, um], not {_wrong_type(rows)}")
-    if not rows:
-        raise table.fail("table", "table is empty")
-    if len(rows) > _MAX_TABLE:
-        raise table.fail("table", f"more than {_MAX_TABLE} radii")
-    radius: list[float] = []
-    dr: list[float] = []
-    for index, row in enumerate(rows):
-        if len(row) != 2:
-            raise table.fail("table", f"a pair [mm, um], this one has {len(row)} items", index)
-        r, um = (table.number_at("table", item, index) for item in row)
-        if r < 0.0 or (radius and r <= radius[-1]):
-            raise table.fail("table", f"radius {r:g}: radii must grow from 0 on", index)
-        if r == 0.0 and um != 0.0:
-            raise table.fail("table", "the distortion at radius 0 must be 0", index)
-        radius.append(r)
-        dr.append(um)
-    return RadialTable(tuple(radius), tuple(dr))
+_DISTANCE = Made(Items(NAME, NAME, POSITIVE), lambda items: FiducialDistance(*items))
+FRAME = Numbers(2, POSITIVE)
+"""A camera's format: width and height [mm]."""
+
+_CAMERA: Fields = {"id": NAME, "c": POSITIVE}
+_CAMERA_MORE: Fields = {"format": FRAME, "principal_point": Numbers(2)}
+_TABLES: Fields = {
+    "fiducials": MapOf(NAME, Numbers(2)),
+    "distances": TABLE,
+    "distortion": TABLE,
+}
+_DISTANCES: Fields = {"sigma_um": POSITIVE}
+_DISTORTION: Fields = {
+    "radial": Made(Numbers(4), RadialPolynomial),
+    "table": Made(ListOf(Numbers(2), "pairs [mm, um]"), _radial_table),
+    "decentring": Numbers(2),
+}

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal, cast
 
 from anaplot.photogrammetry.block import ControlPoint
-from anaplot.textfiles.csvtable import CsvTable
-from anaplot.textfiles.names import name_fault
-from anaplot.textfiles.wording import hint, quoted
+from anaplot.textfiles.csvtable import csv_text, read_csv
+from anaplot.textfiles.kinds import NAME, NUMBER, Blank, Made, Number, Word
 
 __all__ = ["format_control", "parse_control"]
 
-_USES = ("control", "check", "off")
+_XYZ = ("X", "Y", "Z")
+_SIGMAS = ("sX", "sY", "sZ")
+_SIGMA = Made(Number(0.0), abs)  # no minus zero
 
 
 def parse_control(path: Path) -> tuple[ControlPoint, ...]:
@@ -37,57 +35,20 @@ def parse_control(path: Path) -> tuple[ControlPoint, ...]:
     InputError
         The first row that is wrong, with file, line and column.
     """
-    points: list[ControlPoint] = []
-    lines: dict[str, int] = {}
-    with CsvTable(path, ("point", "X", "Y", "Z"), ("sX", "sY", "sZ", "use")) as table:
-        column = table.columns
-
-        def number(line: int, row: list[str], name: str) -> float | None:
-            if name not in column or not row[column[name]]:
-                return None
-            return table.number(line, name, row[column[name]])
-
-        def sigma(line: int, row: list[str], name: str) -> float | None:
-            value = number(line, row, name)
-            if value is None:
-                return None
-            if value < 0.0:
-                raise table.fail(line, f"{name} = {value:g} must not be negative")
-            return abs(value)
-
-        for line, row in table:
-            point = row[column["point"]]
-            if not point:
-                raise table.fail(line, "point is empty")
-            fault = name_fault(point)
-            if fault is not None:
-                raise table.fail(line, f"point: the name {quoted(point)} {fault}")
-            first = lines.setdefault(point, line)
-            if first != line:
-                raise table.fail(line, f"point {quoted(point)} twice (lines {first} and {line})")
-            use = row[column["use"]] if "use" in column else "control"
-            if use not in _USES:
-                nearest = hint(use, _USES, listing=False)
-                raise table.fail(
-                    line, f"use = {quoted(use)} must be control, check or off{nearest}"
-                )
-            points.append(
-                ControlPoint(
-                    point=point,
-                    xyz=(number(line, row, "X"), number(line, row, "Y"), number(line, row, "Z")),
-                    sigma=(sigma(line, row, "sX"), sigma(line, row, "sY"), sigma(line, row, "sZ")),
-                    use=cast(Literal["control", "check", "off"], use),
-                )
-            )
-    return tuple(points)
+    table = read_csv(
+        path,
+        {"point": NAME, **dict.fromkeys(_XYZ, Blank(NUMBER))},
+        {**dict.fromkeys(_SIGMAS, Blank(_SIGMA)), "use": Word("control", "check", "off")},
+    )
+    table.refuse_twice("point")
+    columns = (table[name] for name in ("point", *_XYZ, *_SIGMAS, "use"))
+    return tuple(
+        ControlPoint(point, (x, y, z), (sx, sy, sz), use or "control")
+        for point, x, y, z, sx, sy, sz, use in zip(*columns, strict=True)
+    )
 
 
 def format_control(control: Iterable[ControlPoint]) -> str:
     """Return control points as the text of a control.csv, shortest digits that read back."""
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(("point", "X", "Y", "Z", "sX", "sY", "sZ", "use"))
-    for point in control:
-        numbers = ("" if value is None else repr(value) for value in (*point.xyz, *point.sigma))
-        writer.writerow((point.point, *numbers, point.use))
-    return file.getvalue()
+    rows = ((point.point, *point.xyz, *point.sigma, point.use) for point in control)
+    return csv_text(("point", *_XYZ, *_SIGMAS, "use"), rows)

@@ -17,6 +17,7 @@ The fiducials' names are those of the camera file; a fiducial that was not measu
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from anaplot.exchange.blocktoml import read_test
@@ -24,9 +25,9 @@ from anaplot.exchange.camerafile import camera_path, read_camera
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.textfiles.inputfile import read_text
-from anaplot.textfiles.names import name_fault
-from anaplot.textfiles.tomlfile import TomlFile, TomlTable
-from anaplot.textfiles.wording import hint, quoted
+from anaplot.textfiles.kinds import PHOTO, POSITIVE, Made, MapOf, Number, Numbers, Reference, Text
+from anaplot.textfiles.tomltable import parse_toml
+from anaplot.textfiles.wording import quoted
 
 __all__ = [
     "FIDUCIALS_FORMAT",
@@ -40,7 +41,7 @@ __all__ = [
 FIDUCIALS_FORMAT = 1
 MAX_FIDUCIALS_BYTES = 16_000_000
 
-_FARTHEST = 10_000.0  # mm; no plate carrier travels ten metres
+_PLATE = Number(-10_000.0, 10_000.0)  # mm; no plate carrier travels ten metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,51 +108,30 @@ def parse_fiducials(text: str, path: Path) -> FiducialMeasurements:
     InputError
         Anything but complete measurements of format 1, with file, line and key.
     """
-    root = TomlFile(path, text).root
+    root = parse_toml(text, path)
     root.version(FIDUCIALS_FORMAT)
-    root.only("format", "camera", "sigma_um", "test", "photo")
-    sigma_um = root.positive("sigma_um", Precision().image_um)
-    test = read_test(root.table("test", "[test]"))
-    try:
-        camera_file = camera_path(path.parent, root.text("camera"))
-    except ValueError as error:
-        raise root.fail("camera", f"camera: {error}") from None
-    camera = read_camera(camera_file)
-    if not camera.fiducial_names():
-        raise root.fail("camera", f"camera {quoted(camera.id)} states no fiducials")
-    photos = root.table("photo", "[photo]")
-    if not photos.key_names():
-        raise root.fail(None, "no photo: tables [photo.NAME] hold the measured fiducials")
+    camera_file = Made(Text(), partial(camera_path, path.parent))
+    stated = root.take(
+        {"camera": camera_file}, {"sigma_um": POSITIVE}, also=("format", "test", "photo")
+    )
+    test = read_test(root.table("test"))
+    camera = read_camera(stated["camera"])
+    known = camera.fiducial_names()
+    if not known:
+        raise root.fail(f"camera {quoted(camera.id)} states no fiducials", "camera")
+    fiducial = Reference(f"fiducial of camera {quoted(camera.id)}:", known)
+    photos = root.optional("photo", MapOf(PHOTO, MapOf(fiducial, Numbers(2, _PLATE))), {})
+    if not photos:
+        raise root.fail("no photo: tables [photo.NAME] hold the measured fiducials")
+    for name, places in photos.items():
+        if not places:
+            raise root.fail("no fiducial is measured", "photo", name)
     return FiducialMeasurements(
         camera=camera,
-        sigma_um=sigma_um,
+        sigma_um=stated.get("sigma_um", Precision().image_um),
         test=test,
-        photos=tuple(_photo(photos, name, camera) for name in photos.key_names()),
+        photos=tuple(
+            PhotoFiducials(name, tuple((mark, x, y) for mark, (x, y) in places.items()))
+            for name, places in photos.items()
+        ),
     )
-
-
-def _photo(photos: TomlTable, name: str, camera: CameraCalibration) -> PhotoFiducials:
-    fault = name_fault(name, photo=True)
-    if fault is not None:
-        raise photos.fail(name, f"photo: the name {quoted(name)} {fault}")
-    title = f"photo {quoted(name)}"
-    table = photos.table(name, title)
-    known = camera.fiducial_names()
-    measured = []
-    for fiducial in table.key_names():
-        if fiducial not in known:
-            raise table.fail(
-                fiducial,
-                f"{title}: camera {quoted(camera.id)} has no fiducial {quoted(fiducial)}"
-                + hint(fiducial, known),
-            )
-        x, y = table.numbers(fiducial, 2)
-        if abs(x) > _FARTHEST or abs(y) > _FARTHEST:
-            raise table.fail(
-                fiducial,
-                f"{title}: fiducial {quoted(fiducial)} lies further off than {_FARTHEST:g} mm",
-            )
-        measured.append((fiducial, x, y))
-    if not measured:
-        raise photos.fail(name, f"{title}: no fiducial is measured")
-    return PhotoFiducials(name, tuple(measured))

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint
 from anaplot.photogrammetry.selection import model_name
-from anaplot.textfiles.csvtable import CsvTable
+from anaplot.textfiles.csvtable import CsvColumns, csv_text, read_csv
+from anaplot.textfiles.kinds import NAME, NUMBER, POSITIVE, Blank, Reference, Text
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import hint, quoted
 
@@ -38,7 +37,18 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
     InputError
         The first row that is wrong, with file, line and column.
     """
-    return _ImagePointReader(path, block).read()
+    cameras = {camera.id: camera for camera in block.cameras}
+    of_photo = {photo.id: cameras[photo.camera] for photo in block.photos}
+    table = read_csv(
+        path,
+        {"photo": Reference("photo", of_photo), "point": NAME, "x": NUMBER, "y": NUMBER},
+        {"sigma_um": Blank(POSITIVE), "model": Blank(Text())},
+    )
+    _check_inside(table, of_photo)
+    _check_models(table, block)
+    table.refuse_twice("point", "photo", "model")
+    columns = ("photo", "point", "x", "y", "sigma_um", "model")
+    return tuple(map(ImagePoint, *(table[name] for name in columns)))
 
 
 def format_image_points(points: Iterable[ImagePoint]) -> str:
@@ -52,10 +62,6 @@ def format_image_points(points: Iterable[ImagePoint]) -> str:
         A row that could not be read again: a bad name, a number that is none, a row twice.
     """
     rows = list(points)
-    has_sigma = any(row.sigma_um is not None for row in rows)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["photo", "point", "x", "y", *(["sigma_um"] if has_sigma else []), "model"])
     seen: set[tuple[str, str, str | None]] = set()
     for row in rows:
         _check_writable(row)
@@ -63,118 +69,57 @@ def format_image_points(points: Iterable[ImagePoint]) -> str:
         if key in seen:
             raise _unwritable(row, "stands twice")
         seen.add(key)
-        fields = [row.photo, row.point, repr(float(row.x)), repr(float(row.y))]
-        if has_sigma:
-            fields.append("" if row.sigma_um is None else repr(float(row.sigma_um)))
-        writer.writerow([*fields, row.model or ""])
-    return text.getvalue()
+    columns = ["photo", "point", "x", "y", "sigma_um", "model"]
+    if all(row.sigma_um is None for row in rows):
+        columns.remove("sigma_um")
+    return csv_text(columns, ([getattr(row, name) for name in columns] for row in rows))
 
 
-class _ImagePointReader:
-    """The checks of one file: first quickly whether a row is good, then slowly what is wrong."""
-
-    def __init__(self, path: Path, block: Block) -> None:
-        self._path = path
-        cameras = {camera.id: camera for camera in block.cameras}
-        self._camera = {photo.id: cameras[photo.camera] for photo in block.photos}
-        self._reach = {photo: camera.reach() for photo, camera in self._camera.items()}
-        self._models: dict[str, dict[str, str]] = {photo: {} for photo in self._camera}
-        for strip in block.strips:
-            for left, right in strip.models():
-                model = model_name(left, right)
-                self._models[left][model] = self._models[right][model] = model
-        # Names come back many times: each is checked once and kept once.
-        self._names: dict[str, str] = {photo.id: photo.id for photo in block.photos}
-
-    def read(self) -> tuple[ImagePoint, ...]:
-        points: list[ImagePoint] = []
-        lines: dict[tuple[str, str, str | None], int] = {}
-        names = self._names
-        with CsvTable(self._path, ("photo", "point", "x", "y"), ("sigma_um", "model")) as table:
-            column = table.columns
-            at_photo, at_point, at_x, at_y = (column[n] for n in ("photo", "point", "x", "y"))
-            at_sigma, at_model = column.get("sigma_um"), column.get("model")
-            for line, row in table:
-                photo = row[at_photo]
-                reach = self._reach.get(photo)
-                if reach is None:
-                    raise self._bad_photo(table, line, photo)
-                point = row[at_point]
-                if point not in names:
-                    self._check_point(table, line, point)
-                    names[point] = point
-                x = table.number(line, "x", row[at_x])
-                y = table.number(line, "y", row[at_y])
-                if not (-reach[0] <= x <= reach[0] and -reach[1] <= y <= reach[1]):
-                    raise self._outside(table, line, photo, x, y)
-                sigma: float | None = None
-                if at_sigma is not None and row[at_sigma]:
-                    sigma = table.number(line, "sigma_um", row[at_sigma])
-                    if sigma <= 0.0:
-                        raise table.fail(line, f"sigma_um = {sigma:g} must be greater than 0")
-                model: str | None = None
-                if at_model is not None and row[at_model]:
-                    model = self._models[photo].get(row[at_model])
-                    if model is None:
-                        raise self._bad_model(table, line, photo, row[at_model])
-                photo, point = names[photo], names[point]
-                key = (photo, point, model)
-                first = lines.setdefault(key, line)
-                if first != line:
-                    raise self._twice(table, line, first, key)
-                points.append(ImagePoint(photo, point, x, y, sigma, model))
-        return tuple(points)
-
-    def _bad_photo(self, table: CsvTable, line: int, photo: str) -> InputError:
-        if not photo:
-            return table.fail(line, "photo is empty")
-        return table.fail(line, f"unknown photo {quoted(photo)}{hint(photo, self._camera)}")
-
-    def _check_point(self, table: CsvTable, line: int, point: str) -> None:
-        if not point:
-            raise table.fail(line, "point is empty")
-        fault = name_fault(point)
-        if fault is not None:
-            raise table.fail(line, f"point: the name {quoted(point)} {fault}")
-
-    def _outside(self, table: CsvTable, line: int, photo: str, x: float, y: float) -> InputError:
-        reach_x, reach_y = self._reach[photo]
-        column, value, reach = ("x", x, reach_x) if abs(x) > reach_x else ("y", y, reach_y)
-        camera = self._camera[photo]
+def _check_inside(table: CsvColumns, cameras: Mapping[str, Camera]) -> None:
+    """Refuse a coordinate that the photo's camera cannot have."""
+    reach = {photo: camera.reach() for photo, camera in cameras.items()}
+    for row, (photo, x, y) in enumerate(zip(table["photo"], table["x"], table["y"], strict=True)):
+        reach_x, reach_y = reach[photo]
+        if -reach_x <= x <= reach_x and -reach_y <= y <= reach_y:
+            continue
+        column, value, most = ("x", x, reach_x) if abs(x) > reach_x else ("y", y, reach_y)
+        camera = cameras[photo]
         limit = "the format" if camera.format is not None else "4 c"
-        return table.fail(
-            line,
-            f"{column} = {value:g} mm lies outside {limit} of camera {quoted(camera.id)} "
-            f"(-{reach:g} to {reach:g} mm)",
+        raise table.fail(
+            row,
+            column,
+            f"{value:g} mm lies outside {limit} of camera {quoted(camera.id)} "
+            f"(-{most:g} to {most:g} mm)",
         )
 
-    def _bad_model(self, table: CsvTable, line: int, photo: str, model: str) -> InputError:
-        title = f"model {quoted(model)}"
-        left, slash, right = model.partition("/")
-        if not slash or "/" in right or not left or not right:
-            return table.fail(line, f"{title} must be of the form left/right")
-        for name in (left, right):
-            if name not in self._camera:
-                return table.fail(
-                    line, f"{title}: unknown photo {quoted(name)}{hint(name, self._camera)}"
-                )
-        if photo not in (left, right):
-            return table.fail(line, f"{title} does not contain the row's photo {quoted(photo)}")
-        if model_name(right, left) in self._models[photo]:
-            turned = quoted(model_name(right, left))
-            return table.fail(line, f"{title}: in flight order it is {turned}")
-        return table.fail(line, f"{title}: the two photos do not follow each other in a strip")
 
-    def _twice(
-        self, table: CsvTable, line: int, first: int, key: tuple[str, str, str | None]
-    ) -> InputError:
-        photo, point, model = key
-        within = f" of model {quoted(model)}" if model else " without a model"
-        return table.fail(
-            line,
-            f"point {quoted(point)} twice in photo {quoted(photo)}{within} (lines {first} and "
-            f"{line})",
-        )
+def _check_models(table: CsvColumns, block: Block) -> None:
+    """Refuse a model that is none of the block's, or not one of the row's photo."""
+    known: dict[str, set[str]] = {photo.id: set() for photo in block.photos}
+    for strip in block.strips:
+        for left, right in strip.models():
+            known[left].add(model_name(left, right))
+            known[right].add(model_name(left, right))
+    rows = list(zip(table["photo"], table["model"], strict=True))
+    wrong = {(photo, model) for photo, model in set(rows) if model and model not in known[photo]}
+    if wrong:
+        row = next(row for row, pair in enumerate(rows) if pair in wrong)
+        raise table.fail(row, "model", _model_fault(*rows[row], known))
+
+
+def _model_fault(photo: str, model: str, known: Mapping[str, Collection[str]]) -> str:
+    left, slash, right = model.partition("/")
+    if not slash or "/" in right or not left or not right:
+        return f"{quoted(model)} must be of the form left/right"
+    for name in (left, right):
+        if name not in known:
+            return f"{quoted(model)}: unknown photo {quoted(name)}{hint(name, known)}"
+    if photo not in (left, right):
+        return f"{quoted(model)} does not contain the row's photo {quoted(photo)}"
+    turned = model_name(right, left)
+    if turned in known[photo]:
+        return f"{quoted(model)}: in flight order it is {quoted(turned)}"
+    return f"{quoted(model)}: the two photos do not follow each other in a strip"
 
 
 def _check_writable(row: ImagePoint) -> None:

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Collection
 from dataclasses import dataclass
 from math import dist, hypot, radians
 from pathlib import Path
 
-from anaplot.exchange.blocktoml import read_rotation
-from anaplot.exchange.camerafile import frame_format
+from anaplot.exchange.blocktoml import ROTATION
 from anaplot.photogrammetry.block import Camera
-from anaplot.textfiles.inputfile import read_text
-from anaplot.textfiles.tomlfile import TomlFile, TomlTable
-from anaplot.textfiles.wording import quoted
+from anaplot.textfiles.kinds import (
+    NAME,
+    NUMBER,
+    PHOTO,
+    Fields,
+    Made,
+    Number,
+    Numbers,
+    Reference,
+    WrongValueError,
+)
+from anaplot.textfiles.tomltable import TomlTable, read_toml
 
 __all__ = ["NETWORK_FORMAT", "NetworkFile", "ObjectPoint", "StationEntry", "read_network"]
 
 NETWORK_FORMAT = 1
 _MAX_BYTES = 4_000_000
-_MOST_STATIONS, _MOST_POINTS = 1_000, 20_000
 # computed in double precision: wide enough for any camera and any object
 _BOUNDS = (1e-3, 1e6)  # mm or um
 _FINEST = 1e-9  # m, of control that is not free of error
@@ -37,8 +44,8 @@ class StationEntry:
     id: str
     camera: str
     position: Triple
-    rotation: Triple | None
-    look_at: Triple | None
+    rotation: Triple | None = None
+    look_at: Triple | None = None
     roll: float = 0.0
 
 
@@ -52,8 +59,8 @@ class ObjectPoint:
 
     id: str
     position: Triple
-    normal: Triple | None
-    control: float | None
+    normal: Triple | None = None
+    control: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,100 +83,56 @@ def read_network(path: Path) -> NetworkFile:
     InputError
         The first thing that is wrong, with file, line and key.
     """
-    root = TomlFile(path, read_text(path, _MAX_BYTES)).root
+    root = read_toml(path, _MAX_BYTES)
     root.version(NETWORK_FORMAT)
-    root.only("format", "name", "image_um", "incidence", "camera", "station", "point")
-    cameras: dict[str, Camera] = {}
-    for table in root.tables("camera"):
-        table.only("id", "c", "format")
-        camera = Camera(table.name("id"), table.between("c", *_BOUNDS), _format(table))
-        _once("camera", camera.id, table, cameras)
-        cameras[camera.id] = camera
-    stations: dict[str, StationEntry] = {}
-    for table in root.tables("station"):
-        station = _station(table, cameras)
-        _once("station", station.id, table, stations)
-        stations[station.id] = station
-        if len(stations) > _MOST_STATIONS:
-            raise table.fail(None, f"more than {_MOST_STATIONS} stations")
-    points: dict[str, ObjectPoint] = {}
-    for table in root.tables("point"):
-        point = _point(table)
-        _once("point", point.id, table, points)
-        points[point.id] = point
-        if len(points) > _MOST_POINTS:
-            raise table.fail(None, f"more than {_MOST_POINTS} points")
-    for what, found in (("camera", cameras), ("station", stations), ("point", points)):
-        if not found:
-            raise root.fail(None, f"no {what}: a network needs at least one [[{what}]]")
-    incidence = root.positive("incidence", 75.0)
-    if incidence > 90.0:
-        raise root.fail("incidence", f"incidence = {incidence:g} must be at most 90 degrees")
+    stated = root.take({"name": NAME}, _SETTINGS, also=("format", "camera", "station", "point"))
+    cameras = root.each("camera", lambda table: Camera(**table.take(_CAMERA, _FRAME)))
+    known = {camera.id for camera in cameras}
     return NetworkFile(
-        root.name("name"),
-        root.between("image_um", *_BOUNDS, 5.0),
-        incidence,
-        tuple(cameras.values()),
-        tuple(stations.values()),
-        tuple(points.values()),
+        stated["name"],
+        stated.get("image_um", 5.0),
+        stated.get("incidence", 75.0),
+        cameras,
+        root.each("station", lambda table: _station(table, known), most=1_000),
+        root.each("point", _point, most=20_000),
     )
 
 
-def _station(table: TomlTable, cameras: dict[str, Camera]) -> StationEntry:
-    table.only("id", "camera", "position", "rotation", "look_at", "roll")
-    name = table.name("id", photo=True)
-    camera = table.name("camera")
-    if camera not in cameras:
-        raise table.fail("camera", f"camera {quoted(camera)} is not among the [[camera]]")
-    position = _triple(table, "position")
-    if ("rotation" in table) == ("look_at" in table):
-        raise table.fail(None, "a station has either rotation or look_at")
-    if "rotation" in table:
-        if "roll" in table:
-            raise table.fail("roll", "roll goes with look_at; a rotation holds it already")
-        return StationEntry(name, camera, position, read_rotation(table, "rotation"), None)
-    target = _triple(table, "look_at")
-    if dist(target, position) < _NEAREST:
-        raise table.fail("look_at", "look_at is the station itself")
-    roll = radians(table.number("roll", 0.0))
-    return StationEntry(name, camera, position, None, target, roll)
+def _station(table: TomlTable, cameras: Collection[str]) -> StationEntry:
+    kinds: Fields = {"id": PHOTO, "camera": Reference("camera", cameras), "position": _PLACE}
+    station = StationEntry(**table.take(kinds, _STATION))
+    if (station.rotation is None) == (station.look_at is None):
+        raise table.fail("a station has either rotation or look_at")
+    if station.look_at is None and "roll" in table:
+        raise table.fail("roll goes with look_at; a rotation holds it already", "roll")
+    if station.look_at is not None and dist(station.look_at, station.position) < _NEAREST:
+        raise table.fail("look_at is the station itself", "look_at")
+    return station
 
 
 def _point(table: TomlTable) -> ObjectPoint:
-    table.only("id", "position", "normal", "control")
-    normal = _triple(table, "normal") if "normal" in table else None
-    name = table.name("id")
-    if normal is not None and hypot(*normal) < _NEAREST:
-        raise table.fail(
-            "normal",
-            f"point {quoted(name)}: normal has no direction: its length is {hypot(*normal):g}, "
-            f"at least {_NEAREST:g}",
+    return ObjectPoint(**table.take({"id": NAME, "position": _PLACE}, _POINT))
+
+
+def _direction(vector: Triple) -> Triple:
+    if hypot(*vector) < _NEAREST:
+        raise WrongValueError(
+            f"no direction: its length is {hypot(*vector):g}, at least {_NEAREST:g}"
         )
-    control = table.number("control") if "control" in table else None
-    if control is not None and control != 0.0 and not _FINEST <= control <= _BOUNDS[1]:
-        raise table.fail(
-            "control",
-            f"point {quoted(name)}: control = {control:g} must be 0 or lie between {_FINEST:g} and "
-            f"{_BOUNDS[1]:g} m",
+    return vector
+
+
+def _sigma(value: float) -> float:
+    if value != 0.0 and not _FINEST <= value <= _BOUNDS[1]:
+        raise WrongValueError(
+            f"must be 0 or lie between {_FINEST:g} and {_BOUNDS[1]:g} m, not {value:g}"
         )
-    return ObjectPoint(name, _triple(table, "position"), normal, control)
+    return value
 
 
-def _format(table: TomlTable) -> tuple[float, float] | None:
-    size = frame_format(table)
-    if size is not None and not _BOUNDS[0] <= min(size) <= max(size) <= _BOUNDS[1]:
-        raise table.fail("format", f"format must lie between {_BOUNDS[0]:g} and {_BOUNDS[1]:g} mm")
-    return size
-
-
-def _triple(table: TomlTable, key: str) -> Triple:
-    x, y, z = table.numbers(key, 3)
-    for index, value in enumerate((x, y, z)):
-        if abs(value) > 1e7:
-            raise table.fail(key, f"{key}: {value:g} is out of all measure", index)
-    return x, y, z
-
-
-def _once(what: str, name: str, table: TomlTable, found: Container[str]) -> None:
-    if name in found:
-        raise table.fail("id", f"{what} {quoted(name)} twice")
+_PLACE = Numbers(3, Number(-1e7, 1e7))
+_SETTINGS: Fields = {"image_um": Number(*_BOUNDS), "incidence": Number(0.001, 90.0)}
+_CAMERA: Fields = {"id": NAME, "c": Number(*_BOUNDS)}
+_FRAME: Fields = {"format": Numbers(2, Number(*_BOUNDS))}
+_STATION: Fields = {"rotation": ROTATION, "look_at": _PLACE, "roll": Made(NUMBER, radians)}
+_POINT: Fields = {"normal": Made(_PLACE, _direction), "control": Made(NUMBER, _sigma)}

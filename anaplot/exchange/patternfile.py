@@ -10,18 +10,13 @@ tie = true     # shared with the preceding model; false when left out
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from contextlib import closing
-from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from anaplot.errors import InputError
-from anaplot.textfiles.csvtable import CsvTable
-from anaplot.textfiles.inputfile import read_text
-from anaplot.textfiles.names import name_fault
-from anaplot.textfiles.tomlfile import TomlFile
-from anaplot.textfiles.wording import describe_type, quoted
+from anaplot.textfiles.csvtable import read_csv
+from anaplot.textfiles.kinds import FLAG, NAME, Fields, Number
+from anaplot.textfiles.tomltable import read_toml
+from anaplot.textfiles.wording import quoted
 
 __all__ = ["MAX_PATTERN_POINTS", "PATTERN_FORMAT", "read_pattern"]
 
@@ -29,24 +24,10 @@ MAX_PATTERN_POINTS = 200
 PATTERN_FORMAT = 1
 
 _MAX_BYTES = 1_000_000
-_FARTHEST = 1000.0  # mm; no photo is larger
+_IN_PHOTO = Number(-1000.0, 1000.0)  # mm; no photo is larger
+_POINT: Fields = {"label": NAME, "x": _IN_PHOTO, "y": _IN_PHOTO}
 
 Points = tuple[tuple[str, float, float], ...]
-
-
-class _Row(NamedTuple):
-    """A point as a file of either kind states it.
-
-    `line` tells where its label stands (looked for in a TOML file, hence only when asked), `fail`
-    makes the error about one of its keys, or about all of it.
-    """
-
-    label: str
-    x: float
-    y: float
-    tie: bool
-    line: Callable[[], int | None]
-    fail: Callable[[str | None, str], InputError]
 
 
 def read_pattern(path: Path) -> tuple[Points, tuple[str, ...]]:
@@ -68,62 +49,38 @@ def read_pattern(path: Path) -> tuple[Points, tuple[str, ...]]:
     InputError
         The first thing that is wrong, with file and line.
     """
-    rows = _toml_rows(path) if path.suffix.lower() == ".toml" else _csv_rows(path)
-    found: dict[str, _Row] = {}
-    with closing(rows):
-        for row in rows:
-            label = row.label
-            if label in found:
-                line = found[label].line()
-                raise row.fail("label", f"label {quoted(label)} stands in line {line} already")
-            if len(found) == MAX_PATTERN_POINTS:
-                raise row.fail(None, f"more than {MAX_PATTERN_POINTS} points")
-            for axis, value in (("x", row.x), ("y", row.y)):
-                if abs(value) > _FARTHEST:
-                    raise row.fail(axis, f"{axis} = {value:g} mm lies outside any photo")
-            found[label] = row
-    points = tuple((row.label, row.x, row.y) for row in found.values())
-    return points, tuple(label for label, row in found.items() if row.tie)
+    if path.suffix.lower() == ".toml":
+        root = read_toml(path, _MAX_BYTES)
+        root.version(PATTERN_FORMAT)
+        root.take({}, also=("format", "point"))
+        tables = list(root.tables("point"))
+        rows = [table.take(_POINT, {"tie": FLAG}) for table in tables]
 
+        def line(row: int) -> int | None:
+            return tables[row].line("label")
 
-def _toml_rows(path: Path) -> Generator[_Row, None, None]:
-    root = TomlFile(path, read_text(path, _MAX_BYTES)).root
-    root.version(PATTERN_FORMAT)
-    root.only("format", "point")
-    table = None
-    for table in root.tables("point"):
-        table.only("label", "x", "y", "tie")
-        label, x, y = table.name("label"), table.number("x"), table.number("y")
-        tie = table.raw("tie") if "tie" in table else False
-        if not isinstance(tie, bool):
-            raise table.fail("tie", f"tie must be true or false, not {describe_type(tie)}")
-        yield _Row(label, x, y, tie, partial(table.line, "label"), table.fail)
-    if table is None:
-        raise root.fail(None, "no points: a pattern needs [[point]]")
+        def fail(row: int | None, message: str) -> InputError:
+            return root.fail(message) if row is None else tables[row].fail(message, "label")
+    else:
+        columns = read_csv(path, _POINT, {"tie": FLAG})
+        rows = [
+            {"label": label, "x": x, "y": y, "tie": tie}
+            for label, x, y, tie in zip(*(columns[name] for name in (*_POINT, "tie")), strict=True)
+        ]
+        line = columns.line
 
+        def fail(row: int | None, message: str) -> InputError:
+            return columns.fail(row, "label" if row is not None else None, message)
 
-def _csv_rows(path: Path) -> Generator[_Row, None, None]:
-    with CsvTable(path, ("label", "x", "y"), ("tie",)) as table:
-        column = table.columns
-        line = None
-        for line, row in table:
-            label = row[column["label"]]
-            fault = name_fault(label)
-            if fault is not None:
-                raise table.fail(line, f"label {quoted(label)} {fault}")
-            x, y = (table.number(line, axis, row[column[axis]]) for axis in ("x", "y"))
-            tie = row[column["tie"]] if "tie" in column else ""
-            if tie not in ("yes", "no", ""):
-                raise table.fail(line, f"tie = {quoted(tie)} must be yes, no or blank")
-            here, fail = partial(_csv_line, line), partial(_csv_fault, table, line)
-            yield _Row(label, x, y, tie == "yes", here, fail)
-        if line is None:
-            raise table.fail(None, "no points")
-
-
-def _csv_line(line: int) -> int:
-    return line
-
-
-def _csv_fault(table: CsvTable, line: int, _: str | None, message: str) -> InputError:
-    return table.fail(line, message)
+    if not rows:
+        raise fail(None, "no points")
+    if len(rows) > MAX_PATTERN_POINTS:
+        raise fail(MAX_PATTERN_POINTS, f"more than {MAX_PATTERN_POINTS} points")
+    first: dict[str, int] = {}
+    for row, point in enumerate(rows):
+        other = first.setdefault(point["label"], row)
+        if other != row:
+            label = quoted(point["label"])
+            raise fail(row, f"label {label} stands in line {line(other)} already")
+    points = tuple((point["label"], point["x"], point["y"]) for point in rows)
+    return points, tuple(point["label"] for point in rows if point.get("tie"))

@@ -33,8 +33,7 @@ from anaplot.planning.patternplan import (
 )
 from anaplot.report.ownplaces import RowName, rows_in
 from anaplot.report.plannetwork import network_from_file
-from anaplot.textfiles.inputfile import read_text
-from anaplot.textfiles.tomlfile import TomlFile
+from anaplot.textfiles.tomltable import read_toml
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["MOST_ROWS", "ModelOptions", "own_scenario"]
@@ -179,7 +178,7 @@ def _geometry(source: str, known: Collection[str], model: ModelOptions) -> _Geom
 
 def _is_network(path: Path) -> bool:
     """Tell a network from a pattern: only a network has stations."""
-    return "station" in TomlFile(path, read_text(path, _MOST_BYTES)).root
+    return "station" in read_toml(path, _MOST_BYTES)
 
 
 def _of_cube(version: str) -> _Geometry:

@@ -1,157 +1,246 @@
-"""A CSV file with a header, read strictly and quickly: complaints name file, line and column."""
+"""A CSV file with a header, read strictly and by columns: complaints name file, line and column."""
 
 from __future__ import annotations
 
 import csv
 import io
-import math
-from collections.abc import Iterator, Sequence
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import NoReturn, Self
+from typing import Any
 
 from anaplot.errors import InputError
 from anaplot.textfiles.inputfile import not_utf8, open_input
+from anaplot.textfiles.kinds import Fields, Kind, WrongValueError
 from anaplot.textfiles.wording import hint, place, quoted, reason
 
-__all__ = ["MAX_CSV_BYTES", "CsvTable"]
+__all__ = ["MAX_CSV_BYTES", "CsvColumns", "csv_text", "read_csv"]
 
 MAX_CSV_BYTES = 256_000_000
 
+_BLOCK = 1 << 20  # characters that are held as text at a time
 
-class CsvTable:
-    """An open CSV file; a context manager.
+
+class CsvColumns:
+    """The columns of a CSV file: lists of one length, by name.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Values by the name of the column.
+    starts
+        (row, line) where the lines begin to differ from the rows by another number.
+    """
+
+    def __init__(
+        self, path: Path, columns: Mapping[str, list[Any]], starts: Sequence[tuple[int, int]]
+    ) -> None:
+        self._path = path
+        self._columns = columns
+        self._starts = starts
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values())))
+
+    def __getitem__(self, name: str) -> list[Any]:
+        return self._columns[name]
+
+    def line(self, row: int) -> int:
+        """Return the line of a row (from 0)."""
+        first, line = self._starts[bisect_right(self._starts, (row, MAX_CSV_BYTES)) - 1]
+        return line + row - first
+
+    def fail(self, row: int | None, column: str | None, message: str) -> InputError:
+        """Return the error about a field, a row, or the file."""
+        return _fault(self._path, None if row is None else self.line(row), column, message)
+
+    def refuse_twice(self, *key: str) -> None:
+        """Refuse two rows that agree in some columns; raises InputError that names both lines."""
+        columns = [self._columns[name] for name in key]
+        if len(set(zip(*columns, strict=True))) == len(self):
+            return
+        first: dict[tuple[Any, ...], int] = {}
+        for row, values in enumerate(zip(*columns, strict=True)):
+            other = first.setdefault(values, row)
+            if other != row:
+                inside = zip(key[1:], values[1:], strict=True)
+                where = "".join(f" in {name} {quoted(value)}" for name, value in inside if value)
+                lines = f"(lines {self.line(other)} and {self.line(row)})"
+                raise self.fail(row, None, f"{key[0]} {quoted(values[0])} twice{where} {lines}")
+
+
+def read_csv(path: Path, required: Fields, optional: Fields | None = None) -> CsvColumns:
+    """Read a CSV file of declared columns, which may stand in any order.
+
+    Blanks around fields and blank lines are left out.
 
     Parameters
     ----------
     path
         The file.
     required, optional
-        Names of its columns, which may stand in any order.
+        Kind of every column that must be there, and that may be: None in every row where it is
+        left out.
 
     Raises
     ------
     InputError
-        The file cannot be read, or its header does not name the columns.
+        The file cannot be read, its header does not name the columns, a row has another length
+        than the header, a quote is not closed in its line, or a field is not of its kind.
     """
+    kinds = {**required, **(optional or {})}
+    columns: dict[str, list[Any]] = {name: [] for name in kinds}
+    starts: list[tuple[int, int]] = [(0, 2)]
+    count = 0
+    with io.TextIOWrapper(open_input(path, MAX_CSV_BYTES), encoding="utf-8-sig") as file:
+        blocks = _blocks(path, file)
+        header = _header(path, next(blocks, (1, [""]))[1][0], kinds, required)
+        for number, block in blocks:
+            for first, lines in _between_blank_lines(number, block):
+                starts.append((count, first))
+                texts = dict(zip(header, _columns(path, first, lines, len(header)), strict=True))
+                for name, values in _values(path, first, texts, kinds).items():
+                    columns[name] += values
+                count += len(lines)
+    for name in kinds.keys() - set(header):
+        columns[name] = [None] * count
+    return CsvColumns(path, columns, starts)
 
-    def __init__(self, path: Path, required: Sequence[str], optional: Sequence[str]) -> None:
-        self._path = path
-        self._file = io.TextIOWrapper(
-            open_input(path, MAX_CSV_BYTES), encoding="utf-8-sig", newline=""
+
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return rows as the text of a CSV file; numbers with the digits that read back exactly."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    for row in rows:
+        writer.writerow(
+            ["" if v is None else repr(float(v)) if isinstance(v, float) else v for v in row]
         )
-        try:
-            self._reader = csv.reader(self._file, strict=True, skipinitialspace=True)
-            self._line = 0
-            header = self._header(required, optional)
-        except BaseException:
-            self._file.close()
-            raise
-        self.columns: dict[str, int] = {name: index for index, name in enumerate(header)}
+    return text.getvalue()
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._file.close()
+def _blocks(path: Path, file: io.TextIOWrapper) -> Iterator[tuple[int, list[str]]]:
+    """Yield the lines of a file, many at a time, and the number of the first."""
+    number = 1
+    try:
+        text = file.readline()
+        while text:
+            lines = text.removesuffix("\n").split("\n")
+            yield number, lines
+            number += len(lines)
+            text = file.read(_BLOCK) + file.readline()
+    except UnicodeDecodeError:
+        raise not_utf8(path, _line_not_utf8(path)) from None
+    except OSError as error:
+        raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
 
-    def __iter__(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield line number and fields, blanks around them removed; blank lines are left out.
 
-        Raises
-        ------
-        InputError
-            A row of another length than the header, a quote that is not closed, a byte that is
-            not UTF-8.
-        """
-        width = len(self.columns)
-        while (row := self._next()) is not None:
+def _between_blank_lines(first: int, lines: list[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield lines that follow each other, and the number of the first."""
+    begin = 0
+    for at in [at for at, line in enumerate(lines) if not line or line.isspace()]:
+        if at > begin:
+            yield first + begin, lines[begin:at]
+        begin = at + 1
+    if begin < len(lines):
+        yield first + begin, lines[begin:]
+
+
+def _columns(path: Path, first: int, lines: list[str], width: int) -> list[list[str]]:
+    """Return the fields of lines by column."""
+    if {line.count(",") for line in lines} == {width - 1} and not any('"' in x for x in lines):
+        fields = ",".join(lines).split(",")
+    else:
+        fields = []
+        for number, line in enumerate(lines, first):
+            row = _fields(path, number, line)
             if len(row) != width:
-                if len(row) <= 1 and not "".join(row).strip():
-                    continue
-                raise self.fail(self._line, f"{_fields(len(row))}, the header has {width}")
-            yield self._line, [field.strip() for field in row]
+                count = "1 field" if len(row) == 1 else f"{len(row)} fields"
+                raise _fault(path, number, None, f"{count}, the header has {width}")
+            fields += row
+    return [list(map(str.strip, fields[column::width])) for column in range(width)]
 
-    def fail(self, line: int | None, message: str) -> InputError:
-        """Return the error about a line."""
-        return InputError(f"{place(self._path, line)}: {message}")
 
-    def number(self, line: int, column: str, text: str) -> float:
-        """Return the finite decimal number that a field holds.
+def _fields(path: Path, number: int, line: str) -> list[str]:
+    if '"' not in line:
+        return line.split(",")
+    try:
+        return next(csv.reader([line], strict=True, skipinitialspace=True))
+    except csv.Error as error:
+        message = f"not a CSV row: {reason(error)}"
+        if "unexpected end" in message:
+            message = "a quotation mark is not closed in its line"
+        raise _fault(path, number, None, message) from None
 
-        Raises
-        ------
-        InputError
-            The field is empty or holds no such number.
-        """
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        # float() also takes 1_000, other scripts' digits, "nan" and what overflows.
-        if math.isfinite(value) and text.isascii() and "_" not in text:
-            return value
-        if not text:
-            raise self.fail(line, f"{column} is empty")
-        raise self.fail(line, f"{column} = {quoted(text)} is not a finite number")
 
-    def _next(self) -> list[str] | None:
-        first = self._line = self._reader.line_num + 1
-        try:
-            row = next(self._reader)
-        except StopIteration:
-            return None
-        except csv.Error as error:
-            if self._reader.line_num > first:
-                raise self._open_quote(first) from None
-            raise self.fail(first, f"not a CSV row: {reason(error)}") from None
-        except UnicodeDecodeError:
-            raise not_utf8(self._path, self._line_not_utf8()) from None
-        except OSError as error:
-            raise InputError(f"{place(self._path)}: cannot be read: {reason(error)}") from error
-        if self._reader.line_num > first:
-            raise self._open_quote(first)
-        return row
-
-    def _open_quote(self, line: int) -> InputError:
-        return self.fail(line, "a quotation mark is not closed in its line")
-
-    def _header(self, required: Sequence[str], optional: Sequence[str]) -> list[str]:
-        row = self._next()
-        names = [] if row is None else [field.strip() for field in row]
-        if not any(names):
-            self._refuse_header(f"no header: {','.join(required)} expected")
-        if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
-            self._refuse_header("columns must be separated by commas")
-        known = (*required, *optional)
+def _header(path: Path, line: str, known: Fields, required: Fields) -> list[str]:
+    names = [field.strip() for field in _fields(path, 1, line)]
+    message = ""
+    if not any(names):
+        message = f"no header: {','.join(required)} expected"
+    elif len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        message = "columns must be separated by commas"
+    else:
         for index, name in enumerate(names):
             if name not in known:
-                self._refuse_header(f"unknown column {quoted(name)}{hint(name, known)}")
-            if name in names[:index]:
-                self._refuse_header(f"column {quoted(name)} twice")
+                message = message or f"unknown column {quoted(name)}{hint(name, known)}"
+            elif name in names[:index]:
+                message = message or f"column {quoted(name)} twice"
         for name in required:
             if name not in names:
-                self._refuse_header(f"column {quoted(name)} is missing")
-        return names
-
-    def _refuse_header(self, message: str) -> NoReturn:
-        raise self.fail(self._line, message)
-
-    def _line_not_utf8(self) -> int | None:
-        """Return the line that is not UTF-8: the decoder only knows where its buffer began."""
-        with open_input(self._path, MAX_CSV_BYTES) as file:
-            for number, raw in enumerate(file, start=1):
-                try:
-                    raw.decode("utf-8")
-                except UnicodeDecodeError:
-                    return number
-        return None
+                message = message or f"no column {quoted(name)}"
+    if message:
+        raise _fault(path, 1, None, message)
+    return names
 
 
-def _fields(count: int) -> str:
-    return "1 field" if count == 1 else f"{count} fields"
+def _values(
+    path: Path, first: int, texts: Mapping[str, list[str]], kinds: Fields
+) -> dict[str, list[Any]]:
+    """Return the values of some rows by column; the fault of the first row that has one."""
+    found: dict[str, list[Any]] = {}
+    wrong: list[tuple[int, str, str]] = []
+    for name, column in texts.items():
+        try:
+            found[name] = kinds[name].column(column)
+        except WrongValueError:
+            wrong.append(_first_wrong(name, kinds[name], column))
+    if wrong:
+        row, name, message = min(wrong, key=lambda fault: fault[0])
+        raise _fault(path, first + row, name, message)
+    return found
+
+
+def _first_wrong(name: str, kind: Kind[Any], column: Sequence[str]) -> tuple[int, str, str]:
+    for row, text in enumerate(column):
+        try:
+            kind.of_text(text)
+        except WrongValueError as error:
+            return row, name, str(error)
+    raise AssertionError(f"column {name}: a kind refuses together what it takes one by one")
+
+
+def _fault(path: Path, line: int | None, column: str | None, message: str) -> InputError:
+    where = f"{column}: " if column else ""
+    return InputError(f"{place(path, line)}: {where}{message}")
+
+
+def _open_quote(path: Path, line: int) -> InputError:
+    return _fault(path, line, None, "a quotation mark is not closed in its line")
+
+
+def _not_csv(path: Path, line: int, error: csv.Error) -> InputError:
+    return _fault(path, line, None, f"not a CSV row: {reason(error)}")
+
+
+def _line_not_utf8(path: Path) -> int | None:
+    """Return the line that is not UTF-8: the decoder only knows where its buffer began."""
+    with open_input(path, MAX_CSV_BYTES) as file:
+        for number, raw in enumerate(file, start=1):
+            try:
+                raw.decode("utf-8")
+            except UnicodeDecodeError:
+                return number
+    return None

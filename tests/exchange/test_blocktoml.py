@@ -105,18 +105,23 @@ def number_of(text: str, line: str) -> int:
 @pytest.mark.parametrize(
     ("old", "new", "at", "words"),
     [
-        ("format = 1\n", "", None, ["has no key 'format'"]),
+        ("format = 1\n", "", None, ["no key 'format'"]),
         ("format = 1\n", "format = 2\n", "format = 2", ["newer version"]),
-        ("format = 1\n", "format = 0\n", "format = 0", ["format must be 1"]),
+        ("format = 1\n", "format = 0\n", "format = 0", ["format: must be 1"]),
         ("format = 1\n", "format = true\n", "format = true", ["whole number"]),
         ("format = 1\n", 'format = "1"\n', 'format = "1"', ["whole number", "text"]),
-        ('name = "demo"\n', "", None, ["has no key 'name'"]),
+        ('name = "demo"\n', "", None, ["no key 'name'"]),
         ('name = "demo"', "name = 5", "name = 5", ["quotes"]),
         ('name = "demo"', 'name = ""', 'name = ""', ["is empty"]),
         ('name = "demo"', f'name = "{"n" * 101}"', f'name = "{"n" * 101}"', ["longer than 100"]),
         ('name = "demo"', r'name = "a\u001b[2J"', r'name = "a\u001b[2J"', [r"\x1b[2J", "printed"]),
         ('name = "demo"', 'name = " a"', 'name = " a"', ["blank"]),
-        ('name = "demo"', 'nmae = "demo"', 'nmae = "demo"', ["'nmae'", "did you mean 'name'"]),
+        (
+            'name = "demo"',
+            'nmae = "demo"',
+            'nmae = "demo"',
+            ["nmae: unknown key", "did you mean 'name'"],
+        ),
         ("[precision]", "[precison]", "[precison]", ["did you mean 'precision'"]),
         ("image_um = 5.0", "image_µm = 5.0", None, ["not valid TOML"]),
         ("image_um = 5.0", "imageum = 5.0", "imageum = 5.0", ["[precision]", "'image_um'"]),
@@ -128,7 +133,7 @@ def number_of(text: str, line: str) -> int:
         ("image_um = 5.0", 'image_um = "5"', 'image_um = "5"', ["must be a number, not text"]),
         ("image_um = 5.0", "image_um = true", "image_um = true", ["not true or false"]),
         ("image_um = 5.0", "image_um = 1999-01-01", "image_um = 1999-01-01", ["a date"]),
-        ("control_m = 0.05", "control_m = -1", "control_m = -1", ["must not be negative"]),
+        ("control_m = 0.05", "control_m = -1", "control_m = -1", ["must be 0 or greater, not -1"]),
         ('"paper"', '"papers"', 'tie_variance = "papers"', ["did you mean 'paper'"]),
         ('kind = "tau"', "kind = 3", "kind = 3", ['must be "tau" or "baarda"']),
         ("alpha = 0.001", "alpha = 0", "alpha = 0", ["between 0 and 1"]),
@@ -138,26 +143,26 @@ def number_of(text: str, line: str) -> int:
         ("alpha = 0.001\npower = 0.80", "alpha = 0.8", "alpha = 0.8", ["power = 0.8 must be"]),
         ("c = 152.40", "c = -152.40", "c = -152.40", ["greater than 0"]),
         ("c = 152.40", "cc = 152.40", "cc = 152.40", ["[[camera]]", "did you mean 'c'"]),
-        ("c = 152.40\n", "", "[[camera]]", ["[[camera]] has no key 'c'"]),
-        ('id = "rmk"\n', "", "[[camera]]", ["has no key 'id'"]),
+        ("c = 152.40\n", "", "[[camera]]", ["[[camera]]: no key 'c'"]),
+        ('id = "rmk"\n', "", "[[camera]]", ["no key 'id'"]),
         ("[230.0, 230.0]", "[230.0]", "format = [230.0]", ["2 numbers, not 1"]),
         ("[230.0, 230.0]", "230.0", "format = 230.0", ["list of 2 numbers"]),
         ("[230.0, 230.0]", "[230.0, -1]", "format = [230.0, -1]", ["greater than 0"]),
         ("[230.0, 230.0]", '[230.0, "x"]', 'format = [230.0, "x"]', ["must be a number"]),
         ("[[camera]]", "[camera]", "[camera]", ["must be written [[camera]]"]),
-        ("base = 92.0", "base = 0.0", "base = 0.0", ["base must not be 0"]),
+        ("base = 92.0", "base = 0.0", "base = 0.0", ["base: must not be 0"]),
         ("base = 92.0", "base = nan", "base = nan", ["finite"]),
         ('"102", "103"]', '"102", "104"]', 'photos = ["101", "102", "104"]', ["photo '104'"]),
         ('"102", "103"]', '"102", "102"]', 'photos = ["101", "102", "102"]', ["'102' twice"]),
         ('"102", "103"]', '"102", 103]', 'photos = ["101", "102", 103]', ["quotes"]),
         ('["101", "102", "103"]', '["101"]', 'photos = ["101"]', ["fewer than 2 photos"]),
-        ('["101", "102", "103"]', '"101"', 'photos = "101"', ["list of names"]),
+        ('["101", "102", "103"]', '"101"', 'photos = "101"', ["list of photos"]),
         ("position = [1000.0,", "position = [", None, ["3 numbers, not 2"]),
         ("position = [1000.0,", "position = [nan,", None, ["finite"]),
         ('unit = "deg"', 'unit = "grad"', None, ["unit", '"deg" or "gon" or "rad"']),
-        (', unit = "deg" }', " }", None, ["rotation has no key 'unit'"]),
-        ("phi = 90.0, kappa", "kappa", None, ["rotation has no key 'phi'"]),
-        ("phi = 90.0", "ph = 90.0", None, ["unknown key 'ph' in rotation", "'phi'"]),
+        (', unit = "deg" }', " }", None, ["rotation: no key 'unit'"]),
+        ("phi = 90.0, kappa", "kappa", None, ["rotation: no key 'phi'"]),
+        ("phi = 90.0", "ph = 90.0", None, ["[[photo]] rotation.ph: unknown key", "'phi'"]),
         ("phi = 90.0", "phi = 90.0, phi = 2", None, ["not valid TOML"]),
         ("position = [1000.0, 2000.0, 1500.0]\n", "", None, ["position_sigma without position"]),
         ("[10.0, 10.0, 10.0]", "[10.0, 0.0, 10.0]", None, ["position_sigma", "greater than 0"]),
@@ -185,7 +190,10 @@ def test_duplicates_name_both_lines(block_toml):
         text = block_toml + f'[[{what}]]\nid = "{identity}"\n{rest}\n'
         message = refused(text)
         first = number_of(text, f'id = "{identity}"')
-        assert f"line {len(text.splitlines()) - 1}: {what} '{identity}' twice" in message
+        assert (
+            f"line {len(text.splitlines()) - 1}: [[{what}]] id: {what} '{identity}' twice"
+            in message
+        )
         assert f"(first in line {first})" in message
 
 
@@ -205,7 +213,7 @@ def test_a_block_needs_cameras_photos_and_strips(what):
 def test_an_unknown_camera_is_named_with_the_nearest(block_toml):
     text = block_toml.replace('camera = "rmk"', 'camera = "rmx"', 1)
     message = refused(text)
-    assert "photo '101': unknown camera 'rmx' (did you mean 'rmk'?)" in message
+    assert "[[photo]] camera: unknown camera 'rmx' (did you mean 'rmk'?)" in message
     at = number_of(text, 'camera = "rmx"')
     assert f"line {at}: " in message
 
@@ -224,7 +232,7 @@ def test_the_line_of_an_element_in_a_long_list_is_named(block_toml):
         '["101", "102", "103"]', '[\n  "101", # first\n  "102",\n  "10 3",\n]'
     )
     at = number_of(text, '  "10 3",')
-    assert f"line {at}: strip '1': unknown photo '10 3'" in refused(text)
+    assert f"line {at}: [[strip]] photos: unknown photo '10 3'" in refused(text)
 
 
 @pytest.mark.parametrize(

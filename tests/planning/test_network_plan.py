@@ -303,13 +303,17 @@ def test_a_point_is_seen_along_the_shortest_ray() -> None:
     ("old", "new", "said"),
     [
         ("look_at = [0.0, 0.0, 3.0]\n", "", "a station has either rotation or look_at"),
-        ('camera = "cam"', 'camera = "can"', "camera 'can' is not among the [[camera]]"),
+        ('camera = "cam"', 'camera = "can"', "[[station]] camera: unknown camera 'can'"),
         ('id = "p2"', 'id = "p1"', "point 'p1' twice"),
         ('id = "s1"', 'id = "s0"', "station 's0' twice"),
-        ("normal = [2.0000, 0.0000, 0.0]", "normal = [0.0, 0.0, 0.0]", "normal has no direction"),
-        ("image_um = 3.0", "image_um = 3.0\nincidence = 95.0", "at most 90 degrees"),
+        ("normal = [2.0000, 0.0000, 0.0]", "normal = [0.0, 0.0, 0.0]", "normal: no direction"),
+        (
+            "image_um = 3.0",
+            "image_um = 3.0\nincidence = 95.0",
+            "must lie between 0.001 and 90, not 95",
+        ),
         ("look_at = [0.0, 0.0, 3.0]", "look_at = [12.0, 0.0, 2.0]", "is the station itself"),
-        ("position = [2.0000,", "position = [2e9,", "out of all measure"),
+        ("position = [2.0000,", "position = [2e9,", "position: must lie between"),
         ('name = "pier"', 'name = "pier"\ncolour = 1', "colour"),
     ],
 )
