@@ -280,7 +280,7 @@ def _plotter_watch(options: argparse.Namespace) -> int:
 
 def _plotter_sim(options: argparse.Namespace) -> int:
     from anaplot.plotter.commands import run_simulator
-    from anaplot.plotter.simulator import Hand
+    from anaplot.plotter.device.hand import Hand
 
     photographs = in_right = None
     if options.truth is not None:

@@ -12,15 +12,16 @@ from typing import TextIO
 from anaplot.aliases import Side
 from anaplot.errors import AnaplotError, InputError
 from anaplot.plotter.decoder import check_examples
-from anaplot.plotter.faults import FAULTS
+from anaplot.plotter.device.faults import FAULTS
+from anaplot.plotter.device.hand import Hand, HandSettled, Photographs
+from anaplot.plotter.device.mishaps import MISHAP_USAGE, MISHAPS, plant
+from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.link import Link, LinkState
-from anaplot.plotter.mishaps import MISHAP_USAGE, MISHAPS, plant
 from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
 from anaplot.plotter.schema import Profile
 from anaplot.plotter.serialport import ports
-from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import Hand, HandSettled, Photographs, SimulatedPlotter
 from anaplot.plotter.tomltable import nearest
 from anaplot.textfiles.wording import plain
 
@@ -356,7 +357,7 @@ def run_simulator(
     laid
         Photographs laid into the carriages; None: the first two.
     mistakes
-        Of the hand, see `anaplot.plotter.mishaps`.
+        Of the hand, see `anaplot.plotter.device.mishaps`.
     symlink, tcp, tcp_port, time_scale
         See `SimulatorServer`.
     seed, noise_um, fault_rates, hand

@@ -259,7 +259,7 @@ class Decoder:
     @property
     def unreferenced_position(self) -> Position | None:
         """Where the carriages stand as the device counts, before any reference correction."""
-        return None if self._raw_plate is None else self._position(self._raw_plate)
+        return None if self._raw_plate is None else self._profile.stage.position(self._raw_plate)
 
     @property
     def positions_heard(self) -> int:
@@ -284,7 +284,7 @@ class Decoder:
     @property
     def shift(self) -> Position:
         """By how much the counters are moved [mm]."""
-        return self._position(self._shift)
+        return self._profile.stage.position(self._shift)
 
     def reference(self, known: Position) -> Position:
         """Tell where the carriages stand: from now on positions count from there.
@@ -306,12 +306,12 @@ class Decoder:
         """
         if self._raw_plate is None:
             raise InputError("no position was heard yet: there is nothing to refer to")
-        target = self._plate(known)
+        target = self._profile.stage.plates(known)
         self._shift = tuple(
             wanted - raw for wanted, raw in zip(target, self._raw_plate, strict=True)
         )
         self._referenced = True
-        return self._position(self._shift)
+        return self._profile.stage.position(self._shift)
 
     def confirm_reference(self) -> None:
         """Take the counters as they are: they kept their origin."""
@@ -355,7 +355,7 @@ class Decoder:
             raise InputError(f"{self._profile.id} has no drive: move the plates by hand")
         if not self._referenced:
             raise InputError(UNREFERENCED)
-        plate = self._plate(position)
+        plate = self._profile.stage.plates(position)
         if not all(map(math.isfinite, plate)):
             raise InputError("the target of a drive is not a number")
         raw = tuple(value - shift for value, shift in zip(plate, self._shift, strict=True))
@@ -543,21 +543,9 @@ class Decoder:
         self._heard_positions += 1
         if not self._referenced:
             raise RefusedError(UNREFERENCED)
-        return self._position(
+        return self._profile.stage.position(
             tuple(raw + shift for raw, shift in zip(self._raw_plate, self._shift, strict=True))
         )
-
-    def _position(self, plate: tuple[float, ...]) -> Position:
-        if self._profile.mono:
-            x, y = plate
-            return Position(x, y, x, y)
-        xl, yl, xr, yr = plate
-        return Position(xl, yl, xr, yr)
-
-    def _plate(self, position: Position) -> tuple[float, ...]:
-        if self._profile.mono:
-            return (position.xl, position.yl)
-        return (position.xl, position.yl, position.xr, position.yr)
 
     def _numbered(self, match: re.Match[bytes], now: float) -> int | None:
         """Return the device's own number; one that came before is refused, a gap is told."""
@@ -684,11 +672,7 @@ def _refused_as(have: str, want: str) -> bool:
 
 def _described(profile: Profile, reading: Reading) -> str:
     def plate(position: Position | None) -> tuple[float, ...]:
-        if position is None:
-            return ()
-        if profile.mono:
-            return (position.xl, position.yl)
-        return (position.xl, position.yl, position.xr, position.yr)
+        return () if position is None else profile.stage.plates(position)
 
     match reading:
         case Position():

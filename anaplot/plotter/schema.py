@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from anaplot.plotter.readings import Position
 from anaplot.plotter.template import Template
 
 __all__ = [
@@ -301,6 +302,15 @@ class Stage:
             sum(factor * value for factor, value in zip(row, shifted, strict=True) if factor)
             for row in self.inverse
         )
+
+    def plates(self, position: Position) -> tuple[float, ...]:
+        """Return a position as the plate coordinates of this stage [mm]; of a mono one x', y'."""
+        left = (position.xl, position.yl)
+        return left if self.mono else (*left, position.xr, position.yr)
+
+    def position(self, plates: tuple[float, ...]) -> Position:
+        """Return plate coordinates [mm] as a position; those of a mono stage count for both."""
+        return Position(*plates, *plates) if self.mono else Position(*plates)
 
 
 @dataclass(frozen=True, slots=True)

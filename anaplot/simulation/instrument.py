@@ -9,18 +9,12 @@ from dataclasses import dataclass, field
 from anaplot.aliases import Side
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
+from anaplot.plotter.device.hand import Hand, HandSettled, Offsets, fiducial_name, monocular_name
+from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.schema import Profile
-from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import (
-    Hand,
-    HandSettled,
-    Offsets,
-    SimulatedPlotter,
-    fiducial_name,
-    monocular_name,
-)
 from anaplot.session.events import Event, FiducialMeasured, MonoMeasured, PointMeasured
 from anaplot.session.state import apply, start
 from anaplot.simulation.laidplates import Placements, laid_photographs
@@ -45,7 +39,7 @@ class SimulationSetup:
         Of the simulated pointing.
     mistakes
         (left, right, point) -> offsets of the first pointings; of a fiducial, see
-        `anaplot.plotter.simulator.fiducial_name`.
+        `anaplot.plotter.device.hand.fiducial_name`.
     time_scale
         Simulated seconds per second.
     tcp
@@ -263,7 +257,7 @@ class SimulatedInstrument(Instrument):
             The position is beyond the travel.
         """
         here = self.simulator.positions()
-        axes = self.profile.stage.to_axes((there.xl, there.yl, there.xr, there.yr))
+        axes = self.profile.stage.to_axes(self.profile.stage.plates(there))
         for value, axis in zip(axes, self.profile.axes.values(), strict=True):
             if not axis.low <= value <= axis.high:
                 raise InputError(f"the plates stand at the end of their travel ({axis.name})")

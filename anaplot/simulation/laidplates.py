@@ -15,7 +15,7 @@ from anaplot.photogrammetry.platetransformation import PlateTransformation, rand
 from anaplot.photogrammetry.refinement import Refinement
 from anaplot.planning.fiducialplan import expected_fiducials
 from anaplot.planning.synthetic import Truth
-from anaplot.plotter.simulator import Photographs, fiducial_name
+from anaplot.plotter.device.hand import Photographs, fiducial_name
 
 __all__ = ["SIDES", "Placements", "laid_photographs", "random_placements"]
 

@@ -18,7 +18,7 @@ from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.modelplan import Candidates, PlannedPosition, plan_positions
-from anaplot.plotter.simulator import Offsets
+from anaplot.plotter.device.hand import Offsets
 
 __all__ = ["SMALLEST", "Kind", "Planted", "Plot", "plant_mistakes"]
 

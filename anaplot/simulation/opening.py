@@ -8,7 +8,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import Truth, synthetic_truth
-from anaplot.plotter.simulator import Photographs
+from anaplot.plotter.device.hand import Photographs
 from anaplot.simulation.demo import rough
 from anaplot.simulation.instrument import PROFILE_OF_SIMULATION, SimulationSetup
 from anaplot.simulation.laidplates import laid_photographs, random_placements

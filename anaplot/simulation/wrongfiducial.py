@@ -10,7 +10,7 @@ from anaplot.aliases import Axis, Side
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import orient_inner
-from anaplot.plotter.simulator import Offsets, fiducial_name
+from anaplot.plotter.device.hand import Offsets, fiducial_name
 from anaplot.simulation.mistakes import SMALLEST, Planted
 
 __all__ = ["plant_wrong_fiducial"]

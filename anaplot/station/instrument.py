@@ -137,10 +137,9 @@ class Instrument:
         drive = self.profile.drive
         travel = {name: (axis.low, axis.high) for name, axis in self.profile.axes.items()}
         travel.update({} if drive is None else drive.limits)
-        middle = self.profile.stage.to_plate(
-            tuple((low + high) / 2.0 for low, high in travel.values())
-        )
-        return Position(*(middle if len(middle) == 4 else (*middle, *middle)))
+        stage = self.profile.stage
+        middle = tuple((low + high) / 2.0 for low, high in travel.values())
+        return stage.position(stage.to_plate(middle))
 
     def open(self, *, referenced: bool = True) -> None:
         """Open the link; `referenced` says whether the counters' origin is known."""

@@ -22,9 +22,10 @@ import threading
 import time
 from pathlib import Path
 
+from anaplot.plotter.device.hand import Hand, HandSettled
+from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.profile import load_profile
-from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import Hand, HandSettled, SimulatedPlotter
 from anaplot.simulation.demo import Demo
 
 ROUNDS = 100

@@ -14,11 +14,12 @@ import tracemalloc
 from pathlib import Path
 
 from anaplot.plotter.decoder import Decoder
+from anaplot.plotter.device.hand import Hand
+from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.link import Link
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Record
-from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import Hand, SimulatedPlotter
 
 RECORDS = 10_000
 WAIT = 60.0

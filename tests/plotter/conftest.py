@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from anaplot.plotter.decoder import Decoder
+from anaplot.plotter.device.hand import Hand, HandSettled, Offsets
+from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.readings import Position, Reading, Record, Refused
 from anaplot.plotter.schema import Profile
-from anaplot.plotter.simulator import Hand, HandSettled, Offsets, SimulatedPlotter
 
 WAIT = 30.0  # generous: an event that does not come in this time does not come
 

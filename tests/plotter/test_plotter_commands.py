@@ -20,10 +20,11 @@ from anaplot.plotter.commands import (
     run_simulator,
     watch,
 )
+from anaplot.plotter.device.hand import Hand
+from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
-from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import Hand, SimulatedPlotter
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 

@@ -13,10 +13,11 @@ from dataclasses import replace
 import pytest
 
 from anaplot.plotter.decoder import Decoder
+from anaplot.plotter.device.hand import Hand
+from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position, Record
 from anaplot.plotter.schema import Profile
-from anaplot.plotter.simulator import Hand, SimulatedPlotter
 
 pytestmark = pytest.mark.slow
 

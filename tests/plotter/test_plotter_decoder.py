@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.plotter.decoder import Decoder
+from anaplot.plotter.device.hand import Hand
+from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.profile import find_profiles, load_profile, parse_profile
 from anaplot.plotter.readings import UNREFERENCED, Fault, InPosition, Position, Record, Refused
-from anaplot.plotter.simulator import Hand, SimulatedPlotter
 
 CONFIRMED = load_profile("anaplot-ascii")
 # what a record says by itself

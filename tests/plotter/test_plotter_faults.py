@@ -5,7 +5,7 @@ import random
 import pytest
 
 from anaplot.errors import InputError
-from anaplot.plotter.faults import (
+from anaplot.plotter.device.faults import (
     BAD_PARITY,
     FAULTS,
     FRAME_FAULTS,

@@ -6,14 +6,9 @@ import pytest
 
 from anaplot.errors import InputError
 from anaplot.plotter.decoder import Decoder
+from anaplot.plotter.device.hand import HandSettled, Offsets, fiducial_name
+from anaplot.plotter.device.plotter import Side, SimulatedPlotter
 from anaplot.plotter.readings import Position
-from anaplot.plotter.simulator import (
-    HandSettled,
-    Offsets,
-    Side,
-    SimulatedPlotter,
-    fiducial_name,
-)
 
 # a point lies beside the fiducial, and its twin has a name like a fiducial's
 IN_LEFT = {

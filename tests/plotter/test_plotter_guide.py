@@ -7,9 +7,9 @@ import pytest
 
 from anaplot.plotter import profile as profile_module
 from anaplot.plotter.decoder import Decoder, check_examples
+from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.profile import load_profile, parse_profile
 from anaplot.plotter.readings import Record
-from anaplot.plotter.simulator import SimulatedPlotter
 
 GUIDE = (Path(__file__).parents[2] / "docs" / "write-a-profile.md").read_text()
 

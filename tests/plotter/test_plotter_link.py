@@ -16,11 +16,12 @@ import serial.rfc2217
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter import serialport
 from anaplot.plotter.decoder import Decoder
+from anaplot.plotter.device.hand import Hand
+from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.link import Link
 from anaplot.plotter.profile import find_profiles, load_profile, parse_profile
 from anaplot.plotter.readings import UNREFERENCED, Fault, InPosition, Position, Record, Refused
-from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import Hand, SimulatedPlotter
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]
 FAST = (0.02,)

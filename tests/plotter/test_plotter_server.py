@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter import serialport
+from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.schema import LineSettings
 from anaplot.plotter.serialport import ParityMarks, SerialPort, find_port, identity_of, ports
-from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import SimulatedPlotter
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 

@@ -4,9 +4,10 @@ import pytest
 
 from anaplot.errors import InputError
 from anaplot.plotter.decoder import Decoder
+from anaplot.plotter.device.hand import Hand, Offsets, transfer_error
+from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.profile import find_profiles, load_profile, parse_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Record
-from anaplot.plotter.simulator import Hand, Offsets, SimulatedPlotter, transfer_error
 
 
 def difference(a: Position, b: Position) -> float:

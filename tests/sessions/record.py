@@ -22,9 +22,9 @@ sys.path.insert(0, str(HERE.parent / "station"))
 from faultyjobs import Scene, run_job, scene  # noqa: E402
 
 from anaplot.cli import main as command  # noqa: E402
-from anaplot.plotter.faults import FAULTS, FRAME_FAULTS  # noqa: E402
+from anaplot.plotter.device.faults import FAULTS, FRAME_FAULTS  # noqa: E402
+from anaplot.plotter.device.hand import Offsets  # noqa: E402
 from anaplot.plotter.profile import find_profiles  # noqa: E402
-from anaplot.plotter.simulator import Offsets  # noqa: E402
 from anaplot.simulation.automatic import AutomaticOperator  # noqa: E402
 from anaplot.simulation.demo import Demo  # noqa: E402
 from anaplot.station.station import Station  # noqa: E402

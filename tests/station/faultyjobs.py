@@ -13,8 +13,8 @@ from anaplot.adjustment.tested import Observation
 from anaplot.exchange.blockfolder import write_new_block
 from anaplot.photogrammetry.block import Block, TestSettings
 from anaplot.planning.synthetic import Truth, synthetic_strip
-from anaplot.plotter.faults import LASTING_FAULTS
-from anaplot.plotter.simulator import Offsets
+from anaplot.plotter.device.faults import LASTING_FAULTS
+from anaplot.plotter.device.hand import Offsets
 from anaplot.simulation.automatic import AutomaticOperator
 from anaplot.simulation.demo import rough
 from anaplot.simulation.instrument import SimulationSetup

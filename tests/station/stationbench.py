@@ -10,7 +10,7 @@ from pathlib import Path
 
 from anaplot.exchange.journal import read_journal
 from anaplot.planning.synthetic import SyntheticStrip
-from anaplot.plotter.simulator import Offsets
+from anaplot.plotter.device.hand import Offsets
 from anaplot.session.plates import image_of, plates_of
 from anaplot.simulation.controls import controls_of
 from anaplot.simulation.demo import rough

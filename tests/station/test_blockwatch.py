@@ -18,7 +18,7 @@ from anaplot.bundle.live import LiveAnswer, LiveBlock
 from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.photogrammetry.block import ImagePoint
-from anaplot.plotter.simulator import Offsets
+from anaplot.plotter.device.hand import Offsets
 from anaplot.station.blockview import BlockView
 from anaplot.station.station import Station
 

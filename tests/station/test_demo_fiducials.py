@@ -14,7 +14,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.planning.synthetic import SyntheticStrip
-from anaplot.plotter.simulator import Offsets, fiducial_name
+from anaplot.plotter.device.hand import Offsets, fiducial_name
 from anaplot.report.contract import demo_json
 from anaplot.report.demotext import model_story, outcome_text
 from anaplot.simulation.automatic import AutomaticOperator

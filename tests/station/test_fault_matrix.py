@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from faultyjobs import Job, Scene, Tables, run_job, scene
 
-from anaplot.plotter.faults import FAULTS, FRAME_FAULTS
+from anaplot.plotter.device.faults import FAULTS, FRAME_FAULTS
+from anaplot.plotter.device.hand import Offsets
 from anaplot.plotter.profile import find_profiles, load_profile
-from anaplot.plotter.simulator import Offsets
 from anaplot.simulation import automatic
 from anaplot.station.replay import replay_session
 

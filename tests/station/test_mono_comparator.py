@@ -13,7 +13,7 @@ from stationbench import Watch
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.orientation.strip import bridge_strip
-from anaplot.plotter.simulator import Offsets
+from anaplot.plotter.device.hand import Offsets
 from anaplot.session.events import MonoMeasured, PhotoLaid
 from anaplot.station.rebuild import rebuild
 from anaplot.station.replay import replay_session
@@ -307,3 +307,17 @@ def test_a_point_is_added_in_one_photo_and_asked_for_in_the_other(tmp_path: Path
         assert (planned.xl, planned.yl) == (read.xl, read.yl)
         assert planned.xr == pytest.approx(planned.xl - 92.0, abs=20.0)
         assert station.snapshot().expected.startswith("measure extra in photo 101")
+
+
+def test_the_handwheels_of_a_comparator_move_its_one_plate(tmp_path: Path) -> None:
+    bench = bench_in(tmp_path / "block")
+    with bench.stack:
+        station, watch = open_on(bench, GAUGES)
+        station.next_model()
+        watch.until(lambda _: station.standing)
+        before = station.instrument.simulator.positions()
+        watch.controls.turn(dx=0.5, dy=-0.25)
+        after = station.instrument.simulator.positions()
+        assert (after.xl - before.xl, after.yl - before.yl) == pytest.approx((0.5, -0.25))
+        with pytest.raises(InputError, match="end of their travel"):
+            watch.controls.turn(dx=4000.0)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from anaplot.exchange.blockfolder import write_new_block
 from anaplot.planning.synthetic import synthetic_strip
+from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.profile import load_profile
-from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import SimulatedPlotter
 from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.station import Station
 

@@ -11,7 +11,7 @@ import pytest
 
 from anaplot.cli import main
 from anaplot.exchange.recordline import decode_line, encode_line
-from anaplot.plotter.faults import FAULTS
+from anaplot.plotter.device.faults import FAULTS
 from anaplot.plotter.profile import find_profiles, profile_folders
 
 CORPUS = Path(__file__).parents[1] / "sessions"

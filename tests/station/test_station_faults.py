@@ -13,8 +13,8 @@ from stationbench import WAIT, Bench, Watch, measure, measure_all, settled
 from anaplot.errors import InputError, LinkError
 from anaplot.exchange import journal as journal_module
 from anaplot.exchange.journal import read_journal
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
-from anaplot.plotter.server import SimulatorServer
 from anaplot.simulation.automatic import AutomaticOperator
 from anaplot.simulation.instrument import SimulatedInstrument
 from anaplot.station.instrument import InstrumentSetup, MarkSet

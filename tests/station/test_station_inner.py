@@ -22,8 +22,8 @@ from stationbench import Bench, measure, measure_all, settled
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.orientation.strip import bridge_strip
+from anaplot.plotter.device.hand import Offsets, fiducial_name
 from anaplot.plotter.readings import Position
-from anaplot.plotter.simulator import Offsets, fiducial_name
 from anaplot.session.models import solve
 from anaplot.session.plates import IN_IMAGE, image_of, plate_of, plates_of
 from anaplot.simulation.laidplates import laid_photographs, random_placements

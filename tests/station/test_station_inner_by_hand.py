@@ -11,10 +11,11 @@ from innerbench import inner_bench_in, inner_of, times
 from stationbench import WAIT, Watch
 
 from anaplot.errors import InputError
+from anaplot.plotter.device.hand import HandSettled, fiducial_name
+from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
-from anaplot.plotter.server import SimulatorServer
-from anaplot.plotter.simulator import HandSettled, SimulatedPlotter, fiducial_name
 from anaplot.simulation.laidplates import laid_photographs, random_placements
 from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.replay import replay_session

@@ -9,8 +9,8 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.orientation.strip import bridge_strip
 from anaplot.photogrammetry.block import ImagePoint
+from anaplot.plotter.device.hand import Offsets
 from anaplot.plotter.readings import Position
-from anaplot.plotter.simulator import Offsets
 from anaplot.session.models import solve
 from anaplot.station.station import Station
 

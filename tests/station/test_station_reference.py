@@ -9,8 +9,8 @@ from monobench import bench_in, finish, open_on, solutions
 from stationbench import Bench, Watch
 
 from anaplot.errors import InputError
+from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.readings import UNREFERENCED, Position
-from anaplot.plotter.simulator import SimulatedPlotter
 from anaplot.station.replay import replay_session
 from anaplot.station.station import Station
 

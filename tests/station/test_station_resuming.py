@@ -21,7 +21,7 @@ from stationbench import Bench, measure, measure_all
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_block_toml
 from anaplot.exchange.journal import events_of, read_journal
-from anaplot.plotter.simulator import Offsets
+from anaplot.plotter.device.hand import Offsets
 from anaplot.session.events import FiducialMeasured, PointMeasured
 from anaplot.session.state import SessionState, fold, start
 from anaplot.simulation.demo import Demo

@@ -11,9 +11,10 @@ from stationbench import WAIT, settled
 
 from anaplot.errors import InputError
 from anaplot.planning.synthetic import synthetic_strip
+from anaplot.plotter.device.hand import Hand
+from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
-from anaplot.plotter.simulator import Hand, SimulatedPlotter
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.stereo import StereoGround
 

@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Protocol
 
 from anaplot.errors import InputError, LinkError
-from anaplot.plotter.simulator import SimulatedPlotter
+from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.textfiles.wording import plain
 
 __all__ = ["SimulatorServer"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from anaplot.errors import InputError
-from anaplot.plotter.simulator import Offsets, SimulatedPlotter, transfer_error
+from anaplot.plotter.device.hand import Offsets, transfer_error
+from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.tomltable import nearest
 from anaplot.textfiles.wording import plain
 
