@@ -108,6 +108,7 @@ def _adjust(options: argparse.Namespace) -> int:
         additional_sigma_um=options.additional_sigma_um,
         snooping=options.snooping,
         tolerance=options.snooping_tolerance / 100.0,
+        model_values=options.snooping_values,
         correlations=options.correlations,
         hypothesis_alpha=options.hypothesis_alpha,
         errors=options.errors,

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
 import numpy as np
 
 from anaplot.adjustment.significance import TESTABLE
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array
 
 __all__ = [
     "ERROR_PRIOR_SIGMAS",
     "HARD_TO_TELL",
     "NONE_PRIOR",
     "SPUR",
-    "beyond_model",
     "critical_transfers",
     "residual_correlations",
 ]
@@ -31,25 +28,6 @@ SPUR = 1e-4
 
 NONE_PRIOR = 0.9
 """Prior probability that there is no gross error at all."""
-
-
-def beyond_model(r: Array, root: Array | float, tolerance: float) -> Bools:
-    """Return where the exact sqrt(q_vv) is farther from its model value than the tolerance.
-
-    Parameters
-    ----------
-    r
-        (n,) exact redundancy numbers.
-    root
-        (n,) model values of sqrt(q_vv), or one of all; NaN where there is none.
-    tolerance
-        Share of the model value. Both count as zero below `SPUR`: they are next to nothing, and
-        how far apart they are says nothing.
-    """
-    exact = np.sqrt(np.where(r >= SPUR, r, 0.0))
-    model = np.where(np.greater(root, sqrt(SPUR)), root, 0.0)
-    beyond: Bools = np.isfinite(root) & (np.abs(exact - model) > tolerance * model)
-    return beyond
 
 
 def residual_correlations(q_vv: Array, r: Array) -> Array:

@@ -10,14 +10,13 @@ import numpy as np
 
 from anaplot.adjustment.elimination import Elimination
 from anaplot.adjustment.findings import ModelValues, SearchStep
+from anaplot.adjustment.modelvalues import beyond_model, decide_by_model_values
 from anaplot.adjustment.partners import Proposals
-from anaplot.adjustment.reliability import beyond_model
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools
 
 __all__ = [
-    "MODEL_TOLERANCE",
     "NO_SIGMA",
     "ModelRule",
     "Rule",
@@ -26,9 +25,6 @@ __all__ = [
     "stepwise",
 ]
 
-
-MODEL_TOLERANCE = 0.25
-"""k_q of modified snooping, the share by which an exact sqrt(q_vv) may differ from its model."""
 
 NO_SIGMA = 1e-12
 """sigma0 in a-priori sigmas below which residuals are rounding."""
@@ -140,17 +136,12 @@ class ModelRule:
         remaining[list(state.rows)] = False
         root = self._models
         e = np.abs(state.e)
-        known = remaining & np.isfinite(root)
-        nothing = known & (root <= sqrt(TESTABLE))
-        known &= ~nothing
-        ratio = np.zeros(len(size))
-        np.divide(e, root, out=ratio, where=known)
-        above = known & (ratio > self._critical * (1.0 + self._tolerance))
-        below = known & (ratio < self._critical * (1.0 - self._tolerance))
-        sure = above | below
-        size[sure] = ratio[sure]
+        by = decide_by_model_values(e, root, self._critical, self._tolerance, sqrt(TESTABLE))
+        sure = remaining & (by.rejected | by.accepted)
+        nothing = remaining & by.untestable
+        size[sure] = e[sure] / root[sure]
         size[nothing] = np.nan
-        doubtful = remaining & ~sure & ~nothing
+        doubtful = remaining & by.doubtful
         self._computed += int(doubtful.sum())
         self._decided += int((sure | nothing).sum())
         if self._wrong is None:

@@ -45,6 +45,7 @@ from anaplot.adjustment.findings import (
 )
 from anaplot.adjustment.leastabsolute import least_absolute_residuals
 from anaplot.adjustment.leftout import ReducedSystem, remaining, spread
+from anaplot.adjustment.modelvalues import MODEL_TOLERANCE
 from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds, pair_odds_of
 from anaplot.adjustment.partners import WEAK, Proposals
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
@@ -54,7 +55,6 @@ from anaplot.adjustment.search import search
 from anaplot.adjustment.setodds import MostProbableSet, most_probable_set, set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
 from anaplot.adjustment.stepwise import (
-    MODEL_TOLERANCE,
     NO_SIGMA,
     ModelRule,
     bring_back,

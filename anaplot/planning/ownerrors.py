@@ -15,12 +15,12 @@ from scipy.sparse import csr_array
 from anaplot.adjustment.batch import BATCH_TESTS, reject_stepwise
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastabsolute import design_of
+from anaplot.adjustment.modelvalues import MODEL_TOLERANCE
 from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
 from anaplot.aliases import Array, Bools
-from anaplot.bundle.errors.snooping import PAPER_TOLERANCE
 from anaplot.errors import InputError
 from anaplot.planning.montecarlo import QuantityKey, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
@@ -202,7 +202,7 @@ class _OwnTrial:
                 self._of.names, e, r, vtpv, self._redundancy, matrix, self._design
             )
             found = find_gross_errors(
-                system, method, settings, models=self._of.models, tolerance=PAPER_TOLERANCE
+                system, method, settings, models=self._of.models, tolerance=MODEL_TOLERANCE
             )
             out[one, list(found.rows)] = True
         return out

@@ -90,6 +90,14 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         help="its k_q: what sqrt(q_vv) may differ from its model value, default 25",
     )
     adjust.add_argument(
+        "--snooping-values",
+        choices=("block", "3x3", "3x3-twin", "5x5", "5x5-twin"),
+        default="block",
+        metavar="VALUES",
+        help="its model values: block, estimated for this block (the default), or those of the "
+        "paper for regular 60/60 blocks: 3x3 or 5x5 points a photo, -twin with control in pairs",
+    )
+    adjust.add_argument(
         "--correlations",
         type=correlation,
         metavar="LIMIT",

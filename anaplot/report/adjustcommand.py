@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
+from anaplot.adjustment.modelvalues import MODEL_TOLERANCE
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.errors.snooping import PAPER_TOLERANCE
 from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
 from anaplot.bundle.hypotheses.components import Grouping, block_components
 from anaplot.bundle.hypotheses.priorknowledge import PriorEstimator, prior_estimate
@@ -38,7 +38,7 @@ from anaplot.report.output import PRINTED, Output
 from anaplot.report.power import check_power
 from anaplot.report.priortext import prior_json, prior_printout
 from anaplot.report.progress import ProgressLine
-from anaplot.report.snoopingreport import snoop_block, snooping_json, snooping_printout
+from anaplot.report.snoopingreport import ModelSource, snoop_block, snooping_json, snooping_printout
 
 __all__ = ["run_adjust"]
 
@@ -52,7 +52,8 @@ def run_adjust(
     additional: str | None = None,
     additional_sigma_um: float | None = None,
     snooping: bool = False,
-    tolerance: float = PAPER_TOLERANCE,
+    tolerance: float = MODEL_TOLERANCE,
+    model_values: ModelSource = "block",
     correlations: float | None = None,
     hypothesis_alpha: float = 0.05,
     errors: str | None = None,
@@ -86,6 +87,8 @@ def run_adjust(
         Add the modified data snooping of 1980 beside the exact test.
     tolerance
         Its k_q, a share.
+    model_values
+        Its model values: estimated for the block, or those of the paper for regular blocks.
     correlations
         Add the pairs of a point's rays whose residuals are correlated at or above this.
     hypothesis_alpha
@@ -167,7 +170,9 @@ def run_adjust(
             estimated = prior_estimate(adjusted, prior, progress=progress)
             adjusted = estimated.block
         progress("report", 0.0)
-        snooped = snoop_block(adjusted, tolerance=tolerance) if snooping else None
+        snooped = (
+            snoop_block(adjusted, tolerance=tolerance, values=model_values) if snooping else None
+        )
         related = None if correlations is None else correlated_rays(adjusted, correlations)
         parted = None
         if components is not None:

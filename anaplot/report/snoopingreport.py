@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.reliability import beyond_model
+from anaplot.adjustment.modelvalues import MODEL_TOLERANCE, beyond_model
 from anaplot.bundle.errors.snooping import (
-    PAPER_TOLERANCE,
-    ClassModel,
     ObservationClass,
     Snooping,
     classify,
     estimate_models,
+    paper_models,
     snoop,
 )
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.report.columns import cell, column
 from anaplot.textfiles.wording import plain
 
-__all__ = ["SnoopedBlock", "snoop_block", "snooping_json", "snooping_printout"]
+__all__ = ["ModelSource", "SnoopedBlock", "snoop_block", "snooping_json", "snooping_printout"]
 
 Json = dict[str, Any]
 
+ModelSource = Literal["block", "3x3", "3x3-twin", "5x5", "5x5-twin"]
+_SOURCES: dict[ModelSource, str] = {
+    "block": "estimated for this block",
+    "3x3": "of regular 60/60 blocks with 3 x 3 points a photo",
+    "3x3-twin": "of regular 60/60 blocks with 3 x 3 points a photo and control in pairs",
+    "5x5": "of regular 60/60 blocks with 5 x 5 points a photo",
+    "5x5-twin": "of regular 60/60 blocks with 5 x 5 points a photo and control in pairs",
+}
 _MOST = 30  # of single observations in the text; JSON holds them all
 
 
@@ -58,7 +65,7 @@ class ClassRow(NamedTuple):
     kind
         The class.
     model
-        Its model value of sqrt(q_vv), in units of the a-priori sigma.
+        Its model value of sqrt(q_vv), in units of the a-priori sigma; None where there is none.
     smallest, largest
         Exact sqrt(q_vv) in the class.
     accepted, rejected
@@ -72,7 +79,7 @@ class ClassRow(NamedTuple):
     """
 
     kind: ObservationClass
-    model: float
+    model: float | None
     smallest: float
     largest: float
     accepted: int
@@ -93,6 +100,8 @@ class SnoopedBlock:
 
     Attributes
     ----------
+    values
+        Where the model values come from.
     tolerance
         k_q, a share.
     critical
@@ -108,6 +117,7 @@ class SnoopedBlock:
         Observations that the exact test decides the other way.
     """
 
+    values: ModelSource
     tolerance: float
     critical: float
     classes: tuple[ClassRow, ...]
@@ -132,8 +142,13 @@ class SnoopedBlock:
         return sum(row.beyond for row in self.classes)
 
 
-def snoop_block(block: AdjustedBlock, *, tolerance: float = PAPER_TOLERANCE) -> SnoopedBlock | None:
-    """Test a block by model values estimated for it, and exactly.
+def snoop_block(
+    block: AdjustedBlock,
+    *,
+    tolerance: float = MODEL_TOLERANCE,
+    values: ModelSource = "block",
+) -> SnoopedBlock | None:
+    """Test a block by model values, and exactly.
 
     Parameters
     ----------
@@ -141,6 +156,8 @@ def snoop_block(block: AdjustedBlock, *, tolerance: float = PAPER_TOLERANCE) -> 
         The adjusted block.
     tolerance
         k_q of Gruen (1980), eqs. (9) to (11).
+    values
+        "block": model values estimated for it; others: those of Table 2 for regular 60/60 blocks.
 
     Returns
     -------
@@ -149,20 +166,12 @@ def snoop_block(block: AdjustedBlock, *, tolerance: float = PAPER_TOLERANCE) -> 
     """
     if block.critical is None or block.sigma is None or not block.sigma > 0.0:
         return None
-    normal, factor = block.cofactors.normal, block.cofactors.factor
-    models = {
-        kind: ClassModel(model.root, tolerance)
-        for kind, model in estimate_models(normal, factor).items()
-    }
-    found = snoop(
-        normal,
-        factor,
-        block.v,
-        block.sigma,
-        block.critical,
-        models,
-        exact_r=block.cofactors.r,
+    models = (
+        estimate_models(block.cofactors.normal, block.cofactors.factor)
+        if values == "block"
+        else paper_models(3 if values.startswith("3") else 5, twin=values.endswith("twin"))
     )
+    found = snoop(block, models, tolerance)
     exact = block.flagged
     w = block.w
 
@@ -187,9 +196,10 @@ def snoop_block(block: AdjustedBlock, *, tolerance: float = PAPER_TOLERANCE) -> 
         return tuple(rows)
 
     return SnoopedBlock(
+        values,
         tolerance,
         block.critical,
-        _classes(block, models, found),
+        _classes(block, models, tolerance, found),
         listed(found.computed),
         listed(found.rejected),
         listed(exact & ~found.rejected),
@@ -198,20 +208,25 @@ def snoop_block(block: AdjustedBlock, *, tolerance: float = PAPER_TOLERANCE) -> 
 
 
 def _classes(
-    block: AdjustedBlock, models: dict[ObservationClass, ClassModel], found: Snooping
+    block: AdjustedBlock,
+    models: dict[ObservationClass, float],
+    tolerance: float,
+    found: Snooping,
 ) -> tuple[ClassRow, ...]:
     rows = []
     for kind, (rays, axis) in classify(block.problem).items():
-        model = models[kind]
+        model = models.get(kind)
         root = np.sqrt(np.maximum(block.cofactors.r[rays, axis], 0.0))
         undecided = found.computed[rays, axis]
         rejected = found.rejected[rays, axis] & ~undecided
         untestable = found.untestable[rays, axis]
-        beyond = beyond_model(block.cofactors.r[rays, axis], model.root, model.tolerance)
+        beyond = beyond_model(
+            block.cofactors.r[rays, axis], np.nan if model is None else model, tolerance
+        )
         rows.append(
             ClassRow(
                 kind,
-                model.root,
+                model,
                 float(root.min()),
                 float(root.max()),
                 int((~rejected & ~undecided & ~untestable).sum()),
@@ -231,7 +246,7 @@ def snooping_printout(snooped: SnoopedBlock | None) -> str:
     share = f"{100.0 * snooped.tolerance:g} %"
     lines = [
         "MODIFIED DATA SNOOPING (Gruen 1980) BESIDE THE EXACT TEST",
-        f"  model values of sqrt(q_vv) estimated for this block, k_q {share}, critical value "
+        f"  model values of sqrt(q_vv) {_SOURCES[snooped.values]}, k_q {share}, critical value "
         f"{snooped.critical:.2f}",
         f"  {'CLASS':<28} AXIS    OBS  MODEL  EXACT FROM   TO  ACCEPT  REJECT  UNDECIDED  "
         f"BEYOND k_q",
@@ -300,6 +315,7 @@ def snooping_json(snooped: SnoopedBlock | None) -> Json | None:
     if snooped is None:
         return None
     return {
+        "model_values": snooped.values,
         "tolerance": snooped.tolerance,
         "critical": snooped.critical,
         "observations": snooped.observations,

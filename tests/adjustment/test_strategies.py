@@ -11,7 +11,7 @@ from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastsquares import adjust
 from anaplot.adjustment.leftout import ReducedSystem
-from anaplot.adjustment.reliability import beyond_model
+from anaplot.adjustment.modelvalues import beyond_model
 from anaplot.adjustment.residualsystem import DenseResiduals, dense_residuals
 from anaplot.adjustment.reweighting import weighted_misclosures
 from anaplot.adjustment.significance import critical_normal, critical_tau

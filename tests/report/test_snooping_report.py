@@ -21,13 +21,7 @@ from wild import wild, words
 
 from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.errors.snooping import (
-    ClassModel,
-    ObservationClass,
-    classify,
-    estimate_models,
-    snoop,
-)
+from anaplot.bundle.errors.snooping import ObservationClass, classify, paper_models
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_new_block
 from anaplot.photogrammetry.block import (
@@ -147,25 +141,20 @@ def test_both_tests_side_by_side() -> None:
     assert len(narrow.undecided) < len(wide.undecided)
 
 
-def test_the_library_and_the_report_count_alike() -> None:
+@pytest.mark.parametrize("values", ["3x3", "3x3-twin", "5x5", "5x5-twin"])
+def test_the_papers_model_values_serve_regular_blocks(values: str) -> None:
     adjusted = adjust_block(flown(3, 5, errors=6))
-    found = snoop_block(adjusted)
+    found = snoop_block(adjusted, values=values)
     assert found is not None
-    assert adjusted.sigma is not None
-    assert adjusted.critical is not None
-    normal, factor = adjusted.cofactors.normal, adjusted.cofactors.factor
-    models = {
-        kind: ClassModel(model.root, 0.25)
-        for kind, model in estimate_models(normal, factor).items()
-    }
-    library = snoop(
-        normal, factor, adjusted.v, adjusted.sigma, adjusted.critical, models,
-        exact_r=adjusted.cofactors.r,
-    )  # fmt: skip
-    assert library.computed.sum() == len(found.undecided)
-    assert library.rejected.sum() == len(found.rejected)
-    assert library.wrongly_accepted == len(found.wrongly_accepted)
-    assert library.wrongly_rejected == len(found.wrongly_rejected)
+    printed = paper_models(int(values[0]), twin=values.endswith("twin"))
+    for row in found.classes:
+        assert row.model == printed.get(row.kind)
+        if row.model is None:
+            assert row.undecided == row.observations
+    assert f"with {values[0]} x {values[0]} points" in snooping_printout(found)
+    assert ("in pairs" in snooping_printout(found)) == values.endswith("twin")
+    exact = {row[:4] for row in found.undecided if row.exact}
+    assert exact <= {row[:4] for row in found.rejected}
 
 
 def run(folder: Path, **options: object) -> str:

@@ -38,7 +38,7 @@ from anaplot.bundle.errors.misfits import (
     adjust_without_misfits,
     minimum_without_misfits,
 )
-from anaplot.bundle.errors.snooping import classify, estimate_models
+from anaplot.bundle.errors.snooping import class_roots, estimate_models
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
@@ -327,10 +327,8 @@ def model_values(system: BlockResiduals) -> Array:
     Estimated from a few exact ones of every class; NaN for control and priors, which have none.
     """
     out = np.full(len(system.names), np.nan)
-    image = out[: system.image_rows].reshape(-1, 2)
     models = estimate_models(system.cofactors.normal, system.cofactors.factor)
-    for kind, (rays, axis) in classify(system.problem).items():
-        image[rays, axis] = models[kind].root
+    out[: system.image_rows] = class_roots(system.problem, models).ravel()
     return out
 
 

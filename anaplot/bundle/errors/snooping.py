@@ -1,9 +1,9 @@
 """Modified data snooping (Gruen 1980): model values of sqrt(q_vv), exact ones only in doubt.
 
 A residual far above or far below its critical size needs no exact cofactor: a value typical of its
-class, known to a tolerance k_q, decides. Only what lies between is computed exactly, one
-back-substitution each. Beside it stands the exact test, and what the two decide differently is
-counted, not hidden: the paper's tolerance of 25 % does not cover every observation.
+class, known to a tolerance k_q, decides; only what lies between needs its exact one. What the exact
+test decides otherwise is counted, not hidden: the paper's tolerance of 25 % does not cover every
+observation.
 """
 
 from __future__ import annotations
@@ -14,29 +14,24 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.reliability import SPUR, beyond_model
-from anaplot.adjustment.significance import TESTABLE
-from anaplot.adjustment.stepwise import MODEL_TOLERANCE
+from anaplot.adjustment.modelvalues import MODEL_TOLERANCE, decide_by_model_values
+from anaplot.adjustment.reliability import SPUR
 from anaplot.aliases import Array, Axis, Bools, Index
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import cofactor_column
 
 __all__ = [
-    "PAPER_TOLERANCE",
-    "ClassModel",
     "ObservationClass",
     "Snooping",
+    "class_roots",
     "classify",
     "estimate_models",
     "paper_models",
     "snoop",
 ]
-
-
-PAPER_TOLERANCE = MODEL_TOLERANCE
-"""k_q of the paper: share by which an exact sqrt(q_vv) may differ from its model value."""
 
 
 class ObservationClass(NamedTuple):
@@ -60,41 +55,23 @@ class ObservationClass(NamedTuple):
     axis: Axis
 
 
-class ClassModel(NamedTuple):
-    """A model value: sqrt(q_vv) in units of the a-priori sigma, and its tolerance as a share."""
-
-    root: float
-    tolerance: float
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Snooping:
-    """The outcome of both tests.
+    """The outcome of the modified test.
 
     Attributes
     ----------
     rejected
-        (m, 2) what the modified test rejects.
+        (m, 2) what it rejects.
     computed
         (m, 2) which cofactors it had to compute exactly.
     untestable
-        (m, 2) what cannot be tested in the modified test, by a model value of next to zero.
-    exact
-        (m, 2) what the exact test rejects; None when there was nothing to compare with.
-    wrongly_accepted, wrongly_rejected
-        Numbers of decisions that differ; None likewise.
-    beyond_tolerance
-        Number of exact sqrt(q_vv) that lie farther from their model value than the tolerance;
-        None likewise.
+        (m, 2) what cannot be tested, by a model value of next to zero.
     """
 
     rejected: Bools
     computed: Bools
     untestable: Bools
-    exact: Bools | None
-    wrongly_accepted: int | None
-    wrongly_rejected: int | None
-    beyond_tolerance: int | None
 
 
 def classify(problem: Problem) -> dict[ObservationClass, tuple[Index, int]]:
@@ -122,7 +99,7 @@ def classify(problem: Problem) -> dict[ObservationClass, tuple[Index, int]]:
     return out
 
 
-def paper_models(side: Literal[3, 5], *, twin: bool = False) -> dict[ObservationClass, ClassModel]:
+def paper_models(side: Literal[3, 5], *, twin: bool = False) -> dict[ObservationClass, float]:
     """Return the values of Table 2 recommended for regular 60/60 blocks.
 
     Parameters
@@ -153,109 +130,67 @@ def paper_models(side: Literal[3, 5], *, twin: bool = False) -> dict[Observation
         values[ObservationClass(4, True, False, axis)] = inner_4
         values[ObservationClass(4, False, True, axis)] = control_outer
         values[ObservationClass(4, True, True, axis)] = control_inner
-    return {kind: ClassModel(value, PAPER_TOLERANCE) for kind, value in values.items()}
+    return values
 
 
 def estimate_models(
-    normal: NormalEquations, factor: Factor, *, samples: int = 8, seed: int = 0
-) -> dict[ObservationClass, ClassModel]:
-    """Estimate model values for any block from a few exact cofactors of each class.
+    normal: NormalEquations, factor: Factor, *, samples: int = 8
+) -> dict[ObservationClass, float]:
+    """Estimate the model value of every class of any block: the mean of a few exact ones.
 
     Parameters
     ----------
     normal, factor
         Normal equations without damping, and their factor.
     samples
-        Exact values for each class; the smallest and largest of them set the tolerance.
-
-    Notes
-    -----
-    The tolerance is the largest deviation seen, widened by half; a class may still hold smaller
-    values than any of its samples.
+        Exact values for each class.
     """
-    rng = np.random.default_rng(seed)
-    out: dict[ObservationClass, ClassModel] = {}
+    rng = np.random.default_rng(0)
+    out: dict[ObservationClass, float] = {}
     for kind, (rays, axis) in classify(normal.problem).items():
         chosen = rays if len(rays) <= samples else rng.choice(rays, samples, replace=False)
         roots = []
         for ray in np.sort(chosen).tolist():
             value = float(cofactor_column(normal, factor, ray, axis)[ray, axis])
             roots.append(max(value, 0.0) ** 0.5)
-        mean = float(np.mean(roots))
-        spread = max(abs(root - mean) for root in roots) / mean if mean > 1e-3 else 0.0
-        out[kind] = ClassModel(mean, min(0.95, 1.5 * spread + 0.02))
+        out[kind] = float(np.mean(roots))
+    return out
+
+
+def class_roots(problem: Problem, models: Mapping[ObservationClass, float]) -> Array:
+    """Return (m, 2) model values of all image coordinates; NaN for classes without one."""
+    out = np.full((len(problem.photo), 2), np.nan)
+    for kind, (rays, axis) in classify(problem).items():
+        out[rays, axis] = models.get(kind, np.nan)
     return out
 
 
 def snoop(
-    normal: NormalEquations,
-    factor: Factor,
-    v: Array,
-    sigma: float,
-    critical: float,
-    models: Mapping[ObservationClass, ClassModel],
-    *,
-    exact_r: Array | None = None,
+    block: AdjustedBlock,
+    models: Mapping[ObservationClass, float],
+    tolerance: float = MODEL_TOLERANCE,
 ) -> Snooping:
-    """Test every image coordinate by model values, exactly only where they leave doubt.
+    """Test every image coordinate by model values, by its exact cofactor where they leave doubt.
 
     Parameters
     ----------
-    normal, factor
-        Normal equations without damping, and their factor.
-    v
-        (m, 2) residuals in units of their a-priori sigmas.
-    sigma
-        Standard deviation of unit weight of the test.
-    critical
-        Critical value c.
+    block
+        The adjusted block; it has a critical value.
     models
-        Model values; a class without one is computed exactly.
-    exact_r
-        (m, 2) exact redundancy numbers, to count the differences.
-
-    Notes
-    -----
-    Eq. (9): rejected above c (1 + k) sigma; eq. (10): accepted below c (1 - k) sigma; eq. (11):
-    exact between.
+        Model values; a class without one is decided exactly.
+    tolerance
+        k_q, a share.
     """
-    rejected = np.zeros(v.shape, dtype=bool)
-    computed = np.zeros(v.shape, dtype=bool)
-    untestable = np.zeros(v.shape, dtype=bool)
-    beyond = 0
-    for kind, (rays, axis) in classify(normal.problem).items():
-        size = np.abs(v[rays, axis])
-        model = models.get(kind)
-        if model is None:
-            doubtful = np.ones(len(rays), dtype=bool)
-        elif model.root <= SPUR**0.5:
-            # a model value of next to zero says that nothing can be tested in this class
-            doubtful = np.zeros(len(rays), dtype=bool)
-            untestable[rays, axis] = True
-        else:
-            limit = critical * sigma * model.root
-            above = size > limit * (1.0 + model.tolerance)
-            below = size < limit * (1.0 - model.tolerance)
-            rejected[rays[above], axis] = True
-            doubtful = ~above & ~below
-        if exact_r is not None and model is not None:
-            off = beyond_model(exact_r[rays, axis], model.root, model.tolerance)
-            beyond += int(off.sum())
-        for ray in rays[doubtful].tolist():
-            q = float(cofactor_column(normal, factor, ray, axis)[ray, axis])
-            computed[ray, axis] = True
-            testable = q >= TESTABLE
-            rejected[ray, axis] = testable and abs(v[ray, axis]) > critical * sigma * q**0.5
-    if exact_r is None:
-        return Snooping(rejected, computed, untestable, None, None, None, None)
-    testable_all = exact_r >= TESTABLE
-    exact = testable_all & (np.abs(v) > critical * sigma * np.sqrt(np.maximum(exact_r, TESTABLE)))
-    return Snooping(
-        rejected,
-        computed,
-        untestable,
-        exact,
-        int((exact & ~rejected).sum()),
-        int((rejected & ~exact).sum()),
-        beyond,
+    assert block.critical is not None
+    assert block.sigma is not None
+    by = decide_by_model_values(
+        np.abs(block.v),
+        class_roots(block.problem, models),
+        block.critical * block.sigma,
+        tolerance,
+        SPUR**0.5,
     )
+    counts = ~block.rejected
+    computed = counts & by.doubtful
+    rejected = (counts & by.rejected) | (computed & block.flagged)
+    return Snooping(rejected, computed, counts & by.untestable)
