@@ -22,8 +22,7 @@ from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused
 from anaplot.plotter.schema import Profile
 from anaplot.plotter.serialport import ports
-from anaplot.plotter.tomltable import nearest
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = [
     "UNCHECKED",
@@ -164,8 +163,8 @@ def parse_ports(profile: Profile, texts: Iterable[str]) -> dict[str, str]:
                 f"({', '.join(profile.links)})"
             )
         if name not in profile.links:
-            near = nearest(name, list(profile.links))
-            raise InputError(f'{profile.id} has no link "{plain(name, 40)}"{near}')
+            near = hint(name, profile.links)
+            raise InputError(f"{profile.id} has no link {quoted(name)}{near}")
         if name in found:
             raise InputError(f'{profile.id}: link "{name}" is given twice')
         found[name] = address

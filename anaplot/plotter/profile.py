@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, cast
+from typing import Any
 
 from anaplot.errors import InputError
+from anaplot.plotter import profilekeys as keys
 from anaplot.plotter.linear import SingularError, inverse
-from anaplot.plotter.pattern import PatternError, compile_pattern
 from anaplot.plotter.schema import (
     AxisFormat,
     Checksum,
     Drive,
-    Encoding,
     Example,
     Footswitch,
     Framing,
@@ -29,10 +27,24 @@ from anaplot.plotter.schema import (
     Simulate,
     Stage,
 )
-from anaplot.plotter.template import Template, TemplateError, parse_template
-from anaplot.plotter.tomltable import TomlTable, nearest, parse_toml
-from anaplot.textfiles.inputfile import read_bytes
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.inputfile import decoded, read_bytes
+from anaplot.textfiles.kinds import (
+    FLAG,
+    NUMBER,
+    Fields,
+    Keys,
+    MapOf,
+    Number,
+    Numbers,
+    Octets,
+    OneOrMore,
+    Reference,
+    Text,
+    Whole,
+    Word,
+)
+from anaplot.textfiles.tomltable import TomlTable, parse_toml
+from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = [
     "MAX_PROFILE_BYTES",
@@ -43,31 +55,12 @@ __all__ = [
 ]
 
 MAX_PROFILE_BYTES = 65536
-MAX_RECORD_BYTES = 1024
-_TABLES = (
-    "schema",
-    "id",
-    "title",
-    "status",
-    "sources",
-    "link",
-    "framing",
-    "checksum",
-    "confirm",
-    "poll",
-    "record",
-    "axis",
-    "stage",
-    "footswitch",
-    "drive",
-    "simulate",
-    "example",
-)
-_MICROMETRE = 0.001  # mm, the count of an axis that tells millimetres
+SCHEMA = 1
+_MOST_TABLES, _MOST_EXAMPLES = 16, 100
 _COUNTS = 3.0  # by which read-outs of a carriage that stands still may differ
+_MICROMETRE = 0.001  # mm, the count of an axis that tells millimetres
 _LEFT_RIGHT = ("xl", "yl", "xr", "yr")
 _SPECIAL_GROUPS = frozenset({"number", "switch", "code", "text"})
-_NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,60}")
 
 
 def profile_folders() -> list[Path]:
@@ -109,7 +102,7 @@ def find_profiles() -> dict[str, Path]:
         except OSError:
             continue
         for file in files:
-            if _NAME.fullmatch(file.stem):
+            if keys.ID.fullmatch(file.stem):
                 found.setdefault(file.stem, file)
     return dict(sorted(found.items()))
 
@@ -139,8 +132,7 @@ def load_profile(name_or_path: str | Path) -> Profile:
     else:
         profiles = find_profiles()
         if text not in profiles:
-            near = nearest(text, list(profiles))
-            raise InputError(f'no device profile "{plain(text, 60)}"{near}')
+            raise InputError(f"no device profile {quoted(text)}{hint(text, profiles)}")
         path = profiles[text]
     if "\0" in text:
         raise InputError(f"{plain(text, 120)}: not a file name")
@@ -169,7 +161,8 @@ def parse_profile(raw: bytes, name: str) -> Profile:
     """
     if len(raw) > MAX_PROFILE_BYTES:
         raise InputError(f"{name}: larger than {MAX_PROFILE_BYTES} bytes")
-    return _Loader(parse_toml(raw, name), name, raw).load()
+    text = decoded(raw, Path(name))
+    return _Loader(parse_toml(text, Path(name)), name, raw).load()
 
 
 def recorded_profile(name: str, sha256: str | None, text: str | None) -> Profile:
@@ -195,7 +188,7 @@ def recorded_profile(name: str, sha256: str | None, text: str | None) -> Profile
     """
     if text is not None:
         return parse_profile(text.encode(), f"recorded profile {plain(name, 60)}")
-    if _NAME.fullmatch(name):
+    if keys.ID.fullmatch(name):
         for file in sorted((profile_folders()[-1] / "former").glob(f"{name}.*.toml")):
             former = load_profile(file)
             if former.sha256 == sha256:
@@ -213,41 +206,35 @@ class _Loader:
 
     def load(self) -> Profile:
         root = self._root
-        for key in _TABLES:
-            root.has(key)
-        schema = root.raw("schema")
-        if isinstance(schema, bool) or not isinstance(schema, int):
-            root.fail("must be the schema's number, 1", "schema")
-        if schema != 1:
-            newer = ", written for a newer version" if schema > 1 else ""
-            root.fail(f"is {str(schema)[:20]}, not 1{newer}", "schema")
+        root.version(SCHEMA, "schema")
         # a misspelt table is better told as such than as missing
-        root.done()
-        identifier = root.string("id", limit=61)
-        if not _NAME.fullmatch(identifier):
-            root.fail("must be lower case letters, digits, . _ or -", "id")
-        title = plain(root.string("title"), 120)
-        status = root.choice("status", ("verified", "from-manual", "simulated"))
-        sources = tuple(plain(item, 300) for item in root.strings("sources"))
-        self._links = self._read_links()
-        self._framing = self._read_framing()
-        checksum = self._read_checksum()
-        poll = self._read_poll()
-        self._records = self._read_records()
+        head = root.take(keys.HEAD, {"confirm": FLAG}, also=keys.TABLES)
+        self._links = {
+            name: LineSettings(name, **table.take({}, keys.LINK))
+            for name, table in self._named("link")
+        }
+        self._link = Reference("link", self._links)
+        self._framing = self._read_framing(root.table("framing"))
+        checksum = self._read_checksum() if "checksum" in root else None
+        poll = self._read_poll(root.table("poll")) if "poll" in root else None
+        self._records = {
+            name: self._read_record(name, table) for name, table in self._named("record")
+        }
         self._axes = self._read_axes()
         self._check_records()
-        stage = self._read_stage()
-        footswitches = self._read_footswitches()
-        self._check_switched(footswitches)
-        drive = self._read_drive()
-        confirm = self._read_confirm(checksum, footswitches)
-        simulate = self._read_simulate(poll, footswitches)
-        examples = self._read_examples(stage)
+        stage = self._read_stage(root.table("stage"))
+        switches = {
+            name: self._read_footswitch(name, table)
+            for name, table in self._named("footswitch", needed=False)
+        }
+        self._check_switched(switches)
+        drive = self._read_drive(root.table("drive")) if "drive" in root else None
+        safe = checksum is not None and checksum.required
+        confirm = head.pop("confirm", not safe)
+        if confirm:
+            self._check_confirmed(switches)
         return Profile(
-            id=identifier,
-            title=title,
-            status=cast(Literal["verified", "from-manual", "simulated"], status),
-            sources=sources,
+            **head,
             links=self._links,
             framing=self._framing,
             checksum=checksum,
@@ -255,504 +242,295 @@ class _Loader:
             records=self._records,
             axes=self._axes,
             stage=stage,
-            footswitches=footswitches,
+            footswitches=switches,
             drive=drive,
-            simulate=simulate,
+            simulate=self._read_simulate(poll, switches),
             confirm=confirm,
-            examples=examples,
+            examples=self._read_examples(2 if stage.mono else 4),
             text=self._raw.decode(),
             sha256=hashlib.sha256(self._raw).hexdigest(),
             origin=self._name,
         )
 
-    def _read_links(self) -> dict[str, LineSettings]:
-        links: dict[str, LineSettings] = {}
-        for name, table in self._root.named_tables("link").items():
-            stopbits = table.number("stopbits", 1.0)
-            if stopbits not in (1.0, 1.5, 2.0):
-                table.fail("must be 1, 1.5 or 2", "stopbits")
-            silence = table.number("silence", 0.0, low=0.0, high=3600.0)
-            links[name] = LineSettings(
-                name=name,
-                baud=table.integer("baud", 9600, low=50, high=4_000_000),
-                bytesize=table.integer("bytesize", 8, low=7, high=8),
-                parity=table.choice("parity", ("none", "even", "odd", "mark", "space"), "none"),
-                stopbits=stopbits,
-                flow=table.choice("flow", ("none", "rtscts", "xonxoff"), "none"),
-                silence=silence or None,
-            )
-            table.done()
-        if not links:
-            self._root.fail("[link.NAME] is missing: at least one link is needed")
-        return links
+    def _named(self, key: str, *, needed: bool = True) -> list[tuple[str, TomlTable]]:
+        """Return the tables [key.NAME] with their names."""
+        names = keys.AXIS_NAME if key == "axis" else keys.TABLE_NAME
+        tables = list(self._root.named_tables(key, names))
+        if needed and not tables:
+            raise self._root.fail(f"no [{key}.NAME]: at least one {key} is needed")
+        if len(tables) > _MOST_TABLES:
+            raise self._root.fail(f"more than {_MOST_TABLES} tables", key)
+        return tables
 
     def _one_link(self, table: TomlTable) -> str:
-        if len(self._links) == 1 and not table.has("link"):
+        if len(self._links) == 1 and "link" not in table:
             return next(iter(self._links))
-        return table.choice("link", self._links)
+        return table.get("link", self._link)
 
-    def _some_links(self, table: TomlTable, key: str) -> tuple[str, ...]:
-        names = table.strings(key, tuple(self._links))
-        for name in names:
-            if name not in self._links:
-                table.fail(f'no link "{plain(name, 120)}"{nearest(name, list(self._links))}', key)
-        return names
-
-    def _read_framing(self) -> Framing:
-        table = self._root.table("framing")
-        if table is None:
-            self._root.fail("[framing] is missing")
-        kind = table.choice("kind", ("line", "fixed", "sync-bit"))
-        max_bytes = table.integer("max_bytes", 80, low=1, high=MAX_RECORD_BYTES)
-        gap = table.number("gap", 0.0, low=0.0, high=10.0) or None
-        joined = table.choice("joined", ("start", "middle"), "start")
-        terminator, length, lines = b"", 0, 1
+    def _read_framing(self, table: TomlTable) -> Framing:
+        kind = table.get("kind", keys.FRAMES["kind"])
         if kind == "line":
-            terminator = table.octets("terminator", limit=4)
-            if not terminator:
-                table.fail("must not be empty", "terminator")
-            lines = table.integer("lines", 1, low=1, high=8)
-            if lines > 1 and gap is None:
-                table.fail("records of several lines need a gap that tells them apart")
+            framing = Framing(
+                **table.take(
+                    {**keys.FRAMES, **keys.TERMINATOR}, {**keys.FRAMING, "lines": Whole(1, 8)}
+                )
+            )
+            if framing.lines > 1 and framing.gap is None:
+                raise table.fail("records of several lines need a gap that tells them apart")
         else:
-            length = table.integer("length", low=1, high=max_bytes)
-            if kind == "fixed" and gap is None:
-                table.fail("fixed records need a gap that tells them apart")
-        table.done()
-        return Framing(
-            kind=cast(Literal["line", "fixed", "sync-bit"], kind),
-            terminator=terminator,
-            max_bytes=max_bytes,
-            gap=gap,
-            length=length,
-            lines=lines,
-            joined=cast(Literal["start", "middle"], joined),
-        )
+            length = Whole(1, table.optional("max_bytes", keys.RECORD_BYTES, 80))
+            given = table.take({**keys.FRAMES, "length": length}, keys.FRAMING)
+            framing = Framing(**given, terminator=b"")
+            if kind == "fixed" and framing.gap is None:
+                raise table.fail("fixed records need a gap that tells them apart")
+        return framing
 
-    def _read_checksum(self) -> Checksum | None:
+    def _read_checksum(self) -> Checksum:
         table = self._root.table("checksum")
-        if table is None:
-            return None
         if self._framing.kind != "line":
-            table.fail("belongs to line framing")
-        kind = table.choice("kind", ("xor8", "sum8", "crc8", "crc16"))
-        marker = table.octets("marker", "*", limit=1)
-        if len(marker) != 1:
-            table.fail("must be one character", "marker")
-        required = table.flag("required", False)
-        host = table.flag("host", True)
-        table.done()
-        kinds = cast(Literal["xor8", "sum8", "crc8", "crc16"], kind)
-        return Checksum(kinds, marker, required, host)
-
-    def _read_poll(self) -> Poll | None:
-        table = self._root.table("poll")
-        if table is None:
-            return None
-        request = table.octets("request", limit=80)
-        if not request:
-            table.fail("must not be empty", "request")
-        timeout = table.number("timeout", 0.5, low=0.001, high=60.0)
-        poll = Poll(
-            request=request,
-            links=self._some_links(table, "links"),
-            timeout=timeout,
-            period=table.number("period", 0.04, low=0.001, high=60.0),
-            latency=table.number("latency", max(5.0, 2 * timeout), low=timeout, high=600.0),
+            raise table.fail("belongs to line framing")
+        return Checksum(
+            **table.take({"kind": Word("xor8", "sum8", "crc8", "crc16")}, keys.CHECKSUM)
         )
-        table.done()
-        return poll
 
-    def _read_records(self) -> dict[str, RecordFormat]:
-        records: dict[str, RecordFormat] = {}
-        for name, table in self._root.named_tables("record").items():
-            records[name] = self._read_record(name, table)
-        if not records:
-            self._root.fail("[record.NAME] is missing: at least one record is needed")
-        return records
+    def _read_poll(self, table: TomlTable) -> Poll:
+        timeout = table.optional("timeout", Number(0.001, 60.0), 0.5)
+        given = table.take(
+            {"request": Octets(80, empty=False)},
+            {
+                "links": OneOrMore(self._link),
+                "timeout": NUMBER,
+                "period": Number(0.001, 60.0),
+                "latency": Number(timeout, 600.0),
+            },
+        )
+        usual = {"links": tuple(self._links), "latency": max(5.0, 2 * timeout)}
+        return Poll(**{**usual, **given})
 
     def _read_record(self, name: str, table: TomlTable) -> RecordFormat:
-        kind = table.choice("kind", ("position", "record", "in-position", "fault", "ignore"))
-        text = table.string("pattern", limit=1000)
-        try:
-            pattern = compile_pattern(text)
-        except PatternError as error:
-            table.fail(plain(str(error), 120), "pattern")
-        groups = set(pattern.groupindex)
-        send = self._template(table, "send", groups) if table.has("send") else None
-        faults: dict[str, dict[bytes, str]] = {}
-        if fault_table := table.table("faults"):
-            for group in fault_table.keys():  # noqa: SIM118 - a method of its own, not a dict
-                inner = fault_table.table(group)
-                if inner is None or group not in groups:
-                    fault_table.fail(f"the pattern has no such group{_among(group, groups)}", group)
-                faults[group] = {
-                    self._bytes_key(inner, key): plain(inner.string(key), 120)
-                    for key in inner.keys()  # noqa: SIM118
-                }
-            fault_table.done()
-        unit_group, units = "", None
-        if unit_table := table.table("units"):
-            unit_group = unit_table.string("group")
-            if unit_group not in groups:
-                unit_table.fail(f"the pattern has no such group{_among(unit_group, groups)}")
-            values = unit_table.table("mm")
-            if values is None or not values.keys():
-                unit_table.fail('"mm" is missing: millimetres by unit')
-            units = {
-                self._bytes_key(values, key): values.number(key, low=1e-9, high=1e6)
-                for key in values.keys()  # noqa: SIM118
-            }
-            unit_table.done()
-        constants: dict[str, bytes] = {}
-        if constant_table := table.table("constants"):
-            for key in constant_table.keys():  # noqa: SIM118
-                if key not in groups:
-                    constant_table.fail(f"the pattern has no such group{_among(key, groups)}", key)
-                constants[key] = constant_table.octets(key)
-        confirm = table.integer("confirm", 1, low=1, high=9)
-        record = RecordFormat(
-            name=name,
-            kind=cast(Literal["position", "record", "in-position", "fault", "ignore"], kind),
-            links=self._some_links(table, "link"),
-            pattern=pattern,
-            max_bytes=table.integer(
-                "max_bytes", self._framing.max_bytes, low=1, high=self._framing.max_bytes
-            ),
-            faults=faults,
-            unit_group=unit_group,
-            units=units,
-            send=send,
-            constants=constants,
-            confirm=confirm,
-            confirm_within=table.number("confirm_within", 2.0, low=0.01, high=60.0),
+        pattern = table.get("pattern", keys.PATTERN)
+        groups = pattern.groupindex
+        group = Reference("group of the pattern", groups)
+        most = self._framing.max_bytes
+        given = table.take(
+            {
+                "kind": Word("position", "record", "in-position", "fault", "ignore"),
+                "pattern": keys.PATTERN,
+            },
+            {
+                "link": OneOrMore(self._link),
+                "send": keys.template(groups),
+                "faults": MapOf(group, MapOf(Octets(), keys.SHOWN)),
+                "units": Keys({"group": group, "mm": keys.UNITS}),
+                "constants": MapOf(group, Octets()),
+                "max_bytes": Whole(1, most),
+                "confirm": Whole(1, 9),
+                "confirm_within": Number(0.01, 60.0),
+            },
         )
-        table.done()
-        return record
-
-    @staticmethod
-    def _bytes_key(table: TomlTable, key: str) -> bytes:
-        try:
-            return key.encode("latin-1")
-        except UnicodeEncodeError:
-            table.fail("holds a character that is not a single byte", key)
-
-    @staticmethod
-    def _template(table: TomlTable, key: str, names: set[str]) -> Template:
-        try:
-            template = parse_template(table.string(key, limit=300))
-        except TemplateError as error:
-            table.fail(plain(str(error), 120), key)
-        for name in sorted(template.names - names):
-            table.fail(f"{{{name}}} is unknown{nearest(name, sorted(names))}", key)
-        return template
+        given["links"] = given.pop("link", tuple(self._links))
+        if units := given.pop("units", None):
+            given["unit_group"], given["units"] = units["group"], units["mm"]
+        usual: dict[str, Any] = {"max_bytes": most, "faults": {}, "constants": {}}
+        return RecordFormat(name, **{**usual, **given})
 
     def _read_axes(self) -> dict[str, AxisFormat]:
         axes: dict[str, AxisFormat] = {}
         taken: dict[tuple[str, str, str], str] = {}
-        for name, table in self._root.named_tables("axis").items():
-            axis = self._read_axis(name, table)
+        for name, table in self._named("axis"):
+            axes[name] = axis = self._read_axis(name, table)
             for record in axis.records:
-                key = (axis.link, record, axis.group)
-                if key in taken:
-                    table.fail(f'reads the same value as axis "{taken[key]}"', "group")
-                taken[key] = name
-            axes[name] = axis
-        if not axes:
-            self._root.fail("[axis.NAME] is missing: two or four axes are needed")
+                other = taken.setdefault((axis.link, record, axis.group), name)
+                if other != name:
+                    raise table.fail(f"reads the same value as axis {quoted(other)}", "group")
         return axes
 
     def _read_axis(self, name: str, table: TomlTable) -> AxisFormat:
-        if name == "offset" or not re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name):
-            table.fail("an axis is named by lower case letters, digits and _, not offset")
         link = self._one_link(table)
-        group = table.string("group", name)
+        group = table.optional("group", Text(), name)
         holding = [
             record.name
             for record in self._records.values()
             if link in record.links and group in record.groups
         ]
-        records = table.strings("record", tuple(holding))
-        for record_name in records:
-            if record_name not in self._records:
-                near = nearest(record_name, list(self._records))
-                table.fail(f'no record "{plain(record_name, 120)}"{near}', "record")
-            if record_name not in holding:
-                table.fail(f'record "{record_name}" has no group "{plain(group, 120)}"', "group")
-        if not records:
-            every = set().union(*(record.groups for record in self._records.values()))
-            near = nearest(group, sorted(every))
-            table.fail(f'no record has the group "{plain(group, 120)}"{near}', "group")
-        direction = table.integer("direction", 1, low=-1, high=1)
-        if direction == 0:
-            table.fail("must be 1 or -1", "direction")
-        low, high = table.numbers("range", (2,))
-        if low >= high:
-            table.fail("must go from the smaller to the larger value", "range")
-        encodings = ("decimal", "integer", "hex", "bits6", "bits7", "int-le", "int-be")
-        encoding = table.choice("encoding", encodings, "decimal")
-        scale = table.number("scale", 1.0, low=1e-9, high=1e6)
-        count = _MICROMETRE if encoding == "decimal" else scale
-        fastest = table.number("fastest", 0.0, low=0.0, high=1e6)
-        axis = AxisFormat(
-            name=name,
-            link=link,
-            records=records,
-            group=group,
-            encoding=cast(Encoding, encoding),
-            scale=scale,
-            direction=direction,
-            low=low,
-            high=high,
-            incremental=table.flag("incremental", False),
-            still=table.number("still", _COUNTS * count, low=0.0, high=10.0),
-            fastest=fastest or None,
+        if not holding:
+            every = sorted(set().union(*(record.groups for record in self._records.values())))
+            raise table.fail(
+                f"no record has the group {quoted(group)}{hint(group, every)}", "group"
+            )
+        record = Reference("record", self._records)
+        given = table.take(
+            {"range": keys.RANGE},
+            {**keys.AXIS, "link": self._link, "group": Text(), "record": OneOrMore(record)},
         )
-        table.done()
-        return axis
+        records = given.pop("record", tuple(holding))
+        for missing in (record for record in records if record not in holding):
+            raise table.fail(f"record {quoted(missing)} has no group {quoted(group)}", "group")
+        low, high = given.pop("range")
+        scale = given.get("scale", 1.0)
+        count = _MICROMETRE if given.get("encoding", "decimal") == "decimal" else scale
+        usual = {"link": link, "group": group, "still": _COUNTS * count}
+        return AxisFormat(name, records=records, low=low, high=high, **{**usual, **given})
 
     def _check_records(self) -> None:
         """Check that a footswitch's message carries all axes or none, a position at least one."""
-        for record in self._records.values():
-            table = self._root.table("record")
-            inner = table.table(record.name) if table else None
-            if inner is None:
-                continue
-            carried = [axis.name for axis in self._axes.values() if record.name in axis.records]
+        for name, table in self._named("record"):
+            record = self._records[name]
+            carried = [axis for axis in self._axes.values() if name in axis.records]
             if record.kind == "position" and not carried:
-                inner.fail("a position must carry at least one axis")
+                raise table.fail("a position must carry at least one axis")
             if record.kind in ("record", "in-position") and 0 < len(carried) < len(self._axes):
-                inner.fail("must carry all axes or none")
+                raise table.fail("must carry all axes or none")
             if record.send is not None:
-                known = {self._axes[name].group for name in carried}
+                known = {axis.group for axis in carried}
                 known |= _SPECIAL_GROUPS | set(record.constants or ())
-                for name in sorted(record.send.names - known):
-                    inner.fail(f"{{{name}}} is no axis and has no value in constants", "send")
+                for field in sorted(record.send.names - known):
+                    raise table.fail(
+                        f"{{{field}}} is no axis and has no value in constants", "send"
+                    )
 
-    def _read_stage(self) -> Stage:
+    def _read_stage(self, table: TomlTable) -> Stage:
         names = tuple(self._axes)
-        table = self._root.table("stage")
-        if table is None:
-            return self._straight_stage(1.0)
-        mono = table.has("x") or table.has("y")
-        straight = not (mono or any(table.has(key) for key in _LEFT_RIGHT))
-        within = table.number("within", 1.0, low=0.001, high=60.0)
-        if straight:
-            table.done()
-            return self._straight_stage(within)
-        rows: list[dict[str, float]] = []
-        for key in ("x", "y") if mono else _LEFT_RIGHT:
-            row = table.table(key)
-            if row is None:
-                table.fail(f'"{key}" is missing')
-            factors: dict[str, float] = {}
-            for name in row.keys():  # noqa: SIM118
-                if name != "offset" and name not in self._axes:
-                    row.fail(f"no such axis{nearest(name, [*names, 'offset'])}", name)
-                factors[name] = row.number(name, low=-1e6, high=1e6)
-            rows.append(factors)
-        table.done()
-        if len(names) != len(rows):
-            table.fail(f"needs {len(rows)} axes, there are {len(names)}")
+        mono = "x" in table or "y" in table
+        rows: list[Mapping[str, float]]
+        if mono or any(key in table for key in _LEFT_RIGHT):
+            sides = ("x", "y") if mono else _LEFT_RIGHT
+            row = MapOf(Reference("axis", (*names, "offset")), Number(-1e6, 1e6))
+            given = table.take(dict.fromkeys(sides, row), keys.WITHIN)
+            rows = [given[side] for side in sides]
+            if len(names) != len(rows):
+                raise table.fail(f"needs {len(rows)} axes, there are {len(names)}")
+        else:
+            given = table.take({}, keys.WITHIN)
+            mono = set(names) == {"x", "y"}
+            if not mono and set(names) != set(_LEFT_RIGHT):
+                raise self._root.fail(
+                    "[stage] has no map: the axes are neither xl, yl, xr, yr nor x, y"
+                )
+            rows = [{name: 1.0} for name in (("x", "y") if mono else _LEFT_RIGHT)]
         try:
-            return _stage(mono, names, rows, within)
+            return _stage(mono, names, rows, given.get("within", 1.0))
         except SingularError:
-            table.fail("cannot be inverted: two coordinates depend on the same axes")
+            raise table.fail(
+                "cannot be inverted: two coordinates depend on the same axes"
+            ) from None
 
-    def _straight_stage(self, within: float) -> Stage:
-        names = tuple(self._axes)
-        if set(names) == set(_LEFT_RIGHT):
-            return _stage(False, names, [{name: 1.0} for name in _LEFT_RIGHT], within)
-        if set(names) != {"x", "y"}:
-            self._root.fail("[stage] has no map: the axes are neither xl, yl, xr, yr nor x, y")
-        return _stage(True, names, [{"x": 1.0}, {"y": 1.0}], within)
-
-    def _read_footswitches(self) -> dict[str, Footswitch]:
-        switches: dict[str, Footswitch] = {}
-        for name, table in self._root.named_tables("footswitch").items():
-            source = table.choice("source", ("record", "every", "modem", "key"))
-            record = group = line = link = ""
-            value, edge, active, debounce = b"", False, True, 0.05
-            release = 0.0
-            if source == "record":
-                record = table.choice("record", self._records)
-                format_ = self._records[record]
-                if format_.kind not in ("record", "position"):
-                    table.fail("must be a record of kind record or position", "record")
-                if table.has("group"):
-                    group = table.choice("group", sorted(format_.groups))
-                    value = table.octets("value")
-                elif format_.kind == "position":
-                    table.fail('"group" is missing: the position\'s group that tells the key')
-                edge = table.flag("edge", False)
-                release = table.number("release", 0.0, low=0.0, high=10.0)
-            elif source == "modem":
-                link = self._one_link(table)
-                line = table.choice("line", ("cts", "dsr", "cd", "ri"))
-                active = table.flag("active", True)
-                debounce = table.number("debounce", 0.05, low=0.0, high=5.0)
-            switches[name] = Footswitch(
-                name=name,
-                source=cast(Literal["record", "every", "modem", "key"], source),
-                record=record,
-                group=group,
-                value=value,
-                edge=edge,
-                release=release or None,
-                link=link,
-                line=line,
-                active=active,
-                debounce=debounce,
-            )
-            table.done()
-        return switches
+    def _read_footswitch(self, name: str, table: TomlTable) -> Footswitch:
+        required: Fields = {"source": Word("record", "every", "modem", "key")}
+        source = table.get("source", required["source"])
+        if source == "modem":
+            link = self._one_link(table)
+            required = {**required, "line": Word("cts", "dsr", "cd", "ri")}
+            given = table.take(required, {**keys.MODEM, "link": self._link})
+            return Footswitch(name, **{**given, "link": link})
+        if source != "record":
+            return Footswitch(name, **table.take(required))
+        format_ = self._records[table.get("record", Reference("record", self._records))]
+        if format_.kind not in ("record", "position"):
+            raise table.fail("must be a record of kind record or position", "record")
+        required = {**required, "record": Text()}
+        if "group" in table:
+            group = Reference("group of the record", format_.groups)
+            required = {**required, "group": group, "value": Octets()}
+        elif format_.kind == "position":
+            raise table.fail("no key 'group': the position's group that tells the key")
+        return Footswitch(name, **table.take(required, keys.EVENT))
 
     def _check_switched(self, switches: Mapping[str, Footswitch]) -> None:
         """Check that every footswitch's message has its footswitch."""
         named = {switch.record for switch in switches.values()}
         for record in self._records.values():
             if record.kind == "record" and record.name not in named:
-                self._root.fail(
-                    f'no [footswitch.NAME] names the record "{record.name}": nothing would record'
+                raise self._root.fail(
+                    f"no [footswitch.NAME] names the record {quoted(record.name)}: "
+                    "nothing would record"
                 )
 
-    def _read_confirm(self, checksum: Checksum | None, switches: Mapping[str, Footswitch]) -> bool:
-        """Read whether read-outs confirm a measurement: by default, where no checksum does."""
-        safe = checksum is not None and checksum.required
-        confirm = self._root.flag("confirm", not safe)
-        if not confirm:
-            return False
+    def _check_confirmed(self, switches: Mapping[str, Footswitch]) -> None:
+        """Check that the read-outs around a measurement can confirm it."""
         positions = [r for r in self._records.values() if r.kind == "position"]
         if not positions:
-            self._root.fail(
+            raise self._root.fail(
                 "a measurement cannot be confirmed: no record tells positions besides", "confirm"
             )
         once = [record.name for record in positions if record.confirm == 1]
         if once and any(switch.source == "every" for switch in switches.values()):
-            self._root.fail(
-                f'every position is a measurement, none confirms it: "{once[0]}" needs confirm = 2',
+            raise self._root.fail(
+                "every position is a measurement, none confirms it: "
+                f"{quoted(once[0])} needs confirm = 2",
                 "confirm",
             )
-        return True
 
-    def _read_drive(self) -> Drive | None:
-        table = self._root.table("drive")
-        if table is None:
-            return None
+    def _read_drive(self, table: TomlTable) -> Drive:
         link = self._one_link(table)
-        command = self._template(table, "command", set(self._axes))
-        if missing := sorted(set(self._axes) - command.names):
-            table.fail(f"does not tell the axis {missing[0]}", "command")
-        stop = self._template(table, "stop", set())
-        in_position = table.choice("in_position", self._records)
-        if self._records[in_position].kind != "in-position":
-            table.fail("must be a record of kind in-position", "in_position")
-        limits = {name: (axis.low, axis.high) for name, axis in self._axes.items()}
-        if inner := table.table("limits"):
-            for name in inner.keys():  # noqa: SIM118
-                if name not in limits:
-                    inner.fail(f"no such axis{nearest(name, list(limits))}", name)
-                low, high = inner.numbers(name, (2,))
-                axis = self._axes[name]
-                if not axis.low <= low < high <= axis.high:
-                    inner.fail("must lie within the axis' range", name)
-                limits[name] = (low, high)
-        terminator = table.octets("terminator", self._framing.terminator.decode("latin-1"), limit=4)
-        table.done()
-        return Drive(link, command, stop, terminator, in_position, limits)
+        limits = MapOf(Reference("axis", self._axes), keys.RANGE)
+        given = table.take(
+            {
+                "command": keys.template(self._axes),
+                "stop": keys.template(()),
+                "in_position": Reference("record", self._records),
+            },
+            {"link": self._link, "limits": limits, "terminator": Octets(4)},
+        )
+        if missing := sorted(set(self._axes) - given["command"].names):
+            raise table.fail(f"does not tell the axis {missing[0]}", "command")
+        if self._records[given["in_position"]].kind != "in-position":
+            raise table.fail("must be a record of kind in-position", "in_position")
+        bounds = {name: (axis.low, axis.high) for name, axis in self._axes.items()}
+        for name, (low, high) in given.get("limits", {}).items():
+            if not bounds[name][0] <= low < high <= bounds[name][1]:
+                raise table.fail("must lie within the axis' range", "limits", name)
+        usual = {"link": link, "terminator": self._framing.terminator}
+        return Drive(**{**usual, **given, "limits": {**bounds, **given.get("limits", {})}})
 
     def _read_simulate(self, poll: Poll | None, switches: Mapping[str, Footswitch]) -> Simulate:
         pressed = any(
-            switch.source == "every" or self._is_position(switch) for switch in switches.values()
+            switch.source == "every"
+            or (switch.source == "record" and self._records[switch.record].kind == "position")
+            for switch in switches.values()
         )
-        usual = 0.0 if poll or pressed else 0.04
-        table = self._root.table("simulate")
-        if table is None:
-            return Simulate(stream=usual or None)
-        stream = table.number("stream", usual, low=0.0, high=60.0) or None
-        simulate = Simulate(
-            latency=table.number("latency", 0.0, low=0.0, high=60.0),
-            byte_timing=table.flag("byte_timing", False),
-            resolution_um=table.number("resolution_um", 1.0, low=1e-4, high=1000.0),
-            noise_um=table.number("noise_um", 0.0, low=0.0, high=1000.0),
-            backlash_um=table.number("backlash_um", 0.0, low=0.0, high=1000.0),
-            speed=table.number("speed", 60.0, low=0.001, high=10000.0),
-            stream=stream,
-            hold=table.integer("hold", 3, low=1, high=100),
-            hold_period=table.number("hold_period", 0.02, low=0.0, high=10.0),
-            tells_release=table.flag("tells_release", True),
-        )
-        table.done()
-        return simulate
+        usual = {"stream": None if poll or pressed else 0.04}
+        return Simulate(**{**usual, **self._root.table("simulate").take({}, keys.SIMULATE)})
 
-    def _is_position(self, switch: Footswitch) -> bool:
-        return switch.source == "record" and self._records[switch.record].kind == "position"
-
-    def _read_examples(self, stage: Stage) -> tuple[Example, ...]:
-        tables = self._root.tables("example")
+    def _read_examples(self, count: int) -> tuple[Example, ...]:
+        tables = list(self._root.tables("example"))
         if not tables:
-            self._root.fail("[[example]] is missing: at least one example is needed")
-        if len(tables) > 100:
-            self._root.fail("more than 100 tables", "example")
-        return tuple(self._read_example(table, stage) for table in tables)
+            raise self._root.fail("no [[example]]: at least one is needed")
+        if len(tables) > _MOST_EXAMPLES:
+            raise self._root.fail(f"more than {_MOST_EXAMPLES} tables", "example")
+        return tuple(self._read_example(table, count) for table in tables)
 
-    def _read_example(self, table: TomlTable, stage: Stage) -> Example:
+    def _read_example(self, table: TomlTable, count: int) -> Example:
         link = self._one_link(table)
-        if table.has("hex"):
-            text = table.string("hex", limit=4096)
-            try:
-                data = bytes.fromhex(text)
-            except ValueError:
-                table.fail("must be pairs of hexadecimal digits", "hex")
-        else:
-            data = table.octets("bytes", limit=4096)
-        meanings = []
-        for inner in table.tables("means"):
-            meanings.append(self._read_meaning(inner, 2 if stage.mono else 4))
-        table.done()
+        key = "hex" if "hex" in table else "bytes"
+        given = table.take({key: keys.EXAMPLE[key]}, {"link": self._link}, also=("means",))
+        meanings = tuple(self._read_meaning(inner, count) for inner in table.tables("means"))
         if not meanings:
-            table.fail('"means" is missing: what the bytes mean')
-        return Example(link, data, tuple(meanings))
+            raise table.fail("no key 'means': what the bytes mean")
+        return Example(link, given[key], meanings)
 
     def _read_meaning(self, table: TomlTable, count: int) -> Meaning:
-        kinds = ("position", "record", "in_position", "fault", "refused", "axes")
-        given = [kind for kind in kinds if table.has(kind)]
-        if not given:
-            table.done()
-        if len(given) != 1:
-            table.fail(f"must be one of {', '.join(kinds)}")
-        kind = given[0]
-        meaning: Meaning
-        if kind == "axes":
-            values = table.table("axes")
-            found: dict[str, float] = {}
-            for name in values.keys() if values else ():
-                if name not in self._axes:
-                    table.fail(f"no such axis{nearest(name, list(self._axes))}", name)
-                found[name] = values.number(name) if values else 0.0
-            meaning = Meaning("axes", axes=found)
-        elif kind in ("fault", "refused"):
-            meaning = Meaning("fault" if kind == "fault" else "refused", text=table.string(kind))
-        elif kind == "in_position" and table.raw(kind) is True:
-            meaning = Meaning("in-position")
-        else:
-            position = table.numbers(kind, (count,))
-            if kind == "record":
-                number = table.integer("number", -1, low=-1, high=10**9)
-                meaning = Meaning(
-                    "record",
-                    position=position,
-                    switch=table.string("switch"),
-                    number=None if number < 0 else number,
-                )
-            else:
-                meaning = Meaning("position" if kind == "position" else "in-position", position)
-        table.done()
-        return meaning
-
-
-def _among(word: str, groups: set[str]) -> str:
-    return nearest(word, sorted(groups))
+        place = Numbers(count, keys.BOUND)
+        kinds: Fields = {
+            "position": place,
+            "record": place,
+            "in_position": keys.PlaceOrTrue(count, keys.BOUND),
+            "fault": Text(),
+            "refused": Text(),
+            "axes": MapOf(Reference("axis", self._axes), keys.BOUND),
+        }
+        found = [key for key in kinds if key in table]
+        if len(found) != 1:
+            table.take({}, {**kinds, **keys.PRESS, **keys.COUNT})
+            raise table.fail(f"must be one of {', '.join(kinds)}")
+        kind = found[0]
+        press = kind == "record"
+        given = table.take(
+            {kind: kinds[kind], **(keys.PRESS if press else {})}, keys.COUNT if press else {}
+        )
+        field = {"axes": "axes", "fault": "text", "refused": "text"}.get(kind, "position")
+        meant = {"kind": kind.replace("_", "-"), field: given.pop(kind)}
+        return Meaning(**meant, **given)
 
 
 def _stage(

@@ -15,7 +15,7 @@ from typing import BinaryIO
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import place, reason
 
-__all__ = ["not_utf8", "open_input", "read_bytes", "read_text"]
+__all__ = ["decoded", "not_utf8", "open_input", "read_bytes", "read_text"]
 
 # A named pipe that took the file's name meanwhile is opened at once, and then refused.
 _FLAGS: int = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -76,8 +76,13 @@ def read_text(path: Path, max_bytes: int) -> str:
     InputError
         As `open_input`, and when the file is not UTF-8 (with the line).
     """
+    return decoded(read_bytes(path, max_bytes), path)
+
+
+def decoded(raw: bytes, path: Path) -> str:
+    """Return a UTF-8 file's text without its byte order mark; raises InputError as `read_text`."""
     try:
-        return read_bytes(path, max_bytes).decode("utf-8-sig")
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         # The position counts from behind the mark that utf-8-sig leaves out; a mark is no line.
         line = error.object.count(b"\n", 0, error.start) + 1

@@ -34,6 +34,7 @@ __all__ = [
     "Number",
     "Numbers",
     "Octets",
+    "OneOrMore",
     "Reference",
     "Text",
     "Whole",
@@ -332,6 +333,21 @@ class Numbers(ListOf[float]):
 
     def __init__(self, length: int, kind: Kind[float] | None = None) -> None:
         super().__init__(kind or NUMBER, "numbers", length)
+
+
+class OneOrMore(Kind[tuple[T, ...]], Generic[T]):
+    """One value of a kind, or a list of up to `most` such values."""
+
+    def __init__(self, kind: Kind[T], most: int = 50) -> None:
+        self._kind, self._most = kind, most
+
+    def of(self, value: Any) -> tuple[T, ...]:
+        """Return the values."""
+        if not isinstance(value, list):
+            return (self._kind.of(value),)
+        if not 1 <= len(value) <= self._most:
+            raise WrongValueError(f"must be one, or a list of 1 to {self._most}")
+        return tuple(_inside(index, self._kind, item) for index, item in enumerate(value))
 
 
 class Items(Kind[tuple[Any, ...]]):

@@ -163,10 +163,11 @@ class TomlTable:
             raise self.fail(f"no {what}: at least one [[{what}]] is needed")
         return tuple(found.values())
 
-    def named_tables(self, key: str) -> Iterator[tuple[str, TomlTable]]:
-        """Yield the tables [key.NAME] with their names."""
+    def named_tables(self, key: str, names: Kind[str]) -> Iterator[tuple[str, TomlTable]]:
+        """Yield the tables [key.NAME] with their names, which are of a kind."""
         parent = self.table(key)
         for name in parent:
+            parent._read(names, name, name)
             yield name, parent.table(name)
 
     def _required(self, key: str) -> Any:

@@ -162,7 +162,7 @@ def test_another_baud_rate_keeps_no_digit():
 
 
 def test_names_and_rates_are_checked(simulated, bench):
-    with pytest.raises(InputError, match='"flip"'):
+    with pytest.raises(InputError, match="'flip'"):
         check_fault("flop")
     with pytest.raises(InputError, match="between 0 and 1"):
         bench(simulated, fault_rates={"flip": 2.0})

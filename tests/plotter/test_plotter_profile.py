@@ -98,20 +98,20 @@ def line_of(text: str, start: str) -> int:
     [
         ("schema = 1", "schema = 2", ["line 1", "schema", "newer"]),
         ("schema = 1\n", "", ["schema"]),
-        ("baud = 9600", "buad = 9600", ["[link.main] buad", "unknown key", '"baud"']),
+        ("baud = 9600", "buad = 9600", ["[link.main] buad", "unknown key", "'baud'"]),
         ("baud = 9600", "baud = 9", ["[link.main] baud", "50"]),
-        ("baud = 9600", 'parity = "evn"', ["[link.main] parity", '"even"']),
+        ("baud = 9600", 'parity = "evn"', ["[link.main] parity", "'even'"]),
         ("baud = 9600", "baud = true", ["baud", "whole number"]),
-        ("[framing]", "[frameing]", ["line 10", "frameing", "unknown table", '"framing"']),
-        ('kind = "line"', 'kind = "lines"', ["[framing] kind", '"line"']),
+        ("[framing]", "[frameing]", ["line 10", "frameing", "unknown table", "'framing'"]),
+        ('kind = "line"', 'kind = "lines"', ["[framing] kind", "'line'"]),
         ('terminator = "\\n"', 'terminator = ""', ["terminator", "empty"]),
         ('kind = "position"', 'kind = "record"', ["footswitch"]),
         ("pattern = '^", "pattern = '", ["[record.value] pattern", "anchored"]),
-        ("[axis.y]", "[axis.z]", ['"z"']),
+        ("[axis.y]", "[axis.z]", ["'z'"]),
         ("title =", "titel =", ["title"]),
         ('status = "simulated"', 'status = "tested"', ["status", "verified"]),
         ('id = "mine"', 'id = "Mine!"', ["id", "lower case"]),
-        ("means = [{ position", "means = [{ postion", ["[[example.means]] 1", '"position"']),
+        ("means = [{ position", "means = [{ postion", ["[[example]] means.postion", "'position'"]),
         ("[1.0, -2.5]", "[1.0, -2.5, 3.0]", ["2 numbers"]),
         ("[[example]]", "[example]", ["example"]),
         ("sources", "extra = 1\nsources", ["extra", "unknown key"]),
@@ -121,7 +121,7 @@ def test_errors_name_file_line_table_and_key(old, new, parts):
     with pytest.raises(InputError) as caught:
         read(changed(old, new))
     message = str(caught.value)
-    assert message.startswith("mine.toml: ")
+    assert message.startswith("mine.toml")
     assert "\n" not in message
     for part in parts:
         assert part in message
@@ -135,7 +135,7 @@ def test_the_line_is_the_keys_own():
     with pytest.raises(InputError, match=rf"line {line_of(text, 'range = [5')}: \[axis.y\] range"):
         read(text)
     text = MINIMAL.replace("-2.5] }]", '-2.5] }]\n\n[[example]]\nbytes = "a"\nlenk = 1\n')
-    with pytest.raises(InputError, match=rf"line {line_of(text, 'lenk')}: \[\[example\]\] 2 lenk"):
+    with pytest.raises(InputError, match=rf"line {line_of(text, 'lenk')}: \[\[example\]\] lenk"):
         read(text)
 
 
@@ -146,16 +146,16 @@ def test_the_line_is_the_keys_own():
         ('[drive]\ncommand = "G {x:.3f}"\nstop="S"\nin_position="value"', "axis y"),
         ('[drive]\ncommand = "G {x} {y}"\nstop="S"\nin_position="value"', "in-position"),
         ('[poll]\nrequest = ""', "empty"),
-        ('[poll]\nrequest = "?"\nlinks = ["mian"]', '"main"'),
+        ('[poll]\nrequest = "?"\nlinks = ["mian"]', "'main'"),
         ('[checksum]\nkind = "crc"', "xor8"),
         ('[footswitch.a]\nsource = "record"\nrecord = "value"', "group"),
         ('[footswitch.a]\nsource = "modem"\nline = "ctx"', "cts"),
         ("[stage]\nx = { x = 1.0 }\ny = { x = 1.0 }", "inverted"),
-        ("[stage]\nx = { x = 1.0 }\ny = { q = 1.0 }", "no such axis"),
+        ("[stage]\nx = { x = 1.0 }\ny = { q = 1.0 }", "unknown axis 'q'"),
         ("[stage]\nxl={x=1}\nyl={y=1}\nxr={x=1}\nyr={y=1}", "needs 4 axes"),
         ("[simulate]\nlatency = -1", "between"),
-        ("[simulate]\nspeed = nan", "between"),
-        ("[simulate]\nlatancy = 1", '"latency"'),
+        ("[simulate]\nspeed = nan", "finite"),
+        ("[simulate]\nlatancy = 1", "'latency'"),
     ],
 )
 def test_further_tables_are_checked(table, part):
@@ -187,7 +187,7 @@ def test_profiles_inside_an_installed_package_are_found(tmp_path, monkeypatch):
 
 
 def test_unknown_name_and_missing_file(tmp_path):
-    with pytest.raises(InputError, match=r'no device profile "simulatd".*"simulated"'):
+    with pytest.raises(InputError, match=r"no device profile 'simulatd'.*'simulated'"):
         load_profile("simulatd")
     with pytest.raises(InputError, match="file not found"):
         load_profile(tmp_path / "none.toml")

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from anaplot.errors import InputError
 from anaplot.plotter.schema import LineSettings
-from anaplot.plotter.tomltable import nearest
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = [
     "FAULTS",
@@ -36,7 +36,7 @@ def check_fault(name: str) -> str:
         When there is none; it names the nearest.
     """
     if name not in FAULTS:
-        raise InputError(f'no fault "{name[:40]}"{nearest(name, list(FAULTS))}')
+        raise InputError(f"no fault {quoted(name)}{hint(name, FAULTS)}")
     return name
 
 

@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from anaplot.errors import InputError
 from anaplot.plotter.device.hand import Offsets, transfer_error
 from anaplot.plotter.device.plotter import SimulatedPlotter
-from anaplot.plotter.tomltable import nearest
-from anaplot.textfiles.wording import plain
+from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = ["MISHAPS", "MISHAP_USAGE", "plant"]
 
@@ -49,7 +48,7 @@ def plant(simulator: SimulatedPlotter, words: Sequence[str]) -> str:
     """
     name, rest = words[0], list(words[1:])
     if name not in MISHAPS:
-        raise InputError(f'no mistake "{plain(name, 40)}"{nearest(name, list(MISHAPS))}')
+        raise InputError(f"no mistake {quoted(name)}{hint(name, MISHAPS)}")
     if len(rest) != len(MISHAPS[name]):
         raise InputError(f"{name} asks for {' '.join(MISHAPS[name])}")
     left, right = simulator.laid
