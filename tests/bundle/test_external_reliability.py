@@ -88,44 +88,83 @@ def test_the_largest_effects_equal_the_dense_formula(name) -> None:
     assert compared > m
 
 
-def test_a_second_adjustment_moves_by_as_much() -> None:
-    scene = aerial(2, 4, per_base=1, control_sigma=0.05)
-    problem = make_problem(scene.block)
-    block = adjust_bundle(problem, scene.start(problem))
-    found = external_reliability(block)
-    before = {row.point: np.array(row.xyz) for row in block.point_rows()}
+class Again:
+    """A block, and how its points move when one observation is another."""
 
-    def points(changed):
-        again = make_problem(changed)
-        rows = adjust_bundle(again, scene.start(again)).point_rows()
-        return {row.point: np.array(row.xyz) - before[row.point] for row in rows}
+    def __init__(self) -> None:
+        self.scene = aerial(2, 4, per_base=1, noise_um=5.0, control_sigma=0.05)
+        problem = make_problem(self.scene.block)
+        self.block = adjust_bundle(problem, self.scene.start(problem))
+        self.before = {row.point: np.array(row.xyz) for row in self.block.point_rows()}
 
-    fixed = {row.point for row in scene.block.control}
+    def _moved(self, changed) -> dict[str, np.ndarray]:
+        problem = make_problem(changed)
+        rows = adjust_bundle(problem, self.scene.start(problem)).point_rows()
+        return {row.point: np.array(row.xyz) - self.before[row.point] for row in rows}
+
+    def image_point(self, row, axis: int) -> dict[str, np.ndarray]:
+        """A coordinate that is wrong by its smallest detectable error."""
+        image = list(self.scene.block.image_points)
+        name = "xy"[axis]
+        value = getattr(image[row.row], name) + row.mdb[axis] * 1e-3
+        image[row.row] = replace(image[row.row], **{name: value})
+        return self._moved(replace(self.scene.block, image_points=tuple(image)))
+
+    def control(self, row) -> dict[str, np.ndarray]:
+        shift = [row.mdb * (axis == row.axis) for axis in "XYZ"]
+        control = [
+            replace(c, xyz=tuple(a + b for a, b in zip(c.xyz, shift, strict=True)))
+            if c.point == row.point
+            else c
+            for c in self.scene.block.control
+        ]
+        return self._moved(replace(self.scene.block, control=tuple(control)))
+
+
+@pytest.fixture(scope="module")
+def again() -> Again:
+    return Again()
+
+
+def test_a_second_adjustment_moves_by_as_much(again: Again) -> None:
+    found = external_reliability(again.block)
+    fixed = {row.point for row in again.scene.block.control}
     of_control = 0
-    rows = list(block.ray_rows())
+    rows = list(again.block.ray_rows())
     for k in range(0, len(rows), 5):
         row, effect = rows[k], found.rays[k][0]
         if effect is None or row.r[0] < 0.05:
             continue
         of_control += row.point in fixed
-        image = list(scene.block.image_points)
-        image[row.row] = replace(image[row.row], x=image[row.row].x + row.mdb[0] * 1e-3)
-        moved = points(replace(scene.block, image_points=tuple(image)))
+        moved = again.image_point(row, 0)
         length = {name: np.linalg.norm(each) for name, each in moved.items()}
         assert length[effect.point] == pytest.approx(max(length.values()), rel=0.02)
         np.testing.assert_allclose(
             effect.effect_m, moved[effect.point], atol=0.02 * length[effect.point]
         )
     assert of_control >= 2
-    # a control coordinate that is wrong by its smallest detectable error
-    row, effect = block.control_rows()[2], found.control[2]
-    control = [
-        replace(c, xyz=(*c.xyz[:2], c.xyz[2] + row.mdb)) if c.point == row.point else c
-        for c in scene.block.control
-    ]
-    moved = points(replace(scene.block, control=tuple(control)))
+    row, effect = again.block.control_rows()[2], found.control[2]
     assert row.axis == "Z"
+    moved = again.control(row)
     np.testing.assert_allclose(effect.effect_m, moved[effect.point], atol=0.02 * row.mdb)
+
+
+def test_a_second_adjustment_moves_the_point_itself_as_its_row_says(again: Again) -> None:
+    """`effect_m` of rays and of control: sign, unit, and the point's own."""
+    compared = 0
+    for row in list(again.block.ray_rows())[2::7]:
+        for axis in (0, 1):
+            if row.effect_m[axis] is None or row.r[axis] < 0.05:
+                continue
+            moved = again.image_point(row, axis)[row.point]
+            size = np.linalg.norm(moved)
+            np.testing.assert_allclose(row.effect_m[axis], moved, atol=0.02 * size)
+            compared += 1
+    assert compared >= 8
+    for row in again.block.control_rows()[:6]:
+        moved = again.control(row)[row.point]
+        assert np.linalg.norm(moved) > 1e-3
+        np.testing.assert_allclose(row.effect_m, moved, atol=0.02 * row.mdb)
 
 
 def test_an_error_at_fixed_control_moves_other_points() -> None:

@@ -10,6 +10,7 @@ from bundleblocks import aerial
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.live import LiveBlock
+from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.errors import InputError, NotComputableError
 
 
@@ -70,7 +71,8 @@ def test_a_wrong_ray_is_accused_remeasured_and_forgotten() -> None:
     assert all(point != old.point for _, point, _ in answer.newly_flagged)
 
 
-def test_parts_that_do_not_hang_together_wait_aside() -> None:
+@pytest.mark.parametrize("named", [None, "ebner"])
+def test_parts_that_do_not_hang_together_wait_aside(named: str | None) -> None:
     scene = aerial(2, 4, per_base=2, noise_um=5.0)
     rows = tuple(r for r in scene.block.image_points if r.photo in ("101", "102", "203", "204"))
     names = {r.point: {q.photo for q in rows if q.point == r.point} for r in rows}
@@ -78,8 +80,10 @@ def test_parts_that_do_not_hang_together_wait_aside() -> None:
         r for r in rows if not (names[r.point] & {"101", "102"} and names[r.point] & {"203", "204"})
     )
     rows = tuple(r for r in rows if r.photo != "204" or r.point != rows[-1].point)
-    live = LiveBlock(replace(scene.block, image_points=rows, control=()))
+    additional = None if named is None else additional_parameters(named, 10.0)
+    live = LiveBlock(replace(scene.block, image_points=rows, control=()), additional=additional)
     answer = live.update(live.block)
+    assert answer.adjusted.state.shared.size == (12 if named == "ebner" else 0)
     assert set(answer.aside) in ({"101", "102"}, {"203", "204"})
     assert len(answer.adjusted.photo_rows()) == 2
 
@@ -103,3 +107,33 @@ def test_errors_leave_the_last_answer() -> None:
     assert live.answer is answer
     again = live.remeasure(row.photo, row.point, (row.x, row.y))
     np.testing.assert_allclose(again.adjusted.v, answer.adjusted.v, atol=1e-6)
+
+
+@pytest.mark.parametrize("named", ["ebner", "physical"])
+def test_additional_parameters_stay_with_a_growing_block(named: str) -> None:
+    scene = aerial(2, 4, per_base=2, noise_um=5.0, control_sigma=0.05)
+    additional = additional_parameters(named, 10.0)
+    whole = scene.block
+    first = tuple(r for r in whole.image_points if r.photo not in ("104", "204"))
+    live = LiveBlock(replace(whole, image_points=first), additional=additional)
+
+    def same(answer) -> None:
+        fresh = adjust_block(live.block, additional=additional)
+        agree(answer.adjusted, fresh)
+        assert fresh.state.shared.size > 0
+        np.testing.assert_allclose(
+            answer.adjusted.state.shared, fresh.state.shared, atol=1e-6 * 10.0
+        )
+
+    same(live.update(live.block))
+    answer = live.add(r for r in whole.image_points if r not in set(first))
+    assert answer.datum == "control"
+    same(answer)
+    # where only a coordinate changes, what the parameters do there changes too
+    row = whole.image_points[3]
+    same(live.remeasure(row.photo, row.point, (row.x + 0.02, row.y)))
+    same(live.remove(row.photo, row.point))
+    # without control: in the free network they stay as well
+    free = live.update(replace(live.block, control=()))
+    assert free.datum == "free"
+    agree(free.adjusted, adjust_block(live.block, datum="free", additional=additional))

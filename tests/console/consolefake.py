@@ -102,7 +102,7 @@ def diagnosis(gross: bool = True) -> Diagnosis:
         partners=(Partner(("102", "y"), ("103", "y"), 0.93),),
         advice=(
             "remeasure 103 (y): 12 to 1 over 102",
-            "102 (y) and 103 (y) are hard to tell apart: correlation 0.93",
+            "103 y and 102 y are hard to tell apart (correlation 0.93)",
         ),
         suspects=(("103", "y"),),
     )

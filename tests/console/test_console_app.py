@@ -1,11 +1,13 @@
 """The screen driven by its keys, over a station made of dataclasses."""
 
 import asyncio
+import re
 import threading
 from dataclasses import replace
 
 import pytest
-from consolefake import FakeStation, console, picture
+from consolefake import FakeStation, console, diagnosis, picture
+from idealmodel import ideal_pair, spoiled
 from rich.cells import cell_len
 from testedrows import with_rows
 
@@ -14,6 +16,9 @@ from anaplot.console.keys import ACTIONS
 from anaplot.console.panels import DetailsPane, MessagePanel, ReadOutLine
 from anaplot.console.tableview import TableView
 from anaplot.errors import InputError, LinkError
+from anaplot.orientation.diagnosis import diagnose
+from anaplot.orientation.model import orient
+from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.session.plates import ReadOut
 from anaplot.station.snapshot import LinkView
 
@@ -73,7 +78,7 @@ AT_80_BY_24 = """\
   113   y  0.571     2.8     5.3  0.52 ok
   114   y  0.583    -5.1     5.4  0.94 ok
  · remeasure 103 (y): 12 to 1 over 102
- · 102 (y) and 103 (y) are hard to tell apart: correlation 0.93
+ · 103 y and 102 y are hard to tell apart (correlation 0.93)
 
 
  space Record  enter Drive  n Next  f Flag  a Accept  u Undo  x Row off
@@ -95,6 +100,25 @@ async def test_the_screen_at_80_by_24():
         for sign in ("(!)", "●", "µm residual", "○ open ● done ! flag x off"):
             assert sign in map_part
         assert "…" not in text(app)
+
+
+async def test_a_real_models_sentences_are_shown_and_the_fakes_are_like_them():
+    test = TestSettings("baarda", 0.001, 0.80)
+    solution = orient(spoiled(ideal_pair("6/3"), "6", "y", 0.3), Precision(5.0, "paper"), test)
+    advice = diagnose(solution).advice
+    assert len(advice) > 1
+
+    def shape(sentence: str) -> str:
+        return re.sub(r"[\d.]+", "#", sentence)
+
+    assert {shape(said) for said in diagnosis().advice} <= {shape(said) for said in advice}
+    station = FakeStation(picture(solution=solution, diagnosis=diagnose(solution), points=()))
+    app = console(station)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await pilot.pause()
+        shown = text(app)
+    for sentence in advice[:2]:
+        assert sentence in shown
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from anaplot.orientation.model import orient
-from anaplot.orientation.pair import Stereopair
-from anaplot.orientation.patterns import pattern
 from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Camera, Precision, TestSettings
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -102,29 +100,3 @@ def bridge_flight(flight, precision=PAPER, test=TAU, base=None):
         pair = pair_of(flight, k, models[-1] if models else None, base=base)
         models.append(orient(pair, precision, test))
     return models
-
-
-def ideal_pair(name, base=60.0, d=66.0, c=100.0):
-    """The ideal model of a pattern, with exact coordinates that a test can spoil."""
-    p = pattern(name)
-    places = p.positions(base, d)
-    xl = np.array([places[label] for label in p.labels])
-    return Stereopair(
-        left="1",
-        right="2",
-        points=p.labels,
-        xl=xl,
-        xr=xl - [base, 0.0],
-        c_left=c,
-        c_right=c,
-        ties={label: (*places[label], -c) for label in p.ties} or None,
-        preceding_bx=base if p.ties else None,
-        base=base,
-    )
-
-
-def spoiled(pair, point, axis, size_mm):
-    """The pair with an error in one right image coordinate."""
-    xr = pair.xr.copy()
-    xr[pair.points.index(point), "xy".index(axis)] += size_mm
-    return replace(pair, xr=xr)

@@ -11,10 +11,9 @@ from flightscene import (
     TAU,
     bridge_flight,
     fly,
-    ideal_pair,
     pair_of,
-    spoiled,
 )
+from idealmodel import ideal_pair, spoiled
 
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.significance import noncentrality, tau_power
@@ -60,6 +59,20 @@ def test_correlated_rows_are_partners():
     six = orient(ideal_pair("6/3"), PAPER, BAARDA)
     assert all(abs(p.correlation) >= HARD_TO_TELL for p in diagnose(six).partners)
     assert diagnose(six).partners
+
+
+@pytest.mark.parametrize("point", ["1", "6"])  # before and after its partners
+def test_what_is_hard_to_tell_from_the_accused_is_said(point):
+    model = orient(spoiled(ideal_pair("6/3"), point, "y", 0.3), PAPER, BAARDA)
+    d = diagnose(model)
+    accused = d.suspects[0]
+    others = [(({p.first, p.second} - {accused}), p.correlation) for p in d.partners]
+    others = [(next(iter(keys)), rho) for keys, rho in others if len(keys) == 1]
+    assert 0 < len(others) < len(d.partners)
+    assert [said for said in d.advice if "hard to tell" in said] == [
+        f"{' '.join(accused)} and {' '.join(other)} are hard to tell apart (correlation {rho:.2f})"
+        for other, rho in others
+    ]
 
 
 def test_nothing_flagged():

@@ -12,10 +12,9 @@ from flightscene import (
     TAU,
     Flight,
     fly,
-    ideal_pair,
     pair_of,
-    spoiled,
 )
+from idealmodel import ideal_pair, spoiled
 
 from anaplot.adjustment.significance import noncentrality
 from anaplot.orientation.diagnosis import diagnose

@@ -4,7 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flightscene import BAARDA, PAPER, PROPAGATED, TAU, fly, ideal_pair, pair_of, spoiled
+from flightscene import (
+    BAARDA,
+    PAPER,
+    PROPAGATED,
+    TAU,
+    fly,
+    pair_of,
+)
+from idealmodel import ideal_pair, spoiled
 
 from anaplot.adjustment import cleaning
 from anaplot.adjustment.elimination import Elimination

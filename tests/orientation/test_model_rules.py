@@ -11,10 +11,9 @@ from flightscene import (
     TAU,
     bridge_flight,
     fly,
-    ideal_pair,
     pair_of,
-    spoiled,
 )
+from idealmodel import ideal_pair, spoiled
 
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.orientation.diagnosis import diagnose

@@ -4,7 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flightscene import BAARDA, PAPER, PROPAGATED, bridge_flight, fly, ideal_pair, pair_of, spoiled
+from flightscene import (
+    BAARDA,
+    PAPER,
+    PROPAGATED,
+    bridge_flight,
+    fly,
+    pair_of,
+)
+from idealmodel import ideal_pair, spoiled
 
 from anaplot.orientation.grosserrors import model_gross_errors, strategy_findings
 from anaplot.orientation.model import orient

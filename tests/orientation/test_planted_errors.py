@@ -2,7 +2,15 @@
 
 import numpy as np
 import pytest
-from flightscene import BAARDA, PAPER, PROPAGATED, bridge_flight, fly, ideal_pair, pair_of, spoiled
+from flightscene import (
+    BAARDA,
+    PAPER,
+    PROPAGATED,
+    bridge_flight,
+    fly,
+    pair_of,
+)
+from idealmodel import ideal_pair, spoiled
 
 from anaplot.adjustment.leastsquares import adjust
 from anaplot.orientation.model import UNKNOWNS, orient

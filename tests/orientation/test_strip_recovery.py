@@ -9,12 +9,11 @@ from flightscene import (
     TAU,
     bridge_flight,
     fly,
-    ideal_pair,
     pair_of,
-    spoiled,
 )
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from idealmodel import ideal_pair, spoiled
 
 from anaplot.orientation.model import UNKNOWNS, orient
 from anaplot.orientation.solver import ConditionEquations, find_orientation
