@@ -11,12 +11,12 @@ from typing import TextIO
 
 from anaplot.aliases import Side
 from anaplot.errors import AnaplotError, InputError
-from anaplot.plotter.decoder import check_examples
 from anaplot.plotter.device.faults import FAULTS
 from anaplot.plotter.device.hand import Hand, HandSettled, Photographs
 from anaplot.plotter.device.mishaps import MISHAP_USAGE, MISHAPS, plant
 from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.device.server import SimulatorServer
+from anaplot.plotter.examples import check_examples
 from anaplot.plotter.link import Link, LinkState
 from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Reading, Record, Refused

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 
 from anaplot.errors import InputError
 from anaplot.plotter.framing import Framer
+from anaplot.plotter.heldkeys import HeldKeys
+from anaplot.plotter.hostcommands import drive_command, poll_request, stop_command
 from anaplot.plotter.jumps import JumpWatch
 from anaplot.plotter.numbering import Numbering
+from anaplot.plotter.origin import Origin
 from anaplot.plotter.poller import Poller, Request
 from anaplot.plotter.presses import Presses
 from anaplot.plotter.readings import (
@@ -23,29 +25,16 @@ from anaplot.plotter.readings import (
     Refused,
 )
 from anaplot.plotter.readout import Gatherer, ReadOut
+from anaplot.plotter.records import RecordReader
 from anaplot.plotter.refusal import RefusedError
-from anaplot.plotter.schema import Footswitch, Profile, RecordFormat
-from anaplot.plotter.values import axis_number, whole_number
+from anaplot.plotter.schema import Profile, RecordFormat
 from anaplot.textfiles.wording import plain
 
-__all__ = [
-    "RULES",
-    "Decoder",
-    "check_examples",
-]
+__all__ = ["RULES", "Decoder"]
 
 RULES = 2
 """By which a decoder decides today what is a measurement; 1 are those of version 0.1."""
 _UNDER_WAY = 0.25  # s that what a device says by itself may have been on its way
-
-
-@dataclass(slots=True)
-class _Confirming:
-    """Equal records counted so far."""
-
-    frame: bytes
-    count: int
-    last: float
 
 
 class Decoder:
@@ -80,23 +69,16 @@ class Decoder:
         self._jumps = JumpWatch(profile.axes) if speed_limits and strict else None
         self._numbering = Numbering(incremental=profile.incremental, strict=strict)
         self._now = math.inf  # unknown: a request sent then does not grow old
+        self._records = RecordReader(profile)
         self._framers = {name: Framer(profile.framing) for name in profile.links}
         self._names = tuple(profile.axes)
         self._values: dict[str, float] = {}
-        self._checksummed: set[str] = set()
-        self._confirming: dict[tuple[str, str], _Confirming] = {}
-        self._pressed: dict[str, bool] = {}
+        self._keys = HeldKeys(profile)
         self._cycle = 0
         self._last_byte = dict.fromkeys(profile.links, 0.0)
         self._notes: list[Reading] = []
         self._understood_records = dict.fromkeys(profile.links, 0)
-        self._pressed_for_each = any(
-            switch.source == "every" for switch in profile.footswitches.values()
-        )
-        self._referenced = True
-        self._shift: tuple[float, ...] = (0.0,) * len(self._names)
-        self._raw_plate: tuple[float, ...] | None = None
-        self._heard_positions = 0
+        self._origin = Origin(profile.stage)
         self._heard_cycle: int | None = None
 
     @property
@@ -132,7 +114,7 @@ class Decoder:
         framer = self._framers[name]
         self._now = now
         if data:
-            self._let_go(name, now - self._last_byte[name])
+            self._keys.paused(name, now - self._last_byte[name])
             self._last_byte[name] = now
             if self._poller is not None:
                 self._poller.bytes_came(now)
@@ -237,10 +219,9 @@ class Decoder:
         """
         for name in self._framers if link is None else (link,):
             self._framers[name].reset()
-            self._checksummed.discard(name)
+            self._records.forget(name)
         self._gatherer.forget()
-        self._confirming.clear()
-        self._pressed.clear()
+        self._keys.forget()
         self._presses.forget()
         self._numbering.forget()
         if self._jumps is not None:
@@ -248,28 +229,28 @@ class Decoder:
         if self._poller is not None:
             self._poller.restart()
         if self._profile.incremental:
-            self._referenced = False
-            self._raw_plate = None
+            self._origin.lose()
+            self._origin.forget()
 
     @property
     def referenced(self) -> bool:
         """Whether the counters' origin is known."""
-        return self._referenced
+        return self._origin.known
 
     @property
     def unreferenced_position(self) -> Position | None:
         """Where the carriages stand as the device counts, before any reference correction."""
-        return None if self._raw_plate is None else self._profile.stage.position(self._raw_plate)
+        return self._origin.counted
 
     @property
     def positions_heard(self) -> int:
         """How many complete positions were heard, refused for want of a reference or not."""
-        return self._heard_positions
+        return self._origin.heard
 
     @property
     def mark(self) -> tuple[int, int]:
         """What was asked and heard until now, for `read_since`."""
-        return self._cycle, self._heard_positions
+        return self._cycle, self._origin.heard
 
     def read_since(self, mark: tuple[int, int]) -> bool:
         """Say whether `unreferenced_position` was measured after a `mark` was taken.
@@ -279,12 +260,12 @@ class Decoder:
         """
         if self._profile.poll is not None:
             return self._heard_cycle is not None and self._heard_cycle > mark[0]
-        return self._heard_positions > mark[1] + 1
+        return self._origin.heard > mark[1] + 1
 
     @property
     def shift(self) -> Position:
         """By how much the counters are moved [mm]."""
-        return self._profile.stage.position(self._shift)
+        return self._origin.shift
 
     def reference(self, known: Position) -> Position:
         """Tell where the carriages stand: from now on positions count from there.
@@ -304,106 +285,37 @@ class Decoder:
         InputError
             When no position was heard since the line was opened.
         """
-        if self._raw_plate is None:
-            raise InputError("no position was heard yet: there is nothing to refer to")
-        target = self._profile.stage.plates(known)
-        self._shift = tuple(
-            wanted - raw for wanted, raw in zip(target, self._raw_plate, strict=True)
-        )
-        self._referenced = True
-        return self._profile.stage.position(self._shift)
+        return self._origin.refer(known)
 
     def confirm_reference(self) -> None:
         """Take the counters as they are: they kept their origin."""
-        self._referenced = True
+        self._origin.known = True
 
     # -- to the device --------------------------------------------------------------------
 
     def poll_request(self) -> bytes:
-        """Return the bytes that ask for a position.
-
-        Raises
-        ------
-        InputError
-            When the device speaks by itself.
-        """
-        if self._profile.poll is None:
-            raise InputError(f"{self._profile.id} cannot be asked: it speaks by itself")
-        return self._profile.poll.request
+        """Return the bytes that ask for a position; see `hostcommands.poll_request`."""
+        return poll_request(self._profile)
 
     def drive_command(self, position: Position) -> bytes:
-        """Return the bytes that drive the plates.
+        """Return the bytes that drive the plates to a position [mm].
 
-        Parameters
-        ----------
-        position
-            Target [mm], plate coordinates; of a mono comparator xl, yl count.
-
-        Returns
-        -------
-        bytes
-            Command with checksum and terminator.
-
-        Raises
-        ------
-        InputError
-            When there is no drive, the counters are unreferenced, or the target is outside
-            the limits.
+        See `hostcommands.drive_command`.
         """
-        drive = self._profile.drive
-        if drive is None:
-            raise InputError(f"{self._profile.id} has no drive: move the plates by hand")
-        if not self._referenced:
-            raise InputError(UNREFERENCED)
-        plate = self._profile.stage.plates(position)
-        if not all(map(math.isfinite, plate)):
-            raise InputError("the target of a drive is not a number")
-        raw = tuple(value - shift for value, shift in zip(plate, self._shift, strict=True))
-        values: dict[str, float] = {}
-        for name, value in zip(self._names, self._profile.stage.to_axes(raw), strict=True):
-            low, high = drive.limits[name]
-            if not low <= value <= high:
-                raise InputError(
-                    f"axis {name} cannot be driven to {value:.3f} mm: "
-                    f"its limits are {low:g} and {high:g} mm"
-                )
-            axis = self._profile.axes[name]
-            values[name] = value * axis.direction / axis.scale
-        return self._command(drive.command.render(values))
+        return drive_command(self._profile, self._origin, position)
 
     def stop_command(self) -> bytes:
-        """Return the bytes that stop a drive.
-
-        Raises
-        ------
-        InputError
-            When there is no drive.
-        """
-        if self._profile.drive is None:
-            raise InputError(f"{self._profile.id} has no drive: there is nothing to stop")
-        return self._command(self._profile.drive.stop.render({}))
-
-    def _command(self, payload: bytes) -> bytes:
-        checksum = self._profile.checksum
-        if checksum is not None and checksum.host:
-            payload += checksum.digits(payload)
-        drive = self._profile.drive
-        return payload + (drive.terminator if drive else b"")
+        """Return the bytes that stop a drive; see `hostcommands.stop_command`."""
+        return stop_command(self._profile)
 
     # -- records --------------------------------------------------------------------------
 
     def _decode(self, frame: bytes, now: float, link: str) -> Iterable[Reading]:
         self._notes.clear()
         try:
-            payload = self._verified(frame, link)
-            for record in self._profile.records.values():
-                if link not in record.links or len(payload) > record.max_bytes:
-                    continue
-                match = record.pattern.fullmatch(payload)
-                if match is not None:
-                    readings = self._understood(record, match, frame, now, link)
-                    return [*self._notes, *readings]
-            raise RefusedError(f"no record of {self._profile.id}")
+            record, match = self._records.read(frame, link)
+            readings = self._understood(record, match, frame, now, link)
+            return [*self._notes, *readings]
         except RefusedError as refusal:
             self._framers[link].lose_sync()
             return [*self._notes, *self._refuse(frame, str(refusal))]
@@ -411,23 +323,6 @@ class Decoder:
     def _refuse(self, frame: bytes, reason: str) -> list[Reading]:
         """Refuse a record; a press that waited for it is refused with it."""
         return [Refused(frame, reason), *self._presses.refuse(reason)]
-
-    def _verified(self, frame: bytes, link: str) -> bytes:
-        """Return the record without its checksum."""
-        checksum = self._profile.checksum
-        if checksum is None:
-            return frame
-        bare = frame.rstrip(b"\r")
-        length = checksum.length
-        payload, digits = bare[:-length], bare[-length:]
-        if len(digits) < length or digits[:1] != checksum.marker:
-            if checksum.required or link in self._checksummed:
-                raise RefusedError("the checksum is missing")
-            return bare
-        if checksum.marker + digits[1:].upper() != checksum.digits(payload):
-            raise RefusedError("the checksum is wrong")
-        self._checksummed.add(link)
-        return payload
 
     def _understood(
         self, record: RecordFormat, match: re.Match[bytes], frame: bytes, now: float, link: str
@@ -440,17 +335,17 @@ class Decoder:
             groups = match.groupdict(b"")
             code = plain((groups.get("code") or b"fault").strip(), 20)
             return [Fault(code, plain((groups.get("text") or b"").strip(), 120))]
-        if not self._confirmed(record, frame, now, link):
+        if not self._records.confirmed(record, frame, now, link):
             return []
         switch, number = "", None
         if record.kind == "record":
             # the number counts even when the record is refused for what it says
-            switch = self._switch_of(record, match)
+            switch = self._records.switch_of(record, match)
             number = self._numbered(match, now)
-        self._check_faults(record, match)
-        values = self._axis_values(record, match, link)
+        self._records.check_faults(record, match)
+        values = self._records.axis_values(record, match, link)
         if record.kind == "in-position":
-            place = self._reading(values) if values and self._referenced else None
+            place = self._reading(values) if values and self._origin.known else None
             return [InPosition(place)]
         if record.kind == "record":
             if values:
@@ -478,58 +373,6 @@ class Decoder:
             self._notes += self._presses.refuse_all(reason, own=False)
         return request
 
-    def _confirmed(self, record: RecordFormat, frame: bytes, now: float, link: str) -> bool:
-        if record.confirm == 1:
-            return True
-        key = (link, record.name)
-        begun = self._confirming.get(key)
-        if begun is None or now - begun.last > record.confirm_within:
-            self._confirming[key] = _Confirming(frame, 1, now)
-            return False
-        if begun.frame != frame:
-            self._confirming[key] = _Confirming(frame, 1, now)
-            if self._pressed_for_each:
-                raise RefusedError("differs from the one before it: press again")
-            return False
-        begun.count += 1
-        begun.last = now
-        if begun.count < record.confirm:
-            return False
-        del self._confirming[key]
-        return True
-
-    @staticmethod
-    def _check_faults(record: RecordFormat, match: re.Match[bytes]) -> None:
-        for group, meanings in record.faults.items():
-            value = match.group(group)
-            if value is not None and value in meanings:
-                raise RefusedError(meanings[value])
-
-    def _axis_values(
-        self, record: RecordFormat, match: re.Match[bytes], link: str
-    ) -> dict[str, float]:
-        factor = 1.0
-        if record.units is not None:
-            unit = match.group(record.unit_group) or b""
-            if unit not in record.units:
-                raise RefusedError(f'unknown unit "{plain(unit, 20)}"')
-            factor = record.units[unit]
-        values: dict[str, float] = {}
-        for axis in self._profile.axes.values():
-            if axis.link != link or record.name not in axis.records:
-                continue
-            raw = match.group(axis.group)
-            if raw is None:
-                raise RefusedError(f"axis {axis.name} has no value")
-            value = axis_number(raw, axis) * factor * axis.scale * axis.direction
-            if not axis.low <= value <= axis.high:
-                raise RefusedError(
-                    f"axis {axis.name} at {value:.4f} mm is outside its range "
-                    f"{axis.low:g} to {axis.high:g} mm"
-                )
-            values[axis.name] = value
-        return values
-
     def _reading(self, values: dict[str, float]) -> Position:
         """Return the plate position of a complete set of axes.
 
@@ -539,36 +382,19 @@ class Decoder:
             When the counters' origin is not known.
         """
         self._values.update(values)
-        self._raw_plate = self._profile.stage.to_plate(tuple(values[name] for name in self._names))
-        self._heard_positions += 1
-        if not self._referenced:
-            raise RefusedError(UNREFERENCED)
-        return self._profile.stage.position(
-            tuple(raw + shift for raw, shift in zip(self._raw_plate, self._shift, strict=True))
-        )
+        return self._origin.place(tuple(values[name] for name in self._names))
 
     def _numbered(self, match: re.Match[bytes], now: float) -> int | None:
         """Return the device's own number; one that came before is refused, a gap is told."""
-        if "number" not in match.re.groupindex or match.group("number") is None:
-            return None
-        number = whole_number(match.group("number"))
+        number = self._records.number_of(match)
         if number is None:
-            raise RefusedError("the record's number is none")
+            return None
         fault = self._numbering.take(number, match.group(0))
         if fault is not None:
             self._notes.append(fault)
             if fault.code == "restarted":
                 self._lose_reference()
         return number
-
-    def _switch_of(self, record: RecordFormat, match: re.Match[bytes]) -> str:
-        """Return the footswitch whose value the record holds."""
-        for switch in self._profile.footswitches.values():
-            if switch.source != "record" or switch.record != record.name:
-                continue
-            if not switch.group or match.group(switch.group) == switch.value:
-                return switch.name
-        raise RefusedError("no footswitch of the profile")
 
     def _positioned(
         self,
@@ -591,116 +417,11 @@ class Decoder:
         readout = ReadOut(complete, self._reading(complete), now, cycle)
         switches = self._profile.footswitches.values()
         every = [switch.name for switch in switches if switch.source == "every"]
-        begun = [switch.name for switch in switches if self._held(switch, record, match)]
-        held = {name for name, down in self._pressed.items() if down}
-        return [readout.position, *self._presses.read(readout, every, begun, held)]
+        begun = self._keys.told(record, match)
+        return [readout.position, *self._presses.read(readout, every, begun, self._keys.down)]
 
     def _lose_reference(self) -> None:
         """Take it that the counters' origin is lost; those of an absolute device keep theirs."""
         if self._profile.incremental:
-            self._referenced = False
+            self._origin.lose()
             self._notes += self._presses.refuse_all(UNREFERENCED)
-
-    def _held(self, switch: Footswitch, record: RecordFormat, match: re.Match[bytes]) -> bool:
-        """Say whether a switch told within a position counts as pressed now."""
-        if switch.source != "record" or switch.record != record.name:
-            return False
-        down = match.group(switch.group) == switch.value
-        before = self._pressed.get(switch.name, False)
-        self._pressed[switch.name] = down
-        return down and not (switch.edge and before)
-
-    def _let_go(self, link: str, pause: float) -> None:
-        """Let go of the keys of a link after a pause on the line."""
-        for switch in self._profile.footswitches.values():
-            if (
-                switch.release is not None
-                and pause >= switch.release
-                and link in self._profile.records[switch.record].links
-            ):
-                self._pressed[switch.name] = False
-
-
-def check_examples(profile: Profile) -> list[str]:
-    """Decode a profile's examples and compare.
-
-    Parameters
-    ----------
-    profile
-        With its examples.
-
-    Returns
-    -------
-    list of str
-        One line for each example that means something else; empty when all are right.
-    """
-    problems: list[str] = []
-    for at, example in enumerate(profile.examples, 1):
-        # what its records say by themselves: no example has read-outs around it
-        decoder = Decoder(replace(profile, confirm=False))
-        readings = decoder.feed(example.data, 0.0, example.link)
-        got = [_described(profile, reading) for reading in readings]
-        wanted: list[str] = []
-        for meaning in example.meanings:
-            if meaning.kind == "axes":
-                for name, value in (meaning.axes or {}).items():
-                    heard = decoder.axes.get(name)
-                    if heard is None or abs(heard - value) > 5e-7:
-                        shown = "nothing" if heard is None else f"{heard:.6f}"
-                        problems.append(f"example {at}: axis {name} is {shown}, not {value:.6f}")
-            else:
-                wanted.append(
-                    _line(
-                        meaning.kind,
-                        meaning.position,
-                        meaning.switch,
-                        meaning.number,
-                        meaning.text,
-                    )
-                )
-        for index in range(max(len(got), len(wanted))):
-            have = got[index] if index < len(got) else "nothing"
-            want = wanted[index] if index < len(wanted) else "nothing"
-            if have != want and not (want.startswith("refused") and _refused_as(have, want)):
-                problems.append(f"example {at}: it means {have}, not {want}")
-    return problems
-
-
-def _refused_as(have: str, want: str) -> bool:
-    return have.startswith("refused") and want.removeprefix("refused ") in have
-
-
-def _described(profile: Profile, reading: Reading) -> str:
-    def plate(position: Position | None) -> tuple[float, ...]:
-        return () if position is None else profile.stage.plates(position)
-
-    match reading:
-        case Position():
-            return _line("position", plate(reading))
-        case Record(position, switch, number):
-            return _line("record", plate(position), switch, number)
-        case InPosition(position):
-            return _line("in-position", plate(position))
-        case Fault(code):
-            return _line("fault", text=code)
-        case Refused(_, reason):
-            return _line("refused", text=reason)
-
-
-def _line(
-    kind: str,
-    position: tuple[float, ...] = (),
-    switch: str = "",
-    number: int | None = None,
-    text: str = "",
-) -> str:
-    parts = [kind]
-    if number is not None:
-        parts.append(f"number {number}")
-    if switch:
-        parts.append(f"of {plain(switch, 40)}")
-    if position:
-        parts.append("at " + " ".join(f"{value + 0.0:.6f}" for value in position))
-    if text:
-        parts.append(plain(text, 120))
-    return " ".join(parts)

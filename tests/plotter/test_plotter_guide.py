@@ -7,8 +7,9 @@ import pytest
 
 from anaplot.plotter import profile as profile_module
 from anaplot.plotter import profilekeys
-from anaplot.plotter.decoder import Decoder, check_examples
+from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.examples import check_examples
 from anaplot.plotter.profile import load_profile, parse_profile
 from anaplot.plotter.readings import Record
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.plotter import profile as profile_module
-from anaplot.plotter.decoder import check_examples
+from anaplot.plotter.examples import check_examples
 from anaplot.plotter.profile import find_profiles, load_profile, parse_profile
 from anaplot.plotter.schema import Profile
 
