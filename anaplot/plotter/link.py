@@ -1,30 +1,23 @@
-"""The host's side of the line: one reader thread per port, states, and reconnection."""
+"""The host's side of an instrument: its ports, their common state, commands and references."""
 
 from __future__ import annotations
 
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Mapping
-from typing import Literal
+from collections.abc import Callable, Iterable, Mapping
 
 from anaplot.errors import InputError, LinkError
-from anaplot.plotter.decoder import Decoder
-from anaplot.plotter.readings import InPosition, Position, Reading, Record
-from anaplot.plotter.refusalcount import RefusalCount
-from anaplot.plotter.schema import Footswitch, Profile
-from anaplot.plotter.serialport import SerialPort, find_port, identity_of
+from anaplot.plotter.conversation import Conversation, DecoderEvent, Traffic
+from anaplot.plotter.line import TICK, Line, LinkState
+from anaplot.plotter.readings import Position, Reading
+from anaplot.plotter.schema import Profile
+from anaplot.plotter.serialport import SerialPort
 from anaplot.textfiles.wording import plain
 
 __all__ = ["DecoderEvent", "Link", "LinkState", "Traffic"]
 
-LinkState = Literal["closed", "opening", "live", "silent", "lost", "reconnecting"]
-Traffic = Callable[[Literal["in", "out"], str, bytes], None]
-DecoderEvent = Callable[[Literal["press", "reopen", "reference", "confirm"], str], None]
-
-_TICK = 0.1
 _CROWDED = 0.01
-_MODEM_TICK = 0.01
 _BACK_OFF = (0.25, 0.5, 1.0, 2.0, 4.0)
 _JOIN = 10.0
 # worst first: several ports are as good as the worst of them
@@ -81,23 +74,23 @@ class Link:
     ) -> None:
         self._profile = profile
         self._addresses = _addresses(profile, ports)
-        self._on_reading = on_reading
         self._on_state = on_state
-        self._on_traffic = on_traffic
-        self._on_decoder = on_decoder
-        self._clock = clock
         self._back_off = back_off
-        self._speed_limits = speed_limits
         self._room = room
-        self._refusals = RefusalCount()
-        self._decoder = Decoder(profile, speed_limits=speed_limits)
         self._lock = threading.RLock()
+        self._conversation = Conversation(
+            profile,
+            self._lock,
+            on_reading=on_reading,
+            on_traffic=on_traffic,
+            on_decoder=on_decoder,
+            clock=clock,
+            speed_limits=speed_limits,
+        )
         self._stop = threading.Event()
-        self._lines: dict[str, _Line] = {}
+        self._lines: dict[str, Line] = {}
         self._state: LinkState = "closed"
         self._detail = ""
-        self._latest: tuple[Position, float] | None = None
-        self._event_time = 0.0
 
     # -- life -----------------------------------------------------------------------------
 
@@ -121,23 +114,19 @@ class Link:
             if self._lines:
                 raise InputError("the link is open already")
             self._stop = threading.Event()
-            self._decoder = Decoder(self._profile, speed_limits=self._speed_limits)
-            self._latest = None
-            if not referenced:
-                self._note("reopen", "")
-                self._decoder.reopen()
+            self._conversation.begin(referenced=referenced)
         self._announce("opening", "")
-        lines: dict[str, _Line] = {}
+        lines: dict[str, Line] = {}
         try:
             for name, address in self._addresses.items():
                 port = SerialPort(address, self._profile.links[name])
-                lines[name] = _Line(self, name, address, port)
+                lines[name] = Line(self, self._conversation, self._profile, name, address, port)
         except LinkError as error:
             for line in lines.values():
                 line.port.close()
             self._announce("closed", str(error))
             raise
-        now = self._clock()
+        now = self._conversation.now()
         with self._lock:
             self._lines = lines
             for line in lines.values():
@@ -203,7 +192,7 @@ class Link:
 
         A journal that keeps it replays to the same readings.
         """
-        return self._event_time
+        return self._conversation.event_time
 
     @property
     def identities(self) -> dict[str, str]:
@@ -219,11 +208,7 @@ class Link:
 
     def latest(self) -> tuple[Position, float] | None:
         """Return the latest valid position and its age [s], or None before the first."""
-        latest = self._latest
-        if latest is None:
-            return None
-        position, when = latest
-        return position, max(0.0, self._clock() - when)
+        return self._conversation.latest()
 
     # -- commands --------------------------------------------------------------------------
 
@@ -243,7 +228,7 @@ class Link:
             When the command cannot be sent.
         """
         with self._lock:
-            command = self._decoder.drive_command(position)
+            command = self._conversation.decoder.drive_command(position)
         self._send_drive(command)
 
     def stop(self) -> None:
@@ -256,28 +241,7 @@ class Link:
         LinkError
             When the command cannot be sent.
         """
-        self._send_drive(self._decoder.stop_command())
-
-    def poll_now(self) -> None:
-        """Ask for a position at once; a device that speaks by itself is not asked.
-
-        When an answer is still on its way, the request follows it immediately.
-
-        Raises
-        ------
-        LinkError
-            When the request cannot be sent.
-        """
-        self._usable(self._profile.default_link)
-        with self._lock:
-            poller = self._decoder.poller
-            if poller is None:
-                return
-            poller.urge()
-            now = self._clock()
-            lines = [] if poller.wait(now) > 0.0 else self._begin_cycle(now)
-        for line in lines:
-            self._ask(line)
+        self._send_drive(self._conversation.decoder.stop_command())
 
     def record(self, switch: str = "key") -> None:
         """Record the next position, as if a footswitch had been pressed now.
@@ -293,21 +257,24 @@ class Link:
             When the link is down.
         """
         self._usable(self._profile.default_link)
+        self._conversation.pressed(switch)
         with self._lock:
-            self._press(switch)
-        self.poll_now()
+            polled = self._conversation.polled
+            # a request still owed an answer is followed by this one at once
+            lines = self._begin_cycle() if polled and self._conversation.wait() <= 0.0 else []
+        self._ask(lines)
 
     # -- references ------------------------------------------------------------------------
 
     @property
     def referenced(self) -> bool:
         """Whether the counters' origin is known."""
-        return self._decoder.referenced
+        return self._conversation.decoder.referenced
 
     @property
     def unreferenced_position(self) -> Position | None:
         """Where the carriages stand as the device counts [mm]."""
-        return self._decoder.unreferenced_position
+        return self._conversation.decoder.unreferenced_position
 
     def reference(self, known: Position) -> Position:
         """Tell where the carriages stand after the counters lost their origin.
@@ -327,32 +294,23 @@ class Link:
         InputError
             When nothing was heard yet.
         """
-        with self._lock:
-            moved = self._decoder.reference(known)
-            place = (known.xl, known.yl, known.xr, known.yr)
-            self._note("reference", " ".join(repr(float(value)) for value in place))
-            return moved
-
-    @property
-    def positions_heard(self) -> int:
-        """How many complete positions were heard, refused for want of a reference or not."""
-        return self._decoder.positions_heard
+        return self._conversation.referred(known)
 
     @property
     def mark(self) -> tuple[int, int]:
         """What was asked and heard until now, for `read_since`."""
         with self._lock:
-            return self._decoder.mark
+            return self._conversation.decoder.mark
 
     def read_since(self, mark: tuple[int, int]) -> bool:
         """Say whether `unreferenced_position` was measured after a `mark` was taken."""
         with self._lock:
-            return self._decoder.read_since(mark)
+            return self._conversation.decoder.read_since(mark)
 
     @property
     def shift(self) -> Position:
         """By how much the counters are moved [mm]."""
-        return self._decoder.shift
+        return self._conversation.decoder.shift
 
     def reference_by(self, shift: Position) -> None:
         """Tell by how much the counters are to be moved from now on [mm].
@@ -362,21 +320,11 @@ class Link:
         InputError
             When nothing was heard yet.
         """
-        with self._lock:
-            here = self._decoder.unreferenced_position
-            if here is None:
-                raise InputError("no position was heard yet: there is nothing to refer to")
-            self.reference(
-                Position(
-                    here.xl + shift.xl, here.yl + shift.yl, here.xr + shift.xr, here.yr + shift.yr
-                )
-            )
+        self._conversation.moved_by(shift)
 
     def confirm_reference(self) -> None:
         """Take the counters as they are: they kept their origin."""
-        with self._lock:
-            self._decoder.confirm_reference()
-            self._note("confirm", "")
+        self._conversation.confirmed()
 
     # -- inside ----------------------------------------------------------------------------
 
@@ -385,49 +333,31 @@ class Link:
         name = drive.link if drive is not None else self._profile.default_link
         self._usable(name).send(command)
 
-    def _usable(self, name: str) -> _Line:
+    def _usable(self, name: str) -> Line:
         line = self._lines.get(name)
         if line is None:
             raise LinkError(f"the link to {self._profile.id} is closed")
-        if line.state in ("lost", "reconnecting"):
+        if not line.usable:
             raise LinkError(f"the link to {self._profile.id} is lost: {line.detail}")
         return line
 
-    def _note(self, kind: Literal["press", "reopen", "reference", "confirm"], text: str) -> None:
-        if self._on_decoder is not None:
-            self._on_decoder(kind, text)
-
-    def _press(self, switch: str) -> None:
-        now = self._event_time = self._clock()
-        self._note("press", switch)
-        self._decoder.press(switch, now)
-
-    def _begin_cycle(self, now: float) -> list[_Line]:
+    def _begin_cycle(self) -> list[Line]:
         """Begin a cycle; return the ports on which the request is to be written.
 
-        The request is told and the decoder knows of it before any answer can be decoded; the
-        writing itself, which may wait, is left to the caller and outside of the lock.
+        The writing itself, which may wait, is left to the caller and outside of the lock.
         """
-        poll, poller = self._profile.poll, self._decoder.poller
-        if poll is None or poller is None:
-            return []
-        with self._lock:
-            poller.begin(now)
-            lines = [self._lines[name] for name in poll.links if name in self._lines]
-            usable = [line for line in lines if line.state not in ("lost", "reconnecting")]
-            for line in usable:
-                self._tell_sent(line.name, poll.request, now)
-            return usable
+        polled = self._profile.poll.links if self._profile.poll is not None else ()
+        lines = [self._lines[name] for name in polled if name in self._lines]
+        usable = [line for line in lines if line.usable]
+        self._conversation.ask([line.name for line in usable])
+        return usable
 
-    def _ask(self, line: _Line) -> None:
+    def _ask(self, lines: Iterable[Line]) -> None:
         if self._profile.poll is not None:
-            line.port.write(self._profile.poll.request)
+            for line in lines:
+                line.port.write(self._profile.poll.request)
 
-    def _tell_sent(self, name: str, data: bytes, now: float) -> None:
-        self._event_time = now
-        if self._on_traffic is not None:
-            self._on_traffic("out", name, data)
-        self._decoder.sent(data, name, now)
+    # -- for the lines -----------------------------------------------------------------------
 
     def poll_if_due(self) -> float:
         """Send the next request when its time has come.
@@ -438,78 +368,23 @@ class Link:
             Seconds until the next one may be due.
         """
         with self._lock:
-            poller = self._decoder.poller
-            if poller is None:
-                return _TICK
-            if self._decoder.waiting:
-                poller.urge()
-            now = self._clock()
-            wait = poller.wait(now)
+            if not self._conversation.polled:
+                return TICK
+            wait = self._conversation.wait()
             if wait > 0.0:
-                return min(wait, _TICK)
-            lines = self._begin_cycle(now)
-            wait = poller.wait(now)
+                return min(wait, TICK)
+            lines = self._begin_cycle()
+            wait = self._conversation.wait()
         for line in lines:
             # a port that does not take the request gives no answer: its reader says so
             with contextlib.suppress(LinkError):
-                self._ask(line)
-        return min(wait, _TICK)
+                self._ask([line])
+        return min(wait, TICK)
 
     def wait_for_room(self) -> None:
         """Wait until whoever listens has room for more, or the link is closed."""
         while self._room is not None and not self._room() and not self._stop.is_set():
             self._stop.wait(_CROWDED)
-
-    @property
-    def settling(self) -> bool:
-        """Whether the device is not asked until late answers have come."""
-        with self._lock:
-            return self._decoder.poller is not None and self._decoder.poller.settling
-
-    def received(self, line: _Line, data: bytes) -> None:
-        """Take bytes from a port, decode them and tell."""
-        with self._lock:
-            now = self._event_time = self._clock()
-            if self._on_traffic is not None:
-                self._on_traffic("in", line.name, data)
-            before = self._decoder.heard(line.name)
-            readings = self._decoder.feed(data, now, line.name)
-            if self._decoder.heard(line.name) > before:
-                line.heard_at(now)
-            self._tell(readings, now)
-
-    def tick(self) -> None:
-        """Let time pass for the decoder."""
-        with self._lock:
-            now = self._event_time = self._clock()
-            self._tell(self._decoder.tick(now), now)
-
-    def pressed(self, switch: str) -> None:
-        """Take a modem line's footswitch."""
-        with self._lock:
-            self._press(switch)
-            if self._decoder.poller is not None:
-                self._decoder.poller.urge()
-
-    def reopened(self, name: str) -> None:
-        """Start the decoder afresh after a port came back."""
-        with self._lock:
-            self._note("reopen", name)
-            self._decoder.reopen(name)
-
-    def about_to_send(self, name: str, data: bytes) -> None:
-        """Tell what is about to be sent."""
-        with self._lock:
-            self._tell_sent(name, data, self._clock())
-
-    def _tell(self, readings: list[Reading], now: float) -> None:
-        for reading in readings:
-            if isinstance(reading, Position):
-                self._latest = (reading, now)
-            elif isinstance(reading, Record | InPosition) and reading.position is not None:
-                self._latest = (reading.position, now)
-        for reading in self._refusals.sift(readings, now):
-            self._on_reading(reading)
 
     def _refresh(self) -> None:
         """Tell the state of the worst port when it has changed."""
@@ -539,7 +414,7 @@ class Link:
         """Waits before the attempts to reopen [s]."""
         return self._back_off
 
-    def change(self, line: _Line, state: LinkState, detail: str = "") -> None:
+    def change(self, line: Line, state: LinkState, detail: str = "") -> None:
         """Set a port's state and tell."""
         with self._lock:
             if (line.state, line.detail) == (state, detail):
@@ -547,137 +422,6 @@ class Link:
             line.state = state
             line.detail = detail
         self._refresh()
-
-    def now(self) -> float:
-        """Return the link's time [s]."""
-        return self._clock()
-
-
-class _Line:
-    """One port of a link and the thread that reads it."""
-
-    def __init__(self, link: Link, name: str, address: str, port: SerialPort) -> None:
-        self.link = link
-        self.name = name
-        self.address = address
-        self.port = port
-        self.identity = identity_of(address)
-        self.settings = link.profile.links[name]
-        self.detail = ""
-        self._heard = 0.0
-        self._answered = False
-        self.state: LinkState = "live" if self._limit() is None else "opening"
-        self.thread = threading.Thread(target=self._run, name=f"plotter link {name}", daemon=True)
-        self._switches = [
-            switch
-            for switch in link.profile.footswitches.values()
-            if switch.source == "modem" and switch.link == name
-        ]
-        self._levels: dict[str, tuple[bool, float]] = {}
-
-    def _limit(self) -> float | None:
-        """Return after how many seconds the port counts as silent, or None."""
-        if self.settings.silence is not None:
-            return self.settings.silence
-        poll = self.link.profile.poll
-        if poll is not None and self.name in poll.links:
-            return max(2.0, 4 * poll.timeout)
-        return None
-
-    def opened(self, now: float) -> None:
-        """Begin to wait for the first record."""
-        self._heard = now
-        self._answered = False
-
-    def heard_at(self, now: float) -> None:
-        """Take notice of a record that was understood."""
-        self._heard = now
-        self._answered = True
-
-    def send(self, data: bytes) -> None:
-        """Send bytes; what is sent is told before."""
-        self.link.about_to_send(self.name, data)
-        self.port.write(data)
-
-    def _run(self) -> None:
-        try:
-            while not self.link.stopping.is_set():
-                try:
-                    self._read_until_lost()
-                except LinkError as error:
-                    if self.link.stopping.is_set():
-                        return
-                    self.port.close()
-                    self.link.change(self, "lost", str(error))
-                    self._reopen()
-        finally:
-            # an error in a callback ends this thread: the link must not look alive then
-            if not self.link.stopping.is_set():
-                self.link.change(self, "lost", "the reader has failed")
-
-    def _read_until_lost(self) -> None:
-        while not self.link.stopping.is_set():
-            wait = self.link.poll_if_due()
-            if self._switches:
-                wait = min(wait, _MODEM_TICK)
-            self.link.wait_for_room()
-            data = self.port.read(min(wait, _TICK))
-            if self.link.stopping.is_set():
-                return
-            if data:
-                self.link.received(self, data)
-            else:
-                self.link.tick()
-            self._check_silence()
-            for switch in self._switches:
-                self._check_modem(switch)
-
-    def _check_silence(self) -> None:
-        limit = self._limit()
-        if limit is None:
-            return
-        if self.link.settling:
-            # it is not asked, so that it need not answer
-            self._heard = self.link.now()
-        quiet = self.link.now() - self._heard
-        if quiet >= limit:
-            where = plain(self.address, 60)
-            self.link.change(self, "silent", f"nothing understood from {where} for {limit:g} s")
-        elif self._answered:
-            self.link.change(self, "live")
-
-    def _check_modem(self, switch: Footswitch) -> None:
-        level = self.port.modem(switch.line) == switch.active
-        before, when = self._levels.get(switch.name, (level, 0.0))
-        now = self.link.now()
-        if level != before and now - when < switch.debounce:
-            return
-        if switch.name not in self._levels or level != before:
-            self._levels[switch.name] = (level, now)
-        if level and not before:
-            self.link.pressed(switch.name)
-
-    def _reopen(self) -> None:
-        attempt = 0
-        waits = self.link.back_off
-        while not self.link.stopping.wait(waits[min(attempt, len(waits) - 1)]):
-            attempt += 1
-            self.link.change(self, "reconnecting", self.detail)
-            address = find_port(self.identity) or self.address
-            try:
-                port = SerialPort(address, self.settings)
-            except LinkError as error:
-                self.link.change(self, "lost", str(error))
-                continue
-            self.port = port
-            self.address = address
-            if self.link.stopping.is_set():
-                return
-            self.link.reopened(self.name)
-            self._levels.clear()
-            self.opened(self.link.now())
-            self.link.change(self, "live" if self._limit() is None else "opening")
-            return
 
 
 def _addresses(profile: Profile, ports: Mapping[str, str] | str) -> dict[str, str]:

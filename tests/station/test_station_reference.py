@@ -55,9 +55,9 @@ def settle(station: Station, watch: Watch) -> None:
     """Wait until the counters have been read twice more."""
     assert station.instrument is not None
     link = station.instrument.link
-    wanted = link.positions_heard + 3
+    wanted = link.mark[1] + 3
     for _ in range(6000):
-        if station.settled and link.positions_heard >= wanted:
+        if station.settled and link.mark[1] >= wanted:
             return
         with watch.condition:
             watch.condition.wait(0.01)
