@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from anaplot.report.astext import page_text
+from anaplot.report.document import Document
+
 FACTOR = 1.23456789e9
 
 
@@ -31,3 +34,8 @@ def wild(value: Any, factor: float = FACTOR) -> Any:
 def words(text: str) -> list[int]:
     """Return how many words stand in each line before a mark: fewer where two numbers touch."""
     return [len(line.split("<<")[0].split()) for line in text.splitlines()]
+
+
+def text_of(document: Document) -> str:
+    """Return a document's page as it is printed without options."""
+    return page_text(document.page)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
 
 from anaplot.adjustment.modelvalues import MODEL_TOLERANCE
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.errors.controllast import ControlLast
 from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
 from anaplot.bundle.hypotheses.components import Grouping, block_components
 from anaplot.bundle.hypotheses.priorknowledge import PriorEstimator, prior_estimate
@@ -19,26 +21,17 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block
 from anaplot.exchange.operatorscsv import read_operators
 from anaplot.report.adjustdocument import adjust_document
-from anaplot.report.adjusterrors import (
-    block_errors_json,
-    block_errors_printout,
-    clean_block,
-    clean_step_by_step,
-)
-from anaplot.report.componentstext import components_json, components_printout
-from anaplot.report.correlations import (
-    correlated_rays,
-    correlations_json,
-    correlations_printout,
-)
-from anaplot.report.document import BLANK, Document, Line
-from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout
+from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
+from anaplot.report.components import components_document
+from anaplot.report.correlations import correlated_rays, correlations_document
+from anaplot.report.document import BLANK, Document, say
+from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.interrupts import ending_early
 from anaplot.report.output import PRINTED, Output
 from anaplot.report.power import check_power
-from anaplot.report.priortext import prior_json, prior_printout
+from anaplot.report.priorknowledge import prior_document
 from anaplot.report.progress import ProgressLine
-from anaplot.report.snoopingreport import ModelSource, snoop_block, snooping_json, snooping_printout
+from anaplot.report.snooping import ModelSource, snoop_block, snooping_document
 
 __all__ = ["run_adjust"]
 
@@ -183,46 +176,53 @@ def run_adjust(
         gone = earlier.images.rejected + gone
     rejected = None if cleaned is None else [(row.name, row.error) for row in gone]
     document = adjust_document(adjusted, rejected)
-    answer = document.answer
-    answer["hypotheses"] = hypotheses_json(tested)
+    answers = {"hypotheses": hypotheses_document(tested)}
     if snooping:
-        answer["snooping"] = snooping_json(snooped)
-    if related is not None:
-        answer["correlations"] = correlations_json(related)
-    if estimated is not None:
-        answer["prior_estimate"] = prior_json(estimated)
-    if parted is not None:
-        answer["components"] = components_json(parted)
-    if cleaned is not None:
-        answer["errors"] = block_errors_json(cleaned)
-    if earlier is not None:
-        answer["errors_without_control"] = {
-            "datum": earlier.datum,
-            **block_errors_json(earlier.images),
-        }
-    parts = []
-    if earlier is not None:
-        held = "by priors" if earlier.datum == "priors" else "as a free network"
-        parts.append(
-            f"STEP 1: image coordinates, without control, {held}\n"
-            + block_errors_printout(earlier.images)
-        )
-        parts.append("STEP 2: control, without what step 1 rejected in the images")
-    if cleaned is not None:
-        parts.append(block_errors_printout(cleaned))
-    parts.append(hypotheses_printout(tested))
-    if estimated is not None:
-        parts.append(prior_printout(estimated))
-    if parted is not None:
-        parts.append(components_printout(parted))
-    if snooping:
-        parts.append(snooping_printout(snooped))
+        answers["snooping"] = snooping_document(snooped)
     if related is not None and correlations is not None:
-        parts.append(correlations_printout(related, correlations))
-    page = [*document.page]
-    for part in parts:
-        if part:
-            page += [BLANK, Line((part,))]
-    output.show(Document(answer, tuple(page), document.tables))
+        answers["correlations"] = correlations_document(related, correlations)
+    if estimated is not None:
+        answers["prior_estimate"] = prior_document(estimated)
+    if parted is not None:
+        answers["components"] = components_document(parted)
+    if cleaned is not None:
+        answers["errors"] = errors_document(cleaned)
+    if earlier is not None:
+        answers["errors_without_control"] = _without_control(earlier)
+    output.show(_whole(document, answers))
     wrong = adjusted.any_flagged or len(gone) > 0
     return 1 if fail_on_flag and wrong else 0
+
+
+# what a person reads after the block itself, in this order
+_ORDER = (
+    *("errors_without_control", "errors", "hypotheses", "prior_estimate", "components"),
+    *("snooping", "correlations"),
+)
+
+
+def _whole(document: Document, parts: dict[str, Document]) -> Document:
+    """Return a block's document with its parts."""
+    page = list(document.page)
+    tables = list(document.tables)
+    for key in _ORDER:
+        if key in parts:
+            tables += parts[key].tables
+            if parts[key].page:
+                page += [BLANK, *parts[key].page]
+    answer = document.answer | {key: part.answer for key, part in parts.items()}
+    return Document(answer, tuple(page), tuple(tables))
+
+
+def _without_control(steps: ControlLast) -> Document:
+    """Return the document of the cleaning before control came in."""
+    first = errors_document(steps.images)
+    held = "by priors" if steps.datum == "priors" else "as a free network"
+    page = (
+        say("STEP 1: image coordinates, without control, {}", held).of("heading"),
+        *first.page,
+        BLANK,
+        say("STEP 2: control, without what step 1 rejected in the images").of("heading"),
+    )
+    tables = tuple(replace(table, key=f"{table.key}_without_control") for table in first.tables)
+    return Document({"datum": steps.datum, **first.answer}, page, tables)

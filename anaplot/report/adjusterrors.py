@@ -1,35 +1,45 @@
-"""A block without its gross errors: what was rejected and why, as text and as JSON."""
+"""A block without its gross errors: what was rejected and why, as a part of its document."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from anaplot.adjustment.findings import SearchStep
 from anaplot.adjustment.strategies import deciding_critical, sigma_of
-from anaplot.adjustment.tested import Odds
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Array
 from anaplot.bundle.errors.controllast import ControlLast, clean_control_last
 from anaplot.bundle.errors.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import ObservationName
-from anaplot.photogrammetry.block import Block
-from anaplot.report.columns import cell, column, counted
+from anaplot.photogrammetry import block as photogrammetry
+from anaplot.report.astext import MOST_ROWS, line_text
+from anaplot.report.columns import counted
+from anaplot.report.document import (
+    Answer,
+    Block,
+    Document,
+    Line,
+    Listed,
+    Table,
+    for_programs,
+    named,
+    say,
+    table,
+)
 from anaplot.report.groundchange import change_json, change_lines
 from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.searchoptions import search_settings, sigma0_in_words
-from anaplot.textfiles.wording import plain
 
 __all__ = [
-    "block_errors_json",
-    "block_errors_printout",
     "clean_block",
     "clean_step_by_step",
+    "errors_document",
 ]
-
-Json = dict[str, Any]
 
 _MOST = 30  # rows of a list in the text; JSON holds them all
 _ODDS = 0.01  # smallest probability shown
@@ -74,7 +84,7 @@ def clean_block(
 
 
 def clean_step_by_step(
-    block: Block,
+    block: photogrammetry.Block,
     strategy: str,
     partner: float | None = None,
     *,
@@ -93,27 +103,24 @@ def clean_step_by_step(
     )
 
 
-def _named(name: ObservationName) -> str:
-    """Return an observation in words, without control characters."""
-    kind, *rest = name
-    words = [plain(part) if part is not None else "" for part in rest]
+def _named(name: ObservationName) -> Line:
+    """Return an observation in words."""
+    kind, first, *rest = name
     if kind == "image":
-        photo, point, model, axis = words
-        inside = f" in {model}" if model else ""
-        return f"photo {photo}{inside}  point {point}  {axis}"
-    if kind == "control":
-        return f"control point {words[0]}  {words[1]}"
-    return f"prior of {words[0]}  {words[1]}"
+        point, model, axis = rest
+        inside = "" if model is None else say(" in {}", model)
+        return say("photo {}{}  point {}  {}", first, inside, point, axis)
+    return say("control point {}  {}" if kind == "control" else "prior of {}  {}", first, rest[0])
 
 
-def _short(name: ObservationName) -> str:
+def _short(name: ObservationName) -> Line:
     """Return a partner in words: its point is that of the row that it stands beside."""
     if name[0] == "image":
-        return f"{name[4]} of photo {plain(str(name[1]))}"
+        return say("{} of photo {}", name[4], name[1])
     return _named(name)
 
 
-def _name_json(name: ObservationName) -> Json:
+def _name_json(name: ObservationName) -> Answer:
     keys = {
         "image": ("photo", "point", "model", "axis"),
         "control": ("point", "axis"),
@@ -122,60 +129,87 @@ def _name_json(name: ObservationName) -> Json:
     return {"kind": name[0], **dict(zip(keys, name[1:], strict=True))}
 
 
-def block_errors_printout(cleaned: BlockFindings) -> str:
-    """Return the rejected observations of a block as text.
+def errors_document(cleaned: BlockFindings) -> Document:
+    """Return the document of the rejected observations of a block.
 
-    Estimated errors in micrometres (image), millimetres (control) or microradians (priors).
+    For programs errors and sigmas in the unit that stands beside them; people read micrometres
+    (image), millimetres (control) or microradians (priors).
     """
     found, names, settings = cleaned.findings, cleaned.system.names, cleaned.settings
     rejected = cleaned.rejected
     many = "1 observation is" if len(rejected) == 1 else f"{len(rejected)} observations are"
-    lines = [
-        f"GROSS ERRORS ({found.strategy})",
-        f"  alpha {settings.alpha:g}, {_critical(cleaned)}; "
-        f"{many} rejected after {counted(len(cleaned.passes), 'pass', 'passes')}",
+    page: list[Block] = [
+        say("GROSS ERRORS ({})", found.strategy).of("heading"),
+        say(
+            "  alpha {:g}, {}; {} rejected after {}",
+            settings.alpha,
+            _critical(cleaned),
+            many,
+            counted(len(cleaned.passes), "pass", "passes"),
+        ),
         *_before_and_after(cleaned),
     ]
     if rejected:
-        width = max(len(_named(row.name)) for row in rejected)
-        lines.append(
-            f"  ORDER  {'OBSERVATION':<{width}}       ERROR     SIGMA           w   RED-N  BECAUSE"
-        )
-        lines += [_rejected_line(row, width, found.strategy) for row in rejected]
+        width = max(len(line_text(_named(row.name))) for row in rejected)
+        page.append(
+            say("  ORDER  {:<{width}}       ERROR     SIGMA           w   RED-N  BECAUSE",
+                "OBSERVATION", width=width)
+        )  # fmt: skip
+        lines = tuple(_rejected_line(row, width, found.strategy) for row in rejected)
+        page.append(Listed(lines, MOST_ROWS, "  and {} more"))
+        page += change_lines(cleaned.point_change, "on the ground", "m", indent=2)
     else:
-        lines.append("  nothing is rejected")
-    if rejected:
-        lines += [f"  {line}" for line in change_lines(cleaned.point_change, "on the ground", "m")]
-    lines += _listed("rejected on the way, came back", [_named(name) for name in cleaned.came_back])
-    lines += _listed(
+        page.append(say("  nothing is rejected"))
+    page += _listed("rejected on the way, came back", [_named(name) for name in cleaned.came_back])
+    page += _listed(
         f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
         [
-            f"{_named(names[a])} is rejected, {_named(names[b])} is kept (correlation {rho:.2f})"
+            say("{} is rejected, {} is kept (correlation {:.2f})", _named(names[a]),
+                _named(names[b]), rho)
             for a, b, rho in found.hard_to_tell
         ],
+    )  # fmt: skip
+    page += _listed(
+        "cannot be left out", [say("{}: {}", _named(r.name), r.reason) for r in cleaned.refused]
     )
-    lines += _listed(
-        "cannot be left out", [f"{_named(r.name)}: {plain(r.reason)}" for r in cleaned.refused]
-    )
-    lines += _listed(
+    page += _listed(
         "cannot be tested: nothing checks them", [_named(name) for name in cleaned.untestable]
     )
-    lines += _odds(cleaned)
+    page += _odds(cleaned)
     if found.model_values is not None:
-        lines.append(f"  {model_values_line(found.model_values)}")
-    lines += [f"  note: {plain(remark)}" for remark in cleaned.remarks]
-    return "\n".join(lines)
+        page.append(say("  {}", model_values_line(found.model_values)))
+    page += [say("  note: {}", remark).of("remark") for remark in cleaned.remarks]
+    return Document(_json(cleaned), tuple(page), (_rejected_table(rejected),))
 
 
-def _critical(cleaned: BlockFindings) -> str:
+_REJECTED = for_programs(
+    *("kind", "photo", "point", "model", "axis", "owner", "unknown"),
+    *("order", "statistic", "critical", "error", "sigma", "unit", "w", "r"),
+    *("redundancy_number", "weight"),
+)
+
+
+def _rejected_table(rejected: Sequence[RejectedObservation]) -> Table:
+    rows = []
+    for row in rejected:
+        name = _name_json(row.name)
+        rows.append(
+            (*(name.get(column.key) for column in _REJECTED[:7]), row.order, row.statistic,
+             row.critical, row.error, row.sigma, row.unit, row.w, row.r, row.r_rejected,
+             row.weight)
+        )  # fmt: skip
+    return table("rejected", _REJECTED, rows)
+
+
+def _critical(cleaned: BlockFindings) -> Line:
     """Name the critical value of the strategy's test, at the end where it varies."""
     found = cleaned.findings
     value, f = _deciding(cleaned), found.at_end.redundancy
     what = _measure(found.strategy) if sigma_of(found.strategy) == "tau" else "w"
     if value is None:
-        return f"no critical value of {what} at redundancy {f}"
-    where = "" if what == "w" else f" at redundancy {f}"
-    return f"critical value of {what} {value:.2f}{where}"
+        return say("no critical value of {} at redundancy {}", what, f)
+    where = "" if what == "w" else say(" at redundancy {}", f)
+    return say("critical value of {} {:.2f}{}", what, value, where)
 
 
 def _deciding(cleaned: BlockFindings) -> float | None:
@@ -183,76 +217,102 @@ def _deciding(cleaned: BlockFindings) -> float | None:
     return deciding_critical(found.strategy, cleaned.settings.alpha, found.at_end.redundancy)
 
 
-def _before_and_after(cleaned: BlockFindings) -> list[str]:
+def _before_and_after(cleaned: BlockFindings) -> list[Block]:
     first, block = cleaned.first, cleaned.block
-    after = f"{_number(block.sigma0, 4)} without the rejected"
+    after = say("{:.4f} without the rejected", block.sigma0)
     if first is not None:
         but = _BUT_HELD if cleaned.held else ""
         return [
-            f"  sigma0 {_number(first.sigma0, 4)} with all observations{but}, {after}; redundancy "
-            f"{first.redundancy} and {block.redundancy}"
-        ]
+            say("  sigma0 {:.4f} with all observations{}, {}; redundancy {} and {}", first.sigma0,
+                but, after, first.redundancy, block.redundancy)
+        ]  # fmt: skip
     return [
-        f"  sigma0 {after}; redundancy {block.redundancy}",
+        say("  sigma0 {}; redundancy {}", after, block.redundancy),
         *_listed(
-            f"{plain(cleaned.begun.reason)}; the search began without",
+            say("{}; the search began without", cleaned.begun.reason),
             [_named(name) for name in cleaned.begun.left_out],
         ),
     ]
 
 
-def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> str:
+def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> Line:
     scale, unit = _DIGITS[row.unit]
     error = None if row.error is None else row.error * scale
     sigma = None if row.sigma is None else row.sigma * scale
-    because = "no solution is found with it" if row.order == 0 else ""
+    ends = []
     if row.statistic is not None and row.critical is not None:
         if strategy == "search":
-            because = f"the sum falls by {-row.statistic:.2f}"
+            ends.append(say("the sum falls by {:.2f}", -row.statistic))
         else:
-            because = f"{_measure(strategy)} {row.statistic:.2f} above {row.critical:.2f}"
-    weight = "" if row.weight is None else f", weight {row.weight:.2g}"
-    alike = f"; or {', or '.join(map(_short, row.partners[:_MOST]))}" if row.partners else ""
-    return (
-        f"  {column(row.order, 5)}  {_named(row.name):<{width}}  {cell(error, 1, 10)}"
-        f"{cell(sigma, 1, 10)} {unit}{cell(row.w, 2, 11 - len(unit))}"
-        f"{cell(row.r_rejected, 3, 8)}  {because}{weight}{alike}"
-    ).rstrip()
+            ends.append(
+                say("{} {:.2f} above {:.2f}", _measure(strategy), row.statistic, row.critical)
+            )
+    elif row.order == 0:
+        ends.append(say("no solution is found with it"))
+    if row.weight is not None:
+        ends.append(say(", weight {:.2g}", row.weight))
+    if row.partners:
+        alike = replace(named(map(_short, row.partners), _MOST, ""), separator=", or ")
+        ends.append(say("; or {}", alike))
+    name = _named(row.name)
+    blank = " " * (width - len(line_text(name)))
+    line = say(
+        "  {:5c}  {}{}  {:10.1c}{:10.1c} {}{:{wide}.2c}{:8.3c}",
+        *(row.order, name, blank, error, sigma, unit, row.w, row.r_rejected),
+        wide=11 - len(unit),
+    )
+    return sum(ends, line + "  ") if ends else line
 
 
 def _measure(strategy: str) -> str:
     return {"tau": "tau", "rms": "v/rms", "huber": "v", "danish": "v"}.get(strategy, "w")
 
 
-def _odds(cleaned: BlockFindings) -> list[str]:
+def _odds(cleaned: BlockFindings) -> list[Block]:
     found, names = cleaned.findings, cleaned.system.names
     sigma0 = sigma0_in_words(found.strategy)
     weighed = f"all observations in{_but(cleaned)}, by the {sigma0} sigma0"
-    lines = _single_odds(found.odds, names, weighed)
+    page = _listed(
+        say(
+            "if there is one gross error at most, {}: none {:.1f} %",
+            weighed,
+            100.0 * found.odds.none,
+        ),
+        _probable(found.odds.rows, names),
+    )
     odds = found.pair_odds
     if odds is None:
-        return lines
-    lines.append(
-        f"  odds over none, one and two, {weighed}: "
-        f"no gross error {100.0 * odds.none:.1f} %, one "
-        f"{100.0 * float(odds.single.sum()):.1f} %, two {100.0 * odds.pairs:.1f} %"
+        return page
+    page.append(
+        say(
+            "  odds over none, one and two, {}: no gross error {:.1f} %, one {:.1f} %, "
+            "two {:.1f} %",
+            weighed,
+            100.0 * odds.none,
+            100.0 * float(odds.single.sum()),
+            100.0 * odds.pairs,
+        )
     )
-    singles = np.argsort(-odds.single, kind="stable")
-    shown = [k for k in singles.tolist() if odds.single[k] >= _ODDS]
-    lines += _listed(
-        "one gross error", [f"{100.0 * odds.single[k]:5.1f} %  {_named(names[k])}" for k in shown]
-    )
-    lines += _listed(
+    page += _listed("one gross error", _probable(odds.single, names))
+    return page + _listed(
         "two gross errors",
         [
-            f"{100.0 * p:5.1f} %  {_named(names[a])}  and  {_named(names[b])}"
+            say("{:5.1f} %  {}  and  {}", 100.0 * p, _named(names[a]), _named(names[b]))
             for a, b, p in zip(
                 odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
             )
             if p >= _ODDS
         ],
     )
-    return lines
+
+
+def _probable(odds: Array, names: tuple[ObservationName, ...]) -> list[Line]:
+    """Return the observations that are probable enough, the most probable first."""
+    return [
+        say("{:5.1f} %  {}", 100.0 * odds[k], _named(names[k]))
+        for k in np.argsort(-odds, kind="stable").tolist()
+        if odds[k] >= _ODDS
+    ]
 
 
 def _but(cleaned: BlockFindings) -> str:
@@ -262,35 +322,19 @@ def _but(cleaned: BlockFindings) -> str:
     return (f"{_BUT_HELD} and" if cleaned.held else " but") + " those no solution is found with"
 
 
-def _single_odds(odds: Odds, names: tuple[ObservationName, ...], weighed: str) -> list[str]:
-    order = np.argsort(-odds.rows, kind="stable")
-    shown = [k for k in order.tolist() if odds.rows[k] >= _ODDS]
-    return _listed(
-        f"if there is one gross error at most, {weighed}: none {100.0 * odds.none:.1f} %",
-        [f"{100.0 * odds.rows[k]:5.1f} %  {_named(names[k])}" for k in shown],
-    )
-
-
-def _listed(title: str, rows: list[str]) -> list[str]:
-    if not rows:
+def _listed(title: str | Line, lines: list[Line]) -> list[Block]:
+    if not lines:
         return []
-    lines = [f"  {title}:", *(f"    {row}" for row in rows[:_MOST])]
-    if len(rows) > _MOST:
-        lines.append(f"    and {len(rows) - _MOST} more")
-    return lines
+    return [say("  {}:", title), Listed(tuple(say("    {}", line) for line in lines), _MOST)]
 
 
-def _number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
-
-
-def block_errors_json(cleaned: BlockFindings) -> Json:
+def _json(cleaned: BlockFindings) -> Answer:
     """Return the rejected observations of a block for programs.
 
     Errors and sigmas in the unit that stands beside them.
     """
     found, names, settings = cleaned.findings, cleaned.system.names, cleaned.settings
-    out: Json = {
+    out: Answer = {
         "strategy": found.strategy,
         "alpha": settings.alpha,
         "power": settings.power,
@@ -367,7 +411,7 @@ def block_errors_json(cleaned: BlockFindings) -> Json:
     return out
 
 
-def _step_json(step: SearchStep, names: tuple[ObservationName, ...]) -> Json:
+def _step_json(step: SearchStep, names: tuple[ObservationName, ...]) -> Answer:
     return {
         "action": step.action,
         "rows": [_name_json(names[k]) for k in step.rows],

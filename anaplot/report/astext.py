@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from anaplot.report.columns import fitted
+from anaplot.aliases import Index
+from anaplot.report.columns import cell, column, fitted
 from anaplot.report.document import Block, Column, Figure, Line, Listed, Names, Table, Value, Values
 from anaplot.textfiles.wording import plain
 
@@ -60,6 +61,8 @@ def _part(part: str | Value | Names, everything: bool) -> str:
         return part
     if isinstance(part, Value):
         value = part.value
+        if part.form.endswith("c"):
+            return _cell(part)
         if value is None:
             return part.none
         text = format(plain(value) if isinstance(value, str) else value, part.form)
@@ -69,29 +72,33 @@ def _part(part: str | Value | Names, everything: bool) -> str:
     return text + part.more.format(len(part.items) - most) if len(part.items) > most else text
 
 
+def _cell(part: Value) -> str:
+    width, _, decimals = part.form[:-1].partition(".")
+    if part.value is None or isinstance(part.value, str):
+        return column(part.none if part.value is None else plain(part.value), int(width))
+    return cell(part.value, int(decimals or 0), int(width))
+
+
 def table_lines(table: Table, *, everything: bool = True) -> list[str]:
     """Return a table, a line each row, with its heading."""
     n = len(table)
-    chosen = np.arange(n)
-    if n > MOST_ROWS and not everything:
-        look = np.zeros(n, dtype=bool) if table.look is None else table.look
-        chosen = np.nonzero(look)[0][:MOST_ROWS]
-    columns = [(column, _cells(column, values, chosen, n)) for column, values in table.for_people()]
+    chosen = _chosen(table, everything)
+    columns = [(one, _cells(one, values, chosen, n)) for one, values in table.for_people()]
     heads, units, row = "", "", ""
-    for column, cells in columns:
-        width = column.width or 0
-        if column.align == "<":
-            title = len(column.title) if column.head is None else 0
+    for one, cells in columns:
+        width = one.width or 0
+        if one.align == "<":
+            title = len(one.title) if one.head is None else 0
             width = max([title, width, *map(len, cells)])
-            head = f"{'':{column.gap}}{column.title:<{width}}"
-            row += f"{'':{column.gap}}%-{width}s"
+            head = f"{'':{one.gap}}{one.title:<{width}}"
+            row += f"{'':{one.gap}}%-{width}s"
         else:
-            head = f"{column.title:>{width}}"
+            head = f"{one.title:>{width}}"
             row += f" %{width - 1}s"
-        if column.head is not None:
-            head = column.head
+        if one.head is not None:
+            head = one.head
         heads += head
-        units += f"{column.unit if table.units else '':>{len(head)}}"
+        units += f"{one.unit if table.units else '':>{len(head)}}"
     lines = [heads.rstrip()]
     if table.units:
         lines.append(units.rstrip())
@@ -100,16 +107,31 @@ def table_lines(table: Table, *, everything: bool = True) -> list[str]:
         text = "\n".join([row] * len(chosen)) % tuple(every)
         lines += [line.rstrip() for line in text.split("\n")]
     if len(chosen) < n:
-        lines.append(_left_out(n, len(chosen)))
+        lines.append(_left_out(table, len(chosen)))
     return lines
 
 
-def _left_out(n: int, shown: int) -> str:
+def _chosen(table: Table, everything: bool) -> Index:
+    """Return the rows that are shown."""
+    n = len(table)
+    if everything:
+        return np.arange(n)
+    if table.most is not None:
+        return np.arange(min(n, table.most))
+    if n <= MOST_ROWS or table.look is None:
+        return np.arange(n if n <= MOST_ROWS else 0)
+    return np.nonzero(table.look)[0][:MOST_ROWS]
+
+
+def _left_out(table: Table, shown: int) -> str:
+    n = len(table)
+    if table.most is not None:
+        return table.more.format(n - shown)
     rows = f"{n - shown} of {n} rows are not shown" if shown else f"{n} rows are not shown"
     return f"  ... {rows}; --all prints them"
 
 
-def _cells(column: Column, values: Values, chosen: Any, n: int) -> list[str]:
+def _cells(column: Column, values: Values, chosen: Index, n: int) -> list[str]:
     """Return what stands in the cells of the chosen rows, without blanks around it."""
     if isinstance(values, np.ndarray):
         some: Any = values if len(chosen) == n else values[chosen]

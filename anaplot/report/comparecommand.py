@@ -16,7 +16,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block
 from anaplot.report.columns import cell, column
 from anaplot.report.csvoutput import check_csv, write_csv
-from anaplot.report.hypothesestext import probability, verdict_json
+from anaplot.report.hypotheses import probability, verdict_json
 from anaplot.report.power import check_power
 from anaplot.report.progress import ProgressLine
 from anaplot.textfiles.wording import plain

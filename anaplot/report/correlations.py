@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.textfiles.wording import plain
+from anaplot.report.astext import MOST_ROWS
+from anaplot.report.document import (
+    Block,
+    Document,
+    Line,
+    Listed,
+    for_programs,
+    say,
+    table,
+)
 
-__all__ = ["RayPair", "correlated_rays", "correlations_json", "correlations_printout"]
+__all__ = ["RayPair", "correlated_rays", "correlations_document"]
 
-Json = dict[str, Any]
 Coordinate = tuple[str, str | None, str]
 
 _ROUNDING = 1e-9  # a limit of 1 finds what is correlated completely
@@ -66,31 +74,31 @@ def correlated_rays(block: AdjustedBlock, limit: float) -> tuple[RayPair, ...]:
     return tuple(pairs)
 
 
-def correlations_printout(pairs: tuple[RayPair, ...], limit: float) -> str:
-    """Return the pairs as text."""
-    if not pairs:
-        return (
-            f"CORRELATED RESIDUALS\n  no two of a point's rays are correlated at {limit:g} or more"
-        )
-    lines = [f"CORRELATED RESIDUALS of a point's rays, {limit:g} or more"]
-    lines += [
-        f"  point {plain(pair.point)}: {_named(pair.first)} with {_named(pair.second)}: "
-        f"{pair.correlation:+.3f}"
-        for pair in pairs
-    ]
-    return "\n".join(lines)
+_COLUMNS = for_programs(
+    "point",
+    *(f"{which}_{part}" for which in ("first", "second") for part in ("photo", "model", "axis")),
+    "correlation",
+)
 
 
-def _named(coordinate: Coordinate) -> str:
-    photo, model, axis = coordinate
-    where = "" if model is None else f" in {plain(model)}"
-    return f"photo {plain(photo)}{where} {axis}"
+def correlations_document(
+    pairs: tuple[RayPair, ...],
+    limit: float,
+    *,
+    most: int = MOST_ROWS,
+    more: str = "    and {} more",
+) -> Document:
+    """Return the document of correlated residuals.
 
-
-def correlations_json(pairs: tuple[RayPair, ...]) -> list[Json]:
-    """Return the pairs for programs."""
+    Parameters
+    ----------
+    pairs, limit
+        From `correlated_rays`.
+    most, more
+        How many a person reads, and what is said of the others.
+    """
     names = ("photo", "model", "axis")
-    return [
+    answer = [
         {
             "point": pair.point,
             "first": dict(zip(names, pair.first, strict=True)),
@@ -99,3 +107,22 @@ def correlations_json(pairs: tuple[RayPair, ...]) -> list[Json]:
         }
         for pair in pairs
     ]
+    page: tuple[Block, ...] = (
+        say("CORRELATED RESIDUALS").of("heading"),
+        say("  no two of a point's rays are correlated at {:g} or more", limit),
+    )
+    if pairs:
+        lines = (
+            say("  point {}: {} with {}: {:+.3f}", pair.point, _named(pair.first),
+                _named(pair.second), pair.correlation)
+            for pair in pairs
+        )  # fmt: skip
+        head = say("CORRELATED RESIDUALS of a point's rays, {:g} or more", limit).of("heading")
+        page = (head, Listed(tuple(lines), most, more))
+    rows = ((pair.point, *pair.first, *pair.second, pair.correlation) for pair in pairs)
+    return Document(answer, page, (table("correlations", _COLUMNS, rows),))
+
+
+def _named(coordinate: Coordinate) -> Line:
+    photo, model, axis = coordinate
+    return say("photo {}{} {}", photo, "" if model is None else say(" in {}", model), axis)

@@ -55,7 +55,8 @@ class Value:
     value
         None where it does not exist.
     form
-        How it is written, as in `format`.
+        How it is written, as in `format`; "9.3c" is a cell of a table: 9 characters, a blank
+        before the number or name, at most 3 decimals.
     unit
         Stands behind it.
     none
@@ -235,6 +236,11 @@ class Table:
         every column that has a width.
     units
         Whether the units stand in a line of their own under the heading.
+    most
+        How many rows a person reads, unless all are asked for, where it is not for `look` to say:
+        the first are the most important.
+    more
+        What is said of the others then, with their number in place of {}.
     """
 
     key: str
@@ -243,6 +249,8 @@ class Table:
     look: NDArray[np.bool_] | None = None
     shown: tuple[str, ...] | None = None
     units: bool = False
+    most: int | None = None
+    more: str = "    and {} more"
 
     def __post_init__(self) -> None:
         lengths = {len(values) for values in self.values}
@@ -319,21 +327,20 @@ class Document:
     Attributes
     ----------
     answer
-        For programs: what `--json` prints.
+        For programs: what `--json` prints; of a part of a document also a list, or None.
     page
         For people: what is printed without `--json`, from top to bottom.
     tables
         What can be written as CSV, the main one first.
     """
 
-    answer: Answer
+    answer: Any
     page: tuple[Block, ...]
     tables: tuple[Table, ...] = ()
 
-    def to_dict(self) -> Answer:
+    def to_dict(self) -> Any:
         """Return the answer with its tables as lists of rows; NaN becomes None."""
-        plain: Answer = plain_value(self.answer)
-        return plain
+        return plain_value(self.answer)
 
 
 class _Template(string.Formatter):
@@ -348,6 +355,8 @@ class _Template(string.Formatter):
                 yield literal
             if field is None:
                 continue
+            if spec and "{" in spec:
+                spec = spec.format(**named)
             value, _ = self.get_field(field or str(next(unnamed)), values, named)
             if isinstance(value, Line):
                 yield from value.parts

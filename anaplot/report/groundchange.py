@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from anaplot.photogrammetry.pointchange import PointChange
-from anaplot.textfiles.wording import plain
+from anaplot.report.document import Line, say
 
 __all__ = ["change_json", "change_lines"]
 
 
-def change_lines(change: PointChange | None, where: str, unit: str) -> list[str]:
+def change_lines(change: PointChange | None, where: str, unit: str, *, indent: int) -> list[Line]:
     """Return the sentence that says how far points have moved; none where nothing is known.
 
     Parameters
@@ -21,21 +21,23 @@ def change_lines(change: PointChange | None, where: str, unit: str) -> list[str]
         "on the ground", "in the model".
     unit
         Of the coordinates.
+    indent
+        Blanks before it.
     """
     if change is None:
         return []
     x, y, z = change.rms
-    text = (
-        f"{where}: {plain(change.point)} moves most, {change.axis} by {change.change:.4f} "
-        f"{unit} (rms of all points X {x:.4f}  Y {y:.4f}  Z {z:.4f})"
+    line = say(
+        "{}{}: {} moves most, {} by {:.4f} {} (rms of all points X {:.4f}  Y {:.4f}  Z {:.4f})",
+        *(" " * indent, where, change.point, change.axis, change.change, unit, x, y, z),
     )
     sigma = change.sigma
     if sigma is not None:
-        text += (
-            f"; the standard deviation of {sigma.axis} of {plain(sigma.point)} becomes "
-            f"{sigma.after:.4f} {unit}, it was {sigma.before:.4f}"
+        line += say(
+            "; the standard deviation of {} of {} becomes {:.4f} {}, it was {:.4f}",
+            *(sigma.axis, sigma.point, sigma.after, unit, sigma.before),
         )
-    return [text]
+    return [line]
 
 
 def change_json(change: PointChange | None, unit: str) -> dict[str, Any] | None:

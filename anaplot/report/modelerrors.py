@@ -16,6 +16,7 @@ from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.grosserrors import CleanedModel, RejectedRow, strip_gross_errors
 from anaplot.orientation.strip import pooled_sigma_um
 from anaplot.photogrammetry.block import Block
+from anaplot.report.astext import line_text
 from anaplot.report.contract import bridge_json
 from anaplot.report.groundchange import change_json, change_lines
 from anaplot.report.interrupts import ending_early
@@ -123,7 +124,8 @@ def errors_printout(cleaned: CleanedModel) -> str:
         lines.append("    nothing is rejected")
     else:
         lines += [
-            f"    {line}" for line in change_lines(cleaned.point_change, "in the model", "mm")
+            line_text(line)
+            for line in change_lines(cleaned.point_change, "in the model", "mm", indent=4)
         ]
     for (point, axis), (other, other_axis), rho in cleaned.hard_to_tell:
         lines.append(
@@ -136,7 +138,7 @@ def errors_printout(cleaned: CleanedModel) -> str:
     if blind:
         lines.append(f"    cannot be tested: {_listed(blind)}")
     if found.model_values is not None:
-        lines.append(f"    {model_values_line(found.model_values)}")
+        lines.append(f"    {line_text(model_values_line(found.model_values))}")
     lines += _odds_lines(cleaned)
     lines += [f"    note: {plain(remark)}" for remark in cleaned.remarks]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""What modified data snooping decided by model values: text and JSON."""
+"""What modified data snooping decided by model values, in words and for programs."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ from collections.abc import Callable
 from typing import Any
 
 from anaplot.adjustment.findings import ModelValues
+from anaplot.report.document import Line, say
 
 __all__ = ["model_values_json", "model_values_line"]
 
 
-def model_values_line(values: ModelValues) -> str:
+def model_values_line(values: ModelValues) -> Line:
     """Return one sentence about them."""
     otherwise = len(values.wrongly_accepted) + len(values.wrongly_rejected)
-    return (
-        f"model values decided {values.decided} times, exact ones {values.computed} times; in the "
-        f"first step the exact test decides {otherwise} otherwise"
+    return say(
+        "model values decided {} times, exact ones {} times; in the first step the exact test "
+        "decides {} otherwise",
+        values.decided,
+        values.computed,
+        otherwise,
     )
 
 

@@ -12,7 +12,7 @@ from anaplot.planning.plannedreliability import PlannedReliability
 from anaplot.report.columns import PAGE, counted, fitted, shortened, wrapped
 from anaplot.textfiles.wording import plain
 
-__all__ = ["first_lines", "network_lines", "point_lines"]
+__all__ = ["network_lines", "point_lines"]
 
 _FEW = 3  # with two rays one coordinate of each is checked by nothing, or next to nothing
 _SHOWN, _NAMED = 12, 20
@@ -53,14 +53,6 @@ def network_lines(network: Network, block: AdjustedBlock, worth: NetworkReliabil
         lines += ["", f"SPUR OBSERVATIONS: next to nothing checks these {len(spurs)}"]
         lines += wrapped("  ", _named(names))
     return lines
-
-
-def first_lines(text: str) -> str:
-    """Return the beginning of a list with a title, and how much more there is."""
-    title, *lines = text.splitlines()
-    most = 2 * _SHOWN
-    more = [f"  and {len(lines) - most} more"] if len(lines) > most else []
-    return "\n".join((title, *lines[:most], *more))
 
 
 def point_lines(block: AdjustedBlock, point: str) -> list[str]:

@@ -27,14 +27,14 @@ from anaplot.planning.networkplan import (
     plan_network,
 )
 from anaplot.planning.plannedreliability import PlannedReliability
+from anaplot.report.astext import page_text
 from anaplot.report.correlations import (
-    RayPair,
     correlated_rays,
-    correlations_json,
-    correlations_printout,
+    correlations_document,
 )
 from anaplot.report.csvoutput import check_csv, write_csv
-from anaplot.report.networktext import first_lines, network_lines, point_lines
+from anaplot.report.document import Document
+from anaplot.report.networktext import network_lines, point_lines
 from anaplot.report.planblock import write_planned
 from anaplot.report.progress import ProgressLine
 from anaplot.textfiles.wording import quoted
@@ -42,6 +42,7 @@ from anaplot.textfiles.wording import quoted
 __all__ = ["network_from_file", "run_plan_network"]
 
 _CUBE = "cube"
+_CORRELATED = 24  # pairs that are shown
 
 
 def run_plan_network(options: argparse.Namespace) -> int:
@@ -72,14 +73,17 @@ def run_plan_network(options: argparse.Namespace) -> int:
         write_planned(options.to, made)
     if options.csv is not None:
         _write_csv(options.csv, worth)
+    related = correlations_document(
+        pairs, options.correlations, most=_CORRELATED, more="  and {} more"
+    )
     if options.json:
-        answer = _json(made, block, worth, pairs)
+        answer = _json(made, block, worth, related)
         if options.point is not None:
             answer["point"] = _point_json(block, options.point)
         print(json.dumps(answer, indent=1, allow_nan=False))
         return 0
     print("\n".join(network_lines(network, block, worth)))
-    print("\n" + first_lines(correlations_printout(pairs, options.correlations)))
+    print("\n" + page_text(related.page))
     if options.point is not None:
         print("\n" + "\n".join(point_lines(block, options.point)))
     return 0
@@ -137,7 +141,7 @@ def _json(
     made: IdealBlock,
     block: AdjustedBlock,
     worth: NetworkReliability,
-    pairs: tuple[RayPair, ...],
+    related: Document,
 ) -> dict[str, Any]:
     problem = block.problem
     return {
@@ -157,7 +161,7 @@ def _json(
         "photos": [_worth_json(one) for one in worth.photos],
         "rays": worth.rays,
         "spurs": [{"photo": f, "point": p, "axis": a} for f, p, a in block.spurs()],
-        "correlations": correlations_json(pairs),
+        "correlations": related.answer,
     }
 
 

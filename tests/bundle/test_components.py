@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bundleblocks import aerial
+from wild import text_of
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.hypotheses.components import block_components
 from anaplot.errors import InputError
-from anaplot.report.componentstext import components_json, components_printout
+from anaplot.report.asjson import json_text
+from anaplot.report.components import components_document
 
 pytestmark = pytest.mark.slow
 
@@ -136,8 +138,9 @@ def test_unknown_groupings_and_operators_are_refused():
 
 def test_text_and_json_say_the_same():
     found = block_components(noisy(10.0, 4.0, control_sigma=0.05))
-    text = components_printout(found)
-    value = json.loads(json.dumps(components_json(found), allow_nan=False))
+    document = components_document(found)
+    text = text_of(document)
+    value = json.loads(json_text(document.answer))
     assert [group["group"] for group in value["groups"]] == ["image x", "image y", "control"]
     for group in value["groups"]:
         assert f"{group['sigma_factor']:.3f}" in text

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from bundleblocks import aerial, cube
+from wild import text_of
 
 from anaplot.adjustment.hypothesis import critical_f, f_power, noncentrality_of, sidak_alpha
 from anaplot.bundle.adjust import adjust_block, adjust_bundle, adjust_problem
@@ -21,7 +22,7 @@ from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors, own_parameter_cofactors
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import ControlPoint, TestSettings
-from anaplot.report.hypothesestext import hypotheses_printout
+from anaplot.report.hypotheses import hypotheses_document
 
 pytestmark = pytest.mark.slow
 
@@ -371,7 +372,7 @@ def test_check_points_all_of_which_are_missing_are_told() -> None:
     found = check_tests(adjusted)
     assert found.coordinates == ()
     assert found.remarks == ("check points that are not in the adjustment: nowhere",)
-    text = hypotheses_printout(block_hypotheses(adjusted))
+    text = text_of(hypotheses_document(block_hypotheses(adjusted)))
     assert "check points that are not in the adjustment: nowhere" in text
     assert "0 of 0" not in text
 

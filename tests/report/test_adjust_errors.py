@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wild import words
+from wild import text_of, words
 
 from anaplot import cli
 from anaplot.adjustment.cleaning import Cleaning
@@ -33,10 +33,10 @@ from anaplot.report.adjustcommand import run_adjust
 from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import (
     _rejected_line,
-    block_errors_json,
-    block_errors_printout,
     clean_block,
+    errors_document,
 )
+from anaplot.report.astext import line_text
 from anaplot.report.output import Output
 
 
@@ -183,7 +183,7 @@ def test_the_command_line(folder: Path, capsys) -> None:
 )
 def test_the_text_names_the_sigma_and_the_critical_value(what, strategy, sigma0) -> None:
     cleaned = clean_block(make_problem(make()), strategy, pairs=True)
-    text, found = block_errors_printout(cleaned), block_errors_json(cleaned)
+    text, found = text_of(errors_document(cleaned)), errors_document(cleaned).to_dict()
     assert text.count(f"all observations in, by the {sigma0} sigma0: ") == 2
     assert found["odds"]["sigma0"] == found["pair_odds"]["sigma0"] == sigma0
     f = cleaned.block.redundancy
@@ -196,16 +196,16 @@ def test_the_text_names_the_sigma_and_the_critical_value(what, strategy, sigma0)
 def test_nothing_rejected_is_said(tmp_path: Path) -> None:
     cleaned = clean_block(make_problem(make(error_mm=0.0)), "baarda")
     assert cleaned.rejected == ()
-    text = block_errors_printout(cleaned)
+    text = text_of(errors_document(cleaned))
     assert "nothing is rejected" in text
-    assert block_errors_json(cleaned)["rejected"] == []
+    assert errors_document(cleaned).to_dict()["rejected"] == []
 
 
 def test_names_are_text_and_never_control_sequences() -> None:
     problem = make_problem(make(name="p\x1b[31m8"))
     cleaned = clean_block(problem, "search", 0.3, pairs=True)
     assert any("p\x1b[31m8" in row.name for row in cleaned.rejected)
-    assert "\x1b" not in block_errors_printout(cleaned)
+    assert "\x1b" not in text_of(errors_document(cleaned))
 
 
 def test_a_rejected_prior_stands_in_the_rows_of_priors() -> None:
@@ -215,7 +215,7 @@ def test_a_rejected_prior_stands_in_the_rows_of_priors() -> None:
     cleaned = clean_block(make_problem(replace(block, photos=tuple(photos))), "search")
     [row] = cleaned.rejected
     assert row.name == ("prior", "13", "X")
-    assert "prior of 13  X" in block_errors_printout(cleaned)
+    assert "prior of 13  X" in text_of(errors_document(cleaned))
     document = adjust_document(cleaned.block, [(row.name, row.error)])
     priors = document.to_dict()["priors"]
     assert [(one["unknown"], one["rejected"]) for one in priors] == [
@@ -232,7 +232,7 @@ def test_columns_never_touch() -> None:
         usual = row._replace(w=-12.3, error=1e-5, unit=unit)
         for size in (-99.99, -123.45, 1e12):
             large = usual._replace(order=123456, error=-size, sigma=-size, w=size)
-            lines = [_rejected_line(one, 30, "search") for one in (usual, large)]
+            lines = [line_text(_rejected_line(one, 30, "search")) for one in (usual, large)]
             assert words(lines[0]) == words(lines[1])
 
 
@@ -243,14 +243,14 @@ def test_what_was_done_to_the_ground_is_said() -> None:
     xyz = {row.point: np.array(row.xyz) for row in first.point_rows()}
     moved = {row.point: np.array(row.xyz) - xyz[row.point] for row in block.point_rows()}
     farthest = max(moved, key=lambda point: np.abs(moved[point]).max())
-    ground = block_errors_json(cleaned)["ground"]
+    ground = errors_document(cleaned).to_dict()["ground"]
     assert ground["point"] == farthest == "p8"
     assert ground["change_m"] == pytest.approx(moved["p8"]["XYZ".index(ground["axis"])], abs=1e-9)
     assert ground["sigma_point"] == "p8"
     assert ground["sigma_after_m"] > ground["sigma_before_m"] > 0.0
     rms = np.sqrt(np.mean([m**2 for m in moved.values()], axis=0))
     assert [ground[f"rms_{axis}_m"] for axis in "XYZ"] == pytest.approx(rms.tolist(), abs=1e-9)
-    text = block_errors_printout(cleaned)
+    text = text_of(errors_document(cleaned))
     assert f"p8 moves most, {ground['axis']} by {ground['change_m']:.4f} m" in text
 
 
@@ -260,13 +260,13 @@ def test_partners_stand_beside_the_row() -> None:
     rows = [r for r in block.image_points if r.point != "p8" or r.photo in ("10", "11")]
     rows = [replace(r, y=r.y + 0.3) if (r.photo, r.point) == ("11", "p8") else r for r in rows]
     cleaned = clean_block(make_problem(replace(block, image_points=tuple(rows))), "baarda")
-    (row,) = block_errors_json(cleaned)["rejected"]
+    (row,) = errors_document(cleaned).to_dict()["rejected"]
     assert (row["point"], row["axis"]) == ("p8", "y")
     assert {(p["photo"], p["axis"]) for p in row["partners"]} == {
         (photo, axis) for photo in ("10", "11") for axis in "xy"
     } - {(row["photo"], "y")}
     other = "10" if row["photo"] == "11" else "11"
-    assert f"or y of photo {other}" in block_errors_printout(cleaned)
+    assert f"or y of photo {other}" in text_of(errors_document(cleaned))
 
 
 @pytest.mark.parametrize("strategy", ["baarda", "search"])

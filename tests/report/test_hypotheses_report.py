@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wild import wild, words
+from wild import text_of, wild, words
 
 from anaplot import cli
 from anaplot.bundle.adjust import adjust_block
@@ -27,7 +27,7 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
-from anaplot.report.hypothesestext import hypotheses_json, hypotheses_printout, probability
+from anaplot.report.hypotheses import hypotheses_document, probability
 from anaplot.report.output import Output
 
 
@@ -148,7 +148,7 @@ def test_what_cannot_be_tested_has_nothing_detectable_and_is_not_counted() -> No
     single = replace(adjust_block(strip()), redundancy=1)
     found = block_hypotheses(single)
     assert all(row.detectable is None for row in found.control.coordinates)
-    text = hypotheses_printout(found).split("CONTROL")[1]
+    text = text_of(hypotheses_document(found)).split("CONTROL")[1]
     assert "0 of 0 points rejected (6 not testable)" in text
     assert "0 of 0 coordinates rejected (18 not testable)" in text
     [row] = [line for line in text.splitlines() if line.startswith("  p0 X ")]
@@ -199,22 +199,22 @@ def test_a_probability_of_nothing_is_a_bound() -> None:
 def test_the_deciding_sigma_is_marked(kind) -> None:
     block = adjust_block(strip(planted=0.02, kind=kind), additional=additional_parameters("ebner"))
     found = block_hypotheses(block)
-    lines = hypotheses_printout(found).splitlines()
+    lines = text_of(hypotheses_document(found)).splitlines()
     at = next(k for k, line in enumerate(lines) if line.strip().startswith("all are zero"))
     marked = lines[at + (kind == "baarda")]
     assert marked.endswith("REJECTED")
     assert ("known" in marked) == (kind == "baarda")
-    assert hypotheses_json(found)["additional"]["all"]["rejected"] is True
+    assert hypotheses_document(found).to_dict()["additional"]["all"]["rejected"] is True
 
 
 def test_pairs_and_sets_are_printed() -> None:
     block = adjust_block(strip(), additional=additional_parameters("physical", 300.0))
     found = block_hypotheses(block)
-    text = hypotheses_printout(found)
+    text = text_of(hypotheses_document(found))
     assert "PAIRS correlated from 0.7" in text
     assert "CORRELATED SET" in text
     assert "orthogonal combinations" in text
-    got = hypotheses_json(found)["additional"]
+    got = hypotheses_document(found).to_dict()["additional"]
     assert got["pairs"]
     [radial] = [s for s in got["sets"] if {"group": "block", "name": "k2"} in s["members"]]
     assert len(radial["sequential"]) == len(radial["principal"]) == len(radial["members"])
@@ -226,20 +226,20 @@ def test_pairs_and_sets_are_printed() -> None:
 def test_many_rows_are_cut_in_the_text_only() -> None:
     block = adjust_block(strip(), additional=additional_parameters("ebner:photo", 5.0))
     found = block_hypotheses(block)
-    text = hypotheses_printout(found)
+    text = text_of(hypotheses_document(found))
     assert "and 18 more, with larger P" in text
     assert "those of 3" in text
-    assert len(hypotheses_json(found)["additional"]["parameters"]) == 48
+    assert len(hypotheses_document(found).to_dict()["additional"]["parameters"]) == 48
 
 
 def test_fixed_control_and_what_checks_nothing() -> None:
     block = strip(sigma=0.0)
-    text = hypotheses_printout(block_hypotheses(adjust_block(block)))
+    text = text_of(hypotheses_document(block_hypotheses(adjust_block(block))))
     assert "free of error" in text
     assert "p0 X fixed" in text
     first, second, third, *_ = block.control
     few = (first, second, replace(third, xyz=(None, None, third.xyz[2])))
-    text = hypotheses_printout(block_hypotheses(adjust_block(replace(block, control=few))))
+    text = text_of(hypotheses_document(block_hypotheses(adjust_block(replace(block, control=few)))))
     assert "only hold the datum" in text
     assert "checked by nothing" in text
     assert "not testable" in text
@@ -253,8 +253,10 @@ def test_names_cannot_control_the_terminal() -> None:
     control = tuple(
         replace(r, point="\x1b[2J" if r.point == "p8" else r.point) for r in block.control
     )
-    text = hypotheses_printout(
-        block_hypotheses(adjust_block(replace(block, image_points=rows, control=control)))
+    text = text_of(
+        hypotheses_document(
+            block_hypotheses(adjust_block(replace(block, image_points=rows, control=control)))
+        )
     )
     assert "\x1b" not in text
 
@@ -263,6 +265,6 @@ def test_names_cannot_control_the_terminal() -> None:
 def test_columns_never_touch(kind: str) -> None:
     block = strip(planted=0.02, kind=kind)
     found = block_hypotheses(adjust_block(block, additional=additional_parameters("ebner")))
-    usual, large = hypotheses_printout(found), hypotheses_printout(wild(found))
+    usual, large = text_of(hypotheses_document(found)), text_of(hypotheses_document(wild(found)))
     assert words(usual) == words(large)
     assert max(words(usual)[3:5]) >= 5

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from processes import running
-from wild import wild, words
+from wild import text_of, wild, words
 
 from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.adjust import adjust_block
@@ -37,9 +37,9 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
-from anaplot.report.correlations import correlated_rays, correlations_printout
+from anaplot.report.correlations import correlated_rays, correlations_document
 from anaplot.report.output import Output
-from anaplot.report.snoopingreport import snoop_block, snooping_json, snooping_printout
+from anaplot.report.snooping import snoop_block, snooping_document
 
 WAIT = 120.0
 BASE, HEIGHT, C = 600.0, 1000.0, 150.0
@@ -151,8 +151,8 @@ def test_the_papers_model_values_serve_regular_blocks(values: str) -> None:
         assert row.model == printed.get(row.kind)
         if row.model is None:
             assert row.undecided == row.observations
-    assert f"with {values[0]} x {values[0]} points" in snooping_printout(found)
-    assert ("in pairs" in snooping_printout(found)) == values.endswith("twin")
+    assert f"with {values[0]} x {values[0]} points" in text_of(snooping_document(found))
+    assert ("in pairs" in text_of(snooping_document(found))) == values.endswith("twin")
     exact = {row[:4] for row in found.undecided if row.exact}
     assert exact <= {row[:4] for row in found.rejected}
 
@@ -232,8 +232,8 @@ def test_without_redundancy_there_is_nothing_to_snoop() -> None:
     assert adjusted.redundancy == 0
     found = snoop_block(adjusted)
     assert found is None
-    assert snooping_json(found) is None
-    assert "no test" in snooping_printout(found)
+    assert snooping_document(found).to_dict() is None
+    assert "no test" in text_of(snooping_document(found))
 
 
 def test_what_nothing_checks_is_not_accepted() -> None:
@@ -248,20 +248,22 @@ def test_what_nothing_checks_is_not_accepted() -> None:
     assert row.beyond == (adjusted.cofactors.r[rays, axis] >= SPUR).sum() < 16
     assert row.untestable == row.observations == found.untestable == 16
     assert found.observations == adjusted.v.size
-    text = snooping_printout(found)
+    text = text_of(snooping_document(found))
     assert [line.split()[:2] for line in text.splitlines() if line.endswith("  not testable")] == [
         ["2", "rays,"]
     ]
     assert "undecided are decided exactly, 16 cannot be tested" in text
     assert f"accept {found.observations - 16 - len(found.undecided)} and reject 0" in text
-    told = snooping_json(found)
+    told = snooping_document(found).to_dict()
     assert told["untestable"] == sum(one["untestable"] for one in told["classes"]) == 16
 
 
 def test_columns_never_touch() -> None:
     found = snoop_block(adjust_block(flown(2, 4, errors=3)))
     many = [row._replace(accepted=12345678, beyond=10**12) for row in found.classes]
-    usual, large = (snooping_printout(one) for one in (found, wild(replace(found, classes=many))))
+    usual, large = (
+        text_of(snooping_document(one)) for one in (found, wild(replace(found, classes=many)))
+    )
     rows = slice(3, 3 + len(found.classes))
     assert words(usual)[rows] == words(large)[rows]
 
@@ -271,8 +273,8 @@ def test_names_cannot_control_the_terminal() -> None:
     rows = tuple(replace(r, point=f"{r.point}\x1b[31m") for r in block.image_points)
     control = tuple(replace(c, point=f"{c.point}\x1b[31m") for c in block.control)
     adjusted = adjust_block(replace(block, image_points=rows, control=control))
-    text = snooping_printout(snoop_block(adjusted))
-    text += correlations_printout(correlated_rays(adjusted, 0.9), 0.9)
+    text = text_of(snooping_document(snoop_block(adjusted)))
+    text += text_of(correlations_document(correlated_rays(adjusted, 0.9), 0.9))
     assert "\\x1b[31m" in text
     assert "\x1b" not in text
 

@@ -1,8 +1,8 @@
-"""Modified data snooping of a block beside the exact test: computed once, shown as text or JSON."""
+"""Modified data snooping of a block beside the exact test: computed once, and its document."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -17,12 +17,20 @@ from anaplot.bundle.errors.snooping import (
     snoop,
 )
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.report.columns import cell, column
-from anaplot.textfiles.wording import plain
+from anaplot.report.document import (
+    Block,
+    Document,
+    Listed,
+    Table,
+    for_programs,
+    name,
+    number,
+    say,
+    table,
+    whole,
+)
 
-__all__ = ["ModelSource", "SnoopedBlock", "snoop_block", "snooping_json", "snooping_printout"]
-
-Json = dict[str, Any]
+__all__ = ["ModelSource", "SnoopedBlock", "snoop_block", "snooping_document"]
 
 ModelSource = Literal["block", "3x3", "3x3-twin", "5x5", "5x5-twin"]
 _SOURCES: dict[ModelSource, str] = {
@@ -239,48 +247,93 @@ def _classes(
     return tuple(rows)
 
 
-def snooping_printout(snooped: SnoopedBlock | None) -> str:
-    """Return both tests side by side as text."""
+_CLASSES = (
+    name("", "CLASS", 28),
+    *for_programs("rays", "inner", "control"),
+    name("axis", "AXIS", 4, gap=1),
+    whole("observations", "OBS", 7),
+    number("root_qvv", "MODEL", 3, 7),
+    number("smallest", "EXACT FROM", 3, 12),
+    replace(number("largest", "TO", 3, 7), head="   TO"),
+    replace(whole("accepted", "ACCEPT", 6), head="  ACCEPT"),
+    whole("rejected", "REJECT", 8),
+    whole("undecided", "UNDECIDED", 11),
+    whole("beyond_tolerance", "BEYOND k_q", 12),
+    name("untestable", form=lambda count: "not testable" if count else ""),
+)
+
+
+def _class_table(classes: tuple[ClassRow, ...]) -> Table:
+    rows = (
+        (_named(row.kind), *row.kind, row.observations, row.model, row.smallest, row.largest,
+         row.accepted, row.rejected, row.undecided, row.beyond, row.untestable)
+        for row in classes
+    )  # fmt: skip
+    return table("snooping_classes", _CLASSES, rows)
+
+
+def _decided(key: str, rows: tuple[Decided, ...]) -> Table:
+    return table(f"snooping_{key}", for_programs(*Decided._fields), rows)
+
+
+def snooping_document(snooped: SnoopedBlock | None) -> Document:
+    """Return the document of both tests side by side; its answer is None without a test."""
     if snooped is None:
-        return "MODIFIED DATA SNOOPING\n  no test: the redundancy does not suffice"
-    share = f"{100.0 * snooped.tolerance:g} %"
-    lines = [
-        "MODIFIED DATA SNOOPING (Gruen 1980) BESIDE THE EXACT TEST",
-        f"  model values of sqrt(q_vv) {_SOURCES[snooped.values]}, k_q {share}, critical value "
-        f"{snooped.critical:.2f}",
-        f"  {'CLASS':<28} AXIS    OBS  MODEL  EXACT FROM   TO  ACCEPT  REJECT  UNDECIDED  "
-        f"BEYOND k_q",
-    ]
-    for row in snooped.classes:
-        lines.append(
-            f"  {_named(row.kind):<28} {row.kind.axis:<4}{column(row.observations, 7)}"
-            f"{cell(row.model, 3, 7)}{cell(row.smallest, 3, 12)}{cell(row.largest, 3, 7)}"
-            f"{column(row.accepted, 6)}{column(row.rejected, 8)}{column(row.undecided, 11)}"
-            f"{column(row.beyond, 12)}" + "  not testable" * (row.untestable > 0)
-        )
-    accepted = sum(row.accepted for row in snooped.classes)
-    rejected = sum(row.rejected for row in snooped.classes)
-    lines.append(
-        f"  of {snooped.observations} image coordinates the model values accept {accepted} and "
-        f"reject {rejected}; {len(snooped.undecided)} undecided are decided exactly"
-        + (f", {snooped.untestable} cannot be tested" if snooped.untestable else "")
-    )
-    lines += _list("undecided, decided exactly", snooped.undecided)
-    lines += _list("rejected", snooped.rejected)
+        nothing = say("  no test: the redundancy does not suffice")
+        return Document(None, (say("MODIFIED DATA SNOOPING").of("heading"), nothing))
+    classes = _class_table(snooped.classes)
+    lists = {
+        key: _decided(key, getattr(snooped, key))
+        for key in ("undecided", "rejected", "wrongly_accepted", "wrongly_rejected")
+    }
     different = len(snooped.wrongly_accepted) + len(snooped.wrongly_rejected)
+    answer = {
+        "model_values": snooped.values,
+        "tolerance": snooped.tolerance,
+        "critical": snooped.critical,
+        "observations": snooped.observations,
+        "classes": classes,
+        **lists,
+        "differences": different,
+        "beyond_tolerance": snooped.beyond,
+        "untestable": snooped.untestable,
+    }
+    share = say("{:g} %", 100.0 * snooped.tolerance)
+    judged = say("  the exact test decides all of them alike")
     if different:
-        lines.append(
-            f"  the exact test decides {different} otherwise: {len(snooped.wrongly_accepted)} "
-            f"wrongly accepted, {len(snooped.wrongly_rejected)} wrongly rejected"
+        judged = say(
+            "  the exact test decides {} otherwise: {} wrongly accepted, {} wrongly rejected",
+            different,
+            len(snooped.wrongly_accepted),
+            len(snooped.wrongly_rejected),
+        ).of("look")
+    page: list[Block] = [
+        say("MODIFIED DATA SNOOPING (Gruen 1980) BESIDE THE EXACT TEST").of("heading"),
+        say(
+            "  model values of sqrt(q_vv) {}, k_q {}, critical value {:.2f}",
+            _SOURCES[snooped.values],
+            share,
+            snooped.critical,
+        ),
+        classes,
+        say(
+            "  of {} image coordinates the model values accept {} and reject {}; {} undecided are "
+            "decided exactly",
+            snooped.observations,
+            sum(row.accepted for row in snooped.classes),
+            sum(row.rejected for row in snooped.classes),
+            len(snooped.undecided),
         )
-    else:
-        lines.append("  the exact test decides all of them alike")
-    lines += _list("wrongly accepted", snooped.wrongly_accepted)
-    lines += _list("wrongly rejected", snooped.wrongly_rejected)
-    lines.append(
-        f"  {snooped.beyond} exact sqrt(q_vv) lie farther than {share} from their model value"
-    )
-    return "\n".join(lines)
+        + (say(", {} cannot be tested", snooped.untestable) if snooped.untestable else ""),
+        *_list("undecided, decided exactly", snooped.undecided),
+        *_list("rejected", snooped.rejected),
+        judged,
+        *_list("wrongly accepted", snooped.wrongly_accepted),
+        *_list("wrongly rejected", snooped.wrongly_rejected),
+        say("  {} exact sqrt(q_vv) lie farther than {} from their model value", snooped.beyond,
+            share),
+    ]  # fmt: skip
+    return Document(answer, tuple(page), (classes, *lists.values()))
 
 
 def _named(kind: ObservationClass) -> str:
@@ -288,57 +341,20 @@ def _named(kind: ObservationClass) -> str:
     return f"{rays}, {'inner' if kind.inner else 'outer'}{', control' if kind.control else ''}"
 
 
-def _list(title: str, rows: tuple[Decided, ...]) -> list[str]:
+def _list(title: str, rows: tuple[Decided, ...]) -> list[Block]:
     if not rows:
         return []
-    lines = [f"  {title}:"]
-    for row in rows[:_MOST]:
-        model = "" if row.model is None else f" in {plain(row.model)}"
-        w = "-" if row.w is None else f"{row.w:.2f}"
+    lines = []
+    for row in rows:
+        model = "" if row.model is None else say(" in {}", row.model)
         verdict = "rejected" if row.rejected else "not testable" if row.w is None else "accepted"
         other = "" if row.rejected == row.exact else f", exact test {_word(row.exact)}"
         lines.append(
-            f"    photo {plain(row.photo)}{model}  point {plain(row.point)}  {row.axis}  "
-            f"w {w}  {verdict}{other}"
-        )
-    if len(rows) > _MOST:
-        lines.append(f"    and {len(rows) - _MOST} more")
-    return lines
+            say("    photo {}{}  point {}  {}  w {:.2f}  {}{}", row.photo, model, row.point,
+                row.axis, row.w, verdict, other)
+        )  # fmt: skip
+    return [say("  {}:", title), Listed(tuple(lines), _MOST)]
 
 
 def _word(rejected: bool) -> str:
     return "rejects" if rejected else "accepts"
-
-
-def snooping_json(snooped: SnoopedBlock | None) -> Json | None:
-    """Return both tests for programs; None without a test."""
-    if snooped is None:
-        return None
-    return {
-        "model_values": snooped.values,
-        "tolerance": snooped.tolerance,
-        "critical": snooped.critical,
-        "observations": snooped.observations,
-        "classes": [
-            {
-                **row.kind._asdict(),
-                "observations": row.observations,
-                "root_qvv": row.model,
-                "smallest": row.smallest,
-                "largest": row.largest,
-                "accepted": row.accepted,
-                "rejected": row.rejected,
-                "undecided": row.undecided,
-                "beyond_tolerance": row.beyond,
-                "untestable": row.untestable,
-            }
-            for row in snooped.classes
-        ],
-        "undecided": [row._asdict() for row in snooped.undecided],
-        "rejected": [row._asdict() for row in snooped.rejected],
-        "wrongly_accepted": [row._asdict() for row in snooped.wrongly_accepted],
-        "wrongly_rejected": [row._asdict() for row in snooped.wrongly_rejected],
-        "differences": len(snooped.wrongly_accepted) + len(snooped.wrongly_rejected),
-        "beyond_tolerance": snooped.beyond,
-        "untestable": snooped.untestable,
-    }
