@@ -13,7 +13,6 @@ __all__ = [
     "GlobalTest",
     "SingleTest",
     "global_from_single",
-    "single_from_global",
     "single_test",
 ]
 
@@ -89,30 +88,6 @@ def global_from_single(alpha: float, power: float, redundancy: int) -> GlobalTes
     _check(alpha, power, redundancy)
     limit = float(chndtrix(1.0 - power, redundancy, size))
     return GlobalTest(float(chdtrc(redundancy, limit)), power, redundancy, limit / redundancy, size)
-
-
-def single_from_global(alpha: float, power: float, redundancy: int) -> SingleTest:
-    """Return the test of single observations that goes with a global test.
-
-    Parameters
-    ----------
-    alpha, power
-        Significance and power of the global test.
-    redundancy
-        r of the adjustment.
-
-    Raises
-    ------
-    ValueError
-        Not 0 < alpha < power < 1, or no redundancy.
-    """
-    from scipy.special import chdtrc, chdtri, chndtrinc, chndtrix
-
-    _check(alpha, power, redundancy)
-    limit = float(chdtri(redundancy, alpha))
-    size = float(chndtrinc(limit, redundancy, 1.0 - power))
-    square = float(chndtrix(1.0 - power, 1.0, size))
-    return SingleTest(float(chdtrc(1.0, square)), power, square**0.5, size)
 
 
 def single_test(alpha: float, power: float) -> SingleTest:

@@ -105,11 +105,6 @@ class Elimination:
         """Redundancy of the remaining rows."""
         return self.system.redundancy - len(self._rows)
 
-    @property
-    def log_determinant(self) -> float:
-        """Natural logarithm of det(R_SS)."""
-        return 2.0 * float(np.log(np.abs(np.diag(self.triangle()))).sum())
-
     def copy(self) -> Elimination:
         """Return an independent state with the same rows out."""
         other = Elimination(self.system)

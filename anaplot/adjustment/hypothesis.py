@@ -24,7 +24,6 @@ from anaplot.aliases import Array
 __all__ = [
     "Component",
     "DependentConditionsError",
-    "Discrepancy",
     "FTest",
     "Removal",
     "bonferroni_alpha",
@@ -32,15 +31,12 @@ __all__ = [
     "f_noncentrality",
     "f_power",
     "f_test",
-    "linear_hypothesis",
-    "noncentrality_of",
     "principal_components",
     "quadratic_form",
     "removable",
     "scheffe_factor",
     "sequential_components",
     "sidak_alpha",
-    "smallest_detectable",
     "variance_inflation",
 ]
 
@@ -90,29 +86,6 @@ class FTest(NamedTuple):
     def rejected(self) -> bool:
         """Whether T exceeds the critical value."""
         return self.statistic > self.critical
-
-
-class Discrepancy(NamedTuple):
-    """How far an estimate is from a hypothesis.
-
-    Attributes
-    ----------
-    difference
-        (b,) d = B x - w.
-    cofactors
-        (b, b) of the difference.
-    square
-        R.
-    """
-
-    difference: Array
-    cofactors: Array
-    square: float
-
-    @property
-    def dimension(self) -> int:
-        """Number of conditions b."""
-        return len(self.difference)
 
 
 class Component(NamedTuple):
@@ -295,73 +268,6 @@ def quadratic_form(difference: Array, cofactors: Array) -> float:
     z = np.asarray(difference, dtype=np.float64) / scale
     y = np.linalg.solve(np.linalg.cholesky(rho), z)
     return float(y @ y)
-
-
-def linear_hypothesis(
-    x: Array, cofactors: Array, conditions: Array, values: Array | None = None
-) -> Discrepancy:
-    """Compare an estimate with the hypothesis B x = w.
-
-    Parameters
-    ----------
-    x, cofactors
-        (u,) and (u, u).
-    conditions
-        (b, u) B of full rank.
-    values
-        (b,) w; None for zeros.
-
-    Raises
-    ------
-    DependentConditionsError
-        The conditions are not of full rank.
-    ValueError
-        Shapes do not fit.
-    """
-    conditions = np.atleast_2d(np.asarray(conditions, dtype=np.float64))
-    if conditions.shape[1] != len(x):
-        raise ValueError(f"conditions for {conditions.shape[1]} unknowns, not for {len(x)}")
-    d: Array = conditions @ x
-    if values is not None:
-        d = d - values
-    q: Array = conditions @ cofactors @ conditions.T
-    return Discrepancy(d, q, quadratic_form(d, q))
-
-
-def noncentrality_of(deviation: Array, cofactors: Array) -> float:
-    """Return lambda = delta' Q^-1 delta of an alternative; twice the paper's of eq. (33) and (38).
-
-    Raises
-    ------
-    DependentConditionsError
-        The cofactors are not of full rank.
-    """
-    return quadratic_form(deviation, cofactors)
-
-
-def smallest_detectable(direction: Array, cofactors: Array, noncentrality: float) -> float:
-    """Return how far along a direction an alternative of the given noncentrality lies.
-
-    Parameters
-    ----------
-    direction
-        (b,) not zero; the result is a multiple of it.
-    cofactors
-        (b, b) of the tested difference.
-    noncentrality
-        lambda, see `f_noncentrality`.
-
-    Raises
-    ------
-    DependentConditionsError
-        The cofactors are not of full rank.
-    ValueError
-        The direction is zero.
-    """
-    unit = quadratic_form(direction, cofactors)
-    if unit <= 0.0:
-        raise ValueError("a direction of length zero")
-    return sqrt(noncentrality / unit)
 
 
 def sidak_alpha(alpha: float, tests: int) -> float:

@@ -21,10 +21,11 @@ __all__ = ["MOST_ROWS_OF_PAIRS", "pair_odds", "pair_odds_of"]
 MOST_ROWS_OF_PAIRS = 3000
 """Largest number of rows whose pairs are weighed."""
 
+_MOST_PAIRS = 20  # that are returned
+
 
 def pair_odds(
     system: ResidualSystem,
-    most: int = 20,
     *,
     kind: TestKind = "baarda",
     left_out: Collection[int] = (),
@@ -35,8 +36,6 @@ def pair_odds(
     ----------
     system
         All rows, at most `MOST_ROWS_OF_PAIRS`.
-    most
-        Number of pairs returned.
     kind
         "baarda": sigma known; "tau": sigma estimated, see `sigma_of`.
     left_out
@@ -67,7 +66,7 @@ def pair_odds(
     if every > MOST_ROWS_OF_PAIRS:
         raise ValueError(f"odds over pairs of {every} rows: at most {MOST_ROWS_OF_PAIRS}")
     rest = ReducedSystem(system, left_out) if left_out else system
-    return pair_odds_of(rest, remaining(every, left_out), kind, most)
+    return pair_odds_of(rest, remaining(every, left_out), kind)
 
 
 def _log_factors(
@@ -84,7 +83,7 @@ def _log_factors(
     return -0.5 * np.log(determinant) - 0.5 * f * np.log1p(-share)
 
 
-def pair_odds_of(system: ResidualSystem, rows: Index, kind: TestKind, most: int = 20) -> PairOdds:
+def pair_odds_of(system: ResidualSystem, rows: Index, kind: TestKind) -> PairOdds:
     """As `pair_odds`, over some rows of a system."""
     e, r = np.asarray(system.e, dtype=float)[rows], np.asarray(system.r, dtype=float)[rows]
     every, n = len(system.e), len(rows)
@@ -105,7 +104,7 @@ def pair_odds_of(system: ResidualSystem, rows: Index, kind: TestKind, most: int 
     none, one, two = np.exp(-top), np.exp(single - top), np.exp(logs - top)
     total = float(none + one.sum() + two.sum())
     one, two = one / total, two / total
-    best = np.argsort(-two, kind="stable")[:most]
+    best = np.argsort(-two, kind="stable")[:_MOST_PAIRS]
     marginal = one + np.bincount(a, two, n) + np.bincount(b, two, n)
     return PairOdds(
         float(none) / total,

@@ -16,13 +16,11 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-import numpy as np
 from scipy.sparse import csr_array, dia_array
 
-from anaplot.adjustment.leastsquares import Adjustment
 from anaplot.aliases import Array, Index
 
-__all__ = ["DenseResiduals", "Designed", "ResidualSystem", "dense_residuals", "diagonal"]
+__all__ = ["DenseResiduals", "Designed", "ResidualSystem", "diagonal"]
 
 
 class ResidualSystem(Protocol):
@@ -92,39 +90,6 @@ class DenseResiduals:
     def columns(self, rows: Index) -> Array:
         """Return (n, k): the columns of R that belong to k rows."""
         return self.matrix[:, rows]
-
-
-def dense_residuals(
-    adjustment: Adjustment, apriori: float, names: Sequence[Hashable]
-) -> DenseResiduals:
-    """See a (small) adjustment from the side of its residuals.
-
-    Parameters
-    ----------
-    adjustment
-        The adjustment of n rows.
-    apriori
-        A-priori standard deviation of unit weight, in the unit of the residuals.
-    names
-        Identity of the n rows.
-
-    Raises
-    ------
-    ValueError
-        Not as many names as rows.
-    """
-    if len(names) != len(adjustment.w):
-        raise ValueError(f"{len(names)} names for {len(adjustment.w)} rows")
-    root = np.sqrt(adjustment.q_l)
-    e = adjustment.w / (apriori * root)
-    return DenseResiduals(
-        tuple(names),
-        e,
-        adjustment.r,
-        float(e @ e),
-        adjustment.redundancy,
-        adjustment.q_vv / root[:, None] / root,
-    )
 
 
 def diagonal(values: Array) -> dia_array:

@@ -167,7 +167,6 @@ def set_odds(
     suspects: Bools | None = None,
     most: int | None = None,
     steps: int = STEPS,
-    seed: int = 0,
     watch: Watch | None = None,
 ) -> SetOdds:
     """Weigh sets of gross errors against each other, under one width; sigma known.
@@ -180,8 +179,6 @@ def set_odds(
         Where the chain begins, and the width.
     steps
         Number of jumps.
-    seed
-        Of the chain's generator.
     watch
         Told how far it is; asked whether to end with what has been visited.
 
@@ -194,7 +191,7 @@ def set_odds(
         raise ValueError(f"{steps} jumps are none")
     sets = _Sets(system, critical, suspects, most)
     sets.take(found.width)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     held = list(found.rows)[: sets.most]
     levels = sets.levels_of(found.widths[: len(held)])
     time = np.zeros(len(sets.e))

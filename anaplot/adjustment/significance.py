@@ -21,7 +21,6 @@ __all__ = [
     "noncentrality",
     "normal_power",
     "tau_power",
-    "tau_significance",
 ]
 
 TESTABLE = 1e-9
@@ -52,20 +51,6 @@ def critical_tau(alpha: float, redundancy: int) -> float | None:
         return None
     t = float(-stdtrit(f - 1.0, alpha / 2.0))
     return t * sqrt(f) / sqrt(f - 1.0 + t * t)
-
-
-def tau_significance(tau: float, redundancy: int) -> float | None:
-    """Two-sided probability of a larger tau under no error; None for f < 2."""
-    from scipy.special import stdtr
-
-    f = redundancy
-    if f < 2:
-        return None
-    room = f - tau * tau
-    if room <= 0.0:
-        return 0.0
-    t = tau * sqrt((f - 1.0) / room)
-    return float(2.0 * stdtr(f - 1.0, -t))
 
 
 def normal_power(delta: float, alpha: float) -> float:

@@ -31,7 +31,6 @@ __all__ = [
     "VarianceComponent",
     "VarianceComponents",
     "estimate_components",
-    "helmert_factors",
 ]
 
 ComponentStatus = Literal["estimated", "undetermined", "vanishing"]
@@ -292,24 +291,3 @@ def _deviations(traces: Array) -> list[float | None]:
         return [None] * len(traces)
     variances = np.diag(np.linalg.inv(scaled)) / size**2
     return [sqrt(2.0 * value) for value in variances.tolist()]
-
-
-def helmert_factors(traces: Array, vtpv: Array) -> Array:
-    """Solve Helmert's equations once: the rigorous factors of one step, negative ones included.
-
-    Parameters
-    ----------
-    traces
-        (k, k) traces tr(Q_vv P_g Q_vv P_h) with Q_vv and P of the adjustment.
-    vtpv
-        (k,) sums v'Pv of the groups.
-
-    Returns
-    -------
-    NDArray
-        (k,) unbiased estimates of the factors; a negative one means that the group's variance is
-        not separable from the others by these observations. NaN where the equations are singular.
-    """
-    if np.linalg.matrix_rank(traces) < len(vtpv):
-        return np.full(len(vtpv), np.nan)
-    return np.asarray(np.linalg.solve(traces, vtpv))

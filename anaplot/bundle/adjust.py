@@ -323,7 +323,6 @@ def adjust_bundle(
     problem: Problem,
     start: BlockState,
     *,
-    structure: Structure | None = None,
     robust: BlockState | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
@@ -335,8 +334,6 @@ def adjust_bundle(
         The bundle.
     start
         Approximate values.
-    structure
-        Of the normal equations, when it is already known.
     robust
         A robust solution, if there is one: where the search for gross errors starts.
     progress
@@ -348,8 +345,7 @@ def adjust_bundle(
         The observations do not determine everything (photos, points or parts are named), or no
         minimum is found (the observations that disagree most are named).
     """
-    if structure is None:
-        structure = make_structure(problem, start.centres)
+    structure = make_structure(problem, start.centres)
     check_datum(problem, start, linearise(problem, start))
     try:
         found = find_minimum(problem, start, structure, progress=progress)

@@ -24,12 +24,11 @@ from anaplot.orientation.solver import ModelUnknowns
 from anaplot.orientation.tieerrors import stationary_errors
 from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 
-__all__ = ["PATTERNS", "Pattern", "ideal_model", "mirror", "pattern", "trace_in_bases"]
+__all__ = ["PATTERNS", "Pattern", "ideal_model", "pattern", "trace_in_bases"]
 
 _COLUMN = {"1": 0, "2": 0, "3": 0, "7": 1, "8": 1, "9": 1, "4": 2, "5": 2, "6": 2}
 _LINE = {"1": 1, "7": 1, "4": 1, "2": 0, "8": 0, "5": 0, "3": -1, "9": -1, "6": -1}
 _SET = 0.05  # bases: how far from its place a point is set by hand
-_MIRRORED = {"4": "1", "5": "2", "6": "3"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,27 +101,6 @@ class Pattern:
         if not min(base, d, c) > 0.0:
             raise ValueError(f"base {base}, d {d} and c {c} must be positive")
         return ideal_model(self.positions(base, d), self.ties, base, c, tie_variance)
-
-    def ideal_redundancy(
-        self,
-        base: float,
-        d: float,
-        c: float,
-        tie_variance: TieVariance = "paper",
-    ) -> dict[tuple[str, str], float]:
-        """Return the redundancy number of every row (label, axis) of the ideal model."""
-        ideal = self.ideal(base, d, c, tie_variance).tested
-        return dict(zip(ideal.keys, ideal.r.tolist(), strict=True))
-
-    def trace_q_gg(
-        self,
-        base: float,
-        d: float,
-        c: float,
-        tie_variance: TieVariance = "paper",
-    ) -> float:
-        """Return the trace of Q_gg of the ideal model, coordinates in units of the base."""
-        return trace_in_bases(self.ideal(base, d, c, tie_variance), base)
 
 
 def ideal_model(
@@ -202,15 +180,6 @@ def trace_in_bases(solution: ModelSolution, base: float) -> float:
         # bx itself is a length: bx / b and image coordinates / b shrink alike
         trace += float(solution.q_gg[0, 0]) * (1.0 - base * base)
     return trace
-
-
-def mirror(label: str) -> str | None:
-    """Return the left-column label that a right-column point has in the next model.
-
-    4, 4', 5, 6, 6' become 1, 1', 2, 3, 3'; None for a point of another column.
-    """
-    left = _MIRRORED.get(label[:1])
-    return None if left is None else left + label[1:]
 
 
 _SIX = ("1", "2", "3", "4", "5", "6")

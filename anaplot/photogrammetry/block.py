@@ -227,10 +227,3 @@ class Block:
         """Return a control point's standard deviations [m], the default where it states none."""
         x, y, z = (self.precision.control_m if s is None else s for s in control.sigma)
         return x, y, z
-
-    def strip_of(self, model: tuple[str, str]) -> Strip:
-        """Return the strip in which the two photos follow each other; raises KeyError."""
-        for strip in self.strips:
-            if model in strip.models():
-                return strip
-        raise KeyError(model)

@@ -61,11 +61,6 @@ class Refinement:
         made._refuse_fold(calibration)
         return made
 
-    @property
-    def calibrated_radius(self) -> float | None:
-        """Largest radius [mm] that a distortion table lists; None where there is no table."""
-        return self.radial.radius[-1] if isinstance(self.radial, RadialTable) else None
-
     def refine(self, xy: Array) -> Array:
         """Return ideal image coordinates.
 

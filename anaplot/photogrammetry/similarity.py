@@ -21,6 +21,8 @@ __all__ = [
 
 _ON_A_LINE = 0.02  # extent across over extent along below which points leave a rotation open
 
+_SAMPLES = 200  # triples that are tried of more than eight points
+
 
 class Similarity(NamedTuple):
     """target = scale * rotation @ source + shift."""
@@ -63,9 +65,7 @@ def line_of(points: Array) -> Array | None:
     return axis if spread[1] < _ON_A_LINE * spread[0] else None
 
 
-def robust_similarity(
-    source: Array, target: Array, samples: int = 200, seed: int = 0
-) -> tuple[Similarity, Bools] | None:
+def robust_similarity(source: Array, target: Array) -> tuple[Similarity, Bools] | None:
     """Return the similarity that most points agree on, and those points.
 
     Least median of squares over triples; None when there are fewer than three points or they lie
@@ -74,14 +74,14 @@ def robust_similarity(
     n = len(source)
     if n < 3:
         return None
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     if n <= 8:
         index = np.array(
             [(i, j, k) for i in range(n) for j in range(i + 1, n) for k in range(j + 1, n)]
         )
     else:
-        index = np.argsort(rng.random((samples, n)), axis=1)[:, :3] if n < 400 else (
-            rng.integers(0, n, (samples, 3))
+        index = np.argsort(rng.random((_SAMPLES, n)), axis=1)[:, :3] if n < 400 else (
+            rng.integers(0, n, (_SAMPLES, 3))
         )  # fmt: skip
     base = source[index]
     edge1, edge2 = base[:, 1] - base[:, 0], base[:, 2] - base[:, 0]

@@ -89,9 +89,9 @@ def gruen_design(tilt_deg: float = 0.0) -> Array:
     )
 
 
-def gruen_matrix(tilt_deg: float = 0.0) -> Array:
+def gruen_matrix() -> Array:
     """Return (n, n) R of the block; see `gruen_design`."""
-    return residual_matrix(gruen_design(tilt_deg))
+    return residual_matrix(gruen_design())
 
 
 @dataclass(frozen=True, slots=True)

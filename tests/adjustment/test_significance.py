@@ -14,7 +14,6 @@ from anaplot.adjustment.significance import (
     noncentrality,
     normal_power,
     tau_power,
-    tau_significance,
 )
 
 
@@ -35,22 +34,11 @@ def test_tau_critical_value_by_the_formula_with_student_t(alpha, f):
 @pytest.mark.parametrize("f", [-1, 0, 1])
 def test_tau_has_no_critical_value_below_two_redundancies(f):
     assert critical_tau(0.001, f) is None
-    assert tau_significance(1.0, f) is None
     assert tau_power(4.0, 0.001, f) is None
 
 
 def test_tau_tends_to_the_normal_distribution():
     assert critical_tau(0.001, 10**7) == pytest.approx(critical_normal(0.001), abs=1e-5)
-
-
-@given(st.floats(1e-5, 0.3), st.integers(2, 200))
-def test_significance_at_the_critical_value_is_alpha(alpha, f):
-    assert tau_significance(critical_tau(alpha, f), f) == pytest.approx(alpha, rel=1e-6)
-
-
-def test_a_tau_at_its_limit_has_no_probability_left():
-    assert tau_significance(3.0, 9) == 0.0
-    assert tau_significance(4.0, 9) == 0.0
 
 
 @given(st.floats(1e-4, 0.1), st.floats(0.2, 0.99))

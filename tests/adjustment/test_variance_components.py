@@ -12,7 +12,6 @@ from anaplot.adjustment.variancecomponents import (
     GroupSums,
     VarianceComponent,
     estimate_components,
-    helmert_factors,
 )
 from anaplot.errors import InputError
 
@@ -84,7 +83,8 @@ def test_the_fixed_point_solves_helmerts_equations():
         ]
     )  # fmt: skip
     vtpv = np.bincount(group, weights=p * v * v)
-    np.testing.assert_allclose(helmert_factors(traces, vtpv), [1.0, 1.0], rtol=1e-6)
+    # Helmert's equations, solved once more, change nothing
+    np.testing.assert_allclose(np.linalg.solve(traces, vtpv), [1.0, 1.0], rtol=1e-6)
 
 
 def helmert_traces(a, factors, group):
@@ -190,11 +190,6 @@ def test_no_convergence_is_said():
     assert not found.converged
     assert found.remarks() == ["no convergence after 1 adjustments"]
     assert found.history.shape == (2, 2)
-
-
-def test_singular_helmert_equations_and_a_negative_estimate():
-    assert np.isnan(helmert_factors(np.ones((2, 2)), np.ones(2))).all()
-    assert helmert_factors(np.array([[5.0, 3.0], [3.0, 4.0]]), np.array([9.0, 3.0]))[1] < 0.0
 
 
 def test_groups_are_needed():

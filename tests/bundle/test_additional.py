@@ -8,11 +8,18 @@ import pytest
 from anaplot.bundle.solve.additional import (
     additional_parameters,
     ebner,
-    exterior_effects,
     gruen,
     physical,
 )
 from anaplot.errors import InputError
+
+
+def exterior_effects(x, y, c):
+    """(n, 2, 6): what X0, Y0, Z0, omega, phi, kappa of a vertical photo over flat ground do."""
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    dx = [one, zero, x, x * y / c, c + x * x / c, -y]
+    dy = [zero, one, y, c + y * y / c, x * y / c, x]
+    return np.stack((np.stack(dx, axis=1), np.stack(dy, axis=1)), axis=1)
 
 
 def gram(parameter_set, side: int):

@@ -51,7 +51,6 @@ def test_factor_and_selected_inverse_equal_the_dense_ones(seed, n, sizes, reach,
     dense, pattern, blocks, border, corner = system(seed, n, d, g, reach, leaf)
     factor = Factor(pattern, blocks, border, corner)
     inverse = np.linalg.inv(dense)
-    np.testing.assert_allclose(factor.log_determinant(), np.linalg.slogdet(dense)[1], rtol=1e-12)
     right = np.random.default_rng(seed).normal(size=(n * d + g, 2))
     for _ in range(2):  # before and after the selected inverse has changed the factor's form
         x, y = factor.solve(right[: n * d].reshape(n, d, 2), right[n * d :])

@@ -10,7 +10,7 @@ import pytest
 from bundleblocks import aerial, cube
 from wild import text_of
 
-from anaplot.adjustment.hypothesis import critical_f, f_power, noncentrality_of, sidak_alpha
+from anaplot.adjustment.hypothesis import critical_f, f_power, quadratic_form, sidak_alpha
 from anaplot.bundle.adjust import adjust_block, adjust_bundle, adjust_problem
 from anaplot.bundle.hypotheses import checktests, controltests, parametertests
 from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
@@ -166,7 +166,7 @@ def test_single_parameters_by_dense_formulas() -> None:
         assert row.verdict.estimated.alpha == pytest.approx(alpha)
         t = z[k] / (block.sigma0 * np.sqrt(q[k, k]))
         assert row.verdict.estimated.statistic == pytest.approx(t * t, rel=1e-6)
-        size = noncentrality_of(np.array([row.detectable]), q[k : k + 1, k : k + 1])
+        size = quadratic_form(np.array([row.detectable]), q[k : k + 1, k : k + 1])
         assert f_power(size, alpha, 1, block.redundancy) == pytest.approx(0.80, abs=1e-6)
         assert row.power == pytest.approx(
             f_power(0.005**2 / q[k, k], alpha, 1, block.redundancy), rel=1e-5
@@ -571,7 +571,7 @@ def test_size_and_power_of_the_parameters(kind) -> None:
             counts[planted][0] += bool(found.everything.rejected)
             counts[planted][1] += any(p.verdict.rejected for p in found.parameters)
         degrees = None if kind == "baarda" else block.redundancy
-        wanted[planted] = f_power(noncentrality_of(np.array([planted, 0.0]), q), 0.05, 2, degrees)
+        wanted[planted] = f_power(quadratic_form(np.array([planted, 0.0]), q), 0.05, 2, degrees)
     assert wanted[0.0] == pytest.approx(0.05)
     assert 0.4 < wanted[size] < 0.8
     for planted, (together, _) in counts.items():

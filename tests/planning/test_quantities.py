@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from anaplot.planning.montecarlo import sums
 from anaplot.planning.quantities import COUNT, MEASURE, YES_OR_NO, mean_interval, out_of, share
-from anaplot.planning.rates import wilson
+from anaplot.planning.rates import score_interval
 
 
 def interval(quantity, values, confidence: float = 0.95) -> tuple[float, float]:
@@ -34,8 +34,8 @@ def test_so_many_of_k(case: tuple[int, list[int]]) -> None:
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60))
 def test_yes_or_no_is_wilsons(values: list[bool]) -> None:
-    rate = wilson(sum(values), len(values))
-    assert interval(YES_OR_NO, values) == pytest.approx((rate.low, rate.high))
+    rate = score_interval(sum(values) / len(values), len(values), 0.95)
+    assert interval(YES_OR_NO, values) == pytest.approx(rate)
 
 
 @given(st.lists(st.integers(0, 50), min_size=2, max_size=40))
@@ -50,7 +50,7 @@ def test_the_drawn_values_do_not_decide() -> None:
     assert interval(out_of(4), [0, 1, 0, 0, 1, 0]) != interval(YES_OR_NO, [0, 1, 0, 0, 1, 0])
     # nothing missed: how errors are missed together is not known, so only the runs count
     low, high = interval(out_of(4), [0] * 100)
-    assert (low, high) == (0.0, pytest.approx(4.0 * wilson(0, 100).high))
+    assert (low, high) == (0.0, pytest.approx(4.0 * score_interval(0.0, 100, 0.95)[1]))
 
 
 def test_a_length_has_the_interval_of_its_mean_in_any_unit() -> None:

@@ -121,9 +121,9 @@ class VarianceFactor(NamedTuple):
             )
         return Verdict(estimated, f_test(square, dimension, alpha=alpha), self.by_known)
 
-    def detectable(self, alpha: float, power: float, dimension: int = 1) -> float:
+    def detectable(self, alpha: float, power: float) -> float:
         """Return the noncentrality that is found with the given power by the deciding test.
 
         Without redundancy it is that of the a-priori sigma0.
         """
-        return f_noncentrality(alpha, power, dimension, self.degrees)
+        return f_noncentrality(alpha, power, 1, self.degrees)

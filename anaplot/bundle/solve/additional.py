@@ -24,7 +24,6 @@ __all__ = [
     "Scope",
     "additional_parameters",
     "ebner",
-    "exterior_effects",
     "gruen",
     "lens_units",
     "physical",
@@ -199,14 +198,3 @@ def additional_parameters(text: str, sigma_um: float | None = None) -> Additiona
     if sigma_um is not None and not 0.0 < sigma_um < float("inf"):
         raise InputError(f"additional parameters: the sigma {sigma_um:g} um must be positive")
     return AdditionalParameters(chosen, found, sigma_um)
-
-
-def exterior_effects(x: Array, y: Array, c: float) -> Array:
-    """Return (n, 2, 6): what the exterior orientation of a vertical photo over flat ground does.
-
-    Columns: X0, Y0, Z0, omega, phi, kappa, in image units up to constant factors.
-    """
-    one, zero = np.ones_like(x), np.zeros_like(x)
-    dx = [one, zero, x, x * y / c, c + x * x / c, -y]
-    dy = [zero, one, y, c + y * y / c, x * y / c, x]
-    return _columns(x, list(dx), list(dy))

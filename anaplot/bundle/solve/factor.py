@@ -415,10 +415,6 @@ class Factor:
                 progress(float(work[step] / work[-1]))
         return SelectedInverse(blocks.reshape(-1, d, d), border, corner)
 
-    def log_determinant(self) -> float:
-        """Return the natural logarithm of the determinant."""
-        return 2.0 * sum(float(np.log(np.diagonal(l11)).sum()) for l11 in self._l11)
-
 
 def _mirror(matrix: Array) -> None:
     """Copy the lower triangle into the upper one, tile by tile."""

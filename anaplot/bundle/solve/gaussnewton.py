@@ -100,7 +100,6 @@ def find_minimum(
     structure: Structure,
     *,
     progress: Progress | None = None,
-    limit: int = MAX_ITERATIONS,
 ) -> Minimum:
     """Minimise v'Pv by damped Gauss-Newton steps (Levenberg and Marquardt).
 
@@ -115,8 +114,6 @@ def find_minimum(
         The bundle, approximate values, and the structure of its normal equations.
     progress
         Called with what is being done and the fraction of it.
-    limit
-        Steps after which the search ends.
 
     Raises
     ------
@@ -136,7 +133,7 @@ def find_minimum(
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
     damping, growth, accepted, damped = 0.0, 2.0, 0, 0
-    while accepted < limit:
+    while accepted < MAX_ITERATIONS:
         linear = linearise(problem, state)
         # what rounding does to the sum cannot be told from a step
         noise = rounding(problem, state, depth)

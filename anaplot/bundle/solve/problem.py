@@ -230,8 +230,9 @@ class Problem:
         return self.observations - self.unknowns + self.defect
 
 
-def listed(names: Sequence[str], limit: int = 8) -> str:
-    """Return names for a message, not more than `limit` of them."""
+def listed(names: Sequence[str]) -> str:
+    """Return names for a message, not more than eight of them."""
+    limit = 8
     if len(names) <= limit:
         return ", ".join(names)
     return f"{', '.join(names[:limit])} and {len(names) - limit} more"

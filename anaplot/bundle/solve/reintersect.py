@@ -18,7 +18,7 @@ _ROUNDS = 6
 _DAMPING = 1e-3  # of the first step
 
 
-def reintersected(problem: Problem, state: BlockState, rounds: int = _ROUNDS) -> BlockState:
+def reintersected(problem: Problem, state: BlockState) -> BlockState:
     """Return the state with every point where its own rays and its control want it.
 
     Each point takes damped Gauss-Newton steps of its own, and only such that bring its own sum of
@@ -28,14 +28,12 @@ def reintersected(problem: Problem, state: BlockState, rounds: int = _ROUNDS) ->
     ----------
     problem, state
         The bundle, and where it is.
-    rounds
-        Steps of every point, at most.
     """
     count = len(problem.points)
     damping = np.full(count, _DAMPING)
     linear = linearise(problem, state)
     cost = _costs(problem, linear)
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         step = _steps(problem, linear, damping)
         trial = replace(state, points=state.points + step)
         there = linearise(problem, trial)

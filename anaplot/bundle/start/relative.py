@@ -44,7 +44,7 @@ class RelativeOrientation(NamedTuple):
     in_front: float
 
 
-def orient_pair(first: Array, second: Array, *, seed: int = 0) -> list[RelativeOrientation]:
+def orient_pair(first: Array, second: Array) -> list[RelativeOrientation]:
     """Return possible relative orientations, the best first.
 
     Parameters
@@ -55,7 +55,7 @@ def orient_pair(first: Array, second: Array, *, seed: int = 0) -> list[RelativeO
     p = first / np.linalg.norm(first, axis=1)[:, None]
     q = second / np.linalg.norm(second, axis=1)[:, None]
     if len(p) > _MOST_POINTS:
-        chosen = np.random.default_rng(seed).permutation(len(p))[:_MOST_POINTS]
+        chosen = np.random.default_rng(0).permutation(len(p))[:_MOST_POINTS]
         p, q = p[chosen], q[chosen]
     starts = np.concatenate((np.eye(3)[None], spread_rotations(_STARTS - 1)))
     bases, size = _best_bases(starts, p, q)

@@ -11,6 +11,8 @@ from anaplot.photogrammetry.collinearity import project, project_with_derivative
 
 __all__ = ["Resection", "resect", "three_point_resection"]
 
+_SAMPLES = 80  # half of the triples that are tried
+
 
 class Resection(NamedTuple):
     """An orientation found by resection.
@@ -99,9 +101,7 @@ def three_point_resection(rays: Array, points: Array) -> tuple[Array, Array, Ind
     return centre, rotation, case
 
 
-def resect(
-    xy: Array, c: float, points: Array, *, samples: int = 80, seed: int = 0
-) -> Resection | None:
+def resect(xy: Array, c: float, points: Array) -> Resection | None:
     """Orient a photo to known points of which a minority may be wrong.
 
     Parameters
@@ -121,7 +121,7 @@ def resect(
     n = len(xy)
     if n < 4:
         return None
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     rays = np.column_stack((xy, np.full(n, -c)))
     rays /= np.linalg.norm(rays, axis=1)[:, None]
     if n <= 8:
@@ -129,7 +129,7 @@ def resect(
             [(i, j, k) for i in range(n) for j in range(i + 1, n) for k in range(j + 1, n)]
         )
     else:
-        index = _spread_triples(xy, samples, rng)
+        index = _spread_triples(xy, rng)
     centres, rotations, _ = three_point_resection(rays[index], points[index])
     if len(centres) == 0:
         return None
@@ -146,13 +146,13 @@ def resect(
     return best
 
 
-def _spread_triples(xy: Array, samples: int, rng: np.random.Generator) -> Index:
+def _spread_triples(xy: Array, rng: np.random.Generator) -> Index:
     """Triples of points, the larger triangles of many random ones."""
-    index = rng.integers(0, len(xy), (6 * samples, 3))
+    index = rng.integers(0, len(xy), (6 * _SAMPLES, 3))
     p = xy[index]
     e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     area = np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
-    return index[np.argsort(-area)[: 2 * samples]]
+    return index[np.argsort(-area)[: 2 * _SAMPLES]]
 
 
 def _residuals(centres: Array, rotations: Array, c: float, points: Array, xy: Array) -> Array:

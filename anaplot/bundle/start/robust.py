@@ -60,7 +60,7 @@ def no_minimum_error(
     state
         The best that it reached; None: the start.
     """
-    clearest = _clearest(problem, structure, start, _STEPS)
+    clearest = _clearest(problem, structure, start)
     # where gross errors have bent the start, it is seen without them
     for at in (start, _with_fixed(problem, clearest.state)):
         by_noise = held_by_noise(problem, structure, at)
@@ -127,14 +127,14 @@ class RobustSuspect(NamedTuple):
 
 
 def robust_suspects(
-    problem: Problem, structure: Structure, start: BlockState, steps: int = _STEPS
+    problem: Problem, structure: Structure, start: BlockState
 ) -> list[RobustSuspect]:
     """Return the measurements that a robust adjustment leaves far off, the worst first.
 
     As `robust_state`; where that leaves many rays off, photos that fit badly are resected to the
     points of the others first.
     """
-    return _suspects(problem, _clearest(problem, structure, start, steps))
+    return _suspects(problem, _clearest(problem, structure, start))
 
 
 def _suspects(problem: Problem, clearest: _Clearest) -> list[RobustSuspect]:
@@ -196,11 +196,9 @@ class FarOff(NamedTuple):
     reach: float
 
 
-def far_off(
-    problem: Problem, structure: Structure, start: BlockState, steps: int = _STEPS
-) -> FarOff:
+def far_off(problem: Problem, structure: Structure, start: BlockState) -> FarOff:
     """Return what a robust adjustment leaves far off, by the measure of `robust_suspects`."""
-    clearest = _clearest(problem, structure, start, steps)
+    clearest = _clearest(problem, structure, start)
     held = clearest.held.any(axis=1)
     control = np.zeros(len(problem.points), dtype=bool)
     if held.any():
@@ -242,13 +240,13 @@ class _Clearest(NamedTuple):
         return _prior_scale(self.misfits.priors)
 
 
-def _clearest(problem: Problem, structure: Structure, start: BlockState, steps: int) -> _Clearest:
+def _clearest(problem: Problem, structure: Structure, start: BlockState) -> _Clearest:
     """Return the robust solution that leaves fewer rays off, with and without new orientations."""
-    state, held, least = _robust(problem, structure, start, steps)
+    state, held, least = _robust(problem, structure, start)
     misfits = _misfits(problem, held, state)
     off = _off(problem, misfits.image)
     if off > max(1, len(misfits.image) // 200):
-        again, _, _ = _robust(problem, structure, _reoriented(problem, start), steps)
+        again, _, _ = _robust(problem, structure, _reoriented(problem, start))
         others = _misfits(problem, held, again)
         if _off(problem, others.image) <= off:
             state, misfits = again, others
@@ -283,16 +281,14 @@ class RobustState(NamedTuple):
         return self.rays_off, self.control_off
 
 
-def robust_state(
-    problem: Problem, structure: Structure, start: BlockState, steps: int = _STEPS
-) -> RobustState:
+def robust_state(problem: Problem, structure: Structure, start: BlockState) -> RobustState:
     """Return the state after some steps of a robust adjustment.
 
     The sigma of every ray, control point and prior grows with its residual (Cauchy's weight
     function), so that gross errors lose their pull. The steps are damped; control free of error is
     weighted here, for it may be what is wrong.
     """
-    state, held, least = _robust(problem, structure, start, steps)
+    state, held, least = _robust(problem, structure, start)
     image, control, _ = _misfits(problem, held, state)
     off = control > 20.0 * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
     return RobustState(
@@ -315,7 +311,7 @@ def _off(problem: Problem, image: Array) -> int:
 
 
 def _robust(
-    problem: Problem, structure: Structure, start: BlockState, steps: int
+    problem: Problem, structure: Structure, start: BlockState
 ) -> tuple[BlockState, Bools, Array]:
     """Robust steps; also which coordinates are control, and its smallest sigmas [m]."""
     held = problem.fixed | np.isfinite(problem.known_sigma)
@@ -331,7 +327,7 @@ def _robust(
     tie = anchor(problem, state) if problem.defect else None
     weights = None if tie is None else tie.weights
     damping = 1e-3
-    for _ in range(steps):
+    for _ in range(_STEPS):
         image, control, priors = _misfits(problem, held, state)
         scale = max(float(np.median(image)), float(np.median(problem.sigma)))
         soft = replace(soft, sigma=scale * np.sqrt(1.0 + (image / scale) ** 2))
@@ -361,7 +357,7 @@ def _robust(
     return state, held, least
 
 
-def _reoriented(problem: Problem, start: BlockState, rounds: int = 3) -> BlockState:
+def _reoriented(problem: Problem, start: BlockState) -> BlockState:
     """Points from their rays alone, and photos that fit them badly resected to the others' points.
 
     Whatever control says, and however a gross error has bent the approximate orientations.
@@ -372,7 +368,7 @@ def _reoriented(problem: Problem, start: BlockState, rounds: int = 3) -> BlockSt
     subblock.place(problem, rays, again=True)
     order = np.argsort(problem.photo, kind="stable")
     ends = np.searchsorted(problem.photo[order], np.arange(len(problem.photos) + 1))
-    for _ in range(rounds):
+    for _ in range(3):
         size = np.nan_to_num(subblock.residuals(problem), nan=np.inf)
         worst = np.array(
             [np.max(size[order[ends[k] : ends[k + 1]]]) for k in range(len(problem.photos))]

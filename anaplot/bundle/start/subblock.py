@@ -16,6 +16,7 @@ __all__ = ["SubBlock", "intersect_rays"]
 
 
 _ALONG = 0.01  # share of the extent within which points on a line coincide
+_ROUNDS = 6  # of weights when rays are intersected
 _PARALLEL = 1e-10  # smallest over largest eigenvalue below which rays count as parallel
 
 
@@ -168,7 +169,7 @@ def _on_a_line(source: Array, target: Array) -> tuple[Similarity, Bools] | None:
     return (similarity, inliers) if inliers.all() else None
 
 
-def intersect_rays(problem: Problem, subblock: SubBlock, rays: Array, rounds: int = 6) -> Array:
+def intersect_rays(problem: Problem, subblock: SubBlock, rays: Array) -> Array:
     """Return (points, 3): where the rays of the sub-block's photos meet best; NaN elsewhere.
 
     Weighted by Cauchy's function of the angle by which a ray misses, so that one wrong ray among
@@ -190,7 +191,7 @@ def intersect_rays(problem: Problem, subblock: SubBlock, rays: Array, rounds: in
     toward = np.einsum("nij,nj->ni", plane, centre)
     weight = np.ones(len(use))
     out = np.full((count, 3), np.nan)
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         matrix = np.empty((count, 3, 3))
         right = np.empty((count, 3))
         for i in range(3):
