@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from anaplot.aliases import Axis, Side
+from anaplot.photogrammetry.platetransformation import TransformationName
 
 __all__ = [
     "EVENT_KINDS",
@@ -17,6 +18,7 @@ __all__ = [
     "ModelChosen",
     "MonoMeasured",
     "PhotoLaid",
+    "PhotoName",
     "PlannedPoint",
     "PointAdded",
     "PointMeasured",
@@ -28,6 +30,8 @@ __all__ = [
 ]
 
 Role = Literal["tie", "new"]
+PhotoName = Annotated[str, "photo"]
+"""A name without a slash, for a model is written left/right."""
 Row3 = tuple[float, float, float]
 Row4 = tuple[float, float, float, float]
 
@@ -71,8 +75,8 @@ class ModelChosen:
 
     kind: ClassVar[str] = "model-chosen"
     strip: str
-    left: str
-    right: str
+    left: PhotoName
+    right: PhotoName
     plan: tuple[PlannedPoint, ...]
     mono: bool = False
 
@@ -82,7 +86,7 @@ class PhotoLaid:
     """A photo of the current model was laid into the mono comparator, in place of any other."""
 
     kind: ClassVar[str] = "photo-laid"
-    photo: str
+    photo: PhotoName
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +104,7 @@ class FiducialMeasured:
     """
 
     kind: ClassVar[str] = "fiducial-measured"
-    photo: str
+    photo: PhotoName
     side: Side
     fiducial: str
     x: float
@@ -113,7 +117,7 @@ class FiducialSwitched:
     """A fiducial (axis None) or one of its coordinates was switched off or on again."""
 
     kind: ClassVar[str] = "fiducial-switched"
-    photo: str
+    photo: PhotoName
     fiducial: str
     axis: Axis | None
     on: bool
@@ -135,9 +139,9 @@ class InnerAccepted:
     """
 
     kind: ClassVar[str] = "inner-accepted"
-    photo: str
+    photo: PhotoName
     side: Side
-    transformation: str
+    transformation: TransformationName
     frame: tuple[Row3, Row3]
     numerator: tuple[Row4, Row4]
     denominator: tuple[float, float]
@@ -167,8 +171,8 @@ class PointMeasured:
     """
 
     kind: ClassVar[str] = "point-measured"
-    left: str
-    right: str
+    left: PhotoName
+    right: PhotoName
     point: str
     xl: float
     yl: float
@@ -192,8 +196,8 @@ class MonoMeasured:
     """
 
     kind: ClassVar[str] = "mono-measured"
-    left: str
-    right: str
+    left: PhotoName
+    right: PhotoName
     side: Side
     point: str
     x: float
@@ -216,8 +220,8 @@ class ModelAccepted:
     """The operator accepted the current model."""
 
     kind: ClassVar[str] = "model-accepted"
-    left: str
-    right: str
+    left: PhotoName
+    right: PhotoName
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,21 +261,4 @@ Event = (
     | Resumed
 )
 
-EVENT_KINDS: dict[str, type[Event]] = {
-    cls.kind: cls
-    for cls in (
-        ModelChosen,
-        PhotoLaid,
-        FiducialMeasured,
-        FiducialSwitched,
-        InnerAccepted,
-        PointAdded,
-        PointMeasured,
-        MonoMeasured,
-        RowSwitched,
-        ModelAccepted,
-        Undone,
-        Suspended,
-        Resumed,
-    )
-}
+EVENT_KINDS: dict[str, type[Event]] = {cls.kind: cls for cls in get_args(Event)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import cast
 
 from anaplot.aliases import Axis
 from anaplot.errors import NotComputableError
@@ -11,6 +12,7 @@ from anaplot.photogrammetry.block import Block, TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.inner import InnerOrientation, orient_inner
 from anaplot.photogrammetry.inneradvice import inner_advice
+from anaplot.photogrammetry.platetransformation import TransformationName
 from anaplot.session.events import InnerAccepted
 from anaplot.session.innerstate import InnerState
 
@@ -87,8 +89,10 @@ def _solve(
 def acceptance(inner: InnerState, solution: InnerOrientation) -> InnerAccepted:
     """Return the event that accepts a solution."""
     found = solution.transformation
+    # measured fiducials never give the identity
+    kind = cast(TransformationName, found.kind)
     return InnerAccepted(
-        inner.photo, inner.side, found.kind, found.frame, found.numerator, found.denominator
+        inner.photo, inner.side, kind, found.frame, found.numerator, found.denominator
     )
 
 

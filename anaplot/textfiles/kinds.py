@@ -311,12 +311,12 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
         Of its items.
     what
         What the items are called ("numbers").
-    lengths
-        The lengths that it may have.
+    lengths, most
+        The lengths that it may have; its largest length.
     """
 
-    def __init__(self, kind: Kind[T], what: str, *lengths: int) -> None:
-        self._kind, self._lengths = kind, lengths
+    def __init__(self, kind: Kind[T], what: str, *lengths: int, most: int | None = None) -> None:
+        self._kind, self._lengths, self._most = kind, lengths, most
         self._what = f"{' or '.join(map(str, lengths))} {what}".lstrip()
 
     def of(self, value: Any) -> tuple[T, ...]:
@@ -325,6 +325,8 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
             raise WrongValueError(f"must be a list of {self._what}, not {describe_type(value)}")
         if self._lengths and len(value) not in self._lengths:
             raise WrongValueError(f"must hold {self._what}, not {len(value)}")
+        if self._most is not None and len(value) > self._most:
+            raise WrongValueError(f"holds {len(value)} {self._what}, more than {self._most}")
         return tuple(_inside(index, self._kind, item) for index, item in enumerate(value))
 
 
@@ -443,10 +445,14 @@ class Made(Kind[T], Generic[T]):
 
 
 class Blank(Kind[T | None], Generic[T]):
-    """A field that may be blank: None, or the value of another kind."""
+    """A field that may be blank, or null in JSON: None, or the value of another kind."""
 
     def __init__(self, kind: Kind[T]) -> None:
         self._kind = kind
+
+    def of(self, value: Any) -> T | None:
+        """Return None for null."""
+        return None if value is None else self._kind.of(value)
 
     def of_text(self, text: str) -> T | None:
         """Return None for a blank field."""

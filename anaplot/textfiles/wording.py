@@ -68,7 +68,7 @@ def hint(unknown: str, known: Iterable[str], *, listing: bool = True) -> str:
     import difflib  # light to start with: every error of the command line passes this module
 
     names = {name.lower(): name for name in known}
-    close = difflib.get_close_matches(unknown[:60].lower(), names, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(unknown[:60].lower(), names, n=1, cutoff=0.6)
     if close:
         return f" (did you mean {quoted(names[close[0]])}?)"
     if listing and 0 < len(names) <= 12:

@@ -279,7 +279,7 @@ def test_files_of_other_names_are_reported_and_left_alone(folder):
 def test_a_record_that_is_no_event_is_named(folder):
     lines = [*journal_lines(1), encode_line(2, STAMP, "row-switched", {"point": "1", "on": True})]
     folder.put(f0001=b"".join(lines))
-    with pytest.raises(InputError, match=r"0001\.jsonl line 2: .*'axis' is missing"):
+    with pytest.raises(InputError, match=r"0001\.jsonl line 2: .*no key 'axis'"):
         events_of(read_journal(folder.path).records)
 
 
