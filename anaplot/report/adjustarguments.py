@@ -205,8 +205,7 @@ def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
         help="significance of the global test, of every family of single tests, and of all of "
         "them together (ANYTHING MOVED), default 0.05",
     )
-    parser.add_argument("--json", action="store_true", help="print JSON for programs")
-    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the displacements as CSV")
+    add_output(parser, "the displacements")
     parser.add_argument(
         "--fail-on-flag",
         action="store_true",

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from pathlib import Path
-from typing import Any
 
 from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.epochs.displacementtests import EpochTests, Located, PointMove, epoch_tests
@@ -14,18 +11,31 @@ from anaplot.bundle.hypotheses.verdict import Verdict
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block
-from anaplot.report.columns import cell, column
-from anaplot.report.csvoutput import check_csv, write_csv
-from anaplot.report.hypotheses import probability, verdict_json
+from anaplot.report.columns import fitted
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Block,
+    Column,
+    Document,
+    Line,
+    Table,
+    for_programs,
+    name,
+    named,
+    number,
+    say,
+    table,
+)
+from anaplot.report.output import Output
 from anaplot.report.power import check_power
 from anaplot.report.progress import ProgressLine
-from anaplot.textfiles.wording import plain
+from anaplot.report.verdicts import labelled, probability, verdict_cells, verdict_json
 
-__all__ = ["compare_json", "compare_printout", "run_compare"]
-
-Json = dict[str, Any]
+__all__ = ["compare_document", "run_compare"]
 
 _LISTED = 12
+_LABEL = 34
 
 
 def _names(text: str | None) -> tuple[str, ...]:
@@ -54,7 +64,8 @@ def run_compare(options: argparse.Namespace) -> int:
     if options.additional is not None:
         additional = additional_parameters(options.additional, options.additional_sigma_um)
     inputs = (*block_files(options.first), *block_files(options.second))
-    check_csv(options.csv, {"is read": inputs})
+    output = Output.of(options)
+    output.check({"is read": inputs})
     first, second = read_block(options.first), read_block(options.second)
     check_power("--alpha", options.alpha, first.test, options.first)
     with ProgressLine(sys.stderr) as progress:
@@ -69,43 +80,15 @@ def run_compare(options: argparse.Namespace) -> int:
             progress=progress,
         )
         tested = epoch_tests(found, alpha=options.alpha)
-    if options.csv is not None:
-        _write_csv(options.csv, tested)
-    if options.json:
-        print(json.dumps(compare_json(tested), indent=1, allow_nan=False))
-    else:
-        print(compare_printout(tested))
+    output.show(compare_document(tested))
     return 1 if options.fail_on_flag and tested.any_moved else 0
-
-
-def _write_csv(path: Path, found: EpochTests) -> None:
-    write_csv(
-        path,
-        ("point", "X", "Y", "Z", "dX", "dY", "dZ", "sX", "sY", "sZ", "length", "s_length",
-         "P", "moved_bonferroni", "moved_scheffe"),
-        (_csv_row(p) for p in found.points),
-    )  # fmt: skip
-
-
-def _csv_row(p: PointMove) -> tuple[object, ...]:
-    test = None if p.verdict is None else p.verdict.decisive
-    return (
-        p.point,
-        *p.place,
-        *(c.d for c in p.coordinates),
-        *(c.s for c in p.coordinates),
-        p.length,
-        p.s_length,
-        None if test is None else test.significance,
-        *(None if m is None else int(m) for m in (_moved(p.verdict), p.scheffe)),
-    )
 
 
 def _moved(verdict: Verdict | None) -> bool | None:
     return None if verdict is None else verdict.rejected
 
 
-def compare_json(found: EpochTests) -> Json:
+def _answer(found: EpochTests) -> Answer:
     """Return what `--json` prints: lengths in metres, what does not exist is None."""
     differences = found.differences
     redundancy = differences.redundancy
@@ -137,14 +120,14 @@ def compare_json(found: EpochTests) -> Json:
     }
 
 
-def _overall_json(found: EpochTests) -> Json | None:
+def _overall_json(found: EpochTests) -> Answer | None:
     overall = found.overall
     if overall is None:
         return None
     return {**overall._asdict(), "families": list(overall.families), "rejected": overall.rejected}
 
 
-def _point_json(p: PointMove) -> Json:
+def _point_json(p: PointMove) -> Answer:
     return {
         "point": p.point,
         **dict(zip("XYZ", p.place, strict=True)),
@@ -169,113 +152,130 @@ def _point_json(p: PointMove) -> Json:
     }
 
 
-def _line(label: str, verdict: Verdict | None) -> str:
+def _line(label: str, verdict: Verdict | None) -> Line:
     test = None if verdict is None else verdict.decisive
     if test is None:
-        return f"  {label:<34}  not testable"
-    degrees = "known" if test.redundancy is None else str(test.redundancy)
-    end = "  << REJECTED" if test.rejected else "  accepted"
-    return (
-        f"  {label:<34}{column(test.dimension, 5)}{column(degrees, 7)}"
-        f"{cell(test.statistic, 3, 10)}{cell(test.critical, 3, 10)}"
-        f"{column(probability(test.significance), 9)}{end}"
-    )
+        return labelled(label, _LABEL) + "  not testable"
+    line = labelled(label, _LABEL) + verdict_cells(test)
+    return (line + "  << REJECTED").of("look") if test.rejected else line + "  accepted"
 
 
-def _mm(value: float | None) -> str:
-    return cell(None if value is None else value * 1e3, 2, 9)
+def _millimetres(value: float | str) -> str:
+    return value if isinstance(value, str) else fitted(value * 1e3, 2, 8)
 
 
-def _few(names: tuple[str, ...]) -> str:
-    text = ", ".join(plain(n) for n in names[:_LISTED])
-    return text + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+_POINTS = (
+    name("point", "POINT", 5),
+    *for_programs("X", "Y", "Z", "dX", "dY", "dZ"),
+    *(Column("", f"d{axis} [mm]", 9, form=_millimetres) for axis in "XYZ"),
+    *(number(f"s{axis}", f"s{axis}", 2, 9, unit="m", scale=1e3) for axis in "XYZ"),
+    number("length", "length", 2, 9, unit="m", scale=1e3),
+    number("s_length", "s", 2, 9, unit="m", scale=1e3),
+    Column("P", "P", 9, form=probability),
+    *for_programs("moved_bonferroni", "moved_scheffe"),
+    name("", "marks", head=""),
+)
 
 
-def compare_printout(found: EpochTests) -> str:
-    """Return the report: displacements in millimetres."""
+def _point_table(found: EpochTests) -> Table:
+    rows, look = [], []
+    for p in found.points:
+        test = None if p.verdict is None else p.verdict.decisive
+        marks = _marks(p)
+        rows.append(
+            (p.point, *p.place, *(c.d for c in p.coordinates),
+             *("given" if c.given else c.d for c in p.coordinates), *(c.s for c in p.coordinates),
+             p.length, p.s_length, None if test is None else test.significance, _moved(p.verdict),
+             p.scheffe, marks)
+        )  # fmt: skip
+        look.append(bool(marks))
+    return table("displacements", _POINTS, rows, look=look)
+
+
+def compare_document(found: EpochTests) -> Document:
+    """Return the document of two epochs; people read displacements in millimetres."""
     of = found.differences
-    sigma0 = (
-        f"sigma0 {(of.vtpv / of.redundancy) ** 0.5:.3f}" if of.redundancy > 0 else "no redundancy"
-    )
-    lines = [
-        f"COMPARE  {plain(of.epochs[0])} (1) and {plain(of.epochs[1])} (2), "
-        f"{'adjusted jointly' if of.joint else 'adjusted separately'}, redundancy "
-        f"{of.redundancy}, {sigma0}; tests with "
-        f"{'the a-priori sigma0' if of.by_known else 'the estimated sigma0'}"
+    points = _point_table(found)
+    sigma0 = say("no redundancy")
+    if of.redundancy > 0:
+        sigma0 = say("sigma0 {:.3f}", (of.vtpv / of.redundancy) ** 0.5)
+    page: list[Block] = [
+        say(
+            "COMPARE  {} (1) and {} (2), adjusted {}, redundancy {}, {}; tests with the {} sigma0",
+            *of.epochs,
+            "jointly" if of.joint else "separately",
+            of.redundancy,
+            sigma0,
+            "a-priori" if of.by_known else "estimated",
+        ).of("heading")
     ]
     what = "control" if of.datum == "control" else "stable points"
     common = (*of.common, *(f"{name} in {' and '.join(axes)}" for name, axes in of.partly))
     if common:
-        lines.append(f"  common {what}: {_few(common)}")
+        page.append(say("  common {}: {}", what, named(common, _LISTED)))
     if of.own_parameters is not None:
-        lines.append(
-            "  additional parameters: "
-            + ("each epoch its own" if of.own_parameters else "common to both epochs")
-        )
-    for number, names in ((1, of.only_first), (2, of.only_second)):
+        whose = "each epoch its own" if of.own_parameters else "common to both epochs"
+        page.append(say("  additional parameters: {}", whose))
+    for epoch, names in ((1, of.only_first), (2, of.only_second)):
         if names:
-            lines.append(f"  in epoch {number} alone: {_few(names)}")
-    lines += [f"  note: {plain(remark)}" for remark in found.remarks]
+            page.append(say("  in epoch {} alone: {}", epoch, named(names, _LISTED)))
+    page += [say("  note: {}", remark).of("remark") for remark in found.remarks]
     if found.variance is not None:
-        lines.append(
-            f"  variance of epoch 1 over epoch 2: {found.variance.ratio:.3f}, "
-            f"P {probability(found.variance.significance)}"
-            + ("  << THEY DIFFER" if found.variance.significance < found.alpha else "")
+        differ = found.variance.significance < found.alpha
+        page.append(
+            say(
+                "  variance of epoch 1 over epoch 2: {:.3f}, P {}{}",
+                found.variance.ratio,
+                probability(found.variance.significance),
+                "  << THEY DIFFER" if differ else "",
+            )
         )
-    lines += ["", f"  {'HYPOTHESIS':<34}    b      f         T  critical        P"]
-    lines.append(_line("no point has moved", found.everything))
-    lines += _explained(found.located)
+    page += [
+        BLANK,
+        say("  {:<34}    b      f         T  critical        P", "HYPOTHESIS"),
+        _line("no point has moved", found.everything),
+        *_explained(found.located),
+    ]
     if found.agreement is not None:
-        lines.append(_line("the stable points have not moved", found.agreement))
-        lines += _explained(found.located_stable)
-    width = max(5, *(len(plain(p.point)) for p in found.points))
-    lines += [
-        "",
-        f"  {'POINT':<{width}}  dX [mm]  dY [mm]  dZ [mm]       sX       sY       sZ   length"
-        "        s        P",
-    ]
-    for p in found.points:
-        test = None if p.verdict is None else p.verdict.decisive
-        lines.append(
-            f"  {plain(p.point):<{width}}"
-            + "".join(column("given", 9) if c.given else _mm(c.d) for c in p.coordinates)
-            + "".join(_mm(c.s) for c in p.coordinates)
-            + _mm(p.length)
-            + _mm(p.s_length)
-            + column("-" if test is None else probability(test.significance), 9)
-            + _marks(p)
-        )
-    points = f"all {len(found.points)} points" if len(found.points) > 1 else "the point"
-    lines += [
-        "  P of each point by itself; marked (B Bonferroni, S Scheffe) what exceeds the limit for",
-        f"  {points}, or all coordinates, together at alpha {found.alpha:g}",
+        page.append(_line("the stable points have not moved", found.agreement))
+        page += _explained(found.located_stable)
+    many = say("all {} points", len(points)) if len(points) > 1 else say("the point")
+    page += [
+        BLANK,
+        points,
+        say("  P of each point by itself; marked (B Bonferroni, S Scheffe) what exceeds the limit"
+            " for"),
+        say("  {}, or all coordinates, together at alpha {:g}", many, found.alpha),
         *_conclusion(found),
-    ]
-    return "\n".join(lines)
+    ]  # fmt: skip
+    return Document(_answer(found), tuple(page), (points,))
 
 
-def _conclusion(found: EpochTests) -> list[str]:
+def _conclusion(found: EpochTests) -> list[Block]:
     """Return the one verdict that `--fail-on-flag` goes by."""
     overall = found.overall
     if overall is None:
         return []
-    count = len(overall.families)
-    if count > 1:
-        families = f"{count} families ({', '.join(overall.families)}) together at"
-    else:
-        families = f"{overall.families[0]} at"
-    return [
-        "",
-        f"  ANYTHING MOVED: {'yes' if overall.rejected else 'no'}, P "
-        f"{probability(overall.significance)}; {families} alpha {overall.alpha:g}",
-    ]
+    families = say("{} at", overall.families[0])
+    if len(overall.families) > 1:
+        families = say(
+            "{} families ({}) together at", len(overall.families), named(overall.families)
+        )
+    line = say(
+        "  ANYTHING MOVED: {}, P {}; {} alpha {:g}",
+        "yes" if overall.rejected else "no",
+        probability(overall.significance),
+        families,
+        overall.alpha,
+    )
+    return [BLANK, line.of("look") if overall.rejected else line]
 
 
-def _explained(located: tuple[Located, ...]) -> list[str]:
+def _explained(located: tuple[Located, ...]) -> list[Block]:
     if not located:
         return []
-    names = _few(tuple(step.point for step in located))
-    return [f"  explain it, one after the other until the rest is accepted: {names}"]
+    names = named((step.point for step in located), _LISTED)
+    return [say("  explain it, one after the other until the rest is accepted: {}", names)]
 
 
 def _marks(p: PointMove) -> str:
@@ -291,4 +291,4 @@ def _marks(p: PointMove) -> str:
         if (found := letters(_moved(c.verdict), c.scheffe))
     ]
     parts = ([f"MOVED {own}"] if own else []) + single
-    return f"  << {', '.join(parts)}" if parts else ""
+    return f"<< {', '.join(parts)}" if parts else ""

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
-from anaplot.adjustment.hypothesis import FTest
 from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses
 from anaplot.bundle.hypotheses.checktests import CheckTests
 from anaplot.bundle.hypotheses.controltests import ControlTests
@@ -27,9 +26,16 @@ from anaplot.report.document import (
     say,
     table,
 )
+from anaplot.report.verdicts import (
+    TEST_HEAD,
+    labelled,
+    probability,
+    verdict_cells,
+    verdict_json,
+)
 from anaplot.textfiles.wording import plain
 
-__all__ = ["hypotheses_document", "probability", "verdict_json"]
+__all__ = ["hypotheses_document"]
 
 Json = dict[str, Any]
 Label = tuple[str, str]
@@ -74,29 +80,6 @@ def hypotheses_document(found: BlockHypotheses) -> Document:
     return Document(_json(found), tuple(page), tables)
 
 
-def probability(value: float) -> str:
-    """Return a probability in at most seven characters."""
-    if value <= 0.0:
-        return "<1e-300"
-    return f"{value:.4f}" if value >= 1e-4 else f"{value:.0e}"
-
-
-def _cells(test: FTest | None) -> Line:
-    if test is None:
-        return say("{}", " " * len(_COLUMNS))
-    return say(
-        "{:5c}{:7c}{:10.3c}{:10.3c}{:9c}",
-        test.dimension,
-        "known" if test.redundancy is None else test.redundancy,
-        test.statistic,
-        test.critical,
-        probability(test.significance),
-    )
-
-
-_COLUMNS = f"{'b':>5}{'r':>7}{'T':>10}{'critical':>10}{'P':>9}"
-
-
 def _global(
     label: str, width: int, verdict: Verdict | None, nothing: str, more: Line | str = ""
 ) -> list[Line]:
@@ -105,7 +88,7 @@ def _global(
     `more` are the cells that follow in the first of them.
     """
     if verdict is None:
-        return [_labelled(label, width) + say("  {}", nothing) + more]
+        return [labelled(label, width) + say("  {}", nothing) + more]
     lines: list[Line] = []
     for test in (verdict.estimated, verdict.known):
         if test is None:
@@ -116,17 +99,13 @@ def _global(
             mark = ""
         else:
             mark = "  (would be rejected)" if test.rejected else "  (would be accepted)"
-        head = _labelled("" if lines else label, width)
-        lines.append(head + _cells(test) + ("" if lines else more) + mark)
+        head = labelled("" if lines else label, width)
+        lines.append(head + verdict_cells(test) + ("" if lines else more) + mark)
     return lines
 
 
-def _labelled(label: str, width: int) -> Line:
-    return say("  {:<{width}}", label, width=width)
-
-
 def _head(title: str, width: int, more: str = "") -> Line:
-    return (_labelled(title, width) + _COLUMNS + more).of("heading")
+    return (labelled(title, width) + TEST_HEAD + more).of("heading")
 
 
 def _mark(verdict: Verdict | None) -> str:
@@ -185,7 +164,7 @@ def _additional(found: ParameterTests, limit: float) -> list[Block]:
     page: list[Block] = [_head("ADDITIONAL PARAMETERS", width)]
     page += _global("all are zero", width, found.everything, "not tested together")
     groups = [
-        _labelled(f"those of {group.group}", width) + _cells(test) + _marked(group.verdict)
+        labelled(f"those of {group.group}", width) + verdict_cells(test) + _marked(group.verdict)
         for group in found.groups
         if (test := group.verdict.decisive) is not None
     ]
@@ -249,9 +228,11 @@ def _pairs(
         return []
     lines = []
     for pair in found.pairs:
-        both = _labelled(f"{label(pair.first)}, {label(pair.second)}", width)
+        both = labelled(f"{label(pair.first)}, {label(pair.second)}", width)
         correlation = say("{:10.3c}", pair.correlation)
-        lines.append(both + _cells(pair.verdict.decisive) + correlation + _marked(pair.verdict))
+        lines.append(
+            both + verdict_cells(pair.verdict.decisive) + correlation + _marked(pair.verdict)
+        )
     head = _head(f"PAIRS correlated from {limit:g}", width, "       rho")
     return [BLANK, head, Listed(tuple(lines), _MOST)]
 
@@ -262,19 +243,19 @@ def _set(entry: SetTest, label: Callable[[Label], str], width: int) -> list[Bloc
     page: list[Block] = [
         say("  CORRELATED SET {}", named(members, 12)).of("heading"),
         *_global("all of it is zero", width, entry.verdict, "not tested"),
-        _labelled("one after the other", width) + f"{'t':>10}{'P':>9}{'of its variance':>17}",
+        labelled("one after the other", width) + f"{'t':>10}{'P':>9}{'of its variance':>17}",
     ]
     lines = [
-        _labelled(label(part.parameter), width) + _part(part) + _marked(part.verdict)
+        labelled(label(part.parameter), width) + _part(part) + _marked(part.verdict)
         for part in entry.sequential
     ]
     page += [
         Listed(tuple(lines), _MOST, ""),
-        _labelled("orthogonal combinations", width)
+        labelled("orthogonal combinations", width)
         + f"{'t':>10}{'P':>9}{'eigenvalue':>17}   mostly",
     ]
     lines = [
-        _labelled(str(k + 1), width) + _part(part) + "   " + _combination(part, members)
+        labelled(str(k + 1), width) + _part(part) + "   " + _combination(part, members)
         + _marked(part.verdict)
         for k, part in enumerate(entry.principal)
     ]  # fmt: skip
@@ -417,21 +398,6 @@ def _json(found: BlockHypotheses) -> Json:
         "additional": None if found.additional is None else _additional_json(found.additional),
         "check": None if found.check is None else _check_json(found.check),
         "control": None if found.control is None else _control_json(found.control),
-    }
-
-
-def _test_json(test: FTest | None) -> Json | None:
-    return None if test is None else {**test._asdict(), "rejected": test.rejected}
-
-
-def verdict_json(verdict: Verdict | None) -> Json | None:
-    """Return a test with the estimated and with the known sigma; None without one."""
-    if verdict is None:
-        return None
-    return {
-        "rejected": verdict.rejected,
-        "estimated": _test_json(verdict.estimated),
-        "known": _test_json(verdict.known),
     }
 
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from bundleblocks import aerial, make_scene
-from wild import wild, words
+from wild import text_of, wild, words
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.epochs.displacements import compare_epochs
@@ -24,7 +24,7 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import write_new_block
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, TestSettings
 from anaplot.photogrammetry.similarity import fit_similarity
-from anaplot.report.comparecommand import compare_printout
+from anaplot.report.comparecommand import compare_document
 
 pytestmark = pytest.mark.slow
 
@@ -632,7 +632,7 @@ def test_the_command(tmp_path, capsys) -> None:
 
 def test_columns_of_the_command_never_touch() -> None:
     found = epoch_tests(compare_epochs(epoch(11), epoch(12)))
-    usual, large = compare_printout(found), compare_printout(wild(found))
+    usual, large = text_of(compare_document(found)), text_of(compare_document(wild(found)))
     assert words(usual) == words(large)
     assert any(line.startswith("  p13 ") for line in large.splitlines())
 

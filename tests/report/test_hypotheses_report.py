@@ -27,8 +27,9 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.adjustcommand import run_adjust
-from anaplot.report.hypotheses import hypotheses_document, probability
+from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.output import Output
+from anaplot.report.verdicts import probability
 
 
 def strip(*, planted: float = 0.0, sigma: float | None = 0.02, kind: str = "tau") -> Block:
