@@ -260,19 +260,19 @@ def _replay_watched(options: argparse.Namespace) -> int:
 
 
 def _plotter_list(_: argparse.Namespace) -> int:
-    from anaplot.plotter.commands import list_instruments
+    from anaplot.report.plottercommand import list_instruments
 
     return list_instruments(sys.stdout)
 
 
 def _plotter_check(options: argparse.Namespace) -> int:
-    from anaplot.plotter.commands import check_profile
+    from anaplot.report.plottercommand import check_profile
 
     return check_profile(options.profile, sys.stdout)
 
 
 def _plotter_watch(options: argparse.Namespace) -> int:
-    from anaplot.plotter.commands import watch
+    from anaplot.report.plottercommand import watch
 
     return watch(
         options.port, options.profile, sys.stdout, seconds=options.seconds, raw=options.raw
@@ -280,8 +280,8 @@ def _plotter_watch(options: argparse.Namespace) -> int:
 
 
 def _plotter_sim(options: argparse.Namespace) -> int:
-    from anaplot.plotter.commands import run_simulator
     from anaplot.plotter.device.hand import Hand
+    from anaplot.report.simulatorcommand import run_simulator
 
     photographs = in_right = None
     if options.truth is not None:

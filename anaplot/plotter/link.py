@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter.conversation import Conversation, DecoderEvent, Traffic
 from anaplot.plotter.line import TICK, Line, LinkState
+from anaplot.plotter.ports import addresses_of
 from anaplot.plotter.readings import Position, Reading
 from anaplot.plotter.schema import Profile
 from anaplot.plotter.serialport import SerialPort
@@ -73,7 +74,7 @@ class Link:
         room: Callable[[], bool] | None = None,
     ) -> None:
         self._profile = profile
-        self._addresses = _addresses(profile, ports)
+        self._addresses = addresses_of(profile, ports)
         self._on_state = on_state
         self._back_off = back_off
         self._room = room
@@ -422,20 +423,3 @@ class Link:
             line.state = state
             line.detail = detail
         self._refresh()
-
-
-def _addresses(profile: Profile, ports: Mapping[str, str] | str) -> dict[str, str]:
-    """Return the address of every link of the profile."""
-    if isinstance(ports, str):
-        if len(profile.links) > 1:
-            names = ", ".join(profile.links)
-            raise InputError(f"{profile.id} needs a port for each of its links: {names}")
-        return {profile.default_link: ports}
-    for name in ports:
-        if name not in profile.links:
-            known = ", ".join(profile.links)
-            raise InputError(f'{profile.id} has no link "{plain(name, 40)}" (known: {known})')
-    for name in profile.links:
-        if name not in ports:
-            raise InputError(f'{profile.id}: no port is given for its link "{name}"')
-    return {name: ports[name] for name in profile.links}

@@ -8,8 +8,8 @@ from typing import Literal, Protocol
 
 from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
-from anaplot.plotter.commands import parse_ports
 from anaplot.plotter.link import Link
+from anaplot.plotter.ports import parse_ports
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position, Reading
 from anaplot.plotter.schema import Profile

@@ -27,7 +27,7 @@ from anaplot.orientation.results import Row
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.planning.modelplan import Candidates
-from anaplot.plotter.commands import UNCHECKED
+from anaplot.plotter.ports import UNCHECKED
 from anaplot.plotter.readings import UNREFERENCED, Fault, InPosition, Position, Record, Refused
 from anaplot.session.events import (
     EVENT_KINDS,

@@ -10,21 +10,14 @@ import pytest
 
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter import serialport
-from anaplot.plotter.commands import (
-    check_profile,
-    describe,
-    grid_photographs,
-    list_instruments,
-    obey,
-    parse_ports,
-    run_simulator,
-    watch,
-)
 from anaplot.plotter.device.hand import Hand
 from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.device.server import SimulatorServer
+from anaplot.plotter.ports import parse_ports
 from anaplot.plotter.profile import find_profiles, load_profile
 from anaplot.plotter.readings import Fault, InPosition, Position, Record, Refused
+from anaplot.report.plottercommand import check_profile, describe, list_instruments, watch
+from anaplot.report.simulatorcommand import grid_photographs, obey, run_simulator
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 

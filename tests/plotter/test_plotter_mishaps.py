@@ -3,12 +3,12 @@ from __future__ import annotations
 import pytest
 
 from anaplot.errors import InputError
-from anaplot.plotter.commands import obey
 from anaplot.plotter.device.hand import Hand, HandSettled, fiducial_name
 from anaplot.plotter.device.mishaps import MISHAPS
 from anaplot.plotter.device.plotter import SimulatedPlotter
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
+from anaplot.report.simulatorcommand import obey
 
 LEFT = {"a": (10.0, 20.0), "b": (30.0, -40.0), fiducial_name("left", "1"): (-100.0, 100.0)}
 RIGHT = {"a": (-80.0, 21.0), "b": (-60.0, -41.0), fiducial_name("right", "1"): (-99.0, 101.0)}
