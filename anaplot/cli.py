@@ -185,7 +185,9 @@ def _replay(options: argparse.Namespace) -> int:
     from anaplot.station.replay import replay_session
 
     if options.salvage is not None:
-        return _salvage(options)
+        from anaplot.report.salvagecommand import run_salvage
+
+        return run_salvage(options)
     if options.speed is not None or options.console:
         return _replay_watched(options)
     replayed = replay_session(options.session)
@@ -200,23 +202,6 @@ def _replay(options: argparse.Namespace) -> int:
         )
         return 0
     _print_solutions(session_solutions(replayed.state), replayed.block, options.json)
-    return 0
-
-
-def _salvage(options: argparse.Namespace) -> int:
-    from anaplot.report.salvagetext import salvage_json, salvage_text
-    from anaplot.station.salvage import salvage
-
-    others = {"--check": options.check, "--to": options.to, "--console": options.console}
-    others["--speed"] = options.speed
-    for name, value in others.items():
-        if value:
-            raise InputError(f"--salvage and {name} exclude each other")
-    salvaged = salvage(options.session, options.salvage)
-    if options.json:
-        print(json.dumps(salvage_json(salvaged), indent=1, allow_nan=False))
-    else:
-        print(salvage_text(salvaged, options.salvage))
     return 0
 
 

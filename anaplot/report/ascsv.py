@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from anaplot.report.document import Column, Table, Values, plain_values
+from anaplot.report.document import Column, Table, Values
 
 __all__ = ["csv_text"]
 
@@ -29,19 +29,29 @@ def csv_text(table: Table) -> str:
 
 
 def _parted(column: Column, values: Values) -> Iterator[tuple[str, Iterable[Any]]]:
-    plain = [_cell(value) for value in plain_values(values)] if not column.parts else values
     if not column.parts:
-        yield column.key, plain
+        yield column.key, _cells(values)
         return
     for k, part in enumerate(column.parts):
-        yield f"{column.key}_{part}", [None if v is None else _cell(v[k]) for v in values]
+        yield f"{column.key}_{part}", _cells([None if v is None else v[k] for v in values])
+
+
+def _cells(values: Values) -> list[Any]:
+    if isinstance(values, np.ndarray):
+        if values.dtype.kind == "b":
+            values = values.astype(int)
+        elif values.dtype.kind == "f" and np.isfinite(values).all():
+            plain: list[Any] = values.tolist()
+            return plain
+        values = values.tolist()
+    return [_cell(value) for value in values]
 
 
 def _cell(value: Any) -> Any:
-    if isinstance(value, bool | np.bool_):
-        return int(value)
     if isinstance(value, float):
-        return None if value != value else float(value)
+        return None if value != value else value
+    if isinstance(value, bool):
+        return int(value)
     if isinstance(value, list | tuple):
         return " ".join(map(str, value))
     return value

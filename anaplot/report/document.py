@@ -33,7 +33,6 @@ __all__ = [
     "name",
     "named",
     "number",
-    "plain_values",
     "say",
     "table",
     "whole",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import math
@@ -361,3 +362,42 @@ def test_one_iteration_and_one_spur_are_not_several(tmp_path: Path, monkeypatch)
     ):
         monkeypatch.setattr(AdjustedBlock, "spurs", lambda _, n=count: [("101", "1", "x")] * n)
         assert said in printout(block)
+
+
+def test_tables_are_written_with_the_keys_of_json(tmp_path: Path) -> None:
+    folder, to, file = write_block(tmp_path / "b"), tmp_path / "tables", tmp_path / "points.csv"
+    out = io.StringIO()
+    assert run_adjust(folder, output=Output(csv=file, to=to, stream=out), err=io.StringIO()) == 0
+    got = json.loads(run(folder, as_json=True)[1])
+    for key in ("photos", "points", "image_points", "control", "check"):
+        with (to / f"{key}.csv").open(newline="") as lines:
+            rows = list(csv.DictReader(lines))
+        assert len(rows) == len(got[key]) > 0
+        for row, expected in zip(rows, got[key], strict=True):
+            for column, value in expected.items():
+                if isinstance(value, list) or column.startswith(("effect", "largest_effect")):
+                    continue
+                text = "" if value is None else str(int(value) if value in (0, 1) else value)
+                assert row[column] == text or float(row[column]) == value
+            if expected.get("effect_x") is not None:
+                assert float(row["effect_x_Z"]) == expected["effect_x"][2]
+    assert file.read_bytes() == (to / "points.csv").read_bytes()
+    summary = json.loads((to / "summary.json").read_text())
+    assert {**got, **summary} == got
+    assert summary["indicators"] == got["indicators"]
+
+
+def test_a_long_table_is_cut_to_what_needs_a_look(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("anaplot.report.astext.MOST_ROWS", 40)
+    block = adjust_block(read_block(write_block(tmp_path / "b")))
+    rays = len(block.problem.photo)
+    short = page_text(adjust_document(block).page)
+    whole = printout(block)
+    looked = [line for line in whole.splitlines() if line.endswith(("REMEASURE", "testable"))]
+    left = 2 * rays - len(looked)
+    count = f"{left} of {2 * rays}" if looked else f"{left}"
+    assert f"  ... {count} rows are not shown; --all prints them\n" in short
+    assert [line for line in short.splitlines() if line.endswith(("REMEASURE", "testable"))] == (
+        looked
+    )
+    assert "rows are not shown" not in whole

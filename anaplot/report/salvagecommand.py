@@ -1,0 +1,75 @@
+"""The command `anaplot replay --salvage`: what was brought over and what not."""
+
+from __future__ import annotations
+
+import argparse
+
+from anaplot.errors import InputError
+from anaplot.exchange.salvage import Gap
+from anaplot.report.columns import counted
+from anaplot.report.document import Document, for_programs, named, say, table
+from anaplot.report.output import Output
+from anaplot.station.salvage import Salvaged, salvage
+from anaplot.textfiles.wording import place
+
+__all__ = ["run_salvage", "salvage_document"]
+
+_MISSING = for_programs("file", "first_line", "last_line", "first_seq", "last_seq", "why")
+
+
+def run_salvage(options: argparse.Namespace) -> int:
+    """Bring what can be read of a session into a new block, and say what is missing.
+
+    Raises
+    ------
+    InputError
+        Options that exclude each other, or nothing can be brought over.
+    """
+    others = {"--check": options.check, "--to": options.to, "--console": options.console}
+    others["--speed"] = options.speed
+    for option, value in others.items():
+        if value:
+            raise InputError(f"--salvage and {option} exclude each other")
+    salvaged = salvage(options.session, options.salvage)
+    Output(as_json=options.json).show(salvage_document(salvaged, place(options.salvage)))
+    return 0
+
+
+def salvage_document(salvaged: Salvaged, folder: str) -> Document:
+    """Return the document of a salvage.
+
+    Parameters
+    ----------
+    salvaged
+        What was brought over.
+    folder
+        Where to.
+    """
+    state, current = salvaged.state, salvaged.state.current
+    missing = table("missing", _MISSING, (_gap(gap) for gap in salvaged.gaps))
+    answer = {
+        "records": salvaged.records,
+        "models": [model.name for model in state.models],
+        "in_work": None if current is None else current.name,
+        "missing": missing,
+        "left_out": list(salvaged.left_out),
+        "assumed": list(salvaged.assumed),
+    }
+    have = [say("{}", counted(len(state.models), "accepted model"))]
+    if current is not None:
+        points = counted(len(current.measured), "point")
+        have.append(say("{} in model {}, which is in work", points, current.name))
+    records = counted(salvaged.records, "record")
+    page = [
+        say("{} brought over to {}: {}", records, folder, named(have)),
+        *(say("missing: {}", str(gap)).of("look") for gap in salvaged.gaps),
+        *(say("left out: {}", sentence).of("look") for sentence in salvaged.left_out),
+        *(say("assumed: {}", sentence).of("remark") for sentence in salvaged.assumed),
+    ]
+    if len(page) == 1:
+        page.append(say("nothing is missing"))
+    return Document(answer, tuple(page), (missing,))
+
+
+def _gap(gap: Gap) -> tuple[str | int | None, ...]:
+    return (gap.file, gap.first_line, gap.last_line, gap.first_seq, gap.last_seq, gap.why)
