@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,12 +9,11 @@ from pathlib import Path
 from textual.keys import KEY_TO_UNICODE_NAME, Keys, _character_to_key
 
 from anaplot.console.keys import ACTIONS
-from anaplot.errors import InputError
-from anaplot.textfiles.inputfile import read_text
-from anaplot.textfiles.tomlvalues import TomlError, toml_values
-from anaplot.textfiles.wording import place, plain
+from anaplot.textfiles.kinds import Made, Text, WrongValueError
+from anaplot.textfiles.tomltable import read_toml
+from anaplot.textfiles.wording import quoted
 
-__all__ = ["check_keymap", "default_path", "keys_in_force", "load_keymap"]
+__all__ = ["default_path", "keys_in_force", "load_keymap"]
 
 _LARGEST = 64 * 1024
 _MODIFIERS = frozenset({"ctrl", "shift", "alt", "super", "hyper", "meta"})
@@ -46,37 +44,14 @@ def _is_key(key: str) -> bool:
     return (len(last) == 1 and last.isprintable()) or last in _NAMED
 
 
-def check_keymap(keymap: Mapping[str, object], source: str = "keymap") -> dict[str, str]:
-    """Return the keymap when every action is known, every key is one, and no key means two things.
-
-    Raises
-    ------
-    InputError
-        Naming `source`, the action and the key.
-    """
-    checked: dict[str, str] = {}
-    known = {action.id for action in ACTIONS}
-    for name, value in keymap.items():
-        if name not in known:
-            near = difflib.get_close_matches(name, sorted(known), n=1)
-            hint = f"; did you mean {near[0]}?" if near else f"; known: {', '.join(sorted(known))}"
-            raise InputError(f"{source}: no action is called {plain(name, 120)!r}{hint}")
-        if not isinstance(value, str):
-            raise InputError(f'{source}: {name}: a key is a string, as in {name} = "f5"')
-        keys = [key.strip() for key in value.split(",")]
-        for key in keys:
-            if not _is_key(key):
-                raise InputError(f"{source}: {name}: {plain(key, 120)!r} is no key")
-            if key in _RESERVED:
-                raise InputError(f"{source}: {name}: {key} is kept for leaving and the palette")
-        checked[name] = ",".join(keys)
-    owner: dict[str, str] = {}
-    for action, keys_of in keys_in_force(checked).items():
-        for key in keys_of:
-            other = owner.setdefault(_canonical(key), action)
-            if other != action:
-                raise InputError(f"{source}: key {key!r} would mean both {other} and {action}")
-    return checked
+def _keys(text: str) -> str:
+    keys = [key.strip() for key in text.split(",")]
+    for key in keys:
+        if not _is_key(key):
+            raise WrongValueError(f"{quoted(key)} is no key")
+        if key in _RESERVED:
+            raise WrongValueError(f"{key} is kept for leaving and the palette")
+    return ",".join(keys)
 
 
 def load_keymap(path: Path, *, required: bool = True) -> dict[str, str]:
@@ -92,15 +67,21 @@ def load_keymap(path: Path, *, required: bool = True) -> dict[str, str]:
     Raises
     ------
     InputError
-        When it cannot be read or is not a keymap, naming file and action or line.
+        When it cannot be read, an action is not known, a key is none, or a key would mean two
+        things; naming file, line and action.
     """
     if not required and _absent(path):
         return {}
-    try:
-        table = toml_values(read_text(path, _LARGEST))
-    except TomlError as fault:
-        raise InputError(f"{place(path, fault.line)}: {plain(str(fault), 120)}") from None
-    return check_keymap(table, str(path))
+    table = read_toml(path, _LARGEST)
+    keymap = table.take({}, dict.fromkeys((action.id for action in ACTIONS), Made(Text(), _keys)))
+    owner: dict[str, str] = {}
+    for action, keys in keys_in_force(keymap).items():
+        for key in keys:
+            other = owner.setdefault(_canonical(key), action)
+            if other != action:
+                at = action if action in table else other
+                raise table.fail(f"key {quoted(key)} would mean both {other} and {action}", at)
+    return keymap
 
 
 def _absent(path: Path) -> bool:

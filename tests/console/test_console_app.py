@@ -21,6 +21,7 @@ from anaplot.orientation.model import orient
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.session.plates import ReadOut
 from anaplot.station.snapshot import LinkView
+from anaplot.textfiles.wording import plain
 
 SIZES = [(80, 24), (120, 40), (160, 50)]
 
@@ -569,7 +570,7 @@ async def test_foreign_text_is_shown_as_it_is(name, size):
         )
     )
     app = console(station)
-    safe = "".join(c if c.isprintable() else "\ufffd" for c in name)
+    safe = plain(name)
     async with app.run_test(size=size) as pilot:
         station.notice("error", f"fault {name}")
         station.notice(name, name)

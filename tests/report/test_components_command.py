@@ -64,7 +64,7 @@ def test_operators_come_from_a_file(folder: Path, tmp_path: Path, capsys) -> Non
         (
             [*call, "--operators", str(who)],
             "photo,operator\n101,b\n999,a\n",
-            "who.csv line 3: unknown photo '999'",
+            "who.csv line 3: photo: unknown photo '999'",
         ),
         ([*call, "--operators", str(who)], "photo,operator\n", "who.csv: no rows"),
         ([*call, "--operators", str(who)], "photo\n101\n", "operator"),
