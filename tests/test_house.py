@@ -1,0 +1,29 @@
+"""What holds of the house as a whole; `python tests/house.py` prints the rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from house import circles, imports, modules, rooms
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_nothing_imports_itself_by_way_of_others() -> None:
+    graph = imports(modules(ROOT))
+    assert len(graph) > 100
+    assert circles(graph) == []
+    assert circles(rooms(graph)) == []
+
+
+def test_circles_are_found_wherever_an_import_stands(tmp_path: Path) -> None:
+    room = tmp_path / "anaplot" / "room"
+    room.mkdir(parents=True)
+    (tmp_path / "anaplot" / "__init__.py").write_text("")
+    (room / "__init__.py").write_text("")
+    (room / "a.py").write_text("def f():\n    from anaplot.room import b\n")
+    (room / "b.py").write_text("if True:\n    from .c import d\n")
+    (room / "c.py").write_text("import anaplot.room.a\n")
+    (room / "e.py").write_text("import anaplot.room.a\n")
+    names = ["anaplot.room.a", "anaplot.room.b", "anaplot.room.c"]
+    assert circles(imports(modules(tmp_path))) == [names]
