@@ -7,7 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.oddswords import odds_in_words, to_one
+from anaplot.adjustment.advice import (
+    NOTHING_FLAGGED,
+    odds_in_words,
+    other_explanations,
+    remeasure,
+)
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import (
@@ -135,40 +140,31 @@ def _advice(
         sigma0 = solution.sigma0_um
         if sigma0 is not None and sigma0 > _SUSPICIOUS * solution.apriori_um:
             out.append(
-                f"nothing is flagged, but sigma0 is {sigma0 / solution.apriori_um:.0f} times its "
+                f"{NOTHING_FLAGGED}, but sigma0 is {sigma0 / solution.apriori_um:.0f} times its "
                 "a-priori value: more than one measurement is wrong"
             )
         elif solution.redundancy > 1:
-            out.append("nothing is flagged")
+            out.append(NOTHING_FLAGGED)
         return tuple(out)
     points = evidence.points
-    accused, axis = suspects[0]
-    others = {name: p for name, p in points.items() if name != accused}
-    sentence = f"remeasure {accused} ({axis})"
-    if accused in solution.outliers:
-        sentence += ": without it all other points agree"
+    suspect, axis = suspects[0]
+    others = {name: p for name, p in points.items() if name != suspect}
+    why = ""
+    if suspect in solution.outliers:
+        why = "without it all other points agree"
     elif others:
         shows: dict[str, float] = {}
         for (point, _), size in evidence.size.items():
             shows[point] = max(shows.get(point, 0.0), size)
         # where odds have run out of digits the significance tells who comes second
         rival = max(others, key=lambda name: (others[name], shows[name]))
-        sentence += f": {odds_in_words(points, accused, rival)}"
-    out.insert(0, sentence)
+        why = odds_in_words(points, suspect, rival)
+    out.insert(0, remeasure(suspect, axis, why))
     if axis == "x":
         out.insert(
             1,
-            f"{accused} x has two suspects: this pointing, and the tie's coordinates from the "
+            f"{suspect} x has two suspects: this pointing, and the tie's coordinates from the "
             "preceding model",
         )
-    for partner in partners:
-        if suspects[0] in (partner.first, partner.second):
-            other = partner.second if partner.first == suspects[0] else partner.first
-            out.append(
-                f"{accused} {axis} and {other[0]} {other[1]} are hard to tell apart "
-                f"(correlation {partner.correlation:.2f})"
-            )
-    if evidence.none > points[accused]:
-        odds = to_one(evidence.none, points[accused])
-        out.append(f"no gross error at all: {odds} over {accused}")
+    out += other_explanations(suspects[0], partners, points, evidence.none)
     return tuple(out)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from anaplot.adjustment.oddswords import odds_in_words, to_one
+from anaplot.adjustment.advice import (
+    NOTHING_FLAGGED,
+    odds_in_words,
+    other_explanations,
+    remeasure,
+)
 from anaplot.adjustment.tested import Observation
 from anaplot.photogrammetry.innerresults import Fiducial, InnerOrientation
 from anaplot.photogrammetry.platetransformation import TITLES, TransformationName
@@ -43,26 +48,16 @@ def _what_to_measure(inner: InnerOrientation) -> list[str]:
         row = flagged[0]
         chances = inner.tested.point_odds()
         if inner.locatable:
-            out.append(f"remeasure {row.point} ({row.axis})" + _odds(row, chances))
+            out.append(remeasure(row.point, row.axis, _odds(row, chances)))
         else:
             out.append(f"{_all(names)} must be measured again: which one is wrong is not known")
-        for partner in inner.partners:
-            if inner.locatable and row.key in (partner.first, partner.second):
-                other = partner.second if partner.first == row.key else partner.first
-                out.append(
-                    f"{row.point} {row.axis} and {other[0]} {other[1]} are hard to tell apart "
-                    f"(correlation {partner.correlation:.2f})"
-                )
-        if inner.tested.odds.none > chances[row.point]:
-            out.append(
-                f"no gross error at all: {to_one(inner.tested.odds.none, chances[row.point])} over "
-                f"{row.point}"
-            )
+        partners = inner.partners if inner.locatable else ()
+        out += other_explanations(row.key, partners, chances, inner.tested.odds.none)
     elif inner.refused and inner.sigma0_um is not None:
         times = f"sigma0 is {inner.sigma0_um / inner.apriori_um:.1f} times its a-priori value"
         if inner.locatable:
             out.append(
-                f"nothing is flagged, but {times}: a fiducial is wrong, or {title} does not suit "
+                f"{NOTHING_FLAGGED}, but {times}: a fiducial is wrong, or {title} does not suit "
                 "this plate"
             )
         else:
@@ -76,7 +71,7 @@ def _what_to_measure(inner: InnerOrientation) -> list[str]:
                 f"{TITLES[_RICHER[inner.kind]]}"
             )
     elif inner.redundancy > 0:
-        out.append("nothing is flagged")
+        out.append(NOTHING_FLAGGED)
     return out
 
 
@@ -98,7 +93,7 @@ def _what_cannot_be_known(inner: InnerOrientation) -> list[str]:
 def _odds(row: Observation[Fiducial], chances: dict[str, float]) -> str:
     others = {name: p for name, p in chances.items() if name != row.point}
     rival = max(others, key=others.__getitem__)
-    return f": {odds_in_words(chances, row.point, rival)}"
+    return odds_in_words(chances, row.point, rival)
 
 
 def _all(names: list[str]) -> str:

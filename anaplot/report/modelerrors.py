@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.adjustment.advice import hard_to_tell_apart
 from anaplot.adjustment.watch import Watch
 from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
@@ -128,10 +129,8 @@ def errors_printout(cleaned: CleanedModel) -> str:
             for line in change_lines(cleaned.point_change, "in the model", "mm", indent=4)
         ]
     for (point, axis), (other, other_axis), rho in cleaned.hard_to_tell:
-        lines.append(
-            f"    {plain(point)} {axis} and {plain(other)} {other_axis} are hard to tell "
-            f"apart (correlation {rho:.2f})"
-        )
+        alike = hard_to_tell_apart((plain(point), axis), (plain(other), other_axis), rho)
+        lines.append(f"    {alike}")
     for key, reason in cleaned.refused:
         lines.append(f"    {_listed((key,))} cannot be left out: {plain(reason)}")
     blind = _untestable(cleaned)

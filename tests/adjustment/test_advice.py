@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from anaplot.adjustment.oddswords import odds_in_words, to_one
+from anaplot.adjustment.advice import odds_in_words, to_one
 
 
 @pytest.mark.parametrize(
