@@ -10,11 +10,11 @@ from anaplot.adjustment.leastsquares import Adjustment, RankDefectError, adjust
 from anaplot.adjustment.tested import Dense, Tested, examine
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
+from anaplot.orientation.conditionequations import ConditionEquations
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelPoint, ModelSolution, Row
 from anaplot.orientation.solver import (
     IN_FRONT,
-    ConditionEquations,
     ConvergedOrientation,
     FoundOrientation,
     find_orientation,

@@ -17,10 +17,10 @@ from types import MappingProxyType
 import numpy as np
 
 from anaplot.errors import InputError
+from anaplot.orientation.conditionequations import ModelUnknowns
 from anaplot.orientation.model import orient
 from anaplot.orientation.pair import Stereopair, TieErrors
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.solver import ModelUnknowns
 from anaplot.orientation.tieerrors import stationary_errors
 from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.aliases import Array, Index, RowKey
+from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.solver import ConditionEquations, ModelUnknowns
 from anaplot.orientation.tieerrors import misclosure_covariance, residual_weight
 from anaplot.photogrammetry.block import Precision
 from anaplot.photogrammetry.rotation import rotation_matrix

@@ -21,8 +21,8 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
+from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair, TieErrors
-from anaplot.orientation.solver import ConditionEquations, ModelUnknowns
 
 __all__ = [
     "ExactStatistics",

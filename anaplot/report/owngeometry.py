@@ -10,7 +10,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.errors.grosserrors import model_values
+from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.residuals import ObservationName, block_residuals
 from anaplot.errors import InputError

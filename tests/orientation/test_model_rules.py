@@ -16,9 +16,9 @@ from flightscene import (
 from idealmodel import ideal_pair, spoiled
 
 from anaplot.adjustment.significance import critical_normal, critical_tau
+from anaplot.orientation.conditionequations import tie_cofactor
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
-from anaplot.orientation.solver import tie_cofactor
 from anaplot.orientation.strip import pooled_sigma_um
 
 FIVE = ["0a", "0d", "1a", "1d", "0mb"]

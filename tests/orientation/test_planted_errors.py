@@ -13,9 +13,9 @@ from flightscene import (
 from idealmodel import ideal_pair, spoiled
 
 from anaplot.adjustment.leastsquares import adjust
+from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.model import UNKNOWNS, orient
 from anaplot.orientation.patterns import PATTERNS, pattern
-from anaplot.orientation.solver import ConditionEquations, ModelUnknowns
 
 SIZE = 0.100  # mm, as in the paper
 

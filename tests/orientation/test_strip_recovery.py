@@ -15,8 +15,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from idealmodel import ideal_pair, spoiled
 
+from anaplot.orientation.conditionequations import ConditionEquations
 from anaplot.orientation.model import UNKNOWNS, orient
-from anaplot.orientation.solver import ConditionEquations, find_orientation
+from anaplot.orientation.solver import find_orientation
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 seeds = st.integers(0, 10**9)

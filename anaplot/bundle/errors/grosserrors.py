@@ -38,7 +38,7 @@ from anaplot.bundle.errors.misfits import (
     adjust_without_misfits,
     minimum_without_misfits,
 )
-from anaplot.bundle.errors.snooping import class_roots, estimate_models
+from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
@@ -59,7 +59,6 @@ __all__ = [
     "RefusedObservation",
     "RejectedObservation",
     "block_gross_errors",
-    "model_values",
     "without",
 ]
 
@@ -319,17 +318,6 @@ def _missing(problem: Problem, reduced: Problem) -> frozenset[int]:
         rows.update((start + np.flatnonzero(np.isnan(left[observed]))).tolist())
         start += int(observed.sum())
     return frozenset(rows)
-
-
-def model_values(system: BlockResiduals) -> Array:
-    """Return (n,) model values of sqrt(q_vv) for modified snooping, by classes of 1980.
-
-    Estimated from a few exact ones of every class; NaN for control and priors, which have none.
-    """
-    out = np.full(len(system.names), np.nan)
-    models = estimate_models(system.cofactors.normal, system.cofactors.factor)
-    out[: system.image_rows] = class_roots(system.problem, models).ravel()
-    return out
 
 
 def block_gross_errors(

@@ -22,6 +22,7 @@ from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import cofactor_column
+from anaplot.bundle.solve.residuals import BlockResiduals
 
 __all__ = [
     "ObservationClass",
@@ -29,6 +30,7 @@ __all__ = [
     "class_roots",
     "classify",
     "estimate_models",
+    "model_values",
     "paper_models",
     "snoop",
 ]
@@ -194,3 +196,14 @@ def snoop(
     computed = counts & by.doubtful
     rejected = (counts & by.rejected) | (computed & block.flagged)
     return Snooping(rejected, computed, counts & by.untestable)
+
+
+def model_values(system: BlockResiduals) -> Array:
+    """Return (n,) model values of sqrt(q_vv) for modified snooping, by classes of 1980.
+
+    Estimated from a few exact ones of every class; NaN for control and priors, which have none.
+    """
+    out = np.full(len(system.names), np.nan)
+    models = estimate_models(system.cofactors.normal, system.cofactors.factor)
+    out[: system.image_rows] = class_roots(system.problem, models).ravel()
+    return out

@@ -1,0 +1,151 @@
+"""The conditions of one model: coplanarity of every point, XZ collinearity of every tie.
+
+Everything is in image units: each row's misclosure F and derivatives are divided by the
+coefficient a of its observation (a_p = -z', a_L = -dZ), so that a row's cofactor is simply 2
+for y and q_x for x (Kratky and El-Hakim 1983, eq. 1-4).
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.orientation.pair import Stereopair
+from anaplot.photogrammetry.block import TieVariance
+from anaplot.photogrammetry.conditions import coefficients, products
+from anaplot.photogrammetry.intersection import Intersection, intersect
+
+__all__ = ["Q_Y", "ConditionEquations", "ModelUnknowns", "tie_cofactor"]
+
+Q_Y = 2.0
+"""A-priori cofactor of a y row: q_yy = 2 q_xx, the experience of the NRC."""
+_ROOT_Y = sqrt(0.5)
+_ORIGIN = np.zeros(3)
+
+
+def tie_cofactor(ratio: float, tie_variance: TieVariance) -> float:
+    """Return the cofactor of an x row; `ratio` is new bx / old bx.
+
+    "paper" takes the ties' model coordinates as free of error: 1. "propagated" adds what the
+    image errors of the preceding model contribute: 1 + (1 + k)^2 + k^2, 6 for equal bases; "exact"
+    has the same weights.
+    """
+    if tie_variance == "paper":
+        return 1.0
+    return 1.0 + (1.0 + ratio) ** 2 + ratio * ratio
+
+
+class ModelUnknowns(NamedTuple):
+    """Unknowns of a model: bx [mm], by/bx, bz/bx, (3, 3) rotation of the right photo."""
+
+    bx: float
+    beta_y: float
+    beta_z: float
+    rotation: Array
+
+
+class ConditionEquations:
+    """The conditions of one model, ready to be evaluated at any state.
+
+    Parameters
+    ----------
+    pair
+        The measurements.
+    tie_variance
+        Cofactor of x rows, see `tie_cofactor`.
+
+    Attributes
+    ----------
+    y_index, x_index
+        Rows in use, as positions in pair.points.
+    x1, p2
+        (3, n) left rays in the strip system and right rays in the image system.
+    """
+
+    def __init__(self, pair: Stereopair, tie_variance: TieVariance = "paper") -> None:
+        points, off, ties = pair.points, pair.off, pair.ties or {}
+        self.tie_variance = tie_variance
+        self.preceding_bx = pair.preceding_bx
+        self.first = pair.ties is None
+        self.x1 = pair.fixed.rotation @ _rays(pair.xl, pair.c_left)
+        self.p2 = _rays(pair.xr, pair.c_right)
+        self.y_index = [k for k, point in enumerate(points) if not off or (point, "y") not in off]
+        self.x_index = [
+            k for k, point in enumerate(points) if point in ties and (point, "x") not in off
+        ]
+        self._n, self._m = n, m = len(self.y_index), len(self.x_index)
+        x1, p2 = self.x1, self.p2
+        if n < len(points):
+            x1, p2 = x1[:, self.y_index], p2[:, self.y_index]
+        self._products = np.zeros((18, n + m))
+        self._products[:9, :n] = products(x1 * (-_ROOT_Y / x1[2]), p2)
+        self.tie_points = np.ones((3, 0))
+        self._tie_p2 = self.p2[:, self.x_index]
+        if m:
+            tied = np.array([ties[points[k]] for k in self.x_index]).T
+            self.tie_points = tied - pair.fixed.centre[:, None]
+            horizontal = self.tie_points[(0, 2, 2), :]
+            horizontal[2] = 1.0
+            self._products[9:, n:] = products(horizontal, self._tie_p2)
+
+    @property
+    def row_count(self) -> int:
+        """Number of rows in use."""
+        return self._n + self._m
+
+    def unknown_rows(self) -> slice:
+        """Which of the six derivatives are unknowns: a first model holds bx."""
+        return slice(1, 6) if self.first else slice(0, 6)
+
+    def cofactors(self, bx: float) -> Array:
+        """Return (n + m,) a-priori cofactors of the rows, y first."""
+        out = np.full(self.row_count, Q_Y)
+        if self._m:
+            out[self._n :] = self._tie_cofactor(bx)
+        return out
+
+    def _tie_cofactor(self, bx: float) -> float:
+        ratio = bx / self.preceding_bx if self.preceding_bx else 1.0
+        return tie_cofactor(ratio, self.tie_variance)
+
+    def evaluate(self, state: ModelUnknowns, *, ties: bool = True) -> Array:
+        """Return (7, n + m) weighted derivatives and misclosures in image units [mm]."""
+        bx, beta_y, beta_z, rotation = state
+        n = self._n
+        factors = coefficients(bx, beta_y, beta_z, rotation)
+        if not (ties and self._m):
+            plane: Array = factors[:, :9] @ self._products[:9, :n]
+            return plane
+        rows: Array = factors @ self._products
+        depth = self.tie_points[2] - bx * beta_z
+        depth *= -sqrt(self._tie_cofactor(bx))
+        rows[:, n:] /= depth
+        return rows
+
+    def meet(self, state: ModelUnknowns) -> Intersection:
+        """Return where the rays of every point meet, as seen from the left projection centre."""
+        bx, beta_y, beta_z, rotation = state
+        return intersect(_ORIGIN, (bx, bx * beta_y, bx * beta_z), self.x1, rotation @ self.p2)
+
+    def bx_of_ties(self, beta_z: float, rotation: Array) -> float | None:
+        """Return the median bx that the ties ask for, one collinearity equation each."""
+        if not self._m:
+            return None
+        x2 = rotation @ self._tie_p2
+        tie = self.tie_points
+        lever = x2[2] - beta_z * x2[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            asked = (tie[0] * x2[2] - tie[2] * x2[0]) / lever
+        usable = [bx for bx in asked.tolist() if abs(bx) < inf]
+        return median(usable) if usable else None
+
+
+def _rays(xy: Array, c: float) -> Array:
+    out = np.empty((3, len(xy)))
+    out[:2] = xy.T
+    out[2] = -c
+    return out
