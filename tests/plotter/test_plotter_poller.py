@@ -146,3 +146,35 @@ def test_no_answer_ever_looks_younger_than_it_is(seed, lost, slow, hiccup):
                 coming.append((last, poller.cycle))
         now += 0.01
     assert poller.cycle > 4
+
+
+def test_who_waits_is_served_until_too_many_answers_are_owed():
+    poller = Poller(ONE)
+    for at in range(12):
+        poller.begin(0.1 * at)
+        poller.sent("main", 0.1 * at)
+    for owed in range(11, 7, -1):
+        assert poller.answered("main", 1.2).cycle == 12 - owed
+        poller.urge()
+        # more than eight behind, whoever waits has to wait
+        assert poller.settling == (owed > 8)
+
+
+def test_a_line_opened_anew_is_asked_at_once_whatever_is_owed():
+    poller = Poller(ONE)
+    for at in range(4):
+        ask(poller, ONE, 0.5 * at)
+    poller.answered("main", 1.6)
+    assert poller.settling
+    poller.restart()
+    assert not poller.settling
+    assert ask(poller, ONE, 1.61) == 5
+    assert poller.wait(1.7) == pytest.approx(1.61 + 0.5 - 1.7)
+
+
+def test_an_answer_may_come_as_late_as_the_latency():
+    poller = Poller(ONE)
+    ask(poller, ONE, 0.0)
+    assert poller.answered("main", 5.0).cycle == 1
+    ask(poller, ONE, 6.0)
+    assert poller.answered("main", 11.1) is None
