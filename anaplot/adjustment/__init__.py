@@ -1,1 +1,1 @@
-"""Least squares and its statistics; knows nothing of photographs."""
+"""Least squares and its statistics, independent of photographs."""

@@ -111,7 +111,7 @@ class Relinearised(Protocol[S, K]):
         ...
 
     def astray(self, error: NotComputableError) -> bool:
-        """Whether an error of `without` says that the iteration has lost its way."""
+        """Whether an error of `without` means that the iteration diverged."""
         ...
 
 

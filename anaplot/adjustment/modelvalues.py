@@ -17,7 +17,7 @@ MODEL_TOLERANCE = 0.25
 
 
 class ModelDecisions(NamedTuple):
-    """What model values say of residuals; every one is of exactly one kind.
+    """Decisions on residuals by model values; every residual is of exactly one kind.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the cofactors of the residuals say of rows together: correlations and transfers."""
+"""Correlations of residuals and critical transfers, from the cofactors of the residuals."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class ResidualSystem(Protocol):
 
 @runtime_checkable
 class Designed(Protocol):
-    """A residual system that may know the derivatives of its rows as well."""
+    """A residual system that may have the derivatives of its rows as well."""
 
     def design(self) -> csr_array | None:
         """Return (n, u) derivatives, each row divided by its sigma; None where they are not known.

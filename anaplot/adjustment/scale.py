@@ -1,4 +1,4 @@
-"""Whether the a-priori sigma can be right, judged by what most of the residuals say."""
+"""Whether the a-priori sigma agrees with the size of most residuals."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class AprioriSigma(NamedTuple):
 
 
 class ScaleError(NotComputableError):
-    """The a-priori sigma is far from what the residuals say: by it nothing can be cleaned.
+    """The a-priori sigma is far from the size of the residuals: no test by it means anything.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ def robust_scale(w: Array, r: Array, trimmed: float = 0.0) -> float | None:
 def check_scale(
     system: ResidualSystem, found: Findings | None, alpha: float, apriori: AprioriSigma
 ) -> None:
-    """Complain where most residuals say that the a-priori sigma cannot be right.
+    """Raise where most residuals contradict the a-priori sigma.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def check_scale(
 
 
 def scale_error(apriori: AprioriSigma, scale: float, fits: float) -> ScaleError:
-    """Return what is to be said of an a-priori sigma.
+    """Return the error about an a-priori sigma.
 
     Parameters
     ----------

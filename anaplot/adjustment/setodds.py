@@ -267,7 +267,7 @@ class _Sets:
         return [int(level) for level in near.argmin(axis=1)]
 
     def _fitting(self, held: list[int]) -> list[int]:
-        """Return the levels that the estimated errors of a set speak for."""
+        """Return the levels nearest to the estimated errors of a set."""
         if not held:
             return []
         block = self._system.columns(np.array(held))[held] + np.diag(np.full(len(held), 1e-12))

@@ -1,4 +1,4 @@
-"""Rows rejected and brought back one by one, or together, by a rule until it has nothing to say."""
+"""Rows rejected and brought back one by one, or together, by a rule until it changes nothing."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class _Test(NamedTuple):
 
 
 Rule = Callable[[Elimination], _Test]
-"""What a strategy says of all rows, given those that are out."""
+"""Sizes and limits of all rows in a strategy, given those that are out."""
 
 
 def rule_of(strategy: str, alpha: float) -> Rule:
@@ -174,7 +174,7 @@ def stepwise(
     steps: Sequence[SearchStep] = (),
     together: bool,
 ) -> tuple[Elimination, list[SearchStep]]:
-    """Reject and bring back by a rule until it has nothing to say or a set comes again.
+    """Reject and bring back by a rule until it changes nothing or a set recurs.
 
     Parameters
     ----------

@@ -359,7 +359,7 @@ def _by_least_absolute(
 ) -> tuple[Elimination, list[SearchStep]]:
     """Reject what the least absolute sum leaves beyond the critical value, then go on by w.
 
-    Where it is not reached, begin with w, and say so in `remarks`.
+    Where it is not reached, begin with w, with a remark.
     """
     watch("least absolute sum", 0.0)
     try:

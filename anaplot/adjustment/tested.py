@@ -1,4 +1,4 @@
-"""Tested observations: what an adjustment says of every observation, whatever was observed.
+"""Tested observations: residual, test and reliability of every observation, of any kind.
 
 A fiducial's coordinate, a row of a model, an image or control coordinate, a prior: of each there is
 the same to be said. A `Tested` holds it as arrays and gives it out as `Observation`; here alone it
@@ -122,7 +122,7 @@ class AppliedTest(NamedTuple):
 
 
 class Observation(NamedTuple, Generic[K]):
-    """What an adjustment says of one observation; None where something does not exist.
+    """Residual, test and reliability of one observation; None where something does not exist.
 
     Attributes
     ----------

@@ -39,7 +39,7 @@ CONFIDENCE = 0.95
 """Probability with which an interval holds the true factor."""
 
 LEAST_REDUNDANCY = 0.5
-"""Redundancy below which a group says nothing about its own variance: its factor is held."""
+"""Redundancy below which a group's own variance is not determined: its factor is held."""
 _STEP = 1e-3  # of ln s^2, where redundancies are differentiated
 _APART = 1e-6  # smallest eigenvalue of S, scaled to a unit diagonal, that tells groups apart
 _NO_END = 1e-12  # estimate over the upper limit of an interval below which it has no end
@@ -47,7 +47,7 @@ _VANISHING = 1e-8  # factor below which nothing is left of a group's variance
 
 
 class GroupSums(NamedTuple):
-    """What an adjustment with given variance factors says of each of k groups.
+    """Sums over each of k groups in an adjustment with given variance factors.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ class VarianceComponents:
         return np.array([c.factor for c in self.components])
 
     def remarks(self) -> list[str]:
-        """Return sentences for a person: which groups say nothing, and whether it ended."""
+        """Return sentences for a person: undetermined factors, no convergence."""
         out = []
         for c in self.components:
             if c.state == "undetermined":

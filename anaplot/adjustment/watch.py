@@ -1,4 +1,4 @@
-"""How a long computation tells how far it is, and is asked to come to an end."""
+"""Progress of a long computation, and the request to end it early."""
 
 from __future__ import annotations
 

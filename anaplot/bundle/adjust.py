@@ -260,7 +260,7 @@ def _searched(problem: Problem, progress: Progress | None) -> tuple[Minimum, Blo
 def _bent(problem: Problem, found: Minimum, solution: RobustState) -> bool:
     """Whether a few wild measurements have bent everything else out of shape.
 
-    The search then went round corners to a minimum that says nothing of the block, while elsewhere
+    The search then went round corners to a minimum without meaning for the block, while elsewhere
     most measurements agree much better. Where sigmas are too small, they do not.
     """
     scale = max(solution.misfit / float(np.median(problem.sigma)), 1.0)
@@ -302,7 +302,7 @@ def _led_there(problem: Problem, solution: RobustState, found: Minimum | None) -
 def _from_free_network(
     problem: Problem, start: BlockState, progress: Progress | None
 ) -> BlockState | None:
-    """Approximate values by way of the free network, in which control pulls at nothing.
+    """Approximate values by way of the free network, in which control has no influence.
 
     What only control determines (a control point in one photo) is added after the network lies on
     control. None when there is no such network.

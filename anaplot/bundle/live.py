@@ -35,7 +35,7 @@ _CHORD_STEPS = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveAnswer:
-    """What the block as a whole says now.
+    """The state of the whole block.
 
     Attributes
     ----------

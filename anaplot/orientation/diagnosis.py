@@ -34,7 +34,7 @@ _SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may 
 
 
 def diagnose(solution: ModelSolution) -> Diagnosis:
-    """Say what can be said of a model beyond its table."""
+    """Return detectable errors, transfers, odds and advice of a model."""
     partners = solution.tested.partners()
     evidence = _evidence(solution)
     suspects = _suspects(solution, evidence)

@@ -1,4 +1,4 @@
-"""What a model is computed from: two photos' measurements and what the strip already knows."""
+"""What a model is computed from: two photos' measurements and the strip before it."""
 
 from __future__ import annotations
 

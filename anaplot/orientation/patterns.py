@@ -1,4 +1,4 @@
-"""The point patterns of the paper, and what they would be worth (1983, Figures 1, 2, 4 and 7).
+"""The point patterns of the paper, and their reliability (1983, Figures 1, 2, 4 and 7).
 
 Standard points: 1, 2, 3 are the upper, middle and lower point under the left projection centre,
 4, 5, 6 the same under the right one, 7, 8, 9 the column between them. A doubled point is two

@@ -291,7 +291,7 @@ def _interchanged(pair: Stereopair, conditions: ConditionEquations, apriori_mm: 
 
 
 def _far(found: FoundOrientation, agreed: FoundOrientation) -> bool:
-    """Whether wrong points pull an orientation so far away that its table misleads."""
+    """Whether wrong points displace an orientation so far that its table misleads."""
     state, other = found.solution.state, agreed.solution.state
     turned = 0.5 * (float(np.einsum("ij,ij", state.rotation, other.rotation)) - 1.0)
     return (

@@ -36,7 +36,7 @@ _INSEPARABLE = 0.99
 
 @dataclass(frozen=True, slots=True)
 class BayesFacts:
-    """What the block is worth before anything is measured.
+    """Redundancy and rank of the block before anything is measured.
 
     Attributes
     ----------

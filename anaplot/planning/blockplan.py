@@ -1,4 +1,4 @@
-"""Regular aerial blocks before they are flown (Gruen 1980), and what they would be worth.
+"""Regular aerial blocks before they are flown (Gruen 1980), their reliability and accuracy.
 
 Photos at regular places over flat ground; points in the standard places: on the strips' axes, and
 where strips overlap. Control stands on the perimeter at a bridging distance, heights inside.

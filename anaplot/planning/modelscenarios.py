@@ -206,7 +206,7 @@ def _with_one_error(
 
 @dataclass(frozen=True, slots=True)
 class SizeOfTests:
-    """No error: every test errs as often as its alpha says. One error: its power is as predicted.
+    """No error: the size of every test is its alpha. One error: its power is as predicted.
 
     The error planted for the power is the smallest detectable one of its row.
     """

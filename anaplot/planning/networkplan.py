@@ -1,4 +1,4 @@
-"""Camera stations around an object before they are built up, and what they would be worth.
+"""Camera stations around an object before they are built up: reliability and accuracy.
 
 The cube of Gruen 1978, Figure 2, is the example: 27 points, five ways of photographing them.
 """
@@ -94,7 +94,7 @@ class Network:
 
 
 class NetworkReliability(NamedTuple):
-    """What a network would be worth, and what it leaves open.
+    """Reliability and accuracy of a planned network, and what it leaves undetermined.
 
     Attributes
     ----------

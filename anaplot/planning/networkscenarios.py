@@ -60,7 +60,7 @@ class _GruenTrial:
         self._equal = {name: _equal(matrix) for name, matrix in self._matrices.items()}
 
     def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
-        """Say what is counted: what all runs together say comes first."""
+        """Return what is counted, figures of all runs together first."""
         counting = [method for method in methods if method != "global test"]
         every: dict[QuantityKey, Quantity] = {}
         planted = 0
@@ -113,7 +113,7 @@ class _GruenTrial:
         for method, (right, wrong) in totals.items():
             tally[_ALL, method, "right"] = sums(right)
             tally[_ALL, method, "wrong"] = sums(wrong)
-        # what all runs together say comes first
+        # figures of all runs together come first
         return dict(sorted(tally.items(), key=lambda item: item[0][0] != _ALL))
 
     def remarks(self) -> tuple[str, ...]:

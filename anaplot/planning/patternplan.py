@@ -1,4 +1,4 @@
-"""What a point pattern is worth, and which further point would help it most (1983, Figures 2-7)."""
+"""Reliability of a point pattern, and which further point improves it most (1983, Figures 2-7)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a planned point or photo is worth: its redundancy numbers and its weakest observation."""
+"""Reliability of a planned point or photo: redundancy numbers and weakest observation."""
 
 from __future__ import annotations
 

@@ -322,7 +322,7 @@ def _measured(block: Block) -> list[tuple[str, float, float]]:
 
 
 def _doubts(block: AdjustedBlock, without: bool) -> list[str]:
-    """Say what speaks against an epoch by itself."""
+    """Return the remarks on an epoch by itself."""
     by_itself = " (by itself, without additional parameters)" if without else ""
     out = []
     flagged = block.flagged_observations()

@@ -77,7 +77,7 @@ class Snooping:
 
 
 def classify(problem: Problem) -> dict[ObservationClass, tuple[Index, int]]:
-    """Return the rays of every class, and the axis (0, 1) it speaks of."""
+    """Return the rays of every class, and its axis (0, 1)."""
     pair = problem.point * len(problem.photos) + problem.photo
     _, of_pair, times = np.unique(pair, return_inverse=True, return_counts=True)
     inner = times[of_pair] > 1

@@ -27,7 +27,7 @@ GROUPINGS: tuple[Grouping, ...] = ("kinds", "axes", "strips", "operators")
 
 
 class ComponentSigma(NamedTuple):
-    """A-priori and estimated standard deviation of a group, where one number says it.
+    """A-priori and estimated standard deviation of a group that has a single one.
 
     Attributes
     ----------

@@ -379,7 +379,7 @@ def _from(sides: Callable[[range], Sides], start: int, part: range) -> Sides:
 
 
 class _GivenUp(NamedTuple):
-    """R, its conditions, and those left out because the photographs hardly know them."""
+    """R, its conditions, and those left out because the photographs hardly determine them."""
 
     square: float
     conditions: int
@@ -418,7 +418,7 @@ def _verdict(
 def _groups(
     control: _Control, together: _GivenUp, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[ControlGroupTest, ...]:
-    """Test all coordinates, given up as `together` says, and those of a kind."""
+    """Test all coordinates, given up by `together`, and those of a kind."""
     every = list(range(len(control.at)))
     plan = [k for k in every if control.at[k][1] < 2]
     heights = [k for k in every if control.at[k][1] == 2]

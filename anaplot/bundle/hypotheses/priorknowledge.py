@@ -1,6 +1,6 @@
 """A block with prior knowledge of its unknowns: three estimators (Bayesian phototriangulation).
 
-Prior knowledge is all that is said of unknowns beforehand: weighted control, stated positions and
+Prior knowledge is all that is known of unknowns beforehand: weighted control, stated positions and
 rotations with their sigmas, additional parameters with theirs. With P the weights of the image
 coordinates, Px those of the prior knowledge and s^2, s_x^2 the factors of their variances, all
 three minimise v'Pv / s^2 + v_x'Px v_x / s_x^2, and C is the inverse of these normal equations:

@@ -74,7 +74,7 @@ class Verdict(NamedTuple):
 
 
 class VarianceFactor(NamedTuple):
-    """What an adjustment says of its variance factor.
+    """The variance factor of an adjustment.
 
     Attributes
     ----------

@@ -1,1 +1,1 @@
-"""The minimum of v'Pv of a block, its cofactors, and what every observation says."""
+"""The minimum of v'Pv of a block, its cofactors, and the tests of every observation."""

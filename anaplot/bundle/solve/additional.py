@@ -1,4 +1,4 @@
-"""Additional parameters: what self-calibration may say about the image (Gruen 1978, section B).
+"""Additional parameters: corrections of the image by self-calibration (Gruen 1978, section B).
 
 The sets of Ebner and Gruen are linear: the systematic image error at a measured point is the sum
 of the parameters times basis functions of the measured coordinates. They are orthogonal on their

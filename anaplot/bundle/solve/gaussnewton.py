@@ -191,7 +191,7 @@ def _ended(problem: Problem, value: float, steps: int) -> str:
 
 
 def _open_part(problem: Problem, structure: Structure, state: BlockState) -> NotComputableError:
-    """Return what is to be said where the full step cannot be solved for."""
+    """Return the error where the full step cannot be solved for."""
     try:
         equations_at(problem, structure, state)
     except NotComputableError as error:

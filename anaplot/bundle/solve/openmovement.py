@@ -83,7 +83,7 @@ def undetermined(
 
 
 def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> str | None:
-    """Return what is to be said of photos which nothing holds but the errors of measurements.
+    """Return the remark on photos that are determined by measuring errors alone.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> 
 
 
 def parameters_left_open(problem: Problem) -> str:
-    """Return what is said of free additional parameters that the observations do not determine."""
+    """Return the remark on free additional parameters that are not determined."""
     assert problem.additional is not None
     return (
         f"block {problem.block.name}: not determined: the additional parameters "

@@ -79,7 +79,7 @@ def inverse_roots(rows: Array, weight: Array, grow: float, fixed: Bools) -> Arra
 def _root_of_rows(rows: Array, weight: Array, damping: Array) -> Array:
     """(3, 3) lower factor L of a point's equations L L', without forming them.
 
-    Heavy rows first: Householder's triangularisation then keeps what light ones say.
+    Heavy rows first: Householder's triangularisation then keeps the digits of light ones.
     """
     stacked = np.vstack((rows, np.diag(np.sqrt(weight)), np.diag(damping)))
     stacked = stacked[np.argsort(-np.abs(stacked).max(axis=1), kind="stable")]

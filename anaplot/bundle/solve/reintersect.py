@@ -19,7 +19,7 @@ _DAMPING = 1e-3  # of the first step
 
 
 def reintersected(problem: Problem, state: BlockState) -> BlockState:
-    """Return the state with every point where its own rays and its control want it.
+    """Return the state with every point intersected anew from its own rays and control.
 
     Each point takes damped Gauss-Newton steps of its own, and only such that bring its own sum of
     squares down: the result is never worse than `state`. Photos and parameters are held.

@@ -1,4 +1,4 @@
-"""What an adjusted bundle says of each photo, point and observation, one row each."""
+"""Results of an adjusted bundle, one row for each photo, point and observation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where gross errors have lost their pull: the place from which they are seen, and named."""
+"""A robust solution, in which gross errors have little weight, and the errors seen from it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _FAR = 10.0  # times what measurements are off in the median: so far off is a su
 def no_minimum_error(
     problem: Problem, structure: Structure, start: BlockState, state: BlockState | None = None
 ) -> NotComputableError:
-    """Return the error that says why `find_minimum` finds nothing.
+    """Return the error with the reason why `find_minimum` finds nothing.
 
     It names what is not determined, or only by the noise of the measurements; else the observations
     farthest from a robust solution. How good the best state is, what fits worst there and what to
@@ -254,7 +254,7 @@ def _clearest(problem: Problem, structure: Structure, start: BlockState) -> _Cle
 
 
 class RobustState(NamedTuple):
-    """Where gross errors have lost their pull.
+    """A solution in which gross errors have little weight.
 
     Attributes
     ----------
@@ -360,7 +360,7 @@ def _robust(
 def _reoriented(problem: Problem, start: BlockState) -> BlockState:
     """Points from their rays alone, and photos that fit them badly resected to the others' points.
 
-    Whatever control says, and however a gross error has bent the approximate orientations.
+    Independent of control and of gross errors in the approximate orientations.
     """
     rays = np.column_stack((problem.xy, -problem.c[problem.photo]))
     rays /= np.linalg.norm(rays, axis=1)[:, None]
