@@ -151,6 +151,9 @@ class Observation(NamedTuple, Generic[K]):
         Whether abs(w) exceeds the critical value.
     probability
         Posterior probability that this observation holds the one gross error.
+    ground
+        What an undetected error of the size `mdb` does to the observation's own point: X, Y, Z [m];
+        None where it has none.
     """
 
     key: K
@@ -164,6 +167,7 @@ class Observation(NamedTuple, Generic[K]):
     effect: float | None
     flagged: bool
     probability: float
+    ground: tuple[float, float, float] | None = None
 
     @property
     def point(self) -> str:
@@ -249,6 +253,8 @@ class Tested(Generic[K]):
     evidence
         (n,) g of `error_odds`: variance of the residual by an error of the width of its prior,
         over that without an error.
+    ground
+        (n, 3) as `Observation` has it; None where no observation has any.
     dense
         Q_vv and Q_vv P; None where they are not kept.
     """
@@ -270,6 +276,7 @@ class Tested(Generic[K]):
     flagged: Bools
     use: Bools
     evidence: Array
+    ground: Array | None = field(default=None, repr=False)
     dense: Dense | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
@@ -293,6 +300,7 @@ class Tested(Generic[K]):
             _numbers(self.effect[at]),
             self.flagged[at].tolist(),
             self.odds.rows[at].tolist(),
+            [None] * len(index) if self.ground is None else _triples(self.ground[at]),
         )
         return list(map(Observation, *columns))
 
@@ -365,6 +373,7 @@ def examine(
     deviation: Array | None = None,
     moved: Array | None = None,
     use: Bools | None = None,
+    moved_ground: Array | None = None,
     rounding: float = 0.0,
     dense: Dense | None = None,
 ) -> Tested[K]:
@@ -392,6 +401,9 @@ def examine(
         deviations; None: sqrt(1 - r), likewise.
     use
         (n,) which rows count; None: all.
+    moved_ground
+        (n, 3) how an error of one unit moves the observation's own point [m]; NaN where it has
+        none, None where no observation has any.
     rounding
         Residuals up to this size are never flagged.
     dense
@@ -433,6 +445,7 @@ def examine(
         flagged=(size > limit) & (np.abs(residual) > rounding),
         use=np.ones(len(r), dtype=np.bool_) if use is None else use,
         evidence=ERROR_PRIOR_SIGMAS**2 * shown**2,
+        ground=None if moved_ground is None else moved_ground * mdb[:, None],
         dense=dense,
     )
 
@@ -499,6 +512,10 @@ def sum_by_point(keys: Iterable[Key], rows: Array) -> dict[str, float]:
         point = str(key[-2])
         out[point] = out.get(point, 0.0) + one
     return out
+
+
+def _triples(values: Array) -> list[tuple[float, float, float] | None]:
+    return [(x, y, z) if x == x else None for x, y, z in values.tolist()]
 
 
 def _numbers(values: Array) -> list[float | None]:

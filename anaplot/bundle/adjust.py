@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.aliases import Progress
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -389,11 +388,6 @@ def evaluate(
     redundancy = problem.redundancy
     vtpv = linear.vtpv
     sigma0 = sqrt(vtpv / redundancy) if redundancy > 0 else None
-    test = problem.test
-    if test.kind == "tau":
-        sigma, critical = sigma0, critical_tau(test.alpha, redundancy)
-    else:
-        sigma, critical = 1.0, critical_normal(test.alpha) if redundancy > 0 else None
     return AdjustedBlock(
         problem=problem,
         state=found.state,
@@ -401,9 +395,6 @@ def evaluate(
         convergence=found.convergence,
         vtpv=vtpv,
         redundancy=redundancy,
-        sigma0=sigma0,
-        sigma=sigma,
-        critical=critical,
         v=linear.e,
         warnings=tuple(_warnings(problem, found, sigma0, robust)),
         robust=robust,

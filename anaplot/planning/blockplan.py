@@ -325,8 +325,7 @@ def _named(
 
 def class_table(block: AdjustedBlock) -> tuple[PlannedClass, ...]:
     """Return the point-class table of 1980, exact values in place of model values."""
-    of_row = {row.row: [np.nan if m is None else m for m in row.mdb] for row in block.ray_rows()}
-    mdb = np.array([of_row[row] for row in block.problem.source.tolist()])
+    mdb = block.tested.mdb[: block.observations.image].reshape(-1, 2)
     rows = []
     for kind, (rays, axis) in classify(block.problem).items():
         r = np.maximum(block.cofactors.r[rays, axis], 0.0)

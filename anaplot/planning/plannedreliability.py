@@ -73,7 +73,7 @@ def _reliability(
     others: list[str],
     s_xyz: tuple[float | None, float | None, float | None] | None,
 ) -> PlannedReliability:
-    r = np.array([row.r for row in rows])
+    r = np.array([[one.r for one in row.xy] for row in rows])
     k, axis = np.unravel_index(int(r.argmin()), r.shape)
     return PlannedReliability(
         name,
@@ -82,7 +82,7 @@ def _reliability(
         max(float(r[k, axis]), 0.0),
         others[int(k)],
         "y" if axis else "x",
-        rows[int(k)].mdb[int(axis)],
+        rows[int(k)].xy[int(axis)].mdb,
         s_xyz,
     )
 

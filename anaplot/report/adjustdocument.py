@@ -12,7 +12,7 @@ from anaplot.bundle.errors.suspects import ImageCoordinate, Suspect, likeliest_s
 from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import MOST_RAYS, external_reliability
-from anaplot.bundle.solve.residuals import ObservationName
+from anaplot.bundle.solve.observations import ObservationName
 from anaplot.report.adjusttables import (
     check_table,
     control_table,

@@ -14,8 +14,8 @@ from anaplot.aliases import Array
 from anaplot.bundle.errors.controllast import ControlLast, clean_control_last
 from anaplot.bundle.errors.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
 from anaplot.bundle.solve.additional import AdditionalParameters
+from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.residuals import ObservationName
 from anaplot.photogrammetry import block as photogrammetry
 from anaplot.report.astext import MOST_ROWS, line_text
 from anaplot.report.columns import counted
@@ -306,7 +306,7 @@ def _odds(cleaned: BlockFindings) -> list[Block]:
     )
 
 
-def _probable(odds: Array, names: tuple[ObservationName, ...]) -> list[Line]:
+def _probable(odds: Array, names: Sequence[ObservationName]) -> list[Line]:
     """Return the observations that are probable enough, the most probable first."""
     return [
         say("{:5.1f} %  {}", 100.0 * odds[k], _named(names[k]))
@@ -411,7 +411,7 @@ def _json(cleaned: BlockFindings) -> Answer:
     return out
 
 
-def _step_json(step: SearchStep, names: tuple[ObservationName, ...]) -> Answer:
+def _step_json(step: SearchStep, names: Sequence[ObservationName]) -> Answer:
     return {
         "action": step.action,
         "rows": [_name_json(names[k]) for k in step.rows],

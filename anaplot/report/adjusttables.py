@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Sequence
 from math import hypot, pi
 from typing import Any
 
-import numpy as np
-
+from anaplot.adjustment.tested import Observation
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.externalreliability import ExternalReliability, UndetectedEffect
+from anaplot.bundle.solve.externalreliability import ExternalReliability, LargestEffect
+from anaplot.bundle.solve.observations import ObservationName
 from anaplot.report.columns import fitted
 from anaplot.report.document import Column, Table, for_programs, name, number, table, whole
 
@@ -55,9 +55,10 @@ _FLAGGED = name("flagged", form=_mark("<< CHECK"))
 _REJECTED = for_programs("rejected")
 
 
-def _effect(found: UndetectedEffect | None) -> tuple[Any, ...]:
+def _effect(row: Observation[ObservationName], found: LargestEffect | None) -> tuple[Any, ...]:
     """Return the largest effect on a point [m], which point that is, and delta0 sqrt((1-r)/r)."""
-    return (None,) * 3 if found is None else (found.effect_m, found.point, found.standardized)
+    most = (None, None) if found is None else (found.effect_m, found.point)
+    return (*most, row.effect)
 
 
 _PHOTOS = (
@@ -131,8 +132,8 @@ def control_table(
         for.
     """
     rows = [
-        (row.point, row.axis, row.residual, row.r, row.w, row.mdb, row.effect_m, *_effect(effect),
-         row.flagged)
+        (row.point, row.axis, row.residual, row.r, row.w, row.mdb, row.ground,
+         *_effect(row, effect), row.flagged)
         for row, effect in zip(block.control_rows(), external.control, strict=True)
     ]  # fmt: skip
     return _with_rejected("control", _CONTROL, rows, rejected)
@@ -173,8 +174,8 @@ def prior_table(
 ) -> Table:
     """Return the priors [m, rad, mm]; parameters as `control_table` has them."""
     rows = [
-        (row.owner, row.unknown, _UNITS.get(row.unknown, "mm"), row.residual, row.r, row.w, row.mdb,
-         *_effect(effect), row.flagged)
+        (row.point, row.axis, row.unit, row.residual, row.r, row.w, row.mdb, *_effect(row, effect),
+         row.flagged)
         for row, effect in zip(block.prior_rows(), external.priors, strict=True)
     ]  # fmt: skip
     gone = None
@@ -251,10 +252,11 @@ def image_point_table(
         cells: tuple[Any, ...] = (*nothing, False)
         if k in found:
             row, effects = found[k]
-            r = (None if row.rejected[0] else row.r[0], None if row.rejected[1] else row.r[1])
+            x, y = row.xy
             cells = (
-                *row.residual, *r, *row.w, *row.mdb, *row.effect_m, *_effect(effects[0]),
-                *_effect(effects[1]), row.flagged,
+                x.residual, y.residual, x.r if x.use else None, y.r if y.use else None, x.w, y.w,
+                x.mdb, y.mdb, x.ground, y.ground, *_effect(x, effects[0]), *_effect(y, effects[1]),
+                row.flagged,
             )  # fmt: skip
         if rejected is not None:
             cells = (*cells, k in rejected, rejected.get(k, []))
@@ -281,20 +283,17 @@ _RAYS = (
 
 def ray_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
     """Return the image coordinates that take part, for people: a row each."""
-    critical = np.inf if block.critical is None else block.critical
     rows, look = [], []
     for row, effects in zip(block.ray_rows(), external.rays, strict=True):
-        for axis in (0, 1):
-            w = row.w[axis]
-            verdict = "not testable" if row.effect_m[axis] is None else ""
-            if w is not None and abs(w) > critical:
+        for one, effect in zip(row.xy, effects, strict=True):
+            verdict = "not testable" if one.mdb is None else ""
+            if one.flagged:
                 verdict = "<< REMEASURE"
-            if row.rejected[axis]:
+            if not one.use:
                 verdict = "rejected"
             rows.append(
-                (row.photo, row.point, "xy"[axis], row.residual[axis],
-                 None if row.rejected[axis] else row.r[axis], w, row.mdb[axis],
-                 row.effect_m[axis], *_effect(effects[axis]), verdict)
+                (row.photo, row.point, one.axis, one.residual, one.r if one.use else None, one.w,
+                 one.mdb, one.ground, *_effect(one, effect), verdict)
             )  # fmt: skip
             look.append(verdict != "")
     return table("rays", _RAYS, rows, look=look)

@@ -66,10 +66,10 @@ def point_lines(block: AdjustedBlock, point: str) -> list[str]:
     names = [f"{shortened(photo, _NAME)} {axis}" for photo, _, axis in labels]
     width = max(7, *(len(name) + 1 for name in names))
     mdb = {
-        (row.photo, axis): value
+        (row.photo, one.axis): one.mdb
         for row in block.ray_rows()
         if row.point == point
-        for axis, value in zip("xy", row.mdb, strict=True)
+        for one in row.xy
     }
     at_once = (PAGE - 2 - width - 9) // width
     for first in range(0, len(names), at_once):

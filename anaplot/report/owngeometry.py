@@ -12,7 +12,8 @@ from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.residuals import ObservationName, block_residuals
+from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.networkfile import read_network

@@ -1,5 +1,6 @@
 """Tested observations: any adjustment's rows, and those of plate, model and block, by hand."""
 
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -17,6 +18,16 @@ from anaplot.adjustment.tested import (
     examine,
     sigma0_known,
 )
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.solve.residuals import block_residuals
+from anaplot.orientation.model import orient
+from anaplot.orientation.strip import stereopair
+from anaplot.photogrammetry.block import Precision, TestSettings
+from anaplot.photogrammetry.camera import CameraCalibration, Fiducial
+from anaplot.photogrammetry.inner import orient_inner
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.planning.blockplan import BlockPlan, plan_block
+from anaplot.planning.synthetic import synthetic_strip
 
 APRIORI = 0.7
 KINDS = ("tau", "baarda")
@@ -205,6 +216,115 @@ def test_odds_of_a_point_are_the_sum_over_its_rows() -> None:
     assert sum(odds.values()) + tested.odds.none == pytest.approx(1.0)
     for point, chance in odds.items():
         assert chance == pytest.approx(sum(r.probability for r in tested if r.point == point))
+
+
+def same_as_dense(tested, design, misclosure, sigma, *, sign, atol, rel=1e-6) -> None:
+    """Compare with the projection of the whitened design; residual = sign R misclosure."""
+    n = len(design)
+    left = np.linalg.qr(design[:, design.any(axis=0)] / sigma[:, None])[0]
+    projection = np.eye(n) - left @ left.T
+    white = projection @ (misclosure / sigma)
+    f = n - left.shape[1]
+    r = np.diag(projection)
+    assert tested.redundancy == f
+    assert tested.r == pytest.approx(r, abs=atol)
+    assert tested.residual == pytest.approx(sign * white * sigma, abs=atol * sigma.max())
+    sigma0 = float(np.linalg.norm(white)) / sqrt(f)
+    assert tested.sigma0 == pytest.approx(sigma0, rel=rel)
+    used = 1.0 if sigma0_known(tested.test.kind) else sigma0
+    for k, row in enumerate(tested):
+        assert row.expected == pytest.approx(used * sigma[k] * sqrt(max(r[k], 0.0)), abs=atol)
+        if r[k] > 1e-3:
+            assert row.w == pytest.approx(row.residual / row.expected)
+            assert row.mdb == pytest.approx(tested.test.delta0 * sigma[k] / sqrt(r[k]), rel=1e-4)
+            effect = tested.test.delta0 * sqrt((1.0 - r[k]) / r[k])
+            assert row.effect == pytest.approx(effect, rel=1e-3, abs=1e-3)
+            assert row.flagged == (abs(row.w) > tested.test.critical)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_inner_orientation_is_a_dense_affine_fit(kind) -> None:
+    places = [(-106, 106), (106, 106), (106, -106), (-106, -106)]
+    places += [(-113, 0), (0, 113), (113, 0), (0, -113)]
+    marks = {str(k): (float(x), float(y)) for k, (x, y) in enumerate(places)}
+    fiducials = tuple(Fiducial(name, x, y) for name, (x, y) in marks.items())
+    camera = CameraCalibration("rmk", 152.4, fiducials=fiducials)
+    rng = np.random.default_rng(6)
+    measured = {
+        name: (x + 3.0 + 0.005 * rng.normal(), y - 2.0 + 0.005 * rng.normal())
+        for name, (x, y) in marks.items()
+    }
+    found = orient_inner(
+        camera, measured, transformation="affine", test=TestSettings(kind, alpha=0.05)
+    )
+    place = np.array(list(marks.values()))
+    design = np.kron(np.column_stack((np.ones(8), place / 100.0)), np.eye(2))
+    away = (np.array(list(measured.values())) - place).ravel() * 1e3
+    # linearised at the certificate, not at the adjusted plate: they differ by 1e-4
+    same_as_dense(found.tested, design, away, np.full(16, 5.0), sign=-1.0, atol=2e-3, rel=1e-4)
+    assert [row.key for row in found.tested] == [(n, a) for n in marks for a in "xy"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_model_is_a_dense_adjustment_of_its_parallaxes(kind) -> None:
+    strip = synthetic_strip(2, seed=3)
+    first, second = strip.block.strips[0].photos
+    rng = np.random.default_rng(5)
+    names = sorted(set(strip.truth[first]) & set(strip.truth[second]))
+    left, right = (
+        {name: np.array(strip.truth[photo][name]) + 0.005 * rng.normal(size=2) for name in names}
+        for photo in (first, second)
+    )
+    camera = strip.block.cameras[0]
+    pair = stereopair((first, second), left, right, (camera, camera), preceding=None, base=92.0)
+    precision = Precision(5.0, "paper")
+    model = orient(pair, precision, TestSettings(kind, alpha=0.05))
+    c = camera.c
+
+    def parallaxes(change):
+        by, bz, kappa, phi, omega = change
+        base = np.array(model.base) + np.array((0.0, by, bz)) * model.base[0]
+        turned = rotation_matrix(*(np.array(model.rotation) + np.array((omega, phi, kappa))))
+        out = []
+        for name in names:
+            x1, x2 = np.array((*left[name], -c)), turned @ np.array((*right[name], -c))
+            out.append(np.cross(base / base[0], x1) @ x2 / c)
+        return np.array(out) * 1e3
+
+    step = 1e-5
+    design = np.column_stack(
+        [(parallaxes(step * e) - parallaxes(-step * e)) / (2.0 * step) for e in np.eye(5)]
+    )
+    sigma = np.full(len(names), precision.image_um * sqrt(2.0))
+    same_as_dense(
+        model.tested, design, parallaxes(np.zeros(5)), sigma, sign=1.0, atol=2e-3, rel=1e-4
+    )
+    assert [row.key for row in model.tested] == [(name, "y") for name in names]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_block_is_a_dense_adjustment_of_its_whitened_design(kind) -> None:
+    ideal = plan_block(BlockPlan(strips=2, photos=3))
+    rng = np.random.default_rng(9)
+    shaken = replace(
+        ideal.block,
+        test=TestSettings(kind, alpha=0.05),
+        image_points=tuple(
+            replace(row, x=row.x + 0.004 * rng.normal(), y=row.y + 0.004 * rng.normal())
+            for row in ideal.block.image_points
+        ),
+    )
+    block = adjust_block(shaken)
+    tested = block.tested
+    system = block_residuals(block.problem, block.state, block.cofactors.normal.structure)
+    sigma = system.rows.sigma
+    design = system.design().toarray() * sigma[:, None]
+    same_as_dense(tested, design, system.e * sigma, sigma, sign=-1.0, atol=1e-4)
+    assert tuple(tested.keys) == tuple(row.key for row in tested) == tuple(system.names)
+    by_ray = {(row.photo, row.point, row.model): row.xy for row in block.ray_rows()}
+    for row in tested:
+        if row.key[0] == "image":
+            assert row in by_ray[row.key[1:4]]
 
 
 def brute_factor_known(w, g):

@@ -70,7 +70,7 @@ def main(seed: int = 1) -> int:
         got = {
             (int(source[row // 2]), row % 2)
             for row in found.findings.rows
-            if row < found.system.image_rows
+            if row < found.system.rows.image
         }
         right = len(got & planted)
         if strategy == "search":

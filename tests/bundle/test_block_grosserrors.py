@@ -156,7 +156,7 @@ def test_the_rank_one_prediction_is_the_new_adjustment_to_second_order() -> None
         left = adjust_bundle(without(system, frozenset([row])), torn.state)
         real = -left.v.ravel()
         assert real[row] == 0.0
-        miss = np.abs(np.delete(predicted[: system.image_rows] - real, row)).max()
+        miss = np.abs(np.delete(predicted[: system.rows.image] - real, row)).max()
         effect = np.abs(np.delete(column * z, row)).max()
         assert miss < 1e-3 * effect
         misses.append(miss)
@@ -170,14 +170,14 @@ def test_a_coordinate_goes_alone_and_stays_visible() -> None:
     block = found.block
     [row] = [r for r in block.ray_rows() if r.row == 27]
     assert row.rejected == (False, True)
-    assert row.r[1] == 0.0
-    assert row.w[1] is None
-    assert row.mdb[1] is None
-    assert row.r[0] > 0.0
-    assert row.w[0] is not None
+    assert row.xy[1].r == 0.0
+    assert row.xy[1].w is None
+    assert row.xy[1].mdb is None
+    assert row.xy[0].r > 0.0
+    assert row.xy[0].w is not None
     [error] = [r.error for r in found.rejected if r.name in names(scene, PLACES[:1])]
     # adjusted minus observed
-    assert row.residual[1] == pytest.approx(-error, rel=1e-6)
+    assert row.xy[1].residual == pytest.approx(-error, rel=1e-6)
     assert not any(block.flagged[block.rejected])
     assert not {(p, q, a) for p, q, a in block.spurs()} & {
         (n[1], n[2], n[4]) for n in names(scene, PLACES)
@@ -242,7 +242,7 @@ def test_a_wrong_prior_is_rejected_alone() -> None:
     assert turned.error == pytest.approx(0.03, abs=4.0 * turned.sigma)
     assert shifted.error == pytest.approx(4.0, abs=4.0 * shifted.sigma)
     assert found.block.redundancy == block.redundancy - len(got)
-    left = {(row.owner, row.unknown) for row in found.block.prior_rows()}
+    left = {(row.point, row.axis) for row in found.block.prior_rows()}
     assert (photos[2].id, "phi") not in left
     assert {(photos[2].id, "omega"), (photos[2].id, "kappa"), (photos[5].id, "Y")} <= left
 
@@ -254,10 +254,10 @@ def test_priors_of_additional_parameters_are_never_rejected() -> None:
     block = adjusted(scene, additional=additional_parameters("ebner", 0.05))
     found = block_gross_errors(block, "baarda", ALPHA)
     system = found.system
-    assert len(system.additional)
-    assert all(row < system.starts[2] for row in found.findings.rows)
+    assert len(system.rows.additional)
+    assert all(row < system.rows.starts[2] for row in found.findings.rows)
     with pytest.raises(ValueError, match="cannot be rejected"):
-        without(system, frozenset([system.starts[2]]))
+        without(system, frozenset([system.rows.starts[2]]))
 
 
 def test_errors_so_large_that_the_minimum_is_torn() -> None:
@@ -317,9 +317,9 @@ def test_model_values_stand_for_image_coordinates_only() -> None:
     block = adjusted(small())
     system = block_residuals(block.problem, block.state, block.cofactors.normal.structure)
     models = model_values(system)
-    assert np.isfinite(models[: system.image_rows]).all()
-    assert np.isnan(models[system.image_rows :]).all()
-    assert ((models[: system.image_rows] >= 0.0) & (models[: system.image_rows] <= 1.0)).all()
+    assert np.isfinite(models[: system.rows.image]).all()
+    assert np.isnan(models[system.rows.image :]).all()
+    assert ((models[: system.rows.image] >= 0.0) & (models[: system.rows.image] <= 1.0)).all()
 
 
 def test_blocks_too_large_for_columns_are_refused(monkeypatch) -> None:

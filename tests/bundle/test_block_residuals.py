@@ -66,12 +66,12 @@ def design(system):
         q = linear.h.shape[2]
         at = n * d + 3 * p + problem.additional_group[ray] * q
         out[rows, at : at + q] = linear.h[ray]
-    first, second, third = system.starts
-    for k, (point, axis) in enumerate(system.control):
+    first, second, third = system.rows.starts
+    for k, (point, axis) in enumerate(system.rows.control):
         out[first + k, n * d + 3 * point + axis] = 1.0 / problem.known_sigma[point, axis]
-    for k, (photo, unknown) in enumerate(system.priors):
+    for k, (photo, unknown) in enumerate(system.rows.priors):
         out[second + k, photo * d : photo * d + d] = linear.photo_rows[photo, unknown]
-    for k, number in enumerate(system.additional):
+    for k, number in enumerate(system.rows.additional):
         if problem.photo_invariant:
             photo, index = divmod(int(number), d - 6)
             out[third + k, photo * d + 6 + index] = 1.0 / problem.additional_sigma[index]
@@ -96,7 +96,7 @@ def test_columns_equal_the_dense_matrix(name) -> None:
     block = adjusted(CASES[name])
     system = block_residuals(block.problem, block.state, block.cofactors.normal.structure)
     n = len(system.names)
-    assert n == block.problem.observations == len(system.sigma) == len(system.units)
+    assert n == block.problem.observations == len(system.rows.sigma) == len(system.rows.units)
     np.testing.assert_allclose(system.design().toarray(), design(system), rtol=1e-12)
     whole = dense(system)
     every = np.arange(n)[::-1]
@@ -107,7 +107,7 @@ def test_columns_equal_the_dense_matrix(name) -> None:
     np.testing.assert_allclose(system.r, np.diag(whole), atol=2e-7)
     assert system.r.sum() == pytest.approx(system.redundancy, abs=1e-6)
     # at the minimum e is minus the residual (adjusted minus observed)
-    np.testing.assert_allclose(system.e[: system.image_rows], -block.v.ravel(), atol=1e-5)
+    np.testing.assert_allclose(system.e[: system.rows.image], -block.v.ravel(), atol=1e-5)
     assert system.vtpv == pytest.approx(block.vtpv, rel=1e-8)
     assert system.columns(np.zeros(0, dtype=np.intp)).shape == (n, 0)
 
@@ -119,13 +119,13 @@ def test_away_from_the_minimum_it_is_the_linear_adjustment_there(name) -> None:
     state = replace(block.state, points=block.state.points * (1.0 + 1e-5))
     moved = block_residuals(block.problem, state, structure)
     linear = moved.cofactors.normal.linear
-    first, second, third = moved.starts
+    first, second, third = moved.rows.starts
     raw = np.zeros(len(moved.names))
     raw[:first] = -linear.e.ravel()
-    raw[first:second] = -linear.point_e[tuple(moved.control.T)]
-    raw[second:third] = -linear.photo_e[tuple(moved.priors.T)]
+    raw[first:second] = -linear.point_e[tuple(moved.rows.control.T)]
+    raw[second:third] = -linear.photo_e[tuple(moved.rows.priors.T)]
     own = linear.own_e if block.problem.photo_invariant else linear.shared_e
-    raw[third:] = -own.ravel()[moved.additional]
+    raw[third:] = -own.ravel()[moved.rows.additional]
     np.testing.assert_allclose(moved.e, dense(moved) @ raw, atol=2e-7 * max(1.0, abs(raw).max()))
 
 
@@ -141,8 +141,8 @@ def test_an_error_shows_in_e_with_its_own_sign() -> None:
     np.testing.assert_allclose(
         after.e - before.e, 10.0 * before.columns(np.array([at]))[:, 0], atol=1e-7
     )
-    first = before.starts[0]
-    point, axis = before.control[4]
+    first = before.rows.starts[0]
+    point, axis = before.rows.control[4]
     known = problem.known.copy()
     known[point, axis] += 10.0 * problem.known_sigma[point, axis]
     after = block_residuals(replace(problem, known=known), block.state, structure)

@@ -55,8 +55,9 @@ def test_order_of_photos_and_points_does_not_matter() -> None:
     one = {(r.photo, r.point): r for r in first.ray_rows()}
     for row in second.ray_rows():
         other = one[row.photo, row.point]
-        assert row.residual == pytest.approx(other.residual, abs=1e-4)
-        assert row.r == pytest.approx(other.r, abs=1e-8)
+        for mine, its in zip(row.xy, other.xy, strict=True):
+            assert mine.residual == pytest.approx(its.residual, abs=1e-4)
+            assert mine.r == pytest.approx(its.r, abs=1e-8)
     assert [r.row for r in second.ray_rows()] == list(range(len(rows)))
     where = {r.point: r for r in first.point_rows()}
     for point in second.point_rows():
@@ -74,7 +75,7 @@ def test_residuals_change_by_r_times_a_planted_error() -> None:
     spoilt = {
         r.row: r for r in adjust_block(replace(scene.block, image_points=tuple(rows))).ray_rows()
     }
-    assert spoilt[k].residual[1] == pytest.approx(-0.1 * spoilt[k].r[1], rel=1e-3)
+    assert spoilt[k].xy[1].residual == pytest.approx(-0.1 * spoilt[k].xy[1].r, rel=1e-3)
 
 
 def test_tau_and_baarda() -> None:

@@ -57,7 +57,7 @@ def test_the_block_adjusted_with_them_has_sigma0_one():
     row = next(found.block.ray_rows())
     k = int(np.nonzero(found.block.problem.source == row.row)[0][0])
     expected = found.block.v[k] * found.block.problem.sigma_xy[k] * 1e3
-    np.testing.assert_allclose(row.residual, expected)
+    np.testing.assert_allclose([one.residual for one in row.xy], expected)
 
 
 def test_one_group_of_all_is_sigma0_squared():

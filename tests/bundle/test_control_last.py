@@ -138,7 +138,7 @@ def test_a_prior_rejected_without_control_stays_so(tmp_path: Path, capsys) -> No
     assert steps.datum == "priors"
     assert name in {row.name for row in steps.images.rejected}
     assert name not in {row.name for row in steps.control.rejected}
-    assert name[1:] not in {(row.owner, row.unknown) for row in steps.block.prior_rows()}
+    assert name[1:] not in {(row.point, row.axis) for row in steps.block.prior_rows()}
     folder = tmp_path / "b"
     write_new_block(folder, block)
     write_image_points(folder, block.image_points)

@@ -58,33 +58,36 @@ def test_the_largest_effects_equal_the_dense_formula(name) -> None:
     order = np.argsort(problem.source)
     compared = 0
 
-    def check(effect, at) -> None:
+    def check(row, effect, at) -> None:
         nonlocal compared
         if effect is None:
             assert r[at] < 1e-8
             return
-        assert effect.standardized == pytest.approx(
-            block.delta0 * np.sqrt(max(1.0 - r[at], 0.0) / r[at]), rel=1e-4, abs=1e-3
+        assert row.effect == pytest.approx(
+            block.test.delta0 * np.sqrt(max(1.0 - r[at], 0.0) / r[at]), rel=1e-4, abs=1e-3
         )
         if r[at] < 1e-4:
             return
-        lengths = np.linalg.norm(moved[:, :, at], axis=1) * block.delta0 / np.sqrt(r[at])
-        expected = moved[problem.points.index(effect.point), :, at] * block.delta0 / np.sqrt(r[at])
+        lengths = np.linalg.norm(moved[:, :, at], axis=1) * block.test.delta0 / np.sqrt(r[at])
+        expected = (
+            moved[problem.points.index(effect.point), :, at] * block.test.delta0 / np.sqrt(r[at])
+        )
         np.testing.assert_allclose(effect.effect_m, expected, atol=1e-5 * lengths.max())
         assert np.linalg.norm(effect.effect_m) == pytest.approx(lengths.max(), rel=1e-5)
         compared += 1
 
-    for ray, effects in zip(order.tolist(), found.rays, strict=True):
+    for ray, row, effects in zip(order.tolist(), block.ray_rows(), found.rays, strict=True):
         for axis in (0, 1):
-            check(effects[axis], 2 * ray + axis)
+            check(row.xy[axis], effects[axis], 2 * ray + axis)
     for row, effect in zip(block.control_rows(), found.control, strict=True):
         at = 2 * m + 3 * problem.points.index(row.point) + "XYZ".index(row.axis)
-        check(effect, at)
+        check(row, effect, at)
     rows = np.argwhere(np.isfinite(block.cofactors.r_photo)).tolist()
-    for (photo, index), effect in zip(rows, found.priors, strict=False):
-        check(effect, 2 * m + 3 * p + 6 * photo + index)
+    priors = block.prior_rows()
+    for (photo, index), row, effect in zip(rows, priors, found.priors, strict=False):
+        check(row, effect, 2 * m + 3 * p + 6 * photo + index)
     for k, effect in enumerate(found.priors[len(rows) :]):
-        check(effect, 2 * m + 3 * p + 6 * n + k)
+        check(priors[len(rows) + k], effect, 2 * m + 3 * p + 6 * n + k)
     assert compared > m
 
 
@@ -106,7 +109,7 @@ class Again:
         """A coordinate that is wrong by its smallest detectable error."""
         image = list(self.scene.block.image_points)
         name = "xy"[axis]
-        value = getattr(image[row.row], name) + row.mdb[axis] * 1e-3
+        value = getattr(image[row.row], name) + row.xy[axis].mdb * 1e-3
         image[row.row] = replace(image[row.row], **{name: value})
         return self._moved(replace(self.scene.block, image_points=tuple(image)))
 
@@ -133,7 +136,7 @@ def test_a_second_adjustment_moves_by_as_much(again: Again) -> None:
     rows = list(again.block.ray_rows())
     for k in range(0, len(rows), 5):
         row, effect = rows[k], found.rays[k][0]
-        if effect is None or row.r[0] < 0.05:
+        if effect is None or row.xy[0].r < 0.05:
             continue
         of_control += row.point in fixed
         moved = again.image_point(row, 0)
@@ -150,21 +153,21 @@ def test_a_second_adjustment_moves_by_as_much(again: Again) -> None:
 
 
 def test_a_second_adjustment_moves_the_point_itself_as_its_row_says(again: Again) -> None:
-    """`effect_m` of rays and of control: sign, unit, and the point's own."""
+    """`ground` of rays and of control: sign, unit, and the point's own."""
     compared = 0
     for row in list(again.block.ray_rows())[2::7]:
         for axis in (0, 1):
-            if row.effect_m[axis] is None or row.r[axis] < 0.05:
+            if row.xy[axis].r < 0.05:
                 continue
             moved = again.image_point(row, axis)[row.point]
             size = np.linalg.norm(moved)
-            np.testing.assert_allclose(row.effect_m[axis], moved, atol=0.02 * size)
+            np.testing.assert_allclose(row.xy[axis].ground, moved, atol=0.02 * size)
             compared += 1
     assert compared >= 8
     for row in again.block.control_rows()[:6]:
         moved = again.control(row)[row.point]
         assert np.linalg.norm(moved) > 1e-3
-        np.testing.assert_allclose(row.effect_m, moved, atol=0.02 * row.mdb)
+        np.testing.assert_allclose(row.ground, moved, atol=0.02 * row.mdb)
 
 
 def test_an_error_at_fixed_control_moves_other_points() -> None:
@@ -178,8 +181,8 @@ def test_an_error_at_fixed_control_moves_other_points() -> None:
     ]
     assert rays
     for row, effects in rays:
-        for own, effect in zip(row.effect_m, effects, strict=True):
-            assert own == (0.0, 0.0, 0.0)
+        for own, effect in zip(row.xy, effects, strict=True):
+            assert own.ground == (0.0, 0.0, 0.0)
             assert effect.point not in fixed
             assert np.linalg.norm(effect.effect_m) > 1e-3
 
@@ -187,12 +190,9 @@ def test_an_error_at_fixed_control_moves_other_points() -> None:
 def test_large_blocks_have_standardized_effects_alone() -> None:
     block = adjusted(**CASES["priors"])
     found, whole = external_reliability(block, most=10), external_reliability(block)
-    for one, other in zip(
-        [*found.control, *found.priors], [*whole.control, *whole.priors], strict=True
-    ):
-        assert one.standardized == other.standardized
-        assert one.point is one.effect_m is None
-        assert other.point is not None
+    assert not any((*found.control, *found.priors))
+    assert all((*whole.control, *whole.priors))
+    assert all(row.effect for row in (*block.control_rows(), *block.prior_rows()))
 
 
 @pytest.mark.parametrize("datum", ["control", "free", "minimal"])

@@ -60,8 +60,10 @@ def test_table_3(version: str) -> None:
     rows = {(row.photo, row.point): row for row in block.ray_rows()}
     one, two = rows[photo, "1"], rows[photo, "2"]
     # the paper rounds sqrt(lambda0) up to 4.14
-    scale = 4.14 / block.delta0
-    for got, printed in zip((*one.mdb, *two.mdb), TABLE_3[version], strict=True):
+    scale = 4.14 / block.test.delta0
+    for got, printed in zip(
+        (each.mdb for each in (*one.xy, *two.xy)), TABLE_3[version], strict=True
+    ):
         if printed is None:
             # B's x rays lie almost in the epipolar planes; A's exactly
             assert got is None or got > 100.0
@@ -159,11 +161,11 @@ def test_data_snooping_finds_more_than_thresholds_do() -> None:
                     else float(bool(worst) and worst[0][1:] in planted)
                 )
                 for ray in block.ray_rows():
-                    for axis, v in zip("xy", ray.residual, strict=True):
-                        if (ray.photo, ray.point, axis) in planted:
+                    for one in ray.xy:
+                        if (ray.photo, ray.point, one.axis) in planted:
                             assert block.sigma0 is not None
-                            right["3 sigma0"] += abs(v) > 15.0
-                            right["3 sigma0_hat"] += abs(v) > 15.0 * block.sigma0
+                            right["3 sigma0"] += abs(one.residual) > 15.0
+                            right["3 sigma0_hat"] += abs(one.residual) > 15.0 * block.sigma0
     mean = {name: count / len(seeds) for name, count in right.items()}
     assert mean["w"] > mean["3 sigma0"] > mean["3 sigma0_hat"]
     assert mean["w"] > 15.0

@@ -24,7 +24,7 @@ def test_a_ray_is_accused_as_often_rightly_as_is_said(kind) -> None:
     design, free = dense(block)
     observed = np.any(design != 0.0, axis=1)
     residual = np.eye(len(design)) - design @ dense_inverse(design, free) @ design.T
-    f, m = block.redundancy, len(problem.photo)
+    m = len(problem.photo)
     rng = np.random.default_rng(78)
     rays = np.bincount(problem.point)
     point = int(np.argmax(rays))
@@ -35,14 +35,11 @@ def test_a_ray_is_accused_as_often_rightly_as_is_said(kind) -> None:
         e = rng.normal(size=len(design)) * observed
         e[2 * wrong : 2 * wrong + 2] += 20.0 * rng.normal(size=2)
         vtpv = float(e @ residual @ e)
-        sigma0 = sqrt(vtpv / f)
         found = suspect_rays(
             replace(
                 block,
                 v=(residual @ e)[: 2 * m].reshape(m, 2),
                 vtpv=vtpv,
-                sigma0=sigma0,
-                sigma=1.0 if kind == "baarda" else sigma0,
             ),
             problem.points[point],
         )

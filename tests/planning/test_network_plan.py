@@ -62,7 +62,7 @@ def test_correlations_and_detectable_errors_of_a_point(capsys) -> None:
     # Table 3, C: 48.5 um for x of point 2 (sqrt(lambda0) rounded up to 4.14)
     block = plan_network(cube("C")).evaluated()
     row = next(row for row in block.ray_rows() if (row.photo, row.point) == ("3", "2"))
-    assert row.mdb[0] * 4.14 / block.delta0 == pytest.approx(48.5, abs=0.1)
+    assert row.xy[0].mdb * 4.14 / block.test.delta0 == pytest.approx(48.5, abs=0.1)
 
 
 def test_spurs_of_two_parallel_photos_are_named(capsys) -> None:
@@ -201,7 +201,7 @@ def test_the_accuracy_of_control_free_of_error_is_that_of_the_written_block(
 
 def test_worth_is_sorted_and_true() -> None:
     block = plan_network(cube("B")).evaluated()
-    r = {(row.photo, row.point): row.r for row in block.ray_rows()}
+    r = {(row.photo, row.point): [one.r for one in row.xy] for row in block.ray_rows()}
     points, photos = point_reliability(block), photo_reliability(block)
     for found in (points, photos):
         assert np.all(np.diff([worth.low_r for worth in found]) > -1e-8)

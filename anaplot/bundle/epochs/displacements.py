@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.tested import sigma0_known
 from anaplot.aliases import Array, Bools, Progress
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.epochs.joint import adjust_jointly, joint_differences
@@ -241,7 +242,7 @@ def compare_epochs(
         vtpv=found.vtpv,
         redundancy=found.redundancy,
         alone=((one.vtpv, one.redundancy), (two.vtpv, two.redundancy)),
-        by_known=first.test.kind == "baarda",
+        by_known=sigma0_known(first.test.kind),
         power=first.test.power,
         agreement=found.agreement,
         only_first=only[0],

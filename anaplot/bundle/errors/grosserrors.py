@@ -45,9 +45,10 @@ from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import NormalEquations, PointError, Structure, linearise
+from anaplot.bundle.solve.observations import ObservationName, Unit
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem, make_problem
-from anaplot.bundle.solve.residuals import BlockResiduals, ObservationName, Unit, block_residuals
+from anaplot.bundle.solve.residuals import BlockResiduals, block_residuals
 from anaplot.bundle.start.robust import robust_state
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
@@ -196,7 +197,7 @@ class BlockFindings:
         weights = found.at_end.weights
         out = self._kept_out_rows()
         for row in found.rejected:
-            sigma = float(system.sigma[row.row])
+            sigma = float(system.rows.sigma[row.row])
             w = float(found.at_end.w[row.row])
             r = float(found.at_end.r[row.row])
             out.append(
@@ -207,7 +208,7 @@ class BlockFindings:
                     row.critical,
                     None if row.error is None else row.error * sigma,
                     None if row.sigma is None else row.sigma * sigma,
-                    system.units[row.row],
+                    system.rows.units[row.row],
                     w if np.isfinite(w) else None,
                     r if np.isfinite(r) else None,
                     row.r,
@@ -233,7 +234,7 @@ class BlockFindings:
         known = dict(zip(state.rows, zip(error.tolist(), sigma.tolist(), strict=True), strict=True))
         out = []
         for row in sorted(self.kept_out):
-            unit, size, deviation = float(self.system.sigma[row]), None, None
+            unit, size, deviation = float(self.system.rows.sigma[row]), None, None
             if row in known:
                 size, deviation = known[row]
             out.append(
@@ -244,7 +245,7 @@ class BlockFindings:
                     None,
                     None if size is None else size * unit,
                     None if deviation is None else deviation * unit,
-                    self.system.units[row],
+                    self.system.rows.units[row],
                     None if size is None or deviation is None else size / deviation,
                     None if deviation is None else deviation**-2,
                     float(self.system.r[row]),
@@ -282,7 +283,7 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
         A prior on an additional parameter, which is no measurement.
     """
     problem = system.problem
-    first, second, third = system.starts
+    first, second, third = system.rows.starts
     rejected = np.zeros((len(problem.photo), 2), dtype=bool)
     control = problem.known_sigma.copy()
     position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
@@ -290,9 +291,9 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
         if row < first:
             rejected[divmod(row, 2)] = True
         elif row < second:
-            control[tuple(system.control[row - first])] = np.nan
+            control[tuple(system.rows.control[row - first])] = np.nan
         elif row < third:
-            photo, unknown = system.priors[row - second].tolist()
+            photo, unknown = system.rows.priors[row - second].tolist()
             (position if unknown < 3 else rotation)[photo, unknown % 3] = np.nan
         else:
             raise ValueError("a prior on an additional parameter cannot be rejected")
@@ -486,8 +487,8 @@ class _Rows:
         """Return which rows may be rejected: priors of additional parameters never."""
         assert isinstance(system, BlockResiduals)
         allowed = np.ones(len(system.names), dtype=bool)
-        allowed[system.starts[2] :] = False
-        allowed[: system.image_rows] &= not self._control_only
+        allowed[system.rows.starts[2] :] = False
+        allowed[: system.rows.image] &= not self._control_only
         return allowed
 
     def model_values(self, system: ResidualSystem, at: _Place) -> Array:

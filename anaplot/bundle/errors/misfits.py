@@ -19,8 +19,8 @@ from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import Structure, linearise, make_structure
+from anaplot.bundle.solve.observations import ORIENTATION, ObservationName
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.residuals import ORIENTATION, ObservationName
 from anaplot.bundle.start.robust import FarOff, far_off
 from anaplot.errors import NotComputableError
 

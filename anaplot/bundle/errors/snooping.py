@@ -205,5 +205,5 @@ def model_values(system: BlockResiduals) -> Array:
     """
     out = np.full(len(system.names), np.nan)
     models = estimate_models(system.cofactors.normal, system.cofactors.factor)
-    out[: system.image_rows] = class_roots(system.problem, models).ravel()
+    out[: system.rows.image] = class_roots(system.problem, models).ravel()
     return out

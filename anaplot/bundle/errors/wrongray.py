@@ -8,6 +8,7 @@ import numpy as np
 
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
 from anaplot.adjustment.significance import TESTABLE
+from anaplot.adjustment.tested import sigma0_known
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
 __all__ = ["SuspectRay", "suspect_rays"]
@@ -53,7 +54,7 @@ def suspect_rays(block: AdjustedBlock, point: str) -> tuple[SuspectRay, ...]:
     rays, q = block.cofactors.point_rays(problem.points.index(point))
     sigma = block.sigma if block.sigma is not None and block.sigma > 0.0 else 1.0
     f = block.redundancy
-    estimated = problem.test.kind == "tau" and block.sigma is not None and block.sigma > 0.0
+    estimated = not sigma0_known(problem.test.kind) and bool(block.sigma)
     statistics: list[float | None] = []
     logs = []
     for k, ray in enumerate(rays.tolist()):

@@ -22,6 +22,7 @@ from anaplot.adjustment.hypothesis import (
     sidak_alpha,
     variance_inflation,
 )
+from anaplot.adjustment.tested import sigma0_known
 from anaplot.aliases import Array
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -192,7 +193,7 @@ def parameter_tests(
     problem = block.problem
     if problem.additional is None or not block.parameter_rows():
         return None
-    variance = VarianceFactor(block.vtpv, block.redundancy, problem.test.kind == "baarda")
+    variance = VarianceFactor(block.vtpv, block.redundancy, sigma0_known(problem.test.kind))
     families, remarks = _families(block)
     if len(problem.additional_sigma):
         remarks.append(

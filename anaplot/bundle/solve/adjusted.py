@@ -4,27 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import sqrt
 
 import numpy as np
 
 from anaplot.adjustment.consistency import GlobalTest, global_from_single
 from anaplot.adjustment.reliability import SPUR
-from anaplot.adjustment.significance import TESTABLE, noncentrality
-from anaplot.aliases import Array, Bools
+from anaplot.adjustment.significance import TESTABLE
+from anaplot.adjustment.tested import AppliedTest, Observation, Tested, examine
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.gaussnewton import Convergence
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import image_misclosures
+from anaplot.bundle.solve.observations import (
+    ORIENTATION,
+    ObservationName,
+    Observations,
+    observations_of,
+)
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors
-from anaplot.bundle.solve.residuals import ORIENTATION
 from anaplot.bundle.solve.rows import (
-    ControlRow,
     Indicators,
     ParameterRow,
     PhotoRow,
     PointRow,
-    PriorRow,
     RayRow,
 )
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
@@ -33,9 +38,10 @@ __all__ = ["AdjustedBlock"]
 
 
 _MOST_LEFT_OUT = 20  # that are named in the remarks
+_PORTION = 4096  # rays that are rows at a time
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class AdjustedBlock:
     """An adjusted bundle.
 
@@ -49,12 +55,6 @@ class AdjustedBlock:
         How it was found.
     vtpv, redundancy
         Weighted sum of squares, n - u + defect.
-    sigma0
-        Factor sqrt(v'Pv / redundancy); None without redundancy.
-    sigma
-        The factor that the test and the standard deviations use; None when it does not exist.
-    critical
-        Critical value of a single test; None where there is none.
     v
         (m, 2) residuals of the image coordinates in units of their a-priori sigmas; zero where
         they are rejected.
@@ -70,9 +70,6 @@ class AdjustedBlock:
     convergence: Convergence
     vtpv: float
     redundancy: int
-    sigma0: float | None
-    sigma: float | None
-    critical: float | None
     v: Array = field(repr=False)
     warnings: tuple[str, ...]
     robust: BlockState | None = field(default=None, repr=False)
@@ -86,37 +83,85 @@ class AdjustedBlock:
             out.append(f"{len(left_out) - _MOST_LEFT_OUT} more are left out")
         return (*out, *self.warnings)
 
+    @cached_property
+    def test(self) -> AppliedTest:
+        """The test of single observations."""
+        return AppliedTest.of(self.problem.test, self.redundancy)
+
     @property
-    def delta0(self) -> float:
-        """Noncentrality that smallest detectable errors refer to."""
-        return noncentrality(self.problem.test.alpha, self.problem.test.power)
+    def sigma0(self) -> float | None:
+        """Factor sqrt(v'Pv / redundancy); None without redundancy."""
+        return sqrt(self.vtpv / self.redundancy) if self.redundancy > 0 else None
+
+    @property
+    def sigma(self) -> float | None:
+        """The factor that the test and the standard deviations use; None without."""
+        return self.test.factor(self.sigma0)
+
+    @property
+    def critical(self) -> float | None:
+        """Critical value of a single test; None where there is none."""
+        return self.test.critical
+
+    @cached_property
+    def observations(self) -> Observations:
+        """Which observations there are."""
+        return observations_of(self.cofactors)
+
+    @cached_property
+    def tested(self) -> Tested[ObservationName]:
+        """The tested observations, in the order of `observations`."""
+        problem, rows, cofactors = self.problem, self.observations, self.cofactors
+        linear, own = cofactors.normal.linear, problem.photo_invariant
+        out = self.rejected
+        v = self.v
+        if out.any():
+            v = np.where(out, image_misclosures(problem, self.state)[0], v)
+        white = rows.gather(
+            v, linear.point_e, linear.photo_e, linear.own_e if own else linear.shared_e
+        )
+        held = cofactors.r_own if own else cofactors.r_shared
+        use = np.ones(rows.count, dtype=bool)
+        use[: rows.image] = ~out.ravel()
+        point, axis = rows.control.T
+        ground = np.full((rows.count, 3), np.nan)
+        ground[: rows.image] = cofactors.response.transpose(0, 2, 1).reshape(-1, 3)
+        # of an error of one sigma, as the response
+        ground[rows.image : rows.starts[1]] = (
+            cofactors.points[point, :, axis] / rows.sigma[rows.image : rows.starts[1], None]
+        )
+        return examine(
+            rows.names,
+            rows.units,
+            white * rows.sigma,
+            rows.gather(cofactors.r, cofactors.r_control, cofactors.r_photo, held),
+            rows.sigma,
+            vtpv=self.vtpv,
+            redundancy=self.redundancy,
+            test=problem.test,
+            use=use,
+            moved_ground=ground / rows.sigma[:, None],
+        )
 
     @property
     def w(self) -> Array:
         """(m, 2) standardized residuals; NaN where a coordinate cannot be tested."""
-        return _standardized(self.v, self.cofactors.r, self.sigma)
+        return self.tested.w[: self.observations.image].reshape(-1, 2)
 
     @property
     def flagged(self) -> Bools:
         """(m, 2) which image coordinates exceed the critical value."""
-        if self.critical is None:
-            return np.zeros(self.v.shape, dtype=bool)
-        with np.errstate(invalid="ignore"):
-            return np.abs(self.w) > self.critical
+        return self.tested.flagged[: self.observations.image].reshape(-1, 2)
 
     @property
     def any_flagged(self) -> bool:
         """Whether any observation exceeds the critical value."""
-        return len(self.flagged_observations()) > 0
+        return bool(self.tested.flagged.any())
 
     @property
     def flagged_by_chance(self) -> float:
         """Number of observations that are flagged in the mean if none has a gross error."""
-        r = self.cofactors
-        tested = sum(
-            int(np.count_nonzero(each >= TESTABLE))
-            for each in (r.r, r.r_control, r.r_photo, r.r_own, r.r_shared)
-        )
+        tested = int(np.count_nonzero(self.tested.r >= TESTABLE))
         return 0.0 if self.critical is None else self.problem.test.alpha * tested
 
     def flagged_observations(self) -> list[tuple[float, str, str]]:
@@ -124,25 +169,7 @@ class AdjustedBlock:
 
         Kinds are "image", "control", "prior" (of an orientation) and "parameter".
         """
-        found = [
-            (w, f"{axis} of point {point} in photo {photo}", "image")
-            for w, photo, point, axis in self.suspects()
-        ]
-        found += [
-            (abs(row.w), f"{row.axis} of control point {row.point}", "control")
-            for row in self.control_rows()
-            if row.flagged and row.w is not None
-        ]
-        found += [
-            (
-                abs(row.w),
-                f"the prior {row.unknown} of {row.owner}",
-                "prior" if row.unknown in ORIENTATION else "parameter",
-            )
-            for row in self.prior_rows()
-            if row.flagged and row.w is not None
-        ]
-        return sorted(found, key=lambda each: -each[0])
+        return [(abs(row.w or 0.0), *_in_words(row.key)) for row in self.tested.worst]
 
     def global_test(self) -> GlobalTest | None:
         """Return Baarda's global test of sigma0^2 that is consistent with the single tests.
@@ -179,122 +206,31 @@ class AdjustedBlock:
 
     def ray_rows(self) -> Iterator[RayRow]:
         """Return the image points in file order."""
-        problem, r = self.problem, self.cofactors.r
-        order = np.argsort(problem.source)
-        sigma_um = problem.sigma_xy * 1e3
-        v, w = self.v, self.w
-        out = self.rejected
-        if out.any():
-            v = np.where(out, image_misclosures(problem, self.state)[0], v)
-        size = _detectable(r, self.delta0)
-        effect = self.cofactors.response.transpose(0, 2, 1) * size[:, :, None]
-        flagged = np.asarray(self.flagged.any(axis=1))
-        for k in order.tolist():
-            source = int(problem.source[k])
-            row = problem.block.image_points[source]
-            s = sigma_um[k].tolist()
-            testable = [bool(np.isfinite(size[k, axis])) for axis in (0, 1)]
-            yield RayRow(
-                source,
-                row.photo,
-                row.point,
-                row.model,
-                (float(v[k, 0]) * s[0], float(v[k, 1]) * s[1]),
-                (float(r[k, 0]), float(r[k, 1])),
-                (_number(w[k, 0]), _number(w[k, 1])),
-                (_number(size[k, 0] * s[0]), _number(size[k, 1] * s[1])),
-                (
-                    _triple(effect[k, 0]) if testable[0] else None,
-                    _triple(effect[k, 1]) if testable[1] else None,
-                ),
-                bool(flagged[k]),
-                (bool(out[k, 0]), bool(out[k, 1])),
-            )
-
-    def control_rows(self) -> list[ControlRow]:
-        """Return the weighted control coordinates in the order of the control file."""
         problem = self.problem
-        at = {name: k for k, name in enumerate(problem.points)}
-        linear = self.cofactors.normal.linear
-        rows = []
-        for name in problem.control_rows:
-            k = at.get(name)
-            if k is None:
-                continue
-            for axis, label in enumerate(("X", "Y", "Z")):
-                sigma = float(problem.known_sigma[k, axis])
-                if np.isnan(sigma):
-                    continue
-                white = float(linear.point_e[k, axis])
-                r = float(self.cofactors.r_control[k, axis])
-                w = _number(_standardized(np.array(white), np.array(r), self.sigma))
-                size = _number(_detectable(np.array(r), self.delta0))
-                effect = None
-                if size is not None:
-                    column = self.cofactors.points[k, :, axis] / sigma
-                    effect = _triple(column * size)
-                rows.append(
-                    ControlRow(
-                        name,
-                        label,  # type: ignore[arg-type]
-                        white * sigma,
-                        r,
-                        w,
-                        None if size is None else size * sigma,
-                        effect,
-                        self._exceeds(w),
-                    )
-                )
-        return rows
+        order = np.argsort(problem.source)
+        for start in range(0, len(order), _PORTION):
+            part = order[start : start + _PORTION]
+            rows = self.tested.rows((2 * part[:, None] + np.arange(2)).ravel())
+            for source, x, y in zip(
+                problem.source[part].tolist(), rows[::2], rows[1::2], strict=True
+            ):
+                row = problem.block.image_points[source]
+                yield RayRow(source, row.photo, row.point, row.model, (x, y))
 
-    def prior_rows(self) -> list[PriorRow]:
+    def control_rows(self) -> list[Observation[ObservationName]]:
+        """Return the weighted control coordinates in the order of the control file."""
+        return self.tested.rows(self.observations.image + self.control_order())
+
+    def control_order(self) -> Index:
+        """Return which of the weighted control coordinates is the first of the file, and so on."""
+        names = self.problem.points
+        order = {name: k for k, name in enumerate(self.problem.control_rows)}
+        at = [order[names[point]] for point in self.observations.control[:, 0].tolist()]
+        return np.argsort(np.array(at, dtype=np.intp), kind="stable")
+
+    def prior_rows(self) -> list[Observation[ObservationName]]:
         """Return the priors on orientations and on additional parameters."""
-        problem, linear = self.problem, self.cofactors.normal.linear
-        found: list[tuple[str, str, float, float, float]] = []
-        sigmas = np.concatenate((problem.position_sigma, problem.rotation_sigma), axis=1)
-        for k, index in np.argwhere(np.isfinite(self.cofactors.r_photo)).tolist():
-            found.append(
-                (
-                    problem.photos[k],
-                    ORIENTATION[index],
-                    float(linear.photo_e[k, index]),
-                    float(self.cofactors.r_photo[k, index]),
-                    float(sigmas[k, index]),
-                )
-            )
-        if len(problem.additional_sigma) and problem.additional is not None:
-            e = (linear.own_e if problem.photo_invariant else linear.shared_e).reshape(-1)
-            r = (
-                self.cofactors.r_own if problem.photo_invariant else self.cofactors.r_shared
-            ).reshape(-1)
-            labels = problem.additional.set.names
-            for k in range(len(e)):
-                group, index = divmod(k, len(labels))
-                found.append(
-                    (
-                        problem.additional_groups[group],
-                        labels[index],
-                        float(e[k]),
-                        float(r[k]),
-                        float(problem.additional_sigma[index]),
-                    )
-                )
-        rows = []
-        for owner, unknown, white, r_value, sigma in found:
-            w = _number(_standardized(np.array(white), np.array(r_value), self.sigma))
-            size = _number(_detectable(np.array(r_value), self.delta0))
-            rows.append(
-                PriorRow(
-                    owner,
-                    unknown,
-                    white * sigma,
-                    r_value,
-                    w,
-                    None if size is None else size * sigma,
-                    self._exceeds(w),
-                )
-            )
-        return rows
+        return self.tested.rows(np.arange(self.observations.starts[1], len(self.tested)))
 
     def photo_rows(self) -> list[PhotoRow]:
         """Return the adjusted orientations in the block's order."""
@@ -471,18 +407,21 @@ class AdjustedBlock:
         size = np.sqrt(np.where(diagonal > TESTABLE, diagonal, np.nan))
         return labels, np.clip(q / size[:, None] / size, -1.0, 1.0)
 
-    def _exceeds(self, w: float | None) -> bool:
-        return w is not None and self.critical is not None and abs(w) > self.critical
-
     def _deviations(self, q: Array) -> tuple[float | None, ...]:
         if self.sigma is None:
             return (None,) * len(q)
         return tuple(self.sigma * sqrt(max(value, 0.0)) for value in q.tolist())
 
 
-def _number(value: float | Array) -> float | None:
-    out = float(value)
-    return out if abs(out) < float("inf") else None
+def _in_words(name: ObservationName) -> tuple[str, str]:
+    """Return what was observed in words, and of which kind it is."""
+    kind, what, *_ = name
+    if kind == "image":
+        return f"{name[-1]} of point {name[2]} in photo {what}", "image"
+    if kind == "control":
+        return f"{name[-1]} of control point {what}", "control"
+    of = "prior" if name[-1] in ORIENTATION else "parameter"
+    return f"the prior {name[-1]} of {what}", of
 
 
 def _triple(values: Array) -> tuple[float, float, float]:
@@ -499,17 +438,3 @@ def _correlation(q: Array) -> Array:
 def _sizes(variances: Array) -> Array:
     """Return standard deviations; infinite where there is no variance."""
     return np.sqrt(np.where(variances > 0.0, variances, np.inf))
-
-
-def _standardized(v: Array, r: Array, sigma: float | None) -> Array:
-    out = np.full(np.shape(v), np.nan)
-    if sigma is not None and sigma > 0.0:
-        np.divide(v, sigma * np.sqrt(np.maximum(r, TESTABLE)), out=out, where=r >= TESTABLE)
-    return out
-
-
-def _detectable(r: Array, delta0: float) -> Array:
-    """Smallest detectable errors in units of the a-priori sigmas; NaN where nothing checks."""
-    out = np.full(np.shape(r), np.nan)
-    np.divide(delta0, np.sqrt(np.maximum(r, TESTABLE)), out=out, where=r >= TESTABLE)
-    return out

@@ -8,43 +8,38 @@ them by at most delta0 sqrt((1 - r) / r) of its standard deviations (Baarda 1968
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.significance import TESTABLE
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Group
 
-__all__ = ["MOST_RAYS", "ExternalReliability", "UndetectedEffect", "external_reliability"]
+__all__ = ["MOST_RAYS", "ExternalReliability", "LargestEffect", "external_reliability"]
 
 
 MOST_RAYS = 6000
 """Rays of a block up to which the largest effects are computed: the time grows with the square."""
 
 
-class UndetectedEffect(NamedTuple):
-    """What an undetected error of one observation does to the block.
+class LargestEffect(NamedTuple):
+    """The point that an undetected error of one observation moves farthest.
 
     Attributes
     ----------
-    standardized
-        delta0 sqrt((1 - r) / r): no function of the unknowns changes by more of its a-priori
-        standard deviations.
-    point, effect_m
-        The point that it moves farthest, and by how much in X, Y, Z [m], in the reported datum;
-        None in blocks above `MOST_RAYS`.
+    point
+        Name.
+    effect_m
+        By how much in X, Y, Z [m], in the reported datum.
     """
 
-    standardized: float
-    point: str | None
-    effect_m: tuple[float, float, float] | None
+    point: str
+    effect_m: tuple[float, float, float]
 
 
 class ExternalReliability(NamedTuple):
-    """Effects of every observation; None where its error cannot be detected at any size.
+    """Largest effects; None where an error cannot be detected at any size, or nobody looked.
 
     Attributes
     ----------
@@ -54,13 +49,13 @@ class ExternalReliability(NamedTuple):
         In the order of `AdjustedBlock.control_rows` and `prior_rows`.
     """
 
-    rays: list[tuple[UndetectedEffect | None, UndetectedEffect | None]]
-    control: list[UndetectedEffect | None]
-    priors: list[UndetectedEffect | None]
+    rays: list[tuple[LargestEffect | None, LargestEffect | None]]
+    control: list[LargestEffect | None]
+    priors: list[LargestEffect | None]
 
 
 def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> ExternalReliability:
-    """Return what undetected errors do, of every observation of a block.
+    """Return what undetected errors do at most, of every observation of a block.
 
     Parameters
     ----------
@@ -69,49 +64,25 @@ def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> Exte
     most
         Rays up to which the points that move farthest are looked for.
     """
-    problem, cofactors = block.problem, block.cofactors
-    own = problem.photo_invariant
-    r_parameters = cofactors.r_own if own else cofactors.r_shared
-    farthest = _Farthest(block) if len(problem.photo) <= most else None
-    order = np.argsort(problem.source)
-    seen = np.isfinite(problem.known_sigma)
-    number = {name: k for k, name in enumerate(problem.points)}
-    if farthest is None:
-        rays, control = _Moves.none((len(order), 2)), _Moves.none(seen.shape)
-        photos, parameters = _Moves.none(cofactors.r_photo.shape), _Moves.none(r_parameters.shape)
-    else:
-        rays, control = farthest.of_points(seen)
-        photos = farthest.of_photos()
-        parameters = farthest.of_parameters()
-
-    def effect(r: Array, moves: _Moves, *index: int) -> UndetectedEffect | None:
-        share = float(r[index])
-        if not share >= TESTABLE:
-            return None
-        standardized = block.delta0 * sqrt(max(1.0 - share, 0.0) / share)
-        if farthest is None:
-            return UndetectedEffect(standardized, None, None)
-        x, y, z = (moves.of_one_sigma[index] * block.delta0 / sqrt(share)).tolist()
-        return UndetectedEffect(standardized, problem.points[moves.point[index]], (x, y, z))
-
-    of_priors = [
-        effect(cofactors.r_photo, photos, photo, index)
-        for photo, index in np.argwhere(np.isfinite(cofactors.r_photo)).tolist()
-    ]
-    if len(problem.additional_sigma):
-        of_priors += [
-            effect(r_parameters, parameters, *at) for at in np.ndindex(r_parameters.shape)
+    problem, rows, tested = block.problem, block.observations, block.tested
+    found: list[LargestEffect | None] = [None] * len(tested)
+    if len(problem.photo) <= most:
+        farthest = _Farthest(block)
+        rays, control = farthest.of_points(np.isfinite(problem.known_sigma))
+        parts = (rays, control, farthest.of_photos(), farthest.of_parameters())
+        point = rows.gather(*(each.point for each in parts))
+        moved = rows.gather(*(each.of_one_sigma for each in parts))
+        moved = moved * (tested.mdb / rows.sigma)[:, None]
+        found = [
+            LargestEffect(problem.points[k], (x, y, z)) if x == x else None
+            for k, (x, y, z) in zip(point.tolist(), moved.tolist(), strict=True)
         ]
+    first, second, _ = rows.starts
+    order = np.argsort(problem.source).tolist()
     return ExternalReliability(
-        [
-            (effect(cofactors.r, rays, k, 0), effect(cofactors.r, rays, k, 1))
-            for k in order.tolist()
-        ],
-        [
-            effect(cofactors.r_control, control, number[row.point], "XYZ".index(row.axis))
-            for row in block.control_rows()
-        ],
-        of_priors,
+        [(found[2 * k], found[2 * k + 1]) for k in order],
+        [found[first + k] for k in block.control_order().tolist()],
+        found[second:],
     )
 
 

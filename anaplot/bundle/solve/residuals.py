@@ -9,9 +9,9 @@ would leave.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +22,14 @@ from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import NormalEquations, Structure, linearise
+from anaplot.bundle.solve.observations import ObservationName, Observations, observations_of
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 
-__all__ = ["ORIENTATION", "BlockResiduals", "ObservationName", "Unit", "block_residuals"]
+__all__ = ["BlockResiduals", "block_residuals"]
 
-ObservationName = tuple[str | None, ...]
-"""("image", photo, point, model, axis), ("control", point, axis) or ("prior", owner, unknown)."""
-Unit = Literal["um", "m", "rad", "mm"]
 
 _PORTION = 60_000_000  # bytes of the largest array while columns are solved for
-ORIENTATION = ("X", "Y", "Z", "omega", "phi", "kappa")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,31 +40,20 @@ class BlockResiduals:
     ----------
     cofactors
         With the equations they come from; nothing is rejected in them.
-    names
-        Identity of each of the n rows: 2m image coordinates (ray by ray, x and y), then control,
-        orientations, additional parameters.
+    rows
+        Which observations they are.
     e, r
         (n,) misclosures left, observed minus computed in a-priori sigmas, and redundancy numbers.
     vtpv, redundancy
         Sum of the squares of e; observations minus unknowns.
-    sigma, units
-        (n,) a-priori standard deviations of the rows in their units.
-    control, priors, additional
-        (k, 2) point and axis, photo and unknown, and (k,) numbers of parameters, of the rows that
-        follow the image coordinates.
     """
 
     cofactors: Cofactors = field(repr=False)
-    names: tuple[ObservationName, ...] = field(repr=False)
+    rows: Observations = field(repr=False)
     e: Array = field(repr=False)
     r: Array = field(repr=False)
     vtpv: float
     redundancy: int
-    sigma: Array = field(repr=False)
-    units: tuple[Unit, ...] = field(repr=False)
-    control: Index = field(repr=False)
-    priors: Index = field(repr=False)
-    additional: Index = field(repr=False)
     _known: dict[int, Array] = field(default_factory=dict, repr=False)
 
     @property
@@ -76,16 +62,9 @@ class BlockResiduals:
         return self.cofactors.normal.problem
 
     @property
-    def image_rows(self) -> int:
-        """Number of image coordinates, the first rows."""
-        return 2 * len(self.problem.photo)
-
-    @property
-    def starts(self) -> tuple[int, int, int]:
-        """First rows of control, of priors on orientations and on additional parameters."""
-        first = self.image_rows
-        second = first + len(self.control)
-        return first, second, second + len(self.priors)
+    def names(self) -> Sequence[ObservationName]:
+        """Identities of the n rows."""
+        return self.rows.names
 
     def columns(self, rows: Index) -> Array:
         """Return (n, k): the columns of R that belong to k rows; each is solved for once."""
@@ -109,7 +88,7 @@ class BlockResiduals:
         wide = problem.per_photo
         point_start = wide * len(problem.photos)
         shared_start = point_start + 3 * len(problem.points)
-        first, second, third = self.starts
+        first, second, third = self.rows.starts
         image = np.arange(first).reshape(-1, 2, 1)
         at: list[tuple[NDArray[Any], NDArray[Any], Array]] = [
             (image, wide * problem.photo[:, None, None] + np.arange(wide), linear.a),
@@ -119,10 +98,10 @@ class BlockResiduals:
         if shared:
             columns = normal.border_columns(problem.additional_group)
             at.append((image, shared_start + columns[:, None, :], linear.h))
-        point, axis = self.control.T
+        point, axis = self.rows.control.T
         held = np.sqrt(linear.point_weight[point, axis])
         at.append((np.arange(first, second), point_start + 3 * point + axis, held))
-        photo, unknown = self.priors.T
+        photo, unknown = self.rows.priors.T
         at.append(
             (
                 np.arange(second, third)[:, None],
@@ -131,10 +110,11 @@ class BlockResiduals:
             )
         )
         if problem.photo_invariant:
-            photo, index = np.divmod(self.additional, max(wide - 6, 1))
+            photo, index = np.divmod(self.rows.additional, max(wide - 6, 1))
             column, weight = wide * photo + 6 + index, linear.own_weight[index]
         else:
-            column, weight = shared_start + self.additional, linear.shared_weight[self.additional]
+            number = self.rows.additional
+            column, weight = shared_start + number, linear.shared_weight[number]
         at.append((np.arange(third, len(self.names)), column, np.sqrt(weight)))
         parts = [np.broadcast_arrays(*part) for part in at]
         rows, columns, values = (np.concatenate([p[k].ravel() for p in parts]) for k in range(3))
@@ -156,7 +136,7 @@ class BlockResiduals:
         photos = np.zeros((len(problem.photos), problem.per_photo, k))
         points = np.zeros((len(problem.points), 3, k))
         shared = np.zeros((len(normal.corner), k))
-        first, second, third = self.starts
+        first, second, third = self.rows.starts
         at = np.flatnonzero(rows < first)
         ray, axis = np.divmod(rows[at], 2)
         photos[problem.photo[ray], :, at] = linear.a[ray, axis]
@@ -165,13 +145,13 @@ class BlockResiduals:
             columns = normal.border_columns(problem.additional_group[ray])
             shared[columns, at[:, None]] = linear.h[ray, axis]
         at = np.flatnonzero((rows >= first) & (rows < second))
-        point, axis = self.control[rows[at] - first].T
+        point, axis = self.rows.control[rows[at] - first].T
         points[point, axis, at] = np.sqrt(linear.point_weight[point, axis])
         at = np.flatnonzero((rows >= second) & (rows < third))
-        photo, unknown = self.priors[rows[at] - second].T
+        photo, unknown = self.rows.priors[rows[at] - second].T
         photos[photo, :, at] = linear.photo_rows[photo, unknown]
         at = np.flatnonzero(rows >= third)
-        number = self.additional[rows[at] - third]
+        number = self.rows.additional[rows[at] - third]
         if problem.photo_invariant:
             photo, index = np.divmod(number, problem.per_photo - 6)
             photos[photo, 6 + index, at] = np.sqrt(linear.own_weight[index])
@@ -185,23 +165,23 @@ def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
     normal, problem = system.cofactors.normal, system.problem
     linear = normal.linear
     k = x.shape[2]
-    first, second, third = system.starts
+    first, second, third = system.rows.starts
     out = np.empty((len(system.names), k))
     image = np.matmul(linear.a, x[problem.photo])
     image += np.matmul(linear.b, p[problem.point])
     if len(s):
         image += np.matmul(linear.h, s[normal.border_columns(problem.additional_group)])
     out[:first] = image.reshape(first, k)
-    point, axis = system.control.T
+    point, axis = system.rows.control.T
     out[first:second] = np.sqrt(linear.point_weight[point, axis])[:, None] * p[point, axis]
-    photo, unknown = system.priors.T
+    photo, unknown = system.rows.priors.T
     out[second:third] = np.einsum("kd,kdj->kj", linear.photo_rows[photo, unknown], x[photo])
     if problem.photo_invariant:
-        photo, index = np.divmod(system.additional, max(problem.per_photo - 6, 1))
+        photo, index = np.divmod(system.rows.additional, max(problem.per_photo - 6, 1))
         out[third:] = np.sqrt(linear.own_weight[index])[:, None] * x[photo, 6 + index]
     else:
-        weight = linear.shared_weight[system.additional]
-        out[third:] = np.sqrt(weight)[:, None] * s[system.additional]
+        weight = linear.shared_weight[system.rows.additional]
+        out[third:] = np.sqrt(weight)[:, None] * s[system.rows.additional]
     return out
 
 
@@ -238,86 +218,16 @@ def block_residuals(
     normal = NormalEquations(problem, structure, linear, 0.0, weights)
     factor: Factor = normal.factor()
     cofactors = compute_cofactors(normal, factor, progress=progress)
-    control = np.argwhere(linear.point_weight > 0.0)
-    priors = np.argwhere(np.isfinite(cofactors.r_photo))
+    rows = observations_of(cofactors)
     own = problem.photo_invariant
-    weighted = len(problem.additional_sigma) > 0
+    e = rows.gather(
+        linear.e, linear.point_e, linear.photo_e, linear.own_e if own else linear.shared_e
+    )
     held = cofactors.r_own if own else cofactors.r_shared
-    additional = np.arange(held.size if weighted else 0)
-    point, axis = control.T
-    photo, unknown = priors.T
-    e = np.concatenate(
-        (
-            linear.e.ravel(),
-            linear.point_e[point, axis],
-            linear.photo_e[photo, unknown],
-            (linear.own_e if own else linear.shared_e).ravel()[additional],
-        )
-    )
-    r = np.concatenate(
-        (
-            cofactors.r.ravel(),
-            cofactors.r_control[point, axis],
-            cofactors.r_photo[photo, unknown],
-            np.clip(held.ravel()[additional], 0.0, 1.0),
-        )
-    )
-    sigma, units = _sigmas(problem, control, priors, additional)
-    there = BlockResiduals(
-        cofactors,
-        _names(problem, control, priors, additional),
-        e,
-        r,
-        0.0,
-        problem.redundancy,
-        sigma,
-        units,
-        control,
-        priors,
-        additional,
-    )
+    r = rows.gather(cofactors.r, cofactors.r_control, cofactors.r_photo, np.clip(held, 0.0, 1.0))
+    there = BlockResiduals(cofactors, rows, e, r, 0.0, problem.redundancy)
     # what one linear adjustment from here leaves; at a minimum nothing changes
     photos, points, shared = normal.gradient()
     moved = normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
     left = -(e + _designed(there, *moved)[:, 0])
     return replace(there, e=left, vtpv=float(left @ left))
-
-
-def _sigmas(
-    problem: Problem, control: Index, priors: Index, additional: Index
-) -> tuple[Array, tuple[Unit, ...]]:
-    """Return (n,) a-priori standard deviations of the rows, and their units."""
-    point, axis = control.T
-    photo, unknown = priors.T
-    q = max(len(problem.additional_sigma), 1)
-    sigma = np.concatenate(
-        (
-            problem.sigma_xy.reshape(-1) * 1e3,
-            problem.known_sigma[point, axis],
-            problem.prior_sigma[photo, unknown],
-            problem.additional_sigma[additional % q] if len(additional) else np.zeros(0),
-        )
-    )
-    units: list[Unit] = ["um"] * (2 * len(problem.photo))
-    units += ["m"] * len(control)
-    units += ["m" if k < 3 else "rad" for k in unknown.tolist()]
-    units += ["mm"] * len(additional)
-    return sigma, tuple(units)
-
-
-def _names(
-    problem: Problem, control: Index, priors: Index, additional: Index
-) -> tuple[ObservationName, ...]:
-    rows = problem.block.image_points
-    names: list[ObservationName] = []
-    for source in problem.source.tolist():
-        row = rows[source]
-        names += [("image", row.photo, row.point, row.model, axis) for axis in "xy"]
-    names += [("control", problem.points[k], "XYZ"[axis]) for k, axis in control.tolist()]
-    names += [("prior", problem.photos[k], ORIENTATION[index]) for k, index in priors.tolist()]
-    if problem.additional is not None:
-        labels = problem.additional.set.names
-        for k in additional.tolist():
-            group, index = divmod(k, len(labels))
-            names.append(("prior", problem.additional_groups[group], labels[index]))
-    return tuple(names)

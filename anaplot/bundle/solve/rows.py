@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
+
+from anaplot.adjustment.tested import Observation
+from anaplot.bundle.solve.observations import ObservationName
 
 __all__ = [
-    "ControlRow",
     "Indicators",
     "ParameterRow",
     "PhotoRow",
     "PointRow",
-    "PriorRow",
     "RayRow",
 ]
 
 
 class RayRow(NamedTuple):
-    """One measured image point; None where something does not exist.
+    """One measured image point.
 
     Attributes
     ----------
@@ -24,56 +25,20 @@ class RayRow(NamedTuple):
         Its row in block.image_points.
     photo, point, model
         Names.
-    residual
-        Residuals of x and y [um], adjusted minus observed.
-    r, w
-        Redundancy numbers and standardized residuals.
-    mdb
-        Smallest detectable errors [um].
-    effect_m
-        What an undetected error of that size in x, and in y, does to the point: X, Y, Z [m].
-    flagged
-        Whether x or y exceeds the critical value.
-    rejected
-        Whether x, and y, have the weight zero; then v is what they are off from all the others.
+    xy
+        Its two observations [um].
     """
 
     row: int
     photo: str
     point: str
     model: str | None
-    residual: tuple[float, float]
-    r: tuple[float, float]
-    w: tuple[float | None, float | None]
-    mdb: tuple[float | None, float | None]
-    effect_m: tuple[tuple[float, float, float] | None, tuple[float, float, float] | None]
-    flagged: bool
-    rejected: tuple[bool, bool] = (False, False)
+    xy: tuple[Observation[ObservationName], Observation[ObservationName]]
 
-
-class ControlRow(NamedTuple):
-    """One weighted control coordinate."""
-
-    point: str
-    axis: Literal["X", "Y", "Z"]
-    residual: float
-    r: float
-    w: float | None
-    mdb: float | None
-    effect_m: tuple[float, float, float] | None
-    flagged: bool
-
-
-class PriorRow(NamedTuple):
-    """One prior of an orientation (m or rad) or of an additional parameter (mm)."""
-
-    owner: str
-    unknown: str
-    residual: float
-    r: float
-    w: float | None
-    mdb: float | None
-    flagged: bool
+    @property
+    def flagged(self) -> bool:
+        """Whether x or y exceeds the critical value."""
+        return any(one.flagged for one in self.xy)
 
 
 class PhotoRow(NamedTuple):

@@ -1,0 +1,164 @@
+"""All observations of a bundle as one vector: which there are, how they are called and weighted.
+
+Image coordinates first (ray by ray, x and y), then weighted control, priors on orientations, priors
+on additional parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.reliability import Cofactors
+
+__all__ = ["ORIENTATION", "ObservationName", "Observations", "Unit", "observations_of"]
+
+ObservationName = tuple[str | None, ...]
+"""("image", photo, point, model, axis), ("control", point, axis) or ("prior", owner, unknown)."""
+Unit = Literal["um", "m", "rad", "mm"]
+
+ORIENTATION = ("X", "Y", "Z", "omega", "phi", "kappa")
+
+
+class _Names(Sequence[ObservationName]):
+    """The names of the observations, made when they are asked for."""
+
+    def __init__(self, of: Observations) -> None:
+        self._of = of
+
+    def __len__(self) -> int:
+        return self._of.count
+
+    @overload
+    def __getitem__(self, at: int) -> ObservationName: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[ObservationName]: ...
+    def __getitem__(self, at: int | slice) -> ObservationName | list[ObservationName]:
+        if isinstance(at, slice):
+            return [self._of.name(k) for k in range(*at.indices(len(self)))]
+        if not -len(self) <= at < len(self):
+            raise IndexError(at)
+        return self._of.name(at % len(self))
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """The observations of a bundle.
+
+    Attributes
+    ----------
+    problem
+        The bundle.
+    control, priors, additional
+        (k, 2) point and axis, (k, 2) photo and unknown, and (k,) numbers of parameters, of the rows
+        that follow the image coordinates.
+    """
+
+    problem: Problem = field(repr=False)
+    control: Index
+    priors: Index
+    additional: Index
+
+    @property
+    def image(self) -> int:
+        """Number of image coordinates, the first rows."""
+        return 2 * len(self.problem.photo)
+
+    @property
+    def starts(self) -> tuple[int, int, int]:
+        """First rows of control, of priors on orientations and on additional parameters."""
+        first = self.image
+        second = first + len(self.control)
+        return first, second, second + len(self.priors)
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return self.starts[2] + len(self.additional)
+
+    @property
+    def names(self) -> Sequence[ObservationName]:
+        """Identities of the rows."""
+        return _Names(self)
+
+    def name(self, row: int) -> ObservationName:
+        """Return the identity of a row."""
+        problem = self.problem
+        first, second, third = self.starts
+        if row < first:
+            ray, axis = divmod(row, 2)
+            measured = problem.block.image_points[int(problem.source[ray])]
+            return ("image", measured.photo, measured.point, measured.model, "xy"[axis])
+        if row < second:
+            point, axis = self.control[row - first].tolist()
+            return ("control", problem.points[point], "XYZ"[axis])
+        if row < third:
+            photo, unknown = self.priors[row - second].tolist()
+            return ("prior", problem.photos[photo], ORIENTATION[unknown])
+        if problem.additional is None:
+            raise IndexError(row)
+        labels = problem.additional.set.names
+        group, index = divmod(int(self.additional[row - third]), len(labels))
+        return ("prior", problem.additional_groups[group], labels[index])
+
+    @cached_property
+    def sigma(self) -> Array:
+        """(n,) a-priori standard deviations in the units."""
+        problem = self.problem
+        q = max(len(problem.additional_sigma), 1)
+        return np.concatenate(
+            (
+                problem.sigma_xy.reshape(-1) * 1e3,
+                problem.known_sigma[tuple(self.control.T)],
+                problem.prior_sigma[tuple(self.priors.T)],
+                problem.additional_sigma[self.additional % q]
+                if len(self.additional)
+                else np.zeros(0),
+            )
+        )
+
+    @cached_property
+    def units(self) -> list[Unit]:
+        """Units of the rows."""
+        out: list[Unit] = ["um"] * self.image
+        out += ["m"] * len(self.control)
+        out += ["m" if k < 3 else "rad" for k in self.priors[:, 1].tolist()]
+        out += ["mm"] * len(self.additional)
+        return out
+
+    def gather(
+        self,
+        image: NDArray[Any],
+        control: NDArray[Any],
+        photos: NDArray[Any],
+        parameters: NDArray[Any],
+    ) -> NDArray[Any]:
+        """Return (n, ...) of (m, 2, ...), (points, 3, ...), (photos, 6, ...) and parameters."""
+        shape = image.shape[2:]
+        return np.concatenate(
+            (
+                image.reshape(self.image, *shape),
+                control[tuple(self.control.T)],
+                photos[tuple(self.priors.T)],
+                parameters.reshape(-1, *shape)[self.additional],
+            )
+        )
+
+
+def observations_of(cofactors: Cofactors) -> Observations:
+    """Return the observations whose cofactors are known."""
+    problem, linear = cofactors.normal.problem, cofactors.normal.linear
+    held = cofactors.r_own if problem.photo_invariant else cofactors.r_shared
+    return Observations(
+        problem,
+        np.argwhere(linear.point_weight > 0.0),
+        np.argwhere(np.isfinite(cofactors.r_photo)),
+        np.arange(held.size if len(problem.additional_sigma) else 0),
+    )
