@@ -17,6 +17,7 @@ from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.scale import AprioriSigma, check_scale
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import find_gross_errors, findings_at, sigma_of
+from anaplot.adjustment.tested import sigma0_known
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
@@ -259,7 +260,7 @@ class Cleaning(Generic[S, K]):
 
     def _check_scale(self, system: ResidualSystem, found: Findings | None) -> None:
         """Complain where the a-priori sigma cannot be right and the strategy tests by it."""
-        if not self.as_given and sigma_of(self.strategy) == "baarda":
+        if not self.as_given and sigma0_known(sigma_of(self.strategy)):
             check_scale(system, found, self.settings.alpha, self.subject.apriori)
 
     def _best(

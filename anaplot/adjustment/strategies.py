@@ -53,7 +53,7 @@ from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.reweighting import SETTLED, Reweighting, reweight
 from anaplot.adjustment.search import search
 from anaplot.adjustment.setodds import MostProbableSet, most_probable_set, set_odds
-from anaplot.adjustment.significance import TESTABLE, critical_normal, critical_tau
+from anaplot.adjustment.significance import TESTABLE, critical_normal
 from anaplot.adjustment.stepwise import (
     NO_SIGMA,
     ModelRule,
@@ -61,7 +61,7 @@ from anaplot.adjustment.stepwise import (
     rule_of,
     stepwise,
 )
-from anaplot.adjustment.tested import Odds, error_odds, sigma0_known
+from anaplot.adjustment.tested import Odds, critical_value, error_odds, sigma0_known
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, Index, TestKind
 
@@ -89,9 +89,7 @@ def sigma_of(strategy: str) -> TestKind:
 
 def deciding_critical(strategy: str, alpha: float, redundancy: int) -> float | None:
     """Return the critical value of a strategy at a redundancy; None where there is none."""
-    if sigma_of(strategy) == "tau":
-        return critical_tau(alpha, redundancy)
-    return critical_normal(alpha)
+    return critical_value(sigma_of(strategy), alpha, redundancy)
 
 
 def find_gross_errors(

@@ -39,6 +39,7 @@ __all__ = [
     "Partner",
     "Tested",
     "Transfer",
+    "critical_value",
     "error_odds",
     "examine",
     "log_bayes_factor",
@@ -66,6 +67,11 @@ def sigma0_known(kind: TestKind) -> bool:
     return kind == "baarda"
 
 
+def critical_value(kind: TestKind, alpha: float, redundancy: int) -> float | None:
+    """Return the two-sided critical value of one row; None where there is none."""
+    return critical_normal(alpha) if sigma0_known(kind) else critical_tau(alpha, redundancy)
+
+
 class AppliedTest(NamedTuple):
     """The two-sided test applied to every row.
 
@@ -90,10 +96,7 @@ class AppliedTest(NamedTuple):
     def of(cls, settings: _Settings, redundancy: int) -> AppliedTest:
         """Return a test as it is applied with a redundancy."""
         kind, alpha = settings.kind, settings.alpha
-        if not sigma0_known(kind):
-            critical = critical_tau(alpha, redundancy)
-        else:
-            critical = critical_normal(alpha) if redundancy > 0 else None
+        critical = critical_value(kind, alpha, redundancy) if redundancy > 0 else None
         return cls(kind, alpha, critical, settings.power)
 
     @property

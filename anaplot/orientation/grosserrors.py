@@ -15,6 +15,7 @@ from anaplot.adjustment.findings import Findings, SearchSettings
 from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.scale import AprioriSigma, ScaleError, check_scale
 from anaplot.adjustment.strategies import find_gross_errors, sigma_of
+from anaplot.adjustment.tested import sigma0_known
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools, RowKey
 from anaplot.errors import NotComputableError
@@ -190,7 +191,7 @@ def strategy_findings(
         settings,
         models=ideal_roots(solution) if strategy == "modified" else None,
     )
-    if sigma_of(strategy) == "baarda":
+    if sigma0_known(sigma_of(strategy)):
         used = SearchSettings() if settings is None else settings
         name = f"model {solution.left}/{solution.right}"
         try:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anaplot.adjustment.significance import critical_normal, critical_tau
-from anaplot.aliases import Array
+from anaplot.adjustment.tested import AppliedTest
+from anaplot.aliases import Array, TestKind
 from anaplot.orientation.model import orient
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
@@ -195,10 +195,10 @@ class _StripTrial:
 
 def _flags(solution: ModelSolution, method: str, axis: str, alpha: float) -> list[bool]:
     """Return which rows of an axis a test flags; `w` of the solution has the a-priori sigma."""
-    limit: float | None = critical_normal(alpha)
-    if method == "tau":
-        sigma0, critical = solution.sigma0_um, critical_tau(alpha, solution.redundancy)
-        limit = None if not sigma0 or critical is None else critical * sigma0 / solution.apriori_um
+    kind: TestKind = "tau" if method == "tau" else "baarda"
+    test = AppliedTest.of(TestSettings(kind, alpha, POWER), solution.redundancy)
+    factor = test.factor(solution.tested.sigma0)
+    limit = test.critical * factor if test.critical is not None and factor else None
     return [
         limit is not None and row.size is not None and row.size > limit
         for row in solution.table

@@ -30,6 +30,7 @@ from anaplot.adjustment.scale import (
 )
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES, sigma_of
+from anaplot.adjustment.tested import sigma0_known
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools
 from anaplot.bundle.adjust import evaluate
@@ -583,7 +584,7 @@ def _best_end(
             else:
                 reduced, start = least[0], least[1].state
             state = start
-            if not cleaning.as_given and sigma_of(cleaning.strategy) == "baarda":
+            if not cleaning.as_given and sigma0_known(sigma_of(cleaning.strategy)):
                 _check_scale_at(subject, state, first, cleaning.settings.alpha)
             go_on(state, None, fixed)
     # a torn minimum is only gone on from where nothing better has come to an end

@@ -41,11 +41,8 @@ class _Names(Sequence[ObservationName]):
     @overload
     def __getitem__(self, at: slice) -> list[ObservationName]: ...
     def __getitem__(self, at: int | slice) -> ObservationName | list[ObservationName]:
-        if isinstance(at, slice):
-            return [self._of.name(k) for k in range(*at.indices(len(self)))]
-        if not -len(self) <= at < len(self):
-            raise IndexError(at)
-        return self._of.name(at % len(self))
+        found = range(self._of.count)[at]
+        return self._of.name(found) if isinstance(found, int) else [*map(self._of.name, found)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,19 +63,19 @@ class Observations:
     priors: Index
     additional: Index
 
-    @property
+    @cached_property
     def image(self) -> int:
         """Number of image coordinates, the first rows."""
         return 2 * len(self.problem.photo)
 
-    @property
+    @cached_property
     def starts(self) -> tuple[int, int, int]:
         """First rows of control, of priors on orientations and on additional parameters."""
         first = self.image
         second = first + len(self.control)
         return first, second, second + len(self.priors)
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of rows."""
         return self.starts[2] + len(self.additional)
