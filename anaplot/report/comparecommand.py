@@ -145,7 +145,7 @@ def _point_json(p: PointMove) -> Answer:
                 "scheffe": c.scheffe,
                 "half_bonferroni": c.half_bonferroni,
                 "half_scheffe": c.half_scheffe,
-                "detectable": c.detectable,
+                "detectable": c.mdb,
             }
             for c in p.coordinates
         ],

@@ -214,7 +214,7 @@ def _parameters(found: ParameterTests, labels: list[str], width: int, *, shorten
         rows = sorted(rows, key=lambda r: _order(r[1].verdict))
     columns = (name("parameter", "PARAMETER", width), *_PARAMETERS)
     cells = (
-        (text, row.value, row.s, _p(row.verdict), row.detectable, row.power, row.inflation,
+        (text, row.value, row.s, _p(row.verdict), row.mdb, row.power, row.inflation,
          row.kept, row.verdict)
         for text, row in rows
     )  # fmt: skip
@@ -321,14 +321,14 @@ def _check(found: CheckTests) -> list[Block]:
     rows = sorted(found.coordinates, key=lambda row: _order(row.verdict))
     cells = (
         (row.point, row.axis, f"{row.point} {row.axis}", row.difference, row.s, row.s_block,
-         row.s_given, _p(row.verdict), row.detectable, row.verdict)
+         row.s_given, _p(row.verdict), row.mdb, row.verdict)
         for row in rows
     )  # fmt: skip
     page += [BLANK, _tallies(found), _tests("hypotheses_check", _CHECK, cells)]
     if found.deformations:
         deformed = (
             (row.axis, row.term, f"{row.axis} {row.term}", row.size, row.s, _p(row.verdict),
-             row.detectable, row.verdict)
+             row.mdb, row.verdict)
             for row in found.deformations
         )  # fmt: skip
         page += [BLANK, _tests("hypotheses_deformations", _DEFORMATIONS, deformed, most=None)]
@@ -377,7 +377,7 @@ def _control(found: ControlTests) -> list[Block]:
     against = "the network, laid on the others" if network else "the photographs without it"
     cells = (
         (row.point, row.axis, row.fixed, f"{row.point} {row.axis}" + " fixed" * row.fixed,
-         row.difference, row.s, _p(row.verdict), row.detectable, row.verdict)
+         row.difference, row.s, _p(row.verdict), row.mdb, row.verdict)
         for row in rows
     )  # fmt: skip
     columns = (*_CONTROL, replace(_VERDICT, head=f"   ({against}, minus given)"))
@@ -403,7 +403,7 @@ def _json(found: BlockHypotheses) -> Json:
 
 def _row_json(row: Any) -> Json:
     """Return a row of single tests with its verdict written out."""
-    out: Json = row._asdict()
+    out = {"detectable" if name == "mdb" else name: value for name, value in row._asdict().items()}
     out["verdict"] = verdict_json(row.verdict)
     return out
 

@@ -493,8 +493,8 @@ def test_smallest_displacements_are_those_of_the_blocks_power() -> None:
     found = compare_epochs(first, epoch(2, test=BAARDA), points=("p8",))
     tested = epoch_tests(found)
     assert tested.power == 0.9
-    least = epoch_tests(found, power=0.80).points[0].coordinates[0].detectable
-    assert tested.points[0].coordinates[0].detectable > least
+    least = epoch_tests(found, power=0.80).points[0].coordinates[0].mdb
+    assert tested.points[0].coordinates[0].mdb > least
 
 
 def test_common_parameters_and_those_of_each_epoch() -> None:

@@ -166,7 +166,7 @@ def test_single_parameters_by_dense_formulas() -> None:
         assert row.verdict.estimated.alpha == pytest.approx(alpha)
         t = z[k] / (block.sigma0 * np.sqrt(q[k, k]))
         assert row.verdict.estimated.statistic == pytest.approx(t * t, rel=1e-6)
-        size = quadratic_form(np.array([row.detectable]), q[k : k + 1, k : k + 1])
+        size = quadratic_form(np.array([row.mdb]), q[k : k + 1, k : k + 1])
         assert f_power(size, alpha, 1, block.redundancy) == pytest.approx(0.80, abs=1e-6)
         assert row.power == pytest.approx(
             f_power(0.005**2 / q[k, k], alpha, 1, block.redundancy), rel=1e-5
@@ -648,13 +648,12 @@ def test_detectable_errors_are_detected_with_the_power(kind) -> None:
         for row in declared.control:
             at = np.array(row.xyz) + rng.normal(size=3) * np.array(row.sigma)
             if row.point == target[0][0]:
-                at[0] += sizes[0].detectable
+                at[0] += sizes[0].mdb
             elif row.point == target[1][0]:
-                at[1] += sizes[1].detectable
+                at[1] += sizes[1].mdb
             rows.append(replace(row, xyz=tuple(at.tolist())))
         clean = [
-            r if r.point != target[0][0] else replace(r, xyz=_moved(r, -sizes[0].detectable))
-            for r in rows
+            r if r.point != target[0][0] else replace(r, xyz=_moved(r, -sizes[0].mdb)) for r in rows
         ]
         for which, given in enumerate((rows, clean)):
             problem = make_problem(replace(declared, control=tuple(given)))

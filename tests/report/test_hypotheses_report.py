@@ -148,14 +148,14 @@ def test_what_cannot_be_tested_has_nothing_detectable_and_is_not_counted() -> No
     # one redundancy: giving a coordinate up leaves none for the variance factor
     single = replace(adjust_block(strip()), redundancy=1)
     found = block_hypotheses(single)
-    assert all(row.detectable is None for row in found.control.coordinates)
+    assert all(row.mdb is None for row in found.control.coordinates)
     text = text_of(hypotheses_document(found)).split("CONTROL")[1]
     assert "0 of 0 points rejected (6 not testable)" in text
     assert "0 of 0 coordinates rejected (18 not testable)" in text
     [row] = [line for line in text.splitlines() if line.startswith("  p0 X ")]
     assert row.endswith("-  not testable")
     known = replace(adjust_block(strip(kind="baarda")), redundancy=1)
-    assert all(row.detectable for row in block_hypotheses(known).control.coordinates)
+    assert all(row.mdb for row in block_hypotheses(known).control.coordinates)
 
 
 def test_the_power_is_that_of_the_block(tmp_path: Path, capsys) -> None:

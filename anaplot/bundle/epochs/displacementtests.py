@@ -56,7 +56,7 @@ class CoordinateMove(NamedTuple):
         Whether Scheffe's limit is exceeded; None where it cannot be tested.
     half_bonferroni, half_scheffe
         Half widths of the simultaneous confidence intervals [m]; None without.
-    detectable
+    mdb
         Smallest displacement [m] found with the power asked for; None without variance.
     """
 
@@ -68,7 +68,7 @@ class CoordinateMove(NamedTuple):
     scheffe: bool | None
     half_bonferroni: float | None
     half_scheffe: float | None
-    detectable: float | None
+    mdb: float | None
 
 
 class PointMove(NamedTuple):

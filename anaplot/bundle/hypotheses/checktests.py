@@ -78,7 +78,7 @@ class CheckCoordinateTest(NamedTuple):
         Of the adjusted and of the given coordinate alone [m].
     verdict
         The family of all check coordinates keeps the significance.
-    detectable
+    mdb
         Smallest difference [m] that is found with the settings' power.
     """
 
@@ -89,7 +89,7 @@ class CheckCoordinateTest(NamedTuple):
     s_block: float
     s_given: float
     verdict: Verdict
-    detectable: float
+    mdb: float
 
 
 class DeformationTest(NamedTuple):
@@ -104,7 +104,7 @@ class DeformationTest(NamedTuple):
         standard deviation for the a-priori sigma0.
     verdict
         The family of all terms keeps the significance.
-    detectable
+    mdb
         Smallest size [m] that is found with the settings' power.
     """
 
@@ -113,7 +113,7 @@ class DeformationTest(NamedTuple):
     size: float
     s: float
     verdict: Verdict
-    detectable: float
+    mdb: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -111,7 +111,7 @@ class ControlCoordinateTest(NamedTuple):
         Standard deviation of the difference [m] for the a-priori sigma0, of both.
     verdict
         The family of coordinates keeps the significance.
-    detectable
+    mdb
         Smallest error of the given coordinate [m] that is found with the settings' power; None
         where no test can be made.
     """
@@ -122,7 +122,7 @@ class ControlCoordinateTest(NamedTuple):
     difference: float | None
     s: float | None
     verdict: Verdict | None
-    detectable: float | None
+    mdb: float | None
 
 
 @dataclass(frozen=True, slots=True)

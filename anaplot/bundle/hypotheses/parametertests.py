@@ -54,7 +54,7 @@ class ParameterTest(NamedTuple):
         Its value [mm], and its standard deviation for the a-priori sigma0.
     verdict
         Of its single test; the family of all parameters keeps the significance.
-    detectable
+    mdb
         Smallest value [mm] that is found with the settings' power.
     power
         Power against a value as large as the block's a-priori image sigma.
@@ -71,7 +71,7 @@ class ParameterTest(NamedTuple):
     value: float
     s: float
     verdict: Verdict
-    detectable: float
+    mdb: float
     power: float
     inflation: float | None
     kept: float
