@@ -40,6 +40,8 @@ from anaplot.console.stationlike import ControlsLike, StationLike
 from anaplot.console.stereoview import StereoView, Viewed
 from anaplot.console.tableview import TableView
 from anaplot.console.wheels import Wheels
+from anaplot.session import commands
+from anaplot.session.commands import Command
 from anaplot.station.snapshot import Snapshot
 from anaplot.textfiles.wording import plain
 
@@ -318,15 +320,18 @@ class OrientationScreen(Screen[None]):
     def _submit(self, command: Callable[[], None]) -> None:
         self._commands.submit(command)
 
+    def _give(self, command: Command) -> None:
+        self._submit(partial(self._station.give, command))
+
     # -- the operator's work ---------------------------------------------------------------
 
     def action_record(self) -> None:
         """Record the point under the mark."""
-        self._submit(self._station.record)
+        self._give(commands.Record())
 
     def drive_to(self, point: str) -> None:
         """Drive the plates to a point."""
-        self._submit(partial(self._station.drive, point))
+        self._give(commands.Drive(point))
 
     def action_drive(self) -> None:
         """Drive to the selected row's point."""
@@ -354,7 +359,7 @@ class OrientationScreen(Screen[None]):
             return
         flagged = len(in_work(snapshot).flagged)
         if not flagged:
-            self._submit(self._station.accept)
+            self._give(commands.Accept())
             return
         rows = "1 row is" if flagged == 1 else f"{flagged} rows are"
         where = f"model {snapshot.left} / {snapshot.right}"
@@ -371,15 +376,15 @@ class OrientationScreen(Screen[None]):
 
     def _accept_if(self, yes: bool | None) -> None:
         if yes:
-            self._submit(self._station.accept)
+            self._give(commands.Accept())
 
     def action_next_model(self) -> None:
         """Go on to the next model."""
-        self._submit(self._station.next_model)
+        self._give(commands.NextModel())
 
     def action_other_photo(self) -> None:
         """Say that the other photo lies in the mono comparator."""
-        self._submit(self._station.other_photo)
+        self._give(commands.OtherPhoto())
 
     def action_reference(self) -> None:
         """Refer the counters to the row selected by hand, if it is measured, or as proposed."""
@@ -387,7 +392,7 @@ class OrientationScreen(Screen[None]):
         chosen = None
         if self._moved_by_hand and shown is not None and shown.state == "measured":
             chosen = shown.point
-        self._submit(partial(self._station.reference, chosen))
+        self._give(commands.Reference(chosen))
 
     def action_keep_counters(self) -> None:
         """Keep the counters as they are, when asked once more."""
@@ -406,11 +411,11 @@ class OrientationScreen(Screen[None]):
 
     def _keep_if(self, yes: bool | None) -> None:
         if yes:
-            self._submit(self._station.keep_counters)
+            self._give(commands.KeepCounters())
 
     def action_undo(self) -> None:
         """Take the last event back."""
-        self._submit(self._station.undo)
+        self._give(commands.Undo())
 
     def action_switch_row(self) -> None:
         """Switch the selected row off, or on again."""
@@ -418,9 +423,7 @@ class OrientationScreen(Screen[None]):
         if shown is None:
             self._say("warning", "no row is selected")
         else:
-            self._submit(
-                partial(self._station.switch, shown.point, shown.axis, shown.state == "off")
-            )
+            self._give(commands.Switch(shown.point, shown.axis, shown.state == "off"))
 
     def action_switch_point(self) -> None:
         """Switch the selected row's whole point off, or on again."""
@@ -429,7 +432,7 @@ class OrientationScreen(Screen[None]):
             self._say("warning", "no row is selected")
         else:
             on = self._point_off(shown.point)
-            self._submit(partial(self._station.switch, shown.point, None, on))
+            self._give(commands.Switch(shown.point, None, on))
 
     def action_automatic(self) -> None:
         """Let the simulated operator work, or stop him."""
@@ -443,11 +446,11 @@ class OrientationScreen(Screen[None]):
         """Suspend the work, or resume it."""
         if self._snapshot is not None:
             suspended = self._snapshot.suspended
-            self._submit(self._station.resume if suspended else self._station.suspend)
+            self._give(commands.Resume() if suspended else commands.Suspend())
 
     def action_stop(self) -> None:
         """Stop the plates."""
-        self._submit(self._station.stop)
+        self._give(commands.Stop())
 
     def action_add_point(self) -> None:
         """Ask for a name and add the point."""
@@ -455,7 +458,7 @@ class OrientationScreen(Screen[None]):
 
     def _add(self, name: str | None) -> None:
         if name:
-            self._submit(partial(self._station.add_point, name))
+            self._give(commands.AddPoint(name))
 
     # -- the handwheels --------------------------------------------------------------------
 

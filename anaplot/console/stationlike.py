@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from anaplot.aliases import Axis
+from anaplot.session.commands import Command
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.stereo import StereoPair
 from anaplot.station.snapshot import Snapshot
@@ -16,7 +16,7 @@ __all__ = ["ControlsLike", "StationLike"]
 class StationLike(Protocol):
     """A station as the console sees it.
 
-    Commands return quickly and may raise `anaplot.errors.AnaplotError`, whose text is shown.
+    A command may raise `anaplot.errors.AnaplotError`, whose text is shown.
     Both kinds of callbacks may come from any thread.
     """
 
@@ -32,44 +32,8 @@ class StationLike(Protocol):
     def subscribe_notices(self, callback: Callable[[str, str], None]) -> Callable[[], None]:
         """Call back with (severity, one line); severity: info, warning, error or record."""
 
-    def drive(self, point: str) -> None:
-        """Drive the plates to a point of the current model."""
-
-    def stop(self) -> None:
-        """Stop a drive."""
-
-    def record(self) -> None:
-        """Record the point at which the plates stand."""
-
-    def switch(self, point: str, axis: Axis | None, on: bool) -> None:
-        """Switch a row, or the whole point (axis None), off or on."""
-
-    def undo(self) -> None:
-        """Take the last event back."""
-
-    def accept(self) -> None:
-        """Accept the current model."""
-
-    def next_model(self) -> None:
-        """Go on to the next model."""
-
-    def other_photo(self) -> None:
-        """Take it that the other photo of the model was laid into the mono comparator."""
-
-    def reference(self, point: str | None = None) -> None:
-        """Refer counters without reference to a measured point, or to the one proposed."""
-
-    def keep_counters(self) -> None:
-        """Take counters without reference as they are."""
-
-    def suspend(self) -> None:
-        """Interrupt the work."""
-
-    def resume(self) -> None:
-        """Go on with it."""
-
-    def add_point(self, name: str) -> None:
-        """Add a point beyond the plan."""
+    def give(self, command: Command) -> None:
+        """Give a command; it returns quickly."""
 
     def close(self) -> None:
         """Close link and journal; harmless when closed already."""

@@ -120,13 +120,20 @@ class ModelState:
         return tuple(m for m in self.measured if not self.is_off(m.point))
 
     @property
+    def carriages(self) -> tuple[Side, ...]:
+        """Sides of the photos that lie in the instrument: both, or in a mono comparator one."""
+        if not self.mono:
+            return "left", "right"
+        return () if self.laid is None else (self.laid,)
+
+    @property
     def open_inner(self) -> InnerState | None:
         """The inner orientation to be done first, or None when points can be measured.
 
         In a mono comparator only that of the photo in it.
         """
-        there = (i for i in self.inner if not self.mono or i.side == self.laid)
-        return next((i for i in there if i.accepted is None), None)
+        there = self.carriages
+        return next((i for i in self.inner if i.side in there and i.accepted is None), None)
 
     def inner_of(self, side: Side) -> InnerState | None:
         """Return the inner orientation in a carriage; None where the camera has no fiducials."""

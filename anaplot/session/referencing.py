@@ -22,6 +22,7 @@ __all__ = [
     "Offset",
     "Reference",
     "Referencing",
+    "asked_for",
     "in_words",
     "references",
     "tolerance_mm",
@@ -46,11 +47,14 @@ class Reference:
         What the operator reads.
     places
         Its plate coordinates [mm] by carriage: a point's in both, a fiducial's in one.
+    side
+        The carriage of a fiducial; None for a point.
     """
 
     name: str
     title: str
     places: Mapping[Side, Place]
+    side: Side | None = None
 
 
 def tolerance_mm(image_um: float) -> float:
@@ -93,10 +97,7 @@ def references(
         model = state.models[-1]
     if model.mono and model.laying != state.layings:
         return (), ()
-    sides: tuple[Side, ...] = ("left", "right")
-    if model.mono:
-        sides = () if model.laid is None else (model.laid,)
-    needed = tuple(side for side in sides if _matters(state, model, side, over=over))
+    needed = tuple(s for s in model.carriages if _matters(state, model, s, over=over))
     found = [*_points(state, model, needed), *_fiducials(model, needed)]
     found.sort(key=lambda reference: reference.name != last)
     return needed, tuple(found)
@@ -139,7 +140,10 @@ def _fiducials(model: ModelState, needed: tuple[Side, ...]) -> list[Reference]:
             continue
         found += [
             Reference(
-                m.fiducial, f"fiducial {m.fiducial} of {inner.name}", {inner.side: (m.x, m.y)}
+                m.fiducial,
+                f"fiducial {m.fiducial} of {inner.name}",
+                {inner.side: (m.x, m.y)},
+                inner.side,
             )
             for m in reversed(inner.used)
         ]
@@ -236,6 +240,27 @@ class Referencing:
             return Position(*one, *one)
         left, right = ({**before, **self.agreed}[side] for side in ("left", "right"))
         return Position(*left, *right)
+
+
+def asked_for(referencing: Referencing, at: Reference | None, needed: tuple[Side, ...]) -> str:
+    """Return what is to be done about the reference before anything else, one sentence.
+
+    Parameters
+    ----------
+    referencing
+        How far re-measuring has come.
+    at
+        What is to be pointed at now, or None.
+    needed
+        Carriages on whose counters something measured depends.
+    """
+    lost = "the counters have lost their reference"
+    if at is not None:
+        again = " again" if any(side in referencing.once for side in at.places) else ""
+        return f"{lost}: set the mark on {at.title}{again} and press R"
+    if needed:
+        return f"{lost}: nothing is measured to refer them to; set them, and press K"
+    return f"{lost}: nothing measured depends on it; press R"
 
 
 def in_words(shift: Position, *, mono: bool) -> str:

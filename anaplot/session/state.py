@@ -216,7 +216,7 @@ def _inner(
         raise EventRefusedError(f"photo {event.photo}: its camera has no fiducials")
     if inner.accepted is not None:
         raise EventRefusedError(f"the inner orientation of {inner.name} is accepted already")
-    if model.mono and model.laid != side:
+    if side not in model.carriages:
         raise EventRefusedError(f"photo {event.photo} does not lie in the comparator")
     first = model.open_inner
     if first is not None and first != inner:

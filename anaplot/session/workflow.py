@@ -11,7 +11,7 @@ from anaplot.orientation.results import Diagnosis, ModelSolution
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.models import diagnosis_of, solve
-from anaplot.session.monowork import mono_step
+from anaplot.session.nextstep import next_step
 from anaplot.session.state import SessionState
 
 __all__ = ["Outlook", "next_model", "outlook"]
@@ -92,36 +92,17 @@ def outlook(state: SessionState) -> Outlook:
             problem, suspects = str(error), error.suspects
         except NotComputableError as error:
             problem = str(error)
-    pending = model.pending
-    next_photo: Side | None = None
-    if model.mono:
-        step = mono_step(model, suspects, solved=solution is not None)
-        next_point, expected, next_photo = step.point, step.expected, step.lay
-    elif pending:
-        next_point, expected = pending[0].point, f"measure {pending[0].point}"
-        if pending[0].role == "tie":
-            expected += " (tie)"
-        expected += f": {len(pending)} of {len(model.plan)} points to go"
-    elif suspects:
-        next_point, expected = suspects[0], f"remeasure {suspects[0]}, or switch it off, or accept"
-    elif solution is not None:
-        next_point, expected = None, "accept the model"
-    else:
-        next_point, expected = None, "add or re-measure points: the model is not determined"
-    if suspects and pending and not model.mono:
-        expected = f"remeasure {suspects[0]}, or {expected}"
-    if state.suspended:
-        expected = "work is suspended: resume"
+    step = next_step(model, suspects, solved=solution is not None)
     return Outlook(
         solution=solution,
         diagnosis=diagnosis,
         problem=problem,
-        next_point=next_point,
-        expected=expected,
+        next_point=step.point,
+        expected="work is suspended: resume" if state.suspended else step.expected,
         may_accept=solution is not None and not state.suspended,
         next_model=following,
         finished=False,
-        next_photo=None if state.suspended else next_photo,
+        next_photo=None if state.suspended else step.lay,
     )
 
 

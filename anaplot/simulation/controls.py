@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from anaplot.errors import InputError
+from anaplot.session.commands import TakeOver
 from anaplot.session.plates import image_of, plate_of, plates_of
 from anaplot.simulation.automatic import AutomaticOperator
 from anaplot.simulation.instrument import SimulatedInstrument
@@ -92,7 +93,7 @@ class Controls:
         if on:
             self._station.tell("info", "the simulated hand sets the mark from the next drive on")
         else:
-            self._station.take_over()
+            self._station.give(TakeOver())
             self._station.tell("info", "the mark is yours: clear the parallax, then record")
 
     def _check_free(self) -> None:

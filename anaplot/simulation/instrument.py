@@ -16,10 +16,11 @@ from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.schema import Profile
 from anaplot.session.events import Event, FiducialMeasured, MonoMeasured, PointMeasured
+from anaplot.session.heard import MarkSet
 from anaplot.session.state import apply, start
 from anaplot.simulation.laidplates import Placements, laid_photographs
 from anaplot.simulation.stereo import StereoGround, StereoPair
-from anaplot.station.instrument import Instrument, Listener, MarkSet
+from anaplot.station.instrument import Instrument, Listener
 
 __all__ = ["PROFILE_OF_SIMULATION", "SimulatedInstrument", "SimulationSetup"]
 

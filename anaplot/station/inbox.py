@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from anaplot.plotter.readings import Position, Reading
-from anaplot.station.instrument import MarkSet
+from anaplot.session.heard import Heard, LinkChanged, MarkSet
+from anaplot.session.requests import WarmUp
 
-__all__ = ["End", "Heard", "Inbox", "LinkChange", "Told", "Traffic", "WarmUp"]
+__all__ = ["End", "Inbox", "Item", "Told", "Traffic"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,23 +34,11 @@ class Told:
     when: float
 
 
-@dataclass(frozen=True, slots=True)
-class LinkChange:
-    """The new state of the link."""
-
-    state: str
-    detail: str
-
-
 class End:
     """Ends the station thread."""
 
 
-class WarmUp:
-    """Loads what the first table needs, while the first points are still being measured."""
-
-
-Heard = WarmUp | Reading | Traffic | Told | LinkChange | MarkSet | End
+Item = Heard | Traffic | Told | WarmUp | End
 
 
 _CROWDED = 200  # items waiting, from which on positions are left out: others will follow
@@ -64,7 +53,7 @@ class Inbox:
     """
 
     def __init__(self) -> None:
-        self.items: queue.SimpleQueue[Heard] = queue.SimpleQueue()
+        self.items: queue.SimpleQueue[Item] = queue.SimpleQueue()
         # the time that the decoder was given: a journal that keeps it replays to the same readings
         self.time: Callable[[], float] = time.monotonic
 
@@ -80,7 +69,7 @@ class Inbox:
 
     def on_link_state(self, state: str, detail: str) -> None:
         """Take the new state of the link."""
-        self.items.put(LinkChange(state, detail))
+        self.items.put(LinkChanged(state, detail))
 
     def on_traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
         """Bytes came in or were sent."""

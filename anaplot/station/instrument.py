@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -14,24 +15,20 @@ from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position, Reading
 from anaplot.plotter.schema import Profile
 from anaplot.session.events import Event
+from anaplot.session.heard import Abilities, MarkSet, Seen
+from anaplot.session.requests import (
+    DriveTo,
+    Lay,
+    OfInstrument,
+    Refer,
+    SetMark,
+    StopDrive,
+    TakeRecord,
+)
 
-__all__ = ["Instrument", "InstrumentSetup", "Listener", "MarkSet", "Setup"]
+__all__ = ["Instrument", "InstrumentSetup", "Listener", "Setup"]
 
-
-@dataclass(frozen=True, slots=True)
-class MarkSet:
-    """An instrument has set the mark by itself, or can set none.
-
-    Attributes
-    ----------
-    drive
-        After which drive, counted from 1; see `Instrument.drives_begun`.
-    remark
-        What the operator is warned of, or "".
-    """
-
-    drive: int
-    remark: str = ""
+_STALE = 2.0  # s after which a read-out is no longer shown
 
 
 class Listener(Protocol):
@@ -205,6 +202,56 @@ class Instrument:
             The link is down.
         """
         self.link.record()
+
+    @property
+    def abilities(self) -> Abilities:
+        """What a desk has to know of it."""
+        return Abilities(self.profile.mono, self.drives, self.moves, self.middle)
+
+    def position(self) -> Position | None:
+        """Return the live read-out, plate coordinates [mm]; None while there is none."""
+        latest = self.link.latest()
+        return None if latest is None or latest[1] > _STALE else latest[0]
+
+    def seen(self, since: tuple[int, int]) -> Seen:
+        """Return what is seen of it now, the counters read since a mark of the link, or not."""
+        return Seen(
+            time=time.monotonic(),
+            own_operator=self.own_operator,
+            line=self.link.state,
+            position=self.position(),
+            counters=self.link.unreferenced_position,
+            shift=self.link.shift,
+            read=self.link.read_since(since),
+        )
+
+    def do(self, request: OfInstrument) -> None:
+        """Do what a desk asks for.
+
+        Raises
+        ------
+        InputError
+            There is no drive, or the target is outside its limits.
+        LinkError
+            The command cannot be sent.
+        """
+        match request:
+            case DriveTo(position, side):
+                self.drive(position, side)
+            case SetMark(places, side):
+                self.point_again(places, side)
+            case StopDrive():
+                self.link.stop()
+            case TakeRecord():
+                self.record()
+            case Lay(left, right, side, placed):
+                self.lay(left, right, side, placed)
+            case Refer(shift):
+                if shift is None:
+                    self.link.confirm_reference()
+                else:
+                    self.link.reference_by(shift)
+                self.referred()
 
     def close(self) -> None:
         """Close the link.

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from anaplot.exchange.eventcodec import event_to_payload
-from anaplot.exchange.journal import Journal
+from anaplot.exchange.journal import Journal, JournalError
 from anaplot.session.events import Event
+from anaplot.session.workflow import Outlook
+from anaplot.station.tables import inner_table_payload, table_payload
 
 __all__ = ["Recorder"]
 
@@ -42,22 +44,28 @@ class Recorder:
         self._since = self._begin = clock()
 
     def traffic(self, direction: Literal["in", "out"], link: str, data: bytes, when: float) -> None:
-        """Remember bytes of the line (as Latin-1 text, one character a byte) and their time [s]."""
+        """Remember bytes of the line (as Latin-1 text, one character a byte) and their time [s].
+
+        Raises
+        ------
+        JournalError
+            What had gathered could not be written: told once, until the disk takes some again.
+        """
         self._bytes += len(data)
         self._gather(direction, link, data.decode("latin-1"), when)
         # a disk that is full is not asked with every byte
         full = self._characters >= _BATCH_CHARACTERS and not self._refused
         if full or self._clock() - self._since >= _BATCH_SECONDS:
-            self.flush()
+            told = self._refused
+            try:
+                self.flush()
+            except JournalError:
+                if not told:
+                    raise
 
     def told(self, kind: str, text: str, when: float) -> None:
         """Remember what else the decoder was told (a press, a reference)."""
         self._gather("decoder", kind, text, when)
-
-    @property
-    def refused(self) -> bool:
-        """Whether the journal did not take the last batch of traffic."""
-        return self._refused
 
     def _gather(self, kind: str, name: str, text: str, when: float) -> None:
         size = len(json.dumps(text)) + len(json.dumps(name)) + _ITEM_CHARACTERS
@@ -92,17 +100,39 @@ class Recorder:
             self._forget()
         self._refused = False
 
-    def event(self, event: Event) -> None:
-        """Write an event and bring it to disk, the traffic before it first.
+    def events(self, events: Sequence[Event]) -> None:
+        """Write events and bring them to disk, the traffic before them first.
 
         Raises
         ------
         JournalError
-            It was refused; nothing is recorded.
+            They were refused; nothing is recorded.
         """
-        records = [*self._gathered(), (event.kind, event_to_payload(event))]
+        if not events:
+            return
+        records = [*self._gathered(), *((e.kind, event_to_payload(e)) for e in events)]
         self._journal.append_many(records, durable=True)
         self._forget()
+
+    def tables(self, old: Outlook, new: Outlook) -> str:
+        """Write the tables that are new: what a replay will be compared with.
+
+        Returns
+        -------
+        str
+            Why the journal did not take them, or "": the measurements are safe in it, and a table
+            can be computed again.
+        """
+        try:
+            if new.solution is not None and new.solution is not old.solution:
+                self.note("table", table_payload(new.solution))
+            inner = None if new.inner is None else new.inner.solution
+            before = None if old.inner is None else old.inner.solution
+            if new.inner is not None and inner is not None and inner is not before:
+                self.note("inner-table", inner_table_payload(new.inner.state, inner))
+        except JournalError as error:
+            return str(error)
+        return ""
 
     def note(self, kind: str, payload: Mapping[str, Any]) -> None:
         """Write something that follows from events (a table) or explains them (a refusal)."""

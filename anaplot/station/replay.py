@@ -23,6 +23,7 @@ from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.profile import recorded_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.readings import Record as PlotterRecord
+from anaplot.session.desk import Desk
 from anaplot.session.events import (
     EVENT_KINDS,
     Event,
@@ -32,9 +33,8 @@ from anaplot.session.events import (
     PointMeasured,
 )
 from anaplot.session.innerwork import InnerOutlook
-from anaplot.session.plates import Plates, image_of, plates_of
-from anaplot.session.state import EventRefusedError, SessionState, apply, start
-from anaplot.session.workflow import Outlook, outlook
+from anaplot.session.modes import Mode
+from anaplot.session.state import EventRefusedError, SessionState, start
 from anaplot.station.payloads import (
     Heard,
     Opened,
@@ -48,6 +48,8 @@ from anaplot.station.tables import inner_table_difference, table_difference
 from anaplot.textfiles.wording import quoted
 
 __all__ = ["Difference", "Replayed", "Step", "recorded_block", "replay", "replay_session"]
+
+Measurement = PointMeasured | FiducialMeasured | MonoMeasured
 
 _REMEMBERED = 64  # records of the line that may still become measurements
 _SAME = 1e-9  # mm, by which an accepted transformation may differ at its fiducials
@@ -72,8 +74,8 @@ class Step:
     ----------
     record
         The journal's record.
-    state, view
-        State and outlook after it.
+    desk
+        The desk after it.
     event
         The event that it was, or None.
     position
@@ -85,8 +87,7 @@ class Step:
     """
 
     record: Record
-    state: SessionState
-    view: Outlook
+    desk: Desk
     event: Event | None
     position: Position | None
     compared: bool
@@ -161,9 +162,9 @@ def replay_session(session: Path) -> Replayed:
     tables = measurements = 0
     differences: list[Difference] = []
     for step in replay(block, records):
-        state = step.state
+        state = step.desk.state
         tables += step.compared
-        measured = isinstance(step.event, PointMeasured | FiducialMeasured | MonoMeasured)
+        measured = isinstance(step.event, Measurement)
         measurements += measured and step.difference is None
         if step.difference is not None:
             differences.append(step.difference)
@@ -196,8 +197,7 @@ def replay(
     InputError
         An event does not fit the state: the journal is not of this block.
     """
-    state = start(block)
-    view = outlook(state)
+    desk = Desk.at(start(block))
     line = _Line()
     for record in records:
         if pace is not None:
@@ -211,21 +211,21 @@ def replay(
             line.traffic(record)
         elif record.kind in EVENT_KINDS:
             event = event_of(record)
-            if isinstance(event, PointMeasured | FiducialMeasured | MonoMeasured):
-                difference = line.check(event, plates_of(state))
+            if isinstance(event, Measurement):
+                difference = line.check(event, desk.mode)
+            inner = desk.outlook.inner
             try:
-                state = apply(state, event)
+                desk = desk.folded(event)
             except EventRefusedError as error:
                 raise InputError(f"{record.file} line {record.line}: {error}") from error
             if isinstance(event, InnerAccepted):
-                difference = _accepted_otherwise(event, state, view.inner)
-            view = outlook(state)
+                difference = _accepted_otherwise(event, desk.state, inner)
         elif record.kind == "table":
             compared = True
-            difference = table_difference(table_of(record), view.solution)
+            difference = table_difference(table_of(record), desk.outlook.solution)
         elif record.kind == "inner-table":
             compared = True
-            inner = view.inner
+            inner = desk.outlook.inner
             difference = inner_table_difference(
                 inner_table_of(record),
                 None if inner is None else inner.state,
@@ -233,8 +233,7 @@ def replay(
             )
         yield Step(
             record=record,
-            state=state,
-            view=view,
+            desk=desk,
             event=event,
             position=line.position,
             compared=compared,
@@ -308,38 +307,27 @@ class _Line:
         elif item.name == "confirm":
             decoder.confirm_reference()
 
-    def check(
-        self, event: PointMeasured | FiducialMeasured | MonoMeasured, plates: Plates
-    ) -> str | None:
+    def check(self, event: Measurement, mode: Mode | None) -> str | None:
         """Find the measurement among what the bytes said, to the last digit."""
         if self._decoder is None:
             return None
-        while self._records:
-            if _says(self._records.popleft().position, event, plates):
+        if isinstance(event, FiducialMeasured):
+            point = event.fiducial
+            name = f"fiducial {point} of photo {event.photo} ({event.side})"
+        else:
+            point = event.point
+            name = f"point {point}"
+        while self._records and mode is not None:
+            at = self._records.popleft().position
+            # whatever switch it was
+            if mode.measurement(point, at, event.switch) == event:
                 return None
-        name = (
-            f"fiducial {event.fiducial} of photo {event.photo} ({event.side})"
-            if isinstance(event, FiducialMeasured)
-            else f"point {event.point}"
-        )
         return f"{name}: the recorded bytes do not say what was measured"
 
 
 def _check_link(decoder: Decoder, link: str, record: Record) -> None:
     if link not in decoder.profile.links:
         raise refusal(record, f"profile {decoder.profile.id} has no link {quoted(link)}")
-
-
-def _says(
-    at: Position, event: PointMeasured | FiducialMeasured | MonoMeasured, plates: Plates
-) -> bool:
-    if isinstance(event, FiducialMeasured):
-        place = (at.xl, at.yl) if event.side == "left" else (at.xr, at.yr)
-        return place == (event.x, event.y)
-    read = image_of(at, plates)
-    if isinstance(event, MonoMeasured):
-        return (read.xl, read.yl) == (event.x, event.y)
-    return (read.xl, read.yl, read.xr, read.yr) == (event.xl, event.yl, event.xr, event.yr)
 
 
 def _accepted_otherwise(

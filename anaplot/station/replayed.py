@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -10,9 +9,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import TextIO
 
-from anaplot.aliases import Axis
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.journal import Record, read_journal
+from anaplot.session.commands import Command
+from anaplot.session.desk import Desk
 from anaplot.session.events import (
     FiducialMeasured,
     InnerAccepted,
@@ -22,18 +22,20 @@ from anaplot.session.events import (
     PointMeasured,
 )
 from anaplot.session.plates import ReadOut, image_of, plates_of
+from anaplot.session.requests import Severity
 from anaplot.session.state import start
-from anaplot.session.workflow import outlook
 from anaplot.station.blockwatch import BlockWatch
+from anaplot.station.commanded import Commanded
 from anaplot.station.replay import Step, recorded_block, replay
-from anaplot.station.snapshot import LinkView, Snapshot, picture
+from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
 
 __all__ = ["ReplayStation"]
 
+_LINK = LinkView("replay", "recorded")
 _LONGEST_PAUSE = 5.0  # recorded seconds; nobody watches an operator at lunch
 
 
-class ReplayStation:
+class ReplayStation(Commanded):
     """Plays a recorded session at a given speed; every command but closing is refused.
 
     Parameters
@@ -50,13 +52,12 @@ class ReplayStation:
     """
 
     def __init__(self, session: Path, speed: float) -> None:
+        super().__init__()
         self._records = read_journal(session).records
         self._block = recorded_block(session, self._records)
         self._speed = speed
         self._stop = threading.Event()
         self._before: datetime | None = None
-        self._subscribers: list[Callable[[Snapshot], None]] = []
-        self._listeners: list[Callable[[str, str], None]] = []
         self._serial = 0
         self._readout: ReadOut | None = None
         self._lock = threading.Lock()
@@ -66,11 +67,7 @@ class ReplayStation:
         self._thread: threading.Thread | None = None
 
     def _first(self) -> Snapshot:
-        state = start(self._block)
-        return picture(self._block, state, outlook(state), 0, None, self._link(""))
-
-    def _link(self, detail: str) -> LinkView:
-        return LinkView("replay", "recorded", "", False, detail)
+        return snapshot_of(Desk.at(start(self._block)), 0, _LINK)
 
     # -- playing -------------------------------------------------------------------------------
 
@@ -93,9 +90,9 @@ class ReplayStation:
         try:
             for step in self._steps():
                 self._show(step)
-            self._tell("info", "the recorded session ends here")
+            self._audience.tell([("info", "the recorded session ends here")])
         except AnaplotError as error:
-            self._tell("error", str(error))
+            self._audience.tell([("error", str(error))])
 
     def _steps(self) -> Iterator[Step]:
         for step in replay(self._block, self._records, self._pace):
@@ -112,18 +109,16 @@ class ReplayStation:
 
     def _show(self, step: Step) -> None:
         if step.position is not None:
-            self._readout = image_of(step.position, plates_of(step.state))
+            self._readout = image_of(step.position, plates_of(step.desk.state))
         if step.event is None and step.difference is None:
             return
         # as recorded: what lies in the folder today was not there
-        self._of_session.update(model.name for model in step.state.models)
-        self._watch.tell(self._block, step.state, step.view, self._of_session)
-        shown = picture(self._block, step.state, step.view, 0, step.view.next_point, self._link(""))
-        self._publish(shown)
-        for severity, line in [
-            ("error" if step.difference is not None else "info", line) for line in _told(step)
-        ]:
-            self._tell(severity, line)
+        state, view = step.desk.state, step.desk.outlook
+        self._of_session.update(model.name for model in state.models)
+        self._watch.tell(self._block, state, view, self._of_session)
+        self._publish(snapshot_of(replace(step.desk, target=view.next_point), 0, _LINK))
+        severity: Severity = "info" if step.difference is None else "error"
+        self._audience.tell([(severity, line) for line in _told(step)])
 
     def _block_seen(self) -> None:
         self._publish(None)
@@ -138,12 +133,7 @@ class ReplayStation:
                 block_view=self._watch.view,
             )
             now = self._snapshot
-        for subscriber in list(self._subscribers):
-            subscriber(now)
-
-    def _tell(self, severity: str, text: str) -> None:
-        for listener in list(self._listeners):
-            listener(severity, text)
+        self._audience.show(now)
 
     # -- looking -------------------------------------------------------------------------------
 
@@ -157,78 +147,13 @@ class ReplayStation:
 
     def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call back with every new snapshot; the first subscriber starts the replay."""
-        self._subscribers.append(callback)
+        end = super().subscribe(callback)
         self.start()
-
-        def end() -> None:
-            with contextlib.suppress(ValueError):
-                self._subscribers.remove(callback)
-
         return end
 
-    def subscribe_notices(self, callback: Callable[[str, str], None]) -> Callable[[], None]:
-        """Call back with (severity, line)."""
-        self._listeners.append(callback)
-
-        def end() -> None:
-            with contextlib.suppress(ValueError):
-                self._listeners.remove(callback)
-
-        return end
-
-    # -- commands: none ------------------------------------------------------------------------
-
-    def drive(self, point: str) -> None:
+    def give(self, command: Command) -> None:
         """Refuse."""
-        raise _refused()
-
-    def stop(self) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def record(self) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def switch(self, point: str, axis: Axis | None, on: bool) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def undo(self) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def accept(self) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def next_model(self) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def other_photo(self) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def reference(self, point: str | None = None) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def keep_counters(self) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def suspend(self) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def resume(self) -> None:
-        """Refuse."""
-        raise _refused()
-
-    def add_point(self, name: str) -> None:
-        """Refuse."""
-        raise _refused()
+        raise InputError("this is a replay: one can only look on")
 
     def close(self) -> None:
         """Stop playing; a second call does nothing."""
@@ -238,30 +163,26 @@ class ReplayStation:
             self._thread.join()
 
 
-def _refused() -> InputError:
-    return InputError("this is a replay: one can only look on")
-
-
 def _told(step: Step) -> list[str]:
     """Return what a person is told of a step."""
     lines = []
-    event = step.event
+    event, view = step.event, step.desk.outlook
     if isinstance(event, PointMeasured):
         lines.append(f"{event.left}/{event.right}: {event.point} recorded")
-        solution = step.view.solution
-        if solution is not None and solution.flagged and step.view.diagnosis is not None:
-            lines.append(step.view.diagnosis.advice[0])
+        solution = view.solution
+        if solution is not None and solution.flagged and view.diagnosis is not None:
+            lines.append(view.diagnosis.advice[0])
     elif isinstance(event, MonoMeasured):
         photo = event.left if event.side == "left" else event.right
         lines.append(f"{event.left}/{event.right}: {event.point} recorded in photo {photo}")
-        solution = step.view.solution
-        if solution is not None and solution.flagged and step.view.diagnosis is not None:
-            lines.append(step.view.diagnosis.advice[0])
+        solution = view.solution
+        if solution is not None and solution.flagged and view.diagnosis is not None:
+            lines.append(view.diagnosis.advice[0])
     elif isinstance(event, PhotoLaid):
         lines.append(f"photo {event.photo} laid into the comparator")
     elif isinstance(event, FiducialMeasured):
         lines.append(f"photo {event.photo} ({event.side}): fiducial {event.fiducial} recorded")
-        inner = step.view.inner
+        inner = view.inner
         if inner is not None and inner.suspects:
             lines.append(inner.advice[0])
     elif isinstance(event, InnerAccepted):

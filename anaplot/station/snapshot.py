@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from anaplot.aliases import Axis, Side
@@ -10,11 +10,11 @@ from anaplot.orientation.results import Diagnosis, ModelSolution
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.planning.fiducialplan import expected_fiducials
+from anaplot.session.desk import Desk
 from anaplot.session.events import Role
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
-from anaplot.session.referencing import Reference, Referencing
-from anaplot.session.state import ModelState, SessionState
+from anaplot.session.modelstate import ModelState
 from anaplot.session.workflow import Outlook
 from anaplot.station.blockview import BlockView
 
@@ -25,8 +25,7 @@ __all__ = [
     "PointStatus",
     "PointView",
     "Snapshot",
-    "asking",
-    "picture",
+    "snapshot_of",
 ]
 
 PointStatus = Literal["pending", "measured", "flagged", "off"]
@@ -211,30 +210,24 @@ class Snapshot:
         return next((inner for inner in there if not inner.accepted), None)
 
 
-def picture(
-    block: Block,
-    state: SessionState,
-    view: Outlook,
-    serial: int,
-    target: str | None,
-    link: LinkView,
+def snapshot_of(
+    desk: Desk, serial: int, link: LinkView, block_view: BlockView | None = None
 ) -> Snapshot:
     """Return everything a screen needs, consistent in itself.
 
     Parameters
     ----------
-    block
-        As declared.
-    state, view
-        The session's state and what follows from it.
+    desk
+        As it stands.
     serial
         Number of the snapshot.
-    target
-        The point at which the plates are, or to which they drive.
     link
         The link as a person sees it.
+    block_view
+        What the block as one bundle says, or None.
     """
-    model = state.current
+    state, view = desk.state, desk.outlook
+    block, model = state.block, state.current
     strip = model.strip if model is not None else ""
     number = count = 0
     if model is not None:
@@ -250,12 +243,12 @@ def picture(
         model_count=count,
         accepted=tuple(m.photos for m in state.models),
         points=() if model is None else _points(model, view),
-        target=target,
-        next_point=view.next_point,
+        target=desk.target,
+        next_point=desk.next_name,
         solution=view.solution,
         diagnosis=view.diagnosis,
         problem=view.problem,
-        expected=view.expected,
+        expected=desk.expected,
         may_accept=view.may_accept,
         may_undo=state.may_undo,
         suspended=state.suspended,
@@ -264,11 +257,14 @@ def picture(
         tie_variance=block.precision.tie_variance,
         test=f"{block.test.kind} {block.test.alpha:g}",
         inners=() if model is None else tuple(_inner(block, i, view) for i in model.inner),
+        block_view=block_view,
         mono=model is not None and model.mono,
         laid=model.photo(model.laid) if model is not None and model.laid is not None else "",
         next_photo=None
         if model is None or view.next_photo is None
         else model.photo(view.next_photo),
+        unreferenced=desk.referencing is not None,
+        reference_point=None if desk.reference is None else desk.reference.name,
     )
 
 
@@ -319,33 +315,3 @@ def _points(model: ModelState, view: Outlook) -> tuple[PointView, ...]:
         seen = tuple(s.side for s in model.seen if s.point == name)
         out.append(PointView(name, planned.role, x, y, status, times, off, seen))
     return tuple(out)
-
-
-def asking(
-    shown: Snapshot,
-    referencing: Referencing,
-    found: tuple[tuple[Side, ...], tuple[Reference, ...]],
-) -> Snapshot:
-    """Return a picture that says what is to be done about the reference before anything else.
-
-    Parameters
-    ----------
-    shown
-        The picture as it would be otherwise.
-    referencing
-        How far re-measuring has come.
-    found
-        What `references` returned.
-    """
-    needed, known = found
-    at = referencing.proposed(needed, known)
-    lost = "the counters have lost their reference"
-    if at is not None:
-        again = " again" if any(side in referencing.once for side in at.places) else ""
-        words = f"{lost}: set the mark on {at.title}{again} and press R"
-    elif needed:
-        words = f"{lost}: nothing is measured to refer them to; set them, and press K"
-    else:
-        words = f"{lost}: nothing measured depends on it; press R"
-    name = None if at is None else at.name
-    return replace(shown, expected=words, unreferenced=True, reference_point=name, next_point=name)

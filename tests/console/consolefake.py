@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import threading
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 from testedrows import made_of, observation
@@ -201,44 +202,9 @@ class FakeStation:
         if fault is not None:
             raise fault
 
-    def drive(self, point):
-        self._did("drive", point)
-
-    def stop(self):
-        self._did("stop")
-
-    def record(self):
-        self._did("record")
-
-    def switch(self, point, axis, on):
-        self._did("switch", point, axis, on)
-
-    def undo(self):
-        self._did("undo")
-
-    def accept(self):
-        self._did("accept")
-
-    def next_model(self):
-        self._did("next_model")
-
-    def other_photo(self):
-        self._did("other_photo")
-
-    def reference(self, point=None):
-        self._did("reference", point)
-
-    def keep_counters(self):
-        self._did("keep_counters")
-
-    def suspend(self):
-        self._did("suspend")
-
-    def resume(self):
-        self._did("resume")
-
-    def add_point(self, name):
-        self._did("add_point", name)
+    def give(self, command):
+        name = re.sub(r"(?<!^)(?=[A-Z])", "_", type(command).__name__).lower()
+        self._did(name, *astuple(command))
 
     def set_automatic(self, on):
         self.automatic = on

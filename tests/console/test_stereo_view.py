@@ -393,7 +393,7 @@ async def test_a_model_measured_by_hand_through_the_keys(station):
         zoom = Wheels().zoom
         for point in points:
             await until(pilot, lambda p=point: station.snapshot().target == p)
-            await until(pilot, lambda: station._drive_target is None)
+            await until(pilot, lambda: station.desk.drive_target is None)
             for field in (1.0, 0.2, 0.05):
                 wanted = FIELDS.index(field)
                 await pilot.press(*(["z"] * (wanted - zoom) or ["Z"] * (zoom - wanted)))

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sessionscene import Scene
 
+from anaplot.aliases import Side
 from anaplot.session.events import (
     Event,
     ModelAccepted,
@@ -17,11 +18,10 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     RowSwitched,
-    Side,
     Undone,
 )
 from anaplot.session.models import solve
-from anaplot.session.monowork import remeasured_side
+from anaplot.session.nextstep import remeasured_side
 from anaplot.session.state import EventRefusedError, ModelState, SessionState, apply, fold
 from anaplot.session.workflow import outlook
 

@@ -205,7 +205,7 @@ def test_the_next_model_looks_where_the_last_photo_lay(bench: Bench) -> None:
     before = station.state.models[0].inner_of("left")
     assert before is not None
     assert before.accepted is not None
-    target = station._drive_target
+    target = station.desk.drive_target
     assert target is not None
     mark = station.block.cameras[0].calibration
     assert mark is not None

@@ -398,7 +398,7 @@ def test_a_stopped_drive(bench: Bench) -> None:
     station.next_model()
     station.stop()
     assert station.standing
-    assert station._drive_target is None
+    assert station.desk.drive_target is None
     assert station.snapshot().target is not None
     assert watch.station is station
 

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -262,7 +263,7 @@ def test_without_the_hand_the_mark_stays_where_the_plates_were_driven(bench):
     assert not watch.controls.hand
     watch.heard("the mark is yours")
     station.next_model()
-    watch.until(lambda _: station._drive_target is None)
+    watch.until(lambda _: station.desk.drive_target is None)
     first = station.snapshot().target
     planned = bench.candidates
     model = station.state.current
@@ -277,7 +278,7 @@ def test_without_the_hand_the_mark_stays_where_the_plates_were_driven(bench):
     assert (measured.xr, measured.yr) == pytest.approx(planned[model.right][first], abs=0.002)
     # the hand is back from the next drive on
     watch.controls.set_hand(True)
-    watch.until(lambda _: station._drive_target is None)
+    watch.until(lambda _: station.desk.drive_target is None)
     pending = next(v.point for v in recorded.points if not v.times)
     station.drive(pending)
     settled(watch)
@@ -293,7 +294,9 @@ def test_whoever_turns_takes_over_from_the_hand(bench):
     settled(watch)
     assert station.instrument is not None
     simulator = station.instrument.simulator
-    station._setting = "the simulated operator"  # as between the arrival and the mark
+    station._desk = replace(
+        station.desk, setting="the simulated operator"
+    )  # as between the arrival and the mark
     watch.controls.turn(dx=0.5)
     assert station.standing
     before = simulator.positions()
@@ -313,10 +316,10 @@ def test_what_cannot_be_turned_is_refused(bench):
     with pytest.raises(InputError, match="end of their travel"):
         watch.controls.turn(dpx=-400.0)
     assert station.instrument.simulator.positions() == before
-    station._drive_target = before
+    station._desk = replace(station.desk, drive_target=before)
     with pytest.raises(InputError, match="under way"):
         watch.controls.turn(dx=0.1)
-    station._drive_target = None
+    station._desk = replace(station.desk, drive_target=None)
     watch.controls._operator = object()
     for command in (lambda: watch.controls.turn(dx=0.1), lambda: watch.controls.set_hand(False)):
         with pytest.raises(InputError, match="stop him first"):

@@ -1,0 +1,220 @@
+"""What follows from a command."""
+
+from __future__ import annotations
+
+from anaplot.aliases import Side
+from anaplot.errors import AnaplotError, InputError, NotComputableError
+from anaplot.photogrammetry.platetransformation import TITLES
+from anaplot.photogrammetry.readings import UNREFERENCED
+from anaplot.session import commands
+from anaplot.session.commands import Command
+from anaplot.session.counters import aim_at_reference, keep_counters, refer
+from anaplot.session.desk import Desk
+from anaplot.session.draft import Decision, Draft
+from anaplot.session.events import (
+    ModelAccepted,
+    ModelChosen,
+    PhotoLaid,
+    PointAdded,
+    Resumed,
+    RowSwitched,
+    Suspended,
+    Undone,
+)
+from anaplot.session.heard import Seen
+from anaplot.session.innerwork import InnerOutlook, acceptance
+from anaplot.session.modes import Fiducials
+from anaplot.session.plans import plan_of
+from anaplot.session.plates import image_of, plates_of
+from anaplot.session.requests import StopDrive, TakeRecord, WarmUp, WritePoints
+from anaplot.session.state import SessionState
+
+__all__ = ["decide", "refusal"]
+
+_LONGEST_NAME = 100  # characters of a point's name
+
+
+def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
+    """Return what follows from a command.
+
+    Raises
+    ------
+    InputError
+        It cannot be carried out now; says why, and nothing follows.
+    NotComputableError
+        What is to be accepted is not determined.
+    """
+    draft = Draft(desk, seen)
+    match command:
+        case commands.Drive(point):
+            _drive(draft, point)
+        case commands.Stop():
+            draft.change(drive_target=None, setting="")
+            if draft.desk.abilities is not None and draft.desk.abilities.drives:
+                draft.ask(StopDrive())
+        case commands.Record():
+            _record(draft)
+        case commands.Switch(point, axis, on):
+            mode = draft.desk.mode
+            switched = RowSwitched(point, axis, on)
+            draft.happen(switched if mode is None else mode.switch(point, axis, on))
+        case commands.Undo():
+            _undo(draft)
+        case commands.Accept():
+            _accept(draft)
+        case commands.NextModel():
+            _next_model(draft)
+        case commands.OtherPhoto():
+            model = draft.model()
+            draft.check_instrument(model)
+            _lay_photo(draft, model.photo("right" if model.laid == "left" else "left"))
+        case commands.Reference(point):
+            refer(draft, point)
+        case commands.KeepCounters():
+            keep_counters(draft)
+        case commands.AddPoint(name):
+            _add_point(draft, name)
+        case commands.Suspend():
+            draft.happen(Suspended())
+        case commands.Resume():
+            draft.happen(Resumed())
+        case commands.TurnWheels():
+            if desk.drive_target is not None:
+                raise InputError("the plates are still under way")
+            draft.change(setting="")
+        case commands.TakeOver():
+            draft.change(setting="")
+    return draft.decision()
+
+
+def refusal(desk: Desk, command: Command, seen: Seen) -> str | None:
+    """Return why a command cannot be given now, or None when it can."""
+    try:
+        refused = decide(desk, command, seen).refusal
+    except AnaplotError as error:
+        refused = error
+    return None if refused is None else str(refused)
+
+
+def _drive(draft: Draft, point: str) -> None:
+    if draft.desk.referencing is not None:
+        aim_at_reference(draft, draft.desk.referencing, point)
+        return
+    mode = draft.mode()
+    if not mode.has(point):
+        raise InputError(mode.missing(point))
+    draft.aim(mode, point)
+
+
+def _record(draft: Draft) -> None:
+    if draft.desk.abilities is None:
+        raise InputError("no plotter is connected: nothing to record")
+    if draft.desk.referencing is not None:
+        raise InputError(UNREFERENCED)
+    draft.recordable()
+    draft.ask(TakeRecord())
+
+
+def _undo(draft: Draft) -> None:
+    before = draft.desk.state
+    draft.happen(Undone())
+    after = draft.desk.state
+    if before.models != after.models:
+        draft.ask(WritePoints())
+    if _photos(before) != _photos(after):
+        draft.go_nowhere()
+        draft.lay()
+    elif _lies(before) != _lies(after):
+        draft.go_nowhere()
+    elif draft.desk.target is not None:
+        mode = draft.desk.mode
+        if mode is None or not mode.has(draft.desk.target):
+            draft.go_nowhere()
+
+
+def _accept(draft: Draft) -> None:
+    model, view = draft.model(), draft.desk.outlook
+    if view.inner is not None:
+        _accept_inner(draft, view.inner)
+        return
+    if view.solution is None:
+        raise NotComputableError(
+            f"model {model.name} is not determined yet"
+            + (f": {view.problem}" if view.problem else "")
+        )
+    draft.happen(ModelAccepted(model.left, model.right))
+    draft.go_nowhere()
+    draft.tell("info", f"model {model.name} accepted")
+    draft.ask(WritePoints())
+
+
+def _accept_inner(draft: Draft, view: InnerOutlook) -> None:
+    inner = view.state
+    if view.solution is None:
+        raise NotComputableError(
+            f"the inner orientation of {inner.name} is not determined yet"
+            + (f": {view.problem}" if view.problem else "")
+        )
+    draft.happen(acceptance(inner, view.solution))
+    draft.go_nowhere()
+    title = TITLES[view.solution.kind]
+    draft.tell("info", f"inner orientation of {inner.name} accepted: {title}")
+    draft.advance()
+
+
+def _next_model(draft: Draft) -> None:
+    desk = draft.desk
+    model, next_photo = desk.state.current, desk.outlook.next_photo
+    if model is not None and next_photo is not None:
+        _lay_photo(draft, model.photo(next_photo))
+        return
+    if model is not None:
+        raise InputError(f"accept model {model.name} first")
+    following = desk.outlook.next_model
+    if following is None:
+        raise InputError("every model of the block is accepted")
+    strip, left, right = following
+    draft.ask(WritePoints())
+    plan = plan_of(desk.state, desk.pattern, desk.candidates, strip, left, right)
+    draft.happen(ModelChosen(strip, left, right, plan, mono=desk.mono))
+    draft.ask(WarmUp())
+    draft.tell("info", f"photos {left} and {right}: {len(plan)} points to measure")
+    if desk.mono and draft.model().laid is None:
+        _lay_photo(draft, left)
+        return
+    draft.lay()
+    draft.advance()
+
+
+def _lay_photo(draft: Draft, photo: str) -> None:
+    draft.happen(PhotoLaid(photo))
+    draft.go_nowhere()
+    draft.lay()
+    draft.tell("info", f"photo {photo} lies in the comparator")
+    draft.advance()
+
+
+def _add_point(draft: Draft, name: str) -> None:
+    model, mode, here = draft.model(), draft.desk.mode, draft.seen.position
+    if mode is None or isinstance(mode, Fiducials):
+        assert model.open_inner is not None
+        raise InputError(f"{model.open_inner.name}: inner orientation comes first")
+    if not name.strip() or not name.isprintable() or len(name) > _LONGEST_NAME:
+        raise InputError(f"a point needs a printable name of at most {_LONGEST_NAME} characters")
+    if here is None:
+        raise InputError("there is no read-out: drive the plates to the new point first")
+    draft.check_instrument(model)
+    draft.happen(PointAdded(mode.added(name, image_of(here, plates_of(draft.desk.state)))))
+    draft.change(target=name)
+
+
+def _photos(state: SessionState) -> tuple[str, str] | None:
+    return None if state.current is None else state.current.photos
+
+
+def _lies(state: SessionState) -> tuple[Side | None, str, Side] | Side | None:
+    """Return what lies in a mono comparator, and the inner orientation in work."""
+    model = state.current
+    if model is None or model.open_inner is None:
+        return None if model is None else model.laid
+    return model.laid, model.open_inner.photo, model.open_inner.side

@@ -1,0 +1,140 @@
+"""What the operator may command, as values: console, simulated operator and tests send the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from anaplot.aliases import Axis
+
+__all__ = [
+    "Accept",
+    "AddPoint",
+    "Command",
+    "Drive",
+    "KeepCounters",
+    "NextModel",
+    "OtherPhoto",
+    "Record",
+    "Reference",
+    "Resume",
+    "Stop",
+    "Suspend",
+    "Switch",
+    "TakeOver",
+    "TurnWheels",
+    "Undo",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """Drive the plates to a point of the current model; without a drive, name it as next.
+
+    During an inner orientation it is a fiducial, and while the counters lack their reference,
+    what they are to be referred to.
+    """
+
+    point: str
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Stop a drive."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Record the point or fiducial at which the plates stand, with the next position coming in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """Switch a row, or all of a point or fiducial (axis None), off or on."""
+
+    point: str
+    axis: Axis | None
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Undo:
+    """Take the last event back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Accept:
+    """Accept the inner orientation in work, else the model."""
+
+
+@dataclass(frozen=True, slots=True)
+class NextModel:
+    """Choose the next model: the right photo becomes left, ties are driven to first.
+
+    In a mono comparator first of all the photo that is to be laid in now.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class OtherPhoto:
+    """Take it that the other photo of the model was laid into the mono comparator."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Take it that the mark is set on something measured, of counters without reference.
+
+    `point` is the measured point, or fiducial; None for the one that was proposed.
+    """
+
+    point: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class KeepCounters:
+    """Take the counters as they are: the operator knows that they kept their origin, or set it."""
+
+
+@dataclass(frozen=True, slots=True)
+class AddPoint:
+    """Add a point beyond the plan, where the plates stand now."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Suspend:
+    """Interrupt the work."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resume:
+    """Go on with it."""
+
+
+@dataclass(frozen=True, slots=True)
+class TurnWheels:
+    """Move plates that stand by hand; whoever does sets the mark, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class TakeOver:
+    """Take it that the instrument does not set the mark any more: somebody else does."""
+
+
+Command = (
+    Drive
+    | Stop
+    | Record
+    | Switch
+    | Undo
+    | Accept
+    | NextModel
+    | OtherPhoto
+    | Reference
+    | KeepCounters
+    | AddPoint
+    | Suspend
+    | Resume
+    | TurnWheels
+    | TakeOver
+)

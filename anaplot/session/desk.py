@@ -1,0 +1,157 @@
+"""The desk: where a session stands, and where the instrument is thought to be.
+
+A pure value, without threads, files, ports and a clock of its own. `commanding.decide` and
+`hearing.hear` say what follows from a command or from something heard: events for the journal,
+requests, and the desk as it stands after. Whoever has a journal writes the events first; a desk
+that was not replaced by the one after has decided nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from anaplot.orientation.patterns import Pattern, pattern
+from anaplot.photogrammetry.readings import Position
+from anaplot.planning.modelplan import Candidates
+from anaplot.session.events import Event
+from anaplot.session.heard import Abilities
+from anaplot.session.modes import Mode, mode_of
+from anaplot.session.referencing import Reference, Referencing, asked_for, references
+from anaplot.session.requests import Lay
+from anaplot.session.state import SessionState, apply
+from anaplot.session.workflow import Outlook, outlook
+
+__all__ = ["DEFAULT_PATTERN", "Desk"]
+
+DEFAULT_PATTERN = "13"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Desk:
+    """What stands on the desk: the session's state, and where the instrument is thought to be.
+
+    Attributes
+    ----------
+    state, outlook
+        The session's state, and what follows from it.
+    pattern
+        The point pattern of new models.
+    abilities
+        What the instrument can do, or None when one looks on without an instrument.
+    candidates
+        Approximate image coordinates of known points by photo, or None.
+    auto_drive
+        Whether the plates drive to the next point by themselves after a record.
+    target
+        The point or fiducial that the plates are at or drive to, or None.
+    drive_target
+        Where the plates are driving [mm]; None when they stand.
+    setting
+        Who is still setting the mark after a drive, or "".
+    settles_after
+        The mark that counts is the one set after this many drives; None before the drive begins.
+    referencing
+        How far re-measuring the counters' reference has come; None while they have it.
+    last_measured
+        The point or fiducial measured last.
+    refusal_told
+        When bytes that are no reading were last told of [s].
+    """
+
+    state: SessionState
+    outlook: Outlook
+    pattern: Pattern
+    abilities: Abilities | None = None
+    candidates: Candidates | None = None
+    auto_drive: bool = True
+    target: str | None = None
+    drive_target: Position | None = None
+    setting: str = ""
+    settles_after: int | None = None
+    referencing: Referencing | None = None
+    last_measured: str | None = None
+    refusal_told: float = float("-inf")
+
+    @classmethod
+    def at(
+        cls,
+        state: SessionState,
+        abilities: Abilities | None = None,
+        *,
+        point_pattern: Pattern | None = None,
+        candidates: Candidates | None = None,
+        auto_drive: bool = True,
+    ) -> Desk:
+        """Return the desk at a session's state, with the plates nowhere; see its attributes."""
+        chosen = pattern(DEFAULT_PATTERN) if point_pattern is None else point_pattern
+        return cls(state, outlook(state), chosen, abilities, candidates, auto_drive)
+
+    # -- what stands ---------------------------------------------------------------------------
+
+    @property
+    def mono(self) -> bool:
+        """Whether the instrument holds one photo at a time."""
+        return self.abilities is not None and self.abilities.mono
+
+    @property
+    def mode(self) -> Mode | None:
+        """What is measured now; None between models."""
+        return mode_of(self.state)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the plates stand, and the mark is set."""
+        return self.drive_target is None and not self.setting
+
+    @property
+    def expected(self) -> str:
+        """What the operator is expected to do now, one sentence."""
+        if self.referencing is not None:
+            needed, _ = references(self.state, self.last_measured)
+            return asked_for(self.referencing, self.reference, needed)
+        following = self.outlook.next_model
+        between = self.state.current is None and not self.state.suspended
+        if self.mono and between and following is not None:
+            _, left, right = following
+            return f"lay photo {left} into the comparator: next model, {left} / {right}"
+        return self.outlook.expected
+
+    @property
+    def next_name(self) -> str | None:
+        """What the operator is expected to point at next, or None."""
+        if self.referencing is None:
+            return self.outlook.next_point
+        return None if self.reference is None else self.reference.name
+
+    @property
+    def reference(self) -> Reference | None:
+        """What counters without reference are to be referred to now, or None."""
+        if self.referencing is None:
+            return None
+        return self.referencing.proposed(*references(self.state, self.last_measured))
+
+    @property
+    def laid(self) -> Lay | None:
+        """How the photographs of the model in work lie in the instrument, or None."""
+        model = self.state.current
+        if self.abilities is None or model is None:
+            return None
+        if not model.mono:
+            return Lay(model.left, model.right)
+        if model.laid is None:
+            return None
+        before = self.state.preceding(model.strip, model.left)
+        # the right photo of the model before, never taken out since
+        still = before is not None and before.laying == model.laying and model.laid == "left"
+        return Lay(model.left, model.right, model.laid, "right" if still else model.laid)
+
+    def folded(self, event: Event) -> Desk:
+        """Return the desk after an event of a journal.
+
+        Raises
+        ------
+        EventRefusedError
+            The event cannot happen in this state.
+        """
+        state = apply(self.state, event)
+        return replace(self, state=state, outlook=outlook(state))

@@ -1,0 +1,210 @@
+"""A decision, and a decision in the making."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from anaplot.errors import AnaplotError, InputError
+from anaplot.session.desk import Desk
+from anaplot.session.events import Event
+from anaplot.session.heard import Seen
+from anaplot.session.modelstate import ModelState
+from anaplot.session.modes import Mode
+from anaplot.session.requests import DriveTo, Request, Severity, Tell
+
+__all__ = ["Decision", "Draft", "Note"]
+
+Note = tuple[str, Mapping[str, Any]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decision:
+    """What follows from a command, or from something heard.
+
+    Attributes
+    ----------
+    after
+        The desk afterwards.
+    events
+        What has happened: nothing of this decision holds before they are in the journal.
+    notes
+        (kind, payload) that explain, for the journal.
+    requests
+        What is asked for, in order.
+    refusal
+        Why not everything that was wanted could be done; to be raised when the rest is done.
+    """
+
+    after: Desk
+    events: tuple[Event, ...] = ()
+    notes: tuple[Note, ...] = ()
+    requests: tuple[Request, ...] = ()
+    refusal: AnaplotError | None = None
+
+    @property
+    def notices(self) -> tuple[Tell, ...]:
+        """The lines to be told."""
+        return tuple(request for request in self.requests if isinstance(request, Tell))
+
+
+class Draft:
+    """A decision in the making, of one command or of one thing heard.
+
+    Parameters
+    ----------
+    desk
+        As it stands.
+    seen
+        What is seen of the instrument.
+    """
+
+    def __init__(self, desk: Desk, seen: Seen) -> None:
+        self.desk = desk
+        self.seen = seen
+        self.refused: AnaplotError | None = None
+        self._events: list[Event] = []
+        self._notes: list[Note] = []
+        self._requests: list[Request] = []
+
+    def decision(self) -> Decision:
+        """Return what was decided."""
+        return Decision(
+            self.desk,
+            tuple(self._events),
+            tuple(self._notes),
+            tuple(self._requests),
+            self.refused,
+        )
+
+    def happen(self, event: Event) -> None:
+        """Let an event happen.
+
+        Raises
+        ------
+        EventRefusedError
+            It cannot.
+        """
+        self.desk = self.desk.folded(event)
+        self._events.append(event)
+
+    def note(self, kind: str, payload: Mapping[str, Any]) -> None:
+        """Explain for the journal."""
+        self._notes.append((kind, payload))
+
+    def ask(self, request: Request) -> None:
+        """Ask for something to be done."""
+        self._requests.append(request)
+
+    def tell(self, severity: Severity, text: str) -> None:
+        """Have a line told."""
+        self.ask(Tell(severity, text))
+
+    def change(self, **fields: Any) -> None:
+        """Change the desk."""
+        self.desk = replace(self.desk, **fields)
+
+    def model(self) -> ModelState:
+        """Return the model in the instrument.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        if self.desk.state.current is None:
+            raise InputError("no model is in the instrument: choose the next model")
+        return self.desk.state.current
+
+    def mode(self) -> Mode:
+        """Return what is measured now, unless work or instrument are not ready for it."""
+        model = self.model()
+        if self.desk.state.suspended:
+            raise InputError("work is suspended: resume first")
+        self.check_instrument(model)
+        mode = self.desk.mode
+        assert mode is not None
+        return mode
+
+    def check_instrument(self, model: ModelState) -> None:
+        """Refuse a model that was begun in an instrument of the other kind, or lies nowhere."""
+        if self.desk.abilities is None:
+            return
+        if model.mono and not self.desk.mono:
+            raise InputError(
+                f"model {model.name} was begun in a mono comparator: connect one, or undo"
+            )
+        if self.desk.mono and not model.mono:
+            raise InputError(
+                f"model {model.name} was begun in an instrument that holds both photos: connect "
+                "one, or undo"
+            )
+        if not model.carriages:
+            raise InputError("no photo lies in the comparator: lay one in first")
+
+    def recordable(self) -> tuple[Mode, str]:
+        """Return the mode, and the name of what a record now belongs to.
+
+        Raises
+        ------
+        InputError
+            A record belongs to nothing now.
+        """
+        mode, desk = self.mode(), self.desk
+        if desk.drive_target is not None:
+            raise InputError("the plates are still under way")
+        if desk.setting:
+            raise InputError(f"{desk.setting} is still setting the mark")
+        if desk.target is not None:
+            return mode, desk.target
+        # Without a drive the operator finds the points in the order of the plan by hand. Plates
+        # that are driven stand at the last point: a second press must not be taken for another.
+        by_hand = desk.abilities is None or not desk.abilities.drives
+        if by_hand and mode.pending:
+            return mode, mode.pending[0]
+        raise InputError(f"{'choose' if by_hand else 'drive to'} a {mode.unit} first")
+
+    def aim(self, mode: Mode, name: str) -> None:
+        """Make a point or fiducial the target, and drive there where the plotter can."""
+        abilities = self.desk.abilities
+        if abilities is None or not abilities.moves:
+            self.change(target=name)
+            return
+        known = self.desk.candidates is not None
+        place = mode.place(name, abilities.middle, known=known)
+        self.change(
+            target=name,
+            # undriven plates that are moved are there at once, and no reply says so
+            drive_target=place if abilities.drives else None,
+            setting=self.seen.own_operator,
+            # the mark that counts is the one set after this drive, not after one given up before
+            settles_after=None,
+        )
+        self.ask(DriveTo(place, mode.side))
+
+    def advance(self) -> None:
+        """Go to the next point of the plan by itself, where that is wanted."""
+        mode = self.desk.mode
+        if not self.desk.auto_drive or self.desk.referencing is not None or mode is None:
+            return
+        if mode.pending:
+            try:
+                self.aim(mode, mode.pending[0])
+            except AnaplotError as error:
+                self.refused = error  # what was to be done before is done
+
+    def go_nowhere(self) -> None:
+        """Forget where the plates were to go: nothing is recorded before the next drive."""
+        self.change(target=None, drive_target=None, setting="")
+
+    def interrupt(self) -> None:
+        """Give up the drive under way: nobody knows where the plates stand."""
+        if not self.desk.standing:
+            self.go_nowhere()
+
+    def lay(self) -> None:
+        """Have the photographs of the model in work laid into the instrument."""
+        laid = self.desk.laid
+        if laid is not None:
+            self.ask(laid)

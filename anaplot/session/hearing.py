@@ -1,0 +1,128 @@
+"""What follows from something heard: readings, and what else the station tells the desk."""
+
+from __future__ import annotations
+
+from anaplot.adjustment.tested import Observation
+from anaplot.errors import AnaplotError
+from anaplot.orientation.results import Row
+from anaplot.photogrammetry.readings import (
+    UNREFERENCED,
+    Fault,
+    InPosition,
+    Position,
+    Record,
+    Refused,
+)
+from anaplot.session.counters import lose_reference
+from anaplot.session.desk import Desk
+from anaplot.session.draft import Decision, Draft
+from anaplot.session.heard import (
+    DriveBegun,
+    DriveFailed,
+    Heard,
+    LinkChanged,
+    MarkSet,
+    ReferenceLost,
+    Seen,
+)
+from anaplot.session.requests import ReadAnew
+from anaplot.session.workflow import Outlook
+
+__all__ = ["hear"]
+
+_ARRIVED_MM = 0.02  # a read-out this near to the target ends a drive as its reply would
+_SAME_DRIVE_MM = 1.0  # a reply farther away than this is of a drive given up before
+_REFUSALS_TOLD = 1.0  # s between two notices about bytes that are no readings
+
+
+def hear(desk: Desk, heard: Heard, seen: Seen) -> Decision:
+    """Return what follows from something heard; what cannot be done is told, never raised."""
+    draft = Draft(desk, seen)
+    match heard:
+        case Position():
+            _passed(draft, heard, _ARRIVED_MM)
+        case InPosition(None):
+            _arrived(draft)
+        case InPosition(Position() as position):
+            _passed(draft, position, _SAME_DRIVE_MM)
+        case DriveBegun(before):
+            draft.change(settles_after=before)
+        case DriveFailed():
+            draft.interrupt()
+        case MarkSet(drive, remark):
+            if desk.settles_after is not None and drive > desk.settles_after:
+                draft.change(setting="")
+                draft.ask(ReadAnew())
+            if remark:
+                draft.tell("warning", remark)
+        case Record():
+            _recorded(draft, heard)
+        case Fault(code, text):
+            draft.interrupt()
+            draft.tell("error", f"plotter fault {code}: {text}")
+            draft.note("fault", {"code": code, "text": text})
+        case Refused(_, reason):
+            _refused(draft, reason)
+        case LinkChanged(line, detail):
+            if line in ("lost", "reconnecting"):
+                draft.interrupt()
+            if line == "lost":
+                draft.tell("error", f"link lost: {detail}" if detail else "link lost")
+        case ReferenceLost():
+            lose_reference(draft)
+    return draft.decision()
+
+
+def _passed(draft: Draft, position: Position, within: float) -> None:
+    """Take it that the plates were at a position: as near to the target as that, they arrived."""
+    target = draft.desk.drive_target
+    if target is not None and _gap(position, target) <= within:
+        _arrived(draft)
+
+
+def _arrived(draft: Draft) -> None:
+    if draft.desk.drive_target is not None:
+        draft.change(drive_target=None)
+
+
+def _recorded(draft: Draft, record: Record) -> None:
+    """Turn a record of the plotter into a measurement, or say why not."""
+    before = {row.key for row in _flagged(draft.desk.outlook)}
+    try:
+        mode, name = draft.recordable()
+        draft.happen(mode.measurement(name, record.position, record.switch))
+    except AnaplotError as error:
+        draft.tell("error", f"not recorded: {error}")
+        draft.note("record-refused", {"reason": str(error)})
+        return
+    draft.change(target=None, last_measured=name)
+    what = name if mode.unit == "point" else f"{mode.unit} {name}"
+    draft.tell("record", f"{what} recorded")
+    fresh = [row.key for row in _flagged(draft.desk.outlook) if row.key not in before]
+    if fresh:
+        draft.tell("warning", "flagged: " + ", ".join(f"{one} {axis}" for one, axis in fresh))
+    draft.advance()
+
+
+def _refused(draft: Draft, reason: str) -> None:
+    if reason == UNREFERENCED:
+        return  # every reading, until the reference is measured: told once, and on the screen
+    draft.note("refused", {"reason": reason})
+    if draft.seen.time - draft.desk.refusal_told >= _REFUSALS_TOLD:
+        draft.change(refusal_told=draft.seen.time)
+        draft.tell("warning", f"line: {reason}")
+
+
+def _flagged(view: Outlook) -> tuple[Observation[Row], ...]:
+    solution = view.solution if view.inner is None else view.inner.solution
+    return () if solution is None else solution.flagged
+
+
+def _gap(here: Position, there: Position) -> float:
+    """Return how far two positions are from each other, on the axis where it is most [mm]."""
+    return max(
+        abs(here.xl - there.xl),
+        abs(here.yl - there.yl),
+        abs(here.xr - there.xr),
+        abs(here.yr - there.yr),
+    )

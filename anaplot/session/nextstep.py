@@ -1,0 +1,95 @@
+"""What comes next in a model whose photos need no inner orientation now."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from anaplot.aliases import Side
+from anaplot.session.events import PlannedPoint
+from anaplot.session.modelstate import ModelState
+
+__all__ = ["Step", "next_step", "remeasured_side"]
+
+
+class Step(NamedTuple):
+    """What is expected: the point to measure, the sentence, and which photo to lay in first."""
+
+    point: str | None
+    expected: str
+    lay: Side | None = None
+
+
+def next_step(model: ModelState, suspects: tuple[str, ...], *, solved: bool) -> Step:
+    """Say what comes next in a model.
+
+    Parameters
+    ----------
+    model
+        The model.
+    suspects
+        Points to measure again, the one to begin with first.
+    solved
+        Whether the model is determined.
+    """
+    step = _single(model, suspects) if model.mono else _pair(model, suspects)
+    if step is not None:
+        return step
+    if solved:
+        return Step(None, "accept the model")
+    return Step(None, "add or re-measure points: the model is not determined")
+
+
+def _pair(model: ModelState, suspects: tuple[str, ...]) -> Step | None:
+    """Return what to measure in both photos; None when all is done."""
+    pending = model.pending
+    if not pending:
+        if not suspects:
+            return None
+        return Step(suspects[0], f"remeasure {suspects[0]}, or switch it off, or accept")
+    again = f"remeasure {suspects[0]}, or " if suspects else ""
+    to_go = f"{len(pending)} of {len(model.plan)} points to go"
+    return Step(pending[0].point, f"{again}measure {_named(pending[0])}: {to_go}")
+
+
+def _single(model: ModelState, suspects: tuple[str, ...]) -> Step | None:
+    """Return what to measure in a mono comparator; None when all is done.
+
+    All points of the photo in the comparator, then those of the other; then what is flagged.
+    """
+    order: tuple[Side, Side] = ("right", "left") if model.laid == "right" else ("left", "right")
+    for side in order:
+        pending = model.pending_in(side)
+        if not pending:
+            continue
+        if side == model.laid:
+            to_go = f"{len(pending)} of {len(model.plan)} points to go"
+            words = f"measure {_named(pending[0])} in photo {model.photo(side)}: {to_go}"
+            return Step(pending[0].point, words)
+        words = f"lay photo {model.photo(side)} into the comparator: {len(pending)} points to go"
+        return Step(None, words, side)
+    if not suspects:
+        return None
+    again = suspects[0]
+    side = remeasured_side(model, again)
+    photo = model.photo(side)
+    other = f"switch {again} off, or accept"
+    if side == model.laid:
+        return Step(again, f"remeasure {again} in photo {photo}, or {other}")
+    return Step(again, f"lay photo {photo} in again to remeasure {again} there, or {other}", side)
+
+
+def _named(point: PlannedPoint) -> str:
+    return point.point + (" (tie)" if point.role == "tie" else "")
+
+
+def remeasured_side(model: ModelState, point: str) -> Side:
+    """Return in which photo a point is to be measured again.
+
+    A parallax does not tell the photo. So the one in which it was measured less often; of two
+    alike the one in the comparator, for which nothing has to be changed.
+    """
+    times = {s.side: s.times for s in model.seen if s.point == point}
+    left, right = times.get("left", 0), times.get("right", 0)
+    if left == right:
+        return model.laid or "left"
+    return "left" if left < right else "right"

@@ -1,0 +1,106 @@
+"""What a station and a replay have in common: they are looked at, and given commands."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Self
+
+from anaplot.aliases import Axis
+from anaplot.session import commands
+from anaplot.session.commands import Command
+from anaplot.station.audience import Audience
+from anaplot.station.snapshot import Snapshot
+
+__all__ = ["Commanded"]
+
+
+class Commanded(ABC):
+    """Something that is looked at and given commands; each method gives the one of its name."""
+
+    def __init__(self) -> None:
+        self._audience = Audience()
+
+    @abstractmethod
+    def close(self) -> None:
+        """End; a second call does nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
+        """Call back with every new snapshot, from any thread; returns what ends it."""
+        return self._audience.subscribe(callback)
+
+    def subscribe_notices(self, callback: Callable[[str, str], None]) -> Callable[[], None]:
+        """Call back with (severity, line), from any thread; returns what ends it."""
+        return self._audience.subscribe_notices(callback)
+
+    @abstractmethod
+    def give(self, command: Command) -> None:
+        """Give a command.
+
+        Raises
+        ------
+        InputError
+            It cannot be carried out now; says why.
+        NotComputableError
+            What is to be accepted is not determined.
+        LinkError
+            The plotter cannot be reached.
+        """
+
+    def drive(self, point: str) -> None:
+        """Drive the plates to a point; see `anaplot.session.commands.Drive`."""
+        self.give(commands.Drive(point))
+
+    def stop(self) -> None:
+        """Stop a drive."""
+        self.give(commands.Stop())
+
+    def record(self) -> None:
+        """Record the point at which the plates stand."""
+        self.give(commands.Record())
+
+    def switch(self, point: str, axis: Axis | None, on: bool) -> None:
+        """Switch a row, or the whole point (axis None), off or on."""
+        self.give(commands.Switch(point, axis, on))
+
+    def undo(self) -> None:
+        """Take the last event back."""
+        self.give(commands.Undo())
+
+    def accept(self) -> None:
+        """Accept the inner orientation in work, else the model."""
+        self.give(commands.Accept())
+
+    def next_model(self) -> None:
+        """Go on to the next model, or to the next photo of a mono comparator."""
+        self.give(commands.NextModel())
+
+    def other_photo(self) -> None:
+        """Take it that the other photo of the model was laid into the mono comparator."""
+        self.give(commands.OtherPhoto())
+
+    def reference(self, point: str | None = None) -> None:
+        """Refer counters without reference to a measured point, or to the one proposed."""
+        self.give(commands.Reference(point))
+
+    def keep_counters(self) -> None:
+        """Take counters without reference as they are."""
+        self.give(commands.KeepCounters())
+
+    def add_point(self, name: str) -> None:
+        """Add a point beyond the plan, where the plates stand now."""
+        self.give(commands.AddPoint(name))
+
+    def suspend(self) -> None:
+        """Interrupt the work."""
+        self.give(commands.Suspend())
+
+    def resume(self) -> None:
+        """Go on with it."""
+        self.give(commands.Resume())

@@ -1,0 +1,76 @@
+"""image_points.csv of a session that goes on: rows from elsewhere stay, its own follow models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from anaplot.exchange.blockfolder import read_block, write_image_points
+from anaplot.photogrammetry.block import Block
+from anaplot.planning.modelplan import Candidates
+from anaplot.session.events import Event, ModelAccepted
+from anaplot.session.modelstate import ModelState
+from anaplot.station.imagepoints import measured_here, merged_rows
+
+__all__ = ["PointsFile"]
+
+
+class PointsFile:
+    """The file, and what of it is the session's own.
+
+    Parameters
+    ----------
+    folder
+        The block folder.
+    block
+        As read from it.
+    before
+        The events of the sessions before.
+    """
+
+    def __init__(self, folder: Path, block: Block, before: Iterable[Event]) -> None:
+        self._folder = folder
+        self.block = block
+        self.of_session: set[str] = set()
+        self.happened(before)
+        self._written: tuple[ModelState, ...] | None = None if self.of_session else ()
+
+    def happened(self, events: Iterable[Event]) -> None:
+        """Take notice of events: what was accepted once, undone or not, is the session's own."""
+        self.of_session.update(
+            f"{event.left}/{event.right}" for event in events if isinstance(event, ModelAccepted)
+        )
+
+    def holds(self, models: tuple[ModelState, ...]) -> bool:
+        """Whether it was last written for these models."""
+        return self._written == models
+
+    def write(self, models: tuple[ModelState, ...]) -> None:
+        """Bring the file up to the accepted models, unless it is.
+
+        Raises
+        ------
+        InputError
+            It cannot be read or written.
+        """
+        if self.holds(models):
+            return
+        # read anew: rows that came from elsewhere meanwhile stay
+        found = read_block(self._folder).image_points
+        rows = merged_rows(found, models, self.of_session)
+        if rows != found:
+            write_image_points(self._folder, rows)
+        self.block = replace(self.block, image_points=rows)
+        self._written = models
+
+    def known_points(self, models: tuple[ModelState, ...]) -> Candidates | None:
+        """Return image coordinates of points measured elsewhere before, or None without any."""
+        known: dict[str, dict[str, tuple[float, float]]] = {}
+        own = measured_here(models)
+        for row in self.block.image_points:
+            if (row.photo, row.point, row.x, row.y) in own:
+                continue
+            if row.model is None or row.model not in self.of_session:
+                known.setdefault(row.photo, {})[row.point] = (row.x, row.y)
+        return known or None
