@@ -16,7 +16,6 @@ from anaplot.adjustment.advice import (
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import (
-    Observation,
     Odds,
     Partner,
     Tested,
@@ -107,26 +106,28 @@ def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[Row, ...]:
     Under "exact" one that is not flagged may be why others are, and the significance by the weight
     Sigma_F^-1 decides: without noise that of an error is the largest in its own row.
     """
-    exact = solution.exact is not None
+    tested, exact = solution.tested, solution.exact is not None
 
-    def order(row: Observation[Row]) -> tuple[bool, float, float, float, float]:
+    def order(key: Row) -> tuple[bool, float, float, float, float]:
         # odds saturate when errors are large; the significance then decides
-        outlying = row.point in solution.outliers
-        points, chance = evidence.points[row.point], evidence.chance[row.key]
-        size = evidence.size[row.key]
+        outlying = key[0] in solution.outliers
+        points, chance = evidence.points[key[0]], evidence.chance[key]
+        size = evidence.size[key]
         first = float(f"{size:.9g}") if exact else 0.0  # what differs by rounding is equal
         return not outlying, -first, -points, -chance, -size
 
-    doubted = [row for row in solution.table if row.flagged or row.point in solution.outliers]
-    critical = solution.test.critical
+    doubted = [
+        key
+        for key, flagged in zip(tested.keys, tested.flagged.tolist(), strict=True)
+        if flagged or key[0] in solution.outliers
+    ]
+    critical = tested.test.critical
     if doubted and exact and critical is not None:
-        there = {row.key for row in doubted}
+        there = set(doubted)
         doubted += [
-            row
-            for row in solution.table
-            if row.key not in there and evidence.size[row.key] > critical
+            key for key in tested.keys if key not in there and evidence.size[key] > critical
         ]
-    return tuple(row.key for row in sorted(doubted, key=order))
+    return tuple(sorted(doubted, key=order))
 
 
 def _advice(
