@@ -28,7 +28,7 @@ from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
 
 __all__ = ["LiveAnswer", "LiveBlock"]
 
-Coordinate = tuple[str, str, str]
+CoordinateKey = tuple[str, str, str]
 
 _CHORD_STEPS = 4
 
@@ -58,8 +58,8 @@ class LiveAnswer:
 
     adjusted: AdjustedBlock
     datum: Datum
-    newly_flagged: tuple[Coordinate, ...]
-    no_longer_flagged: tuple[Coordinate, ...]
+    newly_flagged: tuple[CoordinateKey, ...]
+    no_longer_flagged: tuple[CoordinateKey, ...]
     suspect_rays: dict[str, tuple[SuspectRay, ...]]
     aside: tuple[str, ...]
     reused: bool
@@ -263,7 +263,7 @@ class LiveBlock:
 
     def _keep(self, adjusted: AdjustedBlock, aside: tuple[str, ...], *, reused: bool) -> LiveAnswer:
         flagged = [(photo, point, axis) for _, photo, point, axis in adjusted.suspects()]
-        old: set[Coordinate] = set()
+        old: set[CoordinateKey] = set()
         if self._answer is not None:
             old = {(f, p, a) for _, f, p, a in self._answer.adjusted.suspects()}
         points = dict.fromkeys(point for _, point, _ in flagged)

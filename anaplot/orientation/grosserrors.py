@@ -214,7 +214,7 @@ def _deviations(solution: ModelSolution, names: Sequence[str]) -> Array | None:
     return np.asarray(np.sqrt(np.maximum(variances, 0.0)) * solution.apriori_um * 1e-3)
 
 
-class _Rows:
+class _ModelRows:
     """A model as it is cleaned; see `Relinearised`."""
 
     def __init__(self, pair: Stereopair, precision: Precision, test: TestSettings) -> None:
@@ -300,7 +300,7 @@ def model_gross_errors(
     come again without end are decided likewise.
     """
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
-    subject = _Rows(pair, precision, test)
+    subject = _ModelRows(pair, precision, test)
     watch = Watch() if watch is None else watch
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
     begun = subject.without(frozenset(), None)

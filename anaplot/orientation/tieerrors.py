@@ -92,7 +92,7 @@ def exact_statistics(
         The preceding model brings no covariance of its points.
     """
     q_l = conditions.cofactors(state.bx)
-    rows = _Rows(pair, conditions, state)
+    rows = _RowDerivatives(pair, conditions, state)
     sigma = rows.covariance()
     influence = q_vv / q_l
     gain = np.linalg.pinv(design / np.sqrt(q_l)[:, None]) / np.sqrt(q_l)
@@ -122,7 +122,7 @@ def misclosure_covariance(
     ValueError
         The preceding model brings no covariance of its points.
     """
-    return _Rows(pair, conditions, state).covariance()
+    return _RowDerivatives(pair, conditions, state).covariance()
 
 
 def stationary_errors(
@@ -156,7 +156,7 @@ def stationary_errors(
     index = (3 * np.array(at)[:, None] + np.arange(3)).ravel()
     count = len(index)
     none = TieErrors(tied, np.zeros((count, count)), np.zeros((count, 2 * len(tied))))
-    rows = _Rows(replace(model, tie_errors=none), conditions, state)
+    rows = _RowDerivatives(replace(model, tie_errors=none), conditions, state)
     _, turned, gain = rows.moves()
     own = rows.carried(rows.covariance()).covariance[np.ix_(index, index)]
     t = (conditions.tie_points.T @ model.fixed.rotation).ravel()
@@ -185,7 +185,7 @@ def residual_weight(sigma: Array, design: Array) -> Array:
     return np.asarray(left.T @ left)
 
 
-class _Rows:
+class _RowDerivatives:
     """A model's rows and points with their derivatives by what was measured, at a state."""
 
     def __init__(

@@ -106,12 +106,12 @@ class BlockSizeScenario:
     chunk: int = 500
     alphas: tuple[float, ...] = _ALPHAS
 
-    def prepare(self) -> _SizeTrial:
+    def prepare(self) -> _BlockSizeTrial:
         """Linearise the block."""
-        return _SizeTrial(self.alphas, gruen_matrix())
+        return _BlockSizeTrial(self.alphas, gruen_matrix())
 
 
-class _SizeTrial:
+class _BlockSizeTrial:
     def __init__(self, alphas: tuple[float, ...], matrix: Array) -> None:
         self._alphas, self._matrix = alphas, matrix
         self._r = np.diag(matrix)

@@ -38,7 +38,7 @@ _SCATTER_MM, _MODELS, _LAID = 2.5, 40, 1983
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
+class _IdealRows:
     """R of an ideal model, and what turns whitened misclosures into parallaxes."""
 
     name: str
@@ -55,7 +55,7 @@ class _Rows:
         return np.asarray(self.r >= TESTABLE)
 
 
-def model_rows(name: str, scatter: Array | None = None) -> _Rows:
+def model_rows(name: str, scatter: Array | None = None) -> _IdealRows:
     """Return the rows of an ideal model with a named pattern, e.g. "13/5".
 
     Parameters
@@ -71,10 +71,10 @@ def model_rows(name: str, scatter: Array | None = None) -> _Rows:
         plan = replace(plan, points=tuple((p, x + dx, y + dy) for (p, x, y), (dx, dy) in moved))
     solution = solve(plan)
     root = np.sqrt(solution.q_l)
-    return _Rows(name, solution.q_vv / root[:, None] / root, root, solution.redundancy)
+    return _IdealRows(name, solution.q_vv / root[:, None] / root, root, solution.redundancy)
 
 
-def _as_measured(name: str) -> tuple[_Rows, ...]:
+def _as_measured(name: str) -> tuple[_IdealRows, ...]:
     """Return models whose points lie where people set them: some millimetres off.
 
     At the ideal places two pairs of rows of 6/3 are exactly inseparable: rounding would decide.
@@ -86,14 +86,14 @@ def _as_measured(name: str) -> tuple[_Rows, ...]:
     )
 
 
-def _critical(rows: _Rows, methods: tuple[str, ...], alpha: float) -> dict[str, float]:
+def _critical(rows: _IdealRows, methods: tuple[str, ...], alpha: float) -> dict[str, float]:
     """Return the critical value of every test asked that has one."""
     values = {"baarda": critical_normal(alpha), "tau": critical_tau(alpha, rows.redundancy)}
     return {name: v for name, v in values.items() if name in methods and v is not None}
 
 
 def _tests(
-    rows: _Rows, e: Array, methods: tuple[str, ...], alpha: float
+    rows: _IdealRows, e: Array, methods: tuple[str, ...], alpha: float
 ) -> dict[str, tuple[Array, float]]:
     """Return (m, n) statistics and their critical value for every test asked."""
     found: dict[str, tuple[Array, float]] = {}
@@ -132,7 +132,7 @@ class OneError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _OneErrorTrial:
-    models: tuple[_Rows, ...]
+    models: tuple[_IdealRows, ...]
     alpha: float
 
     def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
@@ -171,7 +171,7 @@ class _OneErrorTrial:
         return tally
 
 
-def _near(rows: _Rows) -> Bools:
+def _near(rows: _IdealRows) -> Bools:
     """Return (n, n) which rows are hard to tell apart, each one from itself included."""
     rho = np.abs(np.nan_to_num(residual_correlations(rows.matrix, rows.r)))
     np.fill_diagonal(rho, 1.0)
@@ -179,7 +179,7 @@ def _near(rows: _Rows) -> Bools:
 
 
 def _with_one_error(
-    rows: _Rows,
+    rows: _IdealRows,
     rng: np.random.Generator,
     runs: int,
     size: float,
@@ -234,14 +234,14 @@ class SizeOfTests:
                 known[name, "tau", "power"] = power
         return known
 
-    def prepare(self) -> _SizeTrial:
+    def prepare(self) -> _ModelSizeTrial:
         """Orient the ideal models."""
-        return _SizeTrial(tuple(model_rows(name) for name in self.patterns), self.alpha)
+        return _ModelSizeTrial(tuple(model_rows(name) for name in self.patterns), self.alpha)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _SizeTrial:
-    models: tuple[_Rows, ...]
+class _ModelSizeTrial:
+    models: tuple[_IdealRows, ...]
     alpha: float
 
     def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:

@@ -35,9 +35,9 @@ from anaplot.planning.quantities import Quantity, mean_interval
 __all__ = [
     "MOST_RUNS",
     "ChunkDone",
-    "Figure",
     "QuantityKey",
     "Scenario",
+    "SimulatedMean",
     "Sums",
     "Tally",
     "Trial",
@@ -128,7 +128,7 @@ class ChunkDone(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class SimulatedMean:
     """The mean of a quantity over all runs, with its two-sided confidence interval.
 
     Attributes
@@ -175,7 +175,7 @@ def figures(
     quantities: Mapping[QuantityKey, Quantity],
     references: Mapping[QuantityKey, float],
     confidence: float = 0.95,
-) -> tuple[Figure, ...]:
+) -> tuple[SimulatedMean, ...]:
     """Return the means with their intervals, in the order of the quantities.
 
     Parameters
@@ -193,7 +193,7 @@ def figures(
     for key, quantity in quantities.items():
         of = tally[key]
         low, high = mean_interval(quantity, *of, confidence) or (None, None)
-        out.append(Figure(*key, of.runs, of.total / of.runs, low, high, references.get(key)))
+        out.append(SimulatedMean(*key, of.runs, of.total / of.runs, low, high, references.get(key)))
     return tuple(out)
 
 

@@ -23,9 +23,9 @@ from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
 from anaplot.planning.montecarlo import (
     ChunkDone,
-    Figure,
     QuantityKey,
     Scenario,
+    SimulatedMean,
     Sums,
     figures,
     simulate,
@@ -208,7 +208,7 @@ def _done(chunk: KeptChunk) -> ChunkDone:
 
 
 def _json(
-    scenario: Scenario, found: Iterable[Figure], remarks: Iterable[str], runs: int, seed: int
+    scenario: Scenario, found: Iterable[SimulatedMean], remarks: Iterable[str], runs: int, seed: int
 ) -> dict[str, Any]:
     return {
         "scenario": scenario.name,
@@ -223,12 +223,16 @@ def _json(
     }
 
 
-def _row(figure: Figure) -> dict[str, Any]:
+def _row(figure: SimulatedMean) -> dict[str, Any]:
     return {name: getattr(figure, name) for name in _COLUMNS}
 
 
 def _printout(
-    scenario: Scenario, found: tuple[Figure, ...], remarks: Iterable[str], runs: int, seed: int
+    scenario: Scenario,
+    found: tuple[SimulatedMean, ...],
+    remarks: Iterable[str],
+    runs: int,
+    seed: int,
 ) -> str:
     title = textwrap.wrap(f"{plain(scenario.name)}: {plain(scenario.about)}", _WIDTH)
     alpha = alpha_of(scenario)

@@ -19,8 +19,8 @@ from anaplot.planning.modelscenarios import OneError, SizeOfTests
 from anaplot.planning.montecarlo import (
     MOST_RUNS,
     ChunkDone,
-    Figure,
     Scenario,
+    SimulatedMean,
     Sums,
     Tally,
     add,
@@ -220,7 +220,7 @@ def test_a_file_of_another_simulation_is_refused(tmp_path: Path) -> None:
         kept_in(path)
 
 
-def shown(scenario: Scenario, tally: Tally, confidence: float = 0.95) -> tuple[Figure, ...]:
+def shown(scenario: Scenario, tally: Tally, confidence: float = 0.95) -> tuple[SimulatedMean, ...]:
     """Return the figures of all methods of a scenario."""
     quantities = scenario.prepare().quantities(scenario.methods)
     return figures(tally, quantities, scenario.references, confidence)

@@ -396,7 +396,7 @@ def block_gross_errors(
     if control_only and problem.rejected is not None:
         held = frozenset(np.flatnonzero(problem.rejected).tolist())
     watch = Watch() if watch is None else watch
-    subject = _Rows(every, first.cofactors.normal.structure, watch, control_only=control_only)
+    subject = _BlockRows(every, first.cofactors.normal.structure, watch, control_only=control_only)
     cleaning = Cleaning(
         subject,
         strategy,
@@ -429,7 +429,7 @@ def block_gross_errors(
     )
 
 
-class _Place(NamedTuple):
+class _BlockPlace(NamedTuple):
     """Where a block lies; the minimum that was found, None where it was given."""
 
     state: BlockState
@@ -437,10 +437,10 @@ class _Place(NamedTuple):
 
 
 _Names = frozenset[ObservationName]
-_Solved = SolvedWithout[_Place, ObservationName]
+_Solved = SolvedWithout[_BlockPlace, ObservationName]
 
 
-class _Rows:
+class _BlockRows:
     """A block as it is cleaned; see `Relinearised`."""
 
     def __init__(
@@ -457,7 +457,7 @@ class _Rows:
         block = problem.block
         self.apriori = AprioriSigma.image_um(f"block {block.name}", block.precision.image_um)
 
-    def residuals(self, at: _Place, number: int) -> BlockResiduals:
+    def residuals(self, at: _BlockPlace, number: int) -> BlockResiduals:
         """Return all rows, linearised at a place."""
         label = f"gross errors, pass {number}"
         try:
@@ -477,12 +477,12 @@ class _Rows:
         assert self._system is not None
         return {name: row for row, name in enumerate(self._system.names)}
 
-    def without(self, out: _Names, near: _Place) -> _Solved:
+    def without(self, out: _Names, near: _BlockPlace) -> _Solved:
         """Adjust without some rows."""
         assert self._system is not None
         problem = without(self._system, frozenset(self.rows[name] for name in out))
         found = self._minimum(problem, near.state)
-        return SolvedWithout(_Place(found.state, found), found.convergence.last)
+        return SolvedWithout(_BlockPlace(found.state, found), found.convergence.last)
 
     def suspects(self, system: ResidualSystem) -> Bools:
         """Return which rows may be rejected: priors of additional parameters never."""
@@ -492,7 +492,7 @@ class _Rows:
         allowed[: system.rows.image] &= not self._control_only
         return allowed
 
-    def model_values(self, system: ResidualSystem, at: _Place) -> Array:
+    def model_values(self, system: ResidualSystem, at: _BlockPlace) -> Array:
         """Return model values by the classes of 1980."""
         assert isinstance(system, BlockResiduals)
         return model_values(system)
@@ -519,7 +519,9 @@ class _Rows:
         return undetermined(problem, self.structure, linearise(problem, state), tie, error)
 
 
-def _check_scale_at(subject: _Rows, state: BlockState, first: AdjustedBlock, alpha: float) -> None:
+def _check_scale_at(
+    subject: _BlockRows, state: BlockState, first: AdjustedBlock, alpha: float
+) -> None:
     """Complain where most residuals at a robust state are too large: no few errors make them so.
 
     Raises
@@ -540,22 +542,22 @@ def _check_scale_at(subject: _Rows, state: BlockState, first: AdjustedBlock, alp
         raise scale_error(subject.apriori, scale, float(w.max()) / critical_normal(alpha))
 
 
-def _named(subject: _Rows, first: AdjustedBlock, rows: frozenset[int]) -> _Names:
+def _named(subject: _BlockRows, first: AdjustedBlock, rows: frozenset[int]) -> _Names:
     """Return the names of some rows; nothing is linearised for none."""
     if not rows:
         return frozenset()
-    names = subject.residuals(_Place(first.state, None), 1).names
+    names = subject.residuals(_BlockPlace(first.state, None), 1).names
     return frozenset(names[row] for row in rows)
 
 
 def _best_end(
-    cleaning: Cleaning[_Place, ObservationName],
-    subject: _Rows,
+    cleaning: Cleaning[_BlockPlace, ObservationName],
+    subject: _BlockRows,
     first: AdjustedBlock,
     held: frozenset[int],
     *,
     complete: bool,
-) -> CleaningEnd[_Place, ObservationName]:
+) -> CleaningEnd[_BlockPlace, ObservationName]:
     """Search from the first adjustment, and from a robust one where that is torn.
 
     Where no set that is found can be left out, what fits nowhere stays out for good. `held` are
@@ -563,18 +565,19 @@ def _best_end(
     """
     problem, structure = subject.problem, subject.structure
     fixed = _named(subject, first, held)
-    ends: list[CleaningEnd[_Place, ObservationName]] = []
+    ends: list[CleaningEnd[_BlockPlace, ObservationName]] = []
     failures: list[NotComputableError] = []
     reduced = first.problem
 
     def go_on(state: BlockState, known: _Solved | None, out: _Names) -> None:
         try:
-            ends.append(cleaning.run(_Place(state, None), known, out))
+            ends.append(cleaning.run(_BlockPlace(state, None), known, out))
         except NotComputableError as error:
             failures.append(error)
 
     state = first.state
-    known: _Solved | None = SolvedWithout(_Place(state, None), first.vtpv) if complete else None
+    here = _BlockPlace(state, None)
+    known: _Solved | None = SolvedWithout(here, first.vtpv) if complete else None
     if first.sigma0 is not None and first.sigma0 > _TORN:
         start = first.state if first.robust is None else first.robust
         with suppress(np.linalg.LinAlgError):

@@ -24,7 +24,7 @@ from anaplot.bundle.solve.dissection import Dissection
 
 __all__ = ["Factor", "NotPositiveError", "SelectedInverse", "SparsityPattern", "sparsity_pattern"]
 
-Progress = Callable[[float], None]
+ShareProgress = Callable[[float], None]
 
 _SMALLEST_PIVOT = 1e-13  # of the diagonal element; below it the unknown is not determined
 _SMALLEST_IN_CORNER = 1e-12  # of the element before anything was eliminated: rounding is below it
@@ -239,7 +239,7 @@ class Factor:
         blocks: Array,
         border: Array,
         corner: Array,
-        progress: Progress | None = None,
+        progress: ShareProgress | None = None,
         corner_scale: Array | None = None,
     ) -> None:
         self.pattern = pattern
@@ -363,7 +363,7 @@ class Factor:
             rows = np.concatenate((rows, start + np.arange(self.pattern.g)))
         return rows
 
-    def selected_inverse(self, progress: Progress | None = None) -> SelectedInverse:
+    def selected_inverse(self, progress: ShareProgress | None = None) -> SelectedInverse:
         """Compute the inverse inside the pattern (Takahashi's recursion, by fronts)."""
         self._divide()
         pattern = self.pattern
