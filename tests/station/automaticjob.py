@@ -17,14 +17,19 @@ from anaplot.simulation.automatic import AutomaticOperator
 from anaplot.simulation.demo import Demo
 
 
+def say(*words: object) -> None:
+    """Write a line whole or not at all: several threads speak, and the process may be killed."""
+    os.write(1, (" ".join(map(str, words)) + "\n").encode())
+
+
 def work(folder: Path, models: int, seed: int, fiducials: bool) -> None:
     demo = Demo.make(models, seed, fiducials=fiducials)
     if not (folder / "block.toml").exists():
         demo.write(folder)
     with demo.open(folder, time_scale=2000.0) as station:
-        station.subscribe_notices(lambda severity, text: print(severity, text, flush=True))
+        station.subscribe_notices(say)
         AutomaticOperator(station).run()
-    print("finished", flush=True)
+    say("finished")
 
 
 def forked(folder: Path, models: int, seed: int, fiducials: bool) -> int:
@@ -35,7 +40,7 @@ def forked(folder: Path, models: int, seed: int, fiducials: bool) -> int:
         return os.waitpid(child, 0)[1]
     code = 1
     try:
-        print("process", os.getpid(), flush=True)
+        say("process", os.getpid())
         work(folder, models, seed, fiducials)
         code = 0
     except BaseException:
@@ -52,10 +57,10 @@ def main() -> None:
         if loaded:
             ended = forked(Path(name), *job)
         else:
-            print("process", os.getpid(), flush=True)
+            say("process", os.getpid())
             work(Path(name), *job)
             loaded = True
-        print("ended", ended, flush=True)
+        say("ended", ended)
 
 
 if __name__ == "__main__":
