@@ -283,7 +283,8 @@ class Cleaning(Generic[S, K]):
         out = min(known, key=lambda one: known[one].vtpv + cost * _count(one, known[one]))
         system, found = proposals[out]
         there = self.subject.residuals(known[out].solution, len(passes) + 1)
-        if there.names == system.names:  # else a row is gone that the proposal speaks of
+        # else a row is gone that the proposal speaks of
+        if tuple(there.names) == tuple(system.names):
             system = there
             found = findings_at(found, there, self.settings, left_out=_rows(there, held))
         if len(found.rows) >= self.settings.room(system.redundancy):
