@@ -107,7 +107,7 @@ def test_the_installed_command_is_the_module() -> None:
     ("error", "said"),
     [
         (OSError(errno.ENOSPC, "No space left on device", "x"), "x: No space left on device"),
-        (OSError(errno.EIO, "Input/output error", b"a\nb"), "a\\nb: Input/output error"),
+        (OSError(errno.EIO, "Input/output error", b"a\nb"), "a\\x0ab: Input/output error"),
         (OSError("odd"), "odd"),
         (OSError(), "OSError"),
     ],
