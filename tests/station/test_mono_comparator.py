@@ -71,7 +71,7 @@ def test_a_tablet_serves_as_a_comparator(tmp_path: Path, monkeypatch: pytest.Mon
     # a step is 127 um
     bench = bench_in(tmp_path / "block", fiducials=True, image_um=40.0)
     with bench.stack:
-        station, _ = open_on(bench, tablet, time_scale=8.0)
+        station, _ = open_on(bench, tablet, time_scale=4.0)
         finish(station)
         truth = [math.degrees(angle) for angle in solutions(station)[0].rotation]
         station.close()
