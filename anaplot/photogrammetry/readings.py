@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 __all__ = [
+    "KEY",
     "UNREFERENCED",
     "Fault",
     "InPosition",
@@ -16,6 +17,9 @@ __all__ = [
 
 UNREFERENCED = "the counters are unreferenced since the line was lost: measure a reference again"
 """Why every reading of counters without reference is refused."""
+
+KEY = "key"
+"""The switch of a record that the operator's key asked for."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from anaplot.errors import InputError, LinkError
 from anaplot.plotter.conversation import Conversation, DecoderEvent, Traffic
 from anaplot.plotter.line import TICK, Line, LinkState
 from anaplot.plotter.ports import addresses_of
-from anaplot.plotter.readings import Position, Reading
+from anaplot.plotter.readings import KEY, Position, Reading
 from anaplot.plotter.schema import Profile
 from anaplot.plotter.serialport import SerialPort
 from anaplot.textfiles.wording import plain
@@ -244,7 +244,7 @@ class Link:
         """
         self._send_drive(self._conversation.decoder.stop_command())
 
-    def record(self, switch: str = "key") -> None:
+    def record(self, switch: str = KEY) -> None:
         """Record the next position, as if a footswitch had been pressed now.
 
         Parameters

@@ -1,6 +1,7 @@
 """The readings, under the name by which other programs know them."""
 
 from anaplot.photogrammetry.readings import (
+    KEY,
     UNREFERENCED,
     Fault,
     InPosition,
@@ -11,6 +12,7 @@ from anaplot.photogrammetry.readings import (
 )
 
 __all__ = [
+    "KEY",
     "UNREFERENCED",
     "Fault",
     "InPosition",

@@ -49,7 +49,7 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
         case commands.Drive(point):
             _drive(draft, point)
         case commands.Stop():
-            draft.change(drive_target=None, setting="")
+            draft.redirect(drive_target=None, setting="")
             if draft.desk.abilities is not None and draft.desk.abilities.drives:
                 draft.ask(StopDrive())
         case commands.Record():
@@ -112,6 +112,7 @@ def _record(draft: Draft) -> None:
     if draft.desk.referencing is not None:
         raise InputError(UNREFERENCED)
     draft.recordable()
+    draft.change(pressed=draft.desk.errand)
     draft.ask(TakeRecord())
 
 
@@ -205,7 +206,7 @@ def _add_point(draft: Draft, name: str) -> None:
         raise InputError("there is no read-out: drive the plates to the new point first")
     draft.check_instrument(model)
     draft.happen(PointAdded(mode.added(name, image_of(here, plates_of(draft.desk.state)))))
-    draft.change(target=name)
+    draft.redirect(target=name)
 
 
 def _photos(state: SessionState) -> tuple[str, str] | None:

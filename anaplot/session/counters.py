@@ -29,7 +29,7 @@ def aim_at_reference(draft: Draft, referencing: Referencing, point: str) -> None
     draft.change(referencing=chosen)
     draft.tell("info", f"reference: {at.title}")
     if draft.seen.own_operator:
-        draft.change(setting=draft.seen.own_operator, settles_after=None)
+        draft.redirect(setting=draft.seen.own_operator, settles_after=None)
         draft.ask(SetMark(at.places, at.side))
 
 

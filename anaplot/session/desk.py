@@ -54,6 +54,11 @@ class Desk:
         How far re-measuring the counters' reference has come; None while they have it.
     last_measured
         The point or fiducial measured last.
+    errand
+        Counts every change of where the plates are to go, and every measurement: what was asked
+        of the instrument before the last of them is not done any more.
+    pressed
+        The errand during which the key was pressed; None once its record has come.
     refusal_told
         When bytes that are no reading were last told of [s].
     """
@@ -70,6 +75,8 @@ class Desk:
     settles_after: int | None = None
     referencing: Referencing | None = None
     last_measured: str | None = None
+    errand: int = 0
+    pressed: int | None = None
     refusal_told: float = float("-inf")
 
     @classmethod

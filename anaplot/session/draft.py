@@ -105,6 +105,10 @@ class Draft:
         """Change the desk."""
         self.desk = replace(self.desk, **fields)
 
+    def redirect(self, **fields: Any) -> None:
+        """Change where the plates are to go: what was asked for before leads nowhere."""
+        self.change(errand=self.desk.errand + 1, **fields)
+
     def model(self) -> ModelState:
         """Return the model in the instrument.
 
@@ -169,11 +173,11 @@ class Draft:
         """Make a point or fiducial the target, and drive there where the plotter can."""
         abilities = self.desk.abilities
         if abilities is None or not abilities.moves:
-            self.change(target=name)
+            self.redirect(target=name)
             return
         known = self.desk.candidates is not None
         place = mode.place(name, abilities.middle, known=known)
-        self.change(
+        self.redirect(
             target=name,
             # undriven plates that are moved are there at once, and no reply says so
             drive_target=place if abilities.drives else None,
@@ -196,7 +200,7 @@ class Draft:
 
     def go_nowhere(self) -> None:
         """Forget where the plates were to go: nothing is recorded before the next drive."""
-        self.change(target=None, drive_target=None, setting="")
+        self.redirect(target=None, drive_target=None, setting="")
 
     def interrupt(self) -> None:
         """Give up the drive under way: nobody knows where the plates stand."""

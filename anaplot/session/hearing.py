@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from anaplot.adjustment.tested import Observation
-from anaplot.errors import AnaplotError
+from anaplot.errors import AnaplotError, InputError
 from anaplot.orientation.results import Row
 from anaplot.photogrammetry.readings import (
+    KEY,
     UNREFERENCED,
     Fault,
     InPosition,
@@ -88,14 +89,19 @@ def _arrived(draft: Draft) -> None:
 def _recorded(draft: Draft, record: Record) -> None:
     """Turn a record of the plotter into a measurement, or say why not."""
     before = {row.key for row in _flagged(draft.desk.outlook)}
+    pressed = draft.desk.pressed if record.switch == KEY else None
     try:
+        if record.switch == KEY:
+            draft.change(pressed=None)
+        if pressed is not None and pressed != draft.desk.errand:
+            raise InputError("the plates were to go elsewhere since the key was pressed")
         mode, name = draft.recordable()
         draft.happen(mode.measurement(name, record.position, record.switch))
     except AnaplotError as error:
         draft.tell("error", f"not recorded: {error}")
         draft.note("record-refused", {"reason": str(error)})
         return
-    draft.change(target=None, last_measured=name)
+    draft.redirect(target=None, last_measured=name)
     what = name if mode.unit == "point" else f"{mode.unit} {name}"
     draft.tell("record", f"{what} recorded")
     fresh = [row.key for row in _flagged(draft.desk.outlook) if row.key not in before]

@@ -113,6 +113,9 @@ class Station(Commanded):
         chosen = pattern(point_pattern)
         block = read_block(folder)
         self._lock = threading.RLock()
+        self._turn = (
+            threading.Lock()
+        )  # who asks the instrument; taken before the other, never in it
         self._inbox = Inbox()
         self._closed = False
         self._link = LinkView("none")
@@ -418,19 +421,29 @@ class Station(Commanded):
             case Lay() | Refer() if instrument is not None:
                 instrument.do(request)
             case DriveTo() | SetMark() | StopDrive() | TakeRecord() if instrument is not None:
-                self._after.append(lambda: self._begin(instrument, request))
+                errand = self._desk.errand
+                self._after.append(lambda: self._begin(instrument, request, errand))
 
-    def _begin(self, instrument: Instrument, request: OfInstrument) -> None:
-        """Have the instrument do something; a drive that cannot be commanded leads nowhere."""
+    def _begin(self, instrument: Instrument, request: OfInstrument, errand: int) -> None:
+        """Have the instrument do something, unless the desk has thought better of it since.
+
+        Two threads come here in any order: the plates go where the later decision sends them.
+        A drive that cannot be commanded leads nowhere.
+        """
         driving = isinstance(request, DriveTo | SetMark)
-        if driving:
-            with self._lock:
-                begun = DriveBegun(instrument.drives_begun)
-                self._desk = hear(self._desk, begun, self._seen()).after
         try:
-            instrument.do(request)
+            with self._turn:
+                with self._lock:
+                    if self._desk.errand != errand and not isinstance(request, StopDrive):
+                        if isinstance(request, TakeRecord):
+                            raise InputError("not recorded: the plates are to go elsewhere")
+                        return
+                    if driving:
+                        begun = DriveBegun(instrument.drives_begun)
+                        self._desk = hear(self._desk, begun, self._seen()).after
+                instrument.do(request)
         except AnaplotError:
-            if driving:
+            if driving and self._desk.errand == errand:
                 with contextlib.suppress(InputError):
                     self._hear(DriveFailed())
             raise

@@ -14,6 +14,7 @@ from sessionscene import Scene
 
 from anaplot.errors import AnaplotError, InputError, NotComputableError
 from anaplot.photogrammetry.readings import (
+    KEY,
     UNREFERENCED,
     Fault,
     InPosition,
@@ -260,7 +261,8 @@ def test_the_key_asks_for_a_record(bench: Bench) -> None:
     before = bench.desk
     bench.give(RecordKey())
     assert bench.requests[-1] == TakeRecord()
-    assert bench.desk is before
+    assert bench.desk.state is before.state
+    assert bench.desk.target == before.target
 
 
 def test_a_second_press_is_not_another_point(scene: Scene) -> None:
@@ -704,3 +706,27 @@ def _scene() -> Scene:
 
 def _fiducial_scene() -> Scene:
     return _SCENES.setdefault("fiducials", InnerScene(3))
+
+
+def test_a_record_asked_for_by_key_belongs_to_where_the_key_was_pressed(scene: Scene) -> None:
+    by_hand = Bench.of(scene.block, UNDRIVEN)
+    here = Position(1.2, 3.4, -90.1, 2.9)
+    by_hand.give(NextModel())
+    first, second = (point.point for point in by_hand.desk.state.current.plan[:2])
+    by_hand.give(Drive(first))
+    by_hand.give(RecordKey())
+    by_hand.give(Drive(second))
+    # the read-out that the key waited for comes only now: it is neither's
+    decision = by_hand.hear(Record(here, KEY))
+    assert decision.events == ()
+    assert "since the key was pressed" in by_hand.told[-1]
+    # a press after that is the second point's
+    by_hand.give(RecordKey())
+    (event,) = by_hand.hear(Record(here, KEY)).events
+    assert isinstance(event, PointMeasured)
+    assert event.point == second
+    # what a pedal says was pressed when it came
+    by_hand.give(Drive(first))
+    by_hand.give(RecordKey())
+    by_hand.give(Drive(second))
+    assert by_hand.hear(Record(here, "pedal")).events

@@ -12,6 +12,8 @@ from anaplot.photogrammetry.block import ImagePoint
 from anaplot.plotter.device.hand import Offsets
 from anaplot.plotter.readings import Position
 from anaplot.session.models import solve
+from anaplot.session.plates import image_of, plates_of
+from anaplot.station.snapshot import Snapshot
 from anaplot.station.station import Station
 
 
@@ -449,3 +451,41 @@ def test_notices_wait_for_the_first_listener(bench: Bench) -> None:
     again.next_model()
     watch = Watch(again)
     assert any("moved to" in text for _, text in watch.notices)
+
+
+def test_the_plates_go_where_the_later_of_two_threads_sends_them(bench: Bench) -> None:
+    station, watch = bench.open()
+    station.next_model()
+    instrument = station.instrument
+    assert instrument is not None
+    first, later, latest = (p.point for p in station.snapshot().points[:3])
+    commanded = []
+    plain = instrument.drive
+    instrument.drive = lambda position, side=None: (  # type: ignore[method-assign]
+        commanded.append(station.desk.target),
+        plain(position, side),
+    )
+    overtaking = iter([later])
+
+    def overtake(picture: Snapshot) -> None:
+        # decided after the first one, before the instrument was asked for that
+        if picture.target == first and (point := next(overtaking, None)) is not None:
+            station.drive(point)
+
+    station.drive(latest)
+    settled(watch)
+    station.subscribe(overtake)
+    commanded.clear()
+    station.drive(first)
+    settled(watch)
+    assert commanded == [later]
+    station.record()
+    watch.until(lambda p: p.points[1].times == 1)
+    (measured,) = bench.payloads("point-measured")
+    assert measured["point"] == later
+    planned = station.snapshot().points[1]
+    position = image_of(
+        Position(*(measured[axis] for axis in ("xl", "yl", "xr", "yr"))), plates_of(station.state)
+    )
+    assert abs(position.xl - bench.made.truth["101"][later][0]) < 0.1
+    assert planned.point == later
