@@ -92,11 +92,6 @@ class Adjustment:
         """Estimated standard deviation of unit weight; None without redundancy."""
         return sqrt(self.vtpv / self.redundancy) if self.redundancy > 0 else None
 
-    @property
-    def q_v(self) -> Array:
-        """(n,) diagonal of q_vv, without the negative dust of rounding."""
-        return self.q_l * self.r
-
 
 def adjust(
     design: Array,

@@ -346,10 +346,10 @@ class Tested(Generic[K]):
         """Return (n, n) correlations of the residuals; NaN in rows that cannot be tested."""
         return residual_correlations(self.q_vv, self.r)
 
-    def partners(self, limit: float = HARD_TO_TELL) -> tuple[Partner[K], ...]:
+    def partners(self) -> tuple[Partner[K], ...]:
         """Return the pairs of rows that are hard to tell apart."""
         rho, keys = self.correlations(), self.keys
-        first, second = np.nonzero(np.triu(np.abs(rho) >= limit, 1))
+        first, second = np.nonzero(np.triu(np.abs(rho) >= HARD_TO_TELL, 1))
         return tuple(
             Partner(keys[i], keys[j], float(rho[i, j]))
             for i, j in zip(first.tolist(), second.tolist(), strict=True)

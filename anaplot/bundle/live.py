@@ -8,7 +8,6 @@ one thread; a progress function that raises stops it, and the last answer stays.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +22,10 @@ from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
 from anaplot.bundle.solve.normal import linearise, move, objective
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.start.approximate import extended_state
-from anaplot.errors import InputError, NotComputableError
-from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Strip
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.block import Block
 
 __all__ = ["LiveAnswer", "LiveBlock"]
-
-CoordinateKey = tuple[str, str, str]
 
 _CHORD_STEPS = 4
 
@@ -43,11 +40,6 @@ class LiveAnswer:
         The adjusted block.
     datum
         "control", or "free" as long as control does not suffice.
-    newly_flagged
-        (photo, point, axis) flagged now and not in the answer before: also points measured long
-        ago that only now show up.
-    no_longer_flagged
-        The reverse.
     suspect_rays
         For every flagged point its rays, the most probably wrong one first.
     aside
@@ -58,8 +50,6 @@ class LiveAnswer:
 
     adjusted: AdjustedBlock
     datum: Datum
-    newly_flagged: tuple[CoordinateKey, ...]
-    no_longer_flagged: tuple[CoordinateKey, ...]
     suspect_rays: dict[str, tuple[SuspectRay, ...]]
     aside: tuple[str, ...]
     reused: bool
@@ -91,22 +81,13 @@ class LiveBlock:
         """The last answer; None before the first."""
         return self._answer
 
-    def add(
-        self,
-        rows: Iterable[ImagePoint],
-        *,
-        photos: Iterable[Photo] = (),
-        strips: Iterable[Strip] = (),
-        progress: Progress | None = None,
-    ) -> LiveAnswer:
-        """Take up a model, a photo or any image points, and adjust.
+    def update(self, block: Block, *, progress: Progress | None = None) -> LiveAnswer:
+        """Adjust the block as it is now.
 
         Parameters
         ----------
-        rows
-            New image points; a row of the same photo, point and model takes the place of the old.
-        photos, strips
-            New photos; strips that are new or longer than before.
+        block
+            All that is known and measured now.
         progress
             Called with what is being done and the fraction of it.
 
@@ -115,57 +96,6 @@ class LiveBlock:
         InputError, NotComputableError
             As `adjust_block`; the measurements are kept, the last answer stays.
         """
-        merged = {(r.photo, r.point, r.model): r for r in self._block.image_points}
-        merged.update({(r.photo, r.point, r.model): r for r in rows})
-        known = {p.id: p for p in self._block.photos} | {p.id: p for p in photos}
-        lines = {s.id: s for s in self._block.strips} | {s.id: s for s in strips}
-        return self.update(
-            replace(
-                self._block,
-                image_points=tuple(merged.values()),
-                photos=tuple(known.values()),
-                strips=tuple(lines.values()),
-            ),
-            progress=progress,
-        )
-
-    def remeasure(
-        self,
-        photo: str,
-        point: str,
-        xy: tuple[float, float],
-        *,
-        model: str | None = None,
-        progress: Progress | None = None,
-    ) -> LiveAnswer:
-        """Replace one measurement [mm] and adjust.
-
-        Raises
-        ------
-        InputError
-            There is no such measurement.
-        """
-        rows = list(self._block.image_points)
-        at = next(
-            (
-                k
-                for k, r in enumerate(rows)
-                if r.photo == photo and r.point == point and r.model == model
-            ),
-            None,
-        )
-        if at is None:
-            raise InputError(f"point {point} has not been measured in photo {photo}")
-        rows[at] = replace(rows[at], x=xy[0], y=xy[1])
-        return self.update(replace(self._block, image_points=tuple(rows)), progress=progress)
-
-    def remove(self, photo: str, point: str, *, progress: Progress | None = None) -> LiveAnswer:
-        """Take out every measurement of a point in a photo, and adjust."""
-        rows = tuple(r for r in self._block.image_points if r.photo != photo or r.point != point)
-        return self.update(replace(self._block, image_points=rows), progress=progress)
-
-    def update(self, block: Block, *, progress: Progress | None = None) -> LiveAnswer:
-        """Adjust the block as it is now; the general case of the other methods."""
         # whatever bad data makes infinite on the way is looked at where it matters
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             return self._updated(block, progress)
@@ -262,16 +192,10 @@ class LiveBlock:
         return evaluate(problem, found, progress=progress)
 
     def _keep(self, adjusted: AdjustedBlock, aside: tuple[str, ...], *, reused: bool) -> LiveAnswer:
-        flagged = [(photo, point, axis) for _, photo, point, axis in adjusted.suspects()]
-        old: set[CoordinateKey] = set()
-        if self._answer is not None:
-            old = {(f, p, a) for _, f, p, a in self._answer.adjusted.suspects()}
-        points = dict.fromkeys(point for _, point, _ in flagged)
+        points = dict.fromkeys(point for _, _, point, _ in adjusted.suspects())
         self._answer = LiveAnswer(
             adjusted=adjusted,
             datum=adjusted.problem.datum,
-            newly_flagged=tuple(item for item in flagged if item not in old),
-            no_longer_flagged=tuple(sorted(old - set(flagged))),
             suspect_rays={point: suspect_rays(adjusted, point) for point in points},
             aside=aside,
             reused=reused,

@@ -261,34 +261,22 @@ class PlateTransformation:
         return value, slope
 
 
-def random_placement(
-    seed: int,
-    *,
-    centre: tuple[float, float] = (0.0, 0.0),
-    shift_mm: float = 2.0,
-    rotation: float = 0.02,
-    shrinkage_ppm: float = 500.0,
-) -> PlateTransformation:
+def random_placement(seed: int) -> PlateTransformation:
     """Lay a photograph on a plate as a hand would; `to_plate` leads from image to plate.
+
+    It lies up to 2 mm beside the zero point, turned by up to .02 rad, and the film has shrunk or
+    grown by up to 500 ppm along x and y each.
 
     Parameters
     ----------
     seed
         The same seed gives the same placement.
-    centre
-        Plate coordinates [mm] about which it is laid.
-    shift_mm
-        Largest shift [mm] along either axis.
-    rotation
-        Largest rotation [rad] in either direction.
-    shrinkage_ppm
-        Largest film shrinkage, drawn for x and y each; the film may have grown as much.
     """
     draw = np.random.default_rng(seed).uniform(-1.0, 1.0, 5).tolist()
     return Placement(
-        x=centre[0] + shift_mm * draw[0],
-        y=centre[1] + shift_mm * draw[1],
-        rotation=rotation * draw[2],
-        scale_x=1.0 - shrinkage_ppm * 1e-6 * draw[3],
-        scale_y=1.0 - shrinkage_ppm * 1e-6 * draw[4],
+        x=2.0 * draw[0],
+        y=2.0 * draw[1],
+        rotation=0.02 * draw[2],
+        scale_x=1.0 - 500.0 * 1e-6 * draw[3],
+        scale_y=1.0 - 500.0 * 1e-6 * draw[4],
     ).transformation()

@@ -18,6 +18,10 @@ __all__ = ["SyntheticStrip", "Truth", "synthetic_strip", "synthetic_truth"]
 
 Truth = Mapping[str, Mapping[str, tuple[float, float]]]
 
+_BASE = 92.0  # [mm]
+_ANGLES = (1.2, 1.2, 2.0)  # standard deviations of omega, phi, kappa [deg]; at most twice occurs
+_RELIEF = 0.05  # largest height difference, as a part of c
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SyntheticStrip:
@@ -45,15 +49,8 @@ def synthetic_strip(
     photos: int,
     *,
     seed: int,
-    c: float = 152.4,
-    base: float = 92.0,
-    width: float = 230.0,
-    tilt_deg: float = 1.2,
-    kappa_deg: float = 2.0,
-    relief: float = 0.05,
     image_um: float = 5.0,
     test: TestSettings | None = None,
-    name: str = "demo",
 ) -> SyntheticStrip:
     """Make a strip whose points lie near the standard positions of the 15-point pattern.
 
@@ -63,18 +60,10 @@ def synthetic_strip(
         Number of photos, at least 2.
     seed
         Of the generator of orientations, relief and point positions.
-    c, base, width
-        Camera constant, base and side of the square format [mm].
-    tilt_deg, kappa_deg
-        Standard deviations of omega, phi and kappa [deg]; at most twice that occurs.
-    relief
-        Largest height difference, as a part of c.
     image_um
         A-priori sigma0 of the block [um].
     test
         Test settings of the block.
-    name
-        Name of the block.
 
     Raises
     ------
@@ -84,36 +73,21 @@ def synthetic_strip(
     if photos < 2:
         raise ValueError(f"a strip has at least two photos, not {photos}")
     ids = tuple(str(101 + k) for k in range(photos))
-    camera = Camera("rmk", c, (width, width))
-    truth, centres, rotations = synthetic_truth(
-        ids,
-        camera,
-        seed=seed,
-        base=base,
-        tilt_deg=tilt_deg,
-        kappa_deg=kappa_deg,
-        relief=relief,
-    )
+    camera = Camera("rmk", 152.4, (230.0, 230.0))
+    truth, centres, rotations = synthetic_truth(ids, camera, seed=seed, base=_BASE)
     block = Block(
-        name=name,
+        name="demo",
         precision=Precision(image_um=image_um, tie_variance="exact"),
         test=test or TestSettings(),
         cameras=(camera,),
         photos=tuple(Photo(photo, camera.id) for photo in ids),
-        strips=(Strip("1", ids, base),),
+        strips=(Strip("1", ids, _BASE),),
     )
     return SyntheticStrip(block, truth, centres, rotations)
 
 
 def synthetic_truth(
-    ids: tuple[str, ...],
-    camera: Camera,
-    *,
-    seed: int,
-    base: float,
-    tilt_deg: float = 1.2,
-    kappa_deg: float = 2.0,
-    relief: float = 0.05,
+    ids: tuple[str, ...], camera: Camera, *, seed: int, base: float
 ) -> tuple[Truth, Array, Array]:
     """Make the true image points of a strip of given photos.
 
@@ -123,7 +97,7 @@ def synthetic_truth(
         Names of the photos in flight order.
     camera
         Their camera.
-    seed, tilt_deg, kappa_deg, relief
+    seed
         As for `synthetic_strip`.
     base
         Base at photo scale [mm].
@@ -142,9 +116,9 @@ def synthetic_truth(
     centres[:, 0] = base * np.arange(photos)
     centres[1:] += rng.normal(0.0, 0.015 * base, (photos - 1, 3))
     angles = np.clip(rng.normal(size=(photos, 3)), -2.0, 2.0)
-    angles *= np.radians([tilt_deg, tilt_deg, kappa_deg])
+    angles *= np.radians(_ANGLES)
     rotations = np.array([rotation_matrix(*a) for a in angles.tolist()])
-    ground = _terrain(ids, base, d, c, relief, rng)
+    ground = _terrain(ids, base, d, c, rng)
     truth: dict[str, dict[str, tuple[float, float]]] = {}
     for k, photo in enumerate(ids):
         seen = {}
@@ -162,7 +136,6 @@ def _terrain(
     base: float,
     d: float,
     c: float,
-    relief: float,
     rng: np.random.Generator,
 ) -> dict[str, Array]:
     """Ground points under every photo (1, 2, 3 and twins) and between photos (7, 8, 9)."""
@@ -177,7 +150,7 @@ def _terrain(
             x, y = positions[label]
             x, y = np.array([x + base * k, y]) + rng.uniform(-1.5, 1.5, 2)
             phase = waves[:, 0] * x / base + waves[:, 1] * y / d + waves[:, 2]
-            height = relief * c * float(np.sin(phase).mean())
+            height = _RELIEF * c * float(np.sin(phase).mean())
             scale = 1.0 - height / c
             under_x = base * k + (base / 2.0 if label in between else 0.0)
             out[f"{photo}-{label}"] = np.array(

@@ -243,11 +243,6 @@ class Decoder:
         return self._origin.counted
 
     @property
-    def positions_heard(self) -> int:
-        """How many complete positions were heard, refused for want of a reference or not."""
-        return self._origin.heard
-
-    @property
     def mark(self) -> tuple[int, int]:
         """What was asked and heard until now, for `read_since`."""
         return self._cycle, self._origin.heard

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 from anaplot.orientation.results import Diagnosis, ModelSolution
@@ -12,7 +11,7 @@ from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Block, Camera, Precision, TestSettings
 from anaplot.session.state import ModelState, SessionState
 
-__all__ = ["diagnosis_of", "preceding_models", "solve", "strip_solutions"]
+__all__ = ["diagnosis_of", "preceding_models", "solve"]
 
 
 def preceding_models(state: SessionState, model: ModelState) -> tuple[ModelState, ...]:
@@ -89,15 +88,3 @@ def _solve(
 def diagnosis_of(solution: ModelSolution) -> Diagnosis:
     """Return what is said of a model beyond its table, remembered."""
     return diagnose(solution)
-
-
-def strip_solutions(state: SessionState, strip: str) -> tuple[ModelSolution, ...]:
-    """Return the solutions of a strip's accepted models, as far as they are computable."""
-    out = []
-    for model in state.models:
-        if model.strip == strip:
-            try:
-                out.append(solve(state, model))
-            except NotComputableError:
-                break
-    return tuple(out)

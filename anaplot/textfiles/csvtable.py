@@ -227,14 +227,6 @@ def _fault(path: Path, line: int | None, column: str | None, message: str) -> In
     return InputError(f"{place(path, line)}: {where}{message}")
 
 
-def _open_quote(path: Path, line: int) -> InputError:
-    return _fault(path, line, None, "a quotation mark is not closed in its line")
-
-
-def _not_csv(path: Path, line: int, error: csv.Error) -> InputError:
-    return _fault(path, line, None, f"not a CSV row: {reason(error)}")
-
-
 def _line_not_utf8(path: Path) -> int | None:
     """Return the line that is not UTF-8: the decoder only knows where its buffer began."""
     with open_input(path, MAX_CSV_BYTES) as file:

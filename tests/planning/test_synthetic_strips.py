@@ -82,8 +82,7 @@ def test_rotations_are_bounded_and_proper() -> None:
 
 
 def test_the_block_is_what_a_person_would_declare() -> None:
-    made = synthetic_strip(3, seed=1, image_um=4.0, name="two")
-    assert made.block.name == "two"
+    made = synthetic_strip(3, seed=1, image_um=4.0)
     assert made.block.precision.tie_variance == "exact"
     assert made.block.precision.image_um == 4.0
     assert made.block.strips[0].photos == ("101", "102", "103")

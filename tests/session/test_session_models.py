@@ -12,7 +12,7 @@ from anaplot.errors import NotComputableError
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip
 from anaplot.session.events import ModelAccepted, RowSwitched
-from anaplot.session.models import diagnosis_of, preceding_models, solve, strip_solutions
+from anaplot.session.models import diagnosis_of, preceding_models, solve
 from anaplot.session.state import SessionState, apply, fold, start
 
 
@@ -38,8 +38,6 @@ def test_solve_equals_the_bridge_on_the_same_measurements(scene: Scene) -> None:
     assert len(bridged.models) == 3
     for model, expected in zip(state.models, bridged.models, strict=True):
         assert_same(solve(state, model), expected)
-    for one, expected in zip(strip_solutions(state, "1"), bridged.models, strict=True):
-        assert_same(one, expected)
 
 
 def test_a_point_switched_off_is_a_point_not_measured(scene: Scene) -> None:
@@ -120,9 +118,3 @@ def test_solutions_are_remembered_per_measurement(scene: Scene) -> None:
     after = apply(state, scene.measurement(state, name, dyr=0.05))
     assert after.current is not None
     assert solve(after, after.current) is not one
-
-
-def test_solutions_of_a_strip_stop_where_one_is_not_computable(scene: Scene) -> None:
-    state = apply(scene.chosen(), ModelAccepted("101", "102"))
-    assert strip_solutions(state, "1") == ()
-    assert strip_solutions(finished(scene), "nowhere") == ()

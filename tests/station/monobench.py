@@ -13,7 +13,7 @@ from anaplot.photogrammetry.block import TestSettings
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.planning.syntheticcamera import with_calibration
 from anaplot.plotter.profile import load_profile
-from anaplot.session.models import strip_solutions
+from anaplot.session.models import solve
 from anaplot.simulation.automatic import AutomaticOperator
 from anaplot.station.station import Station
 
@@ -63,7 +63,7 @@ def finish(station: Station) -> AutomaticOperator:
 
 
 def solutions(station: Station) -> tuple[ModelSolution, ...]:
-    return strip_solutions(station.state, "1")
+    return tuple(solve(station.state, model) for model in station.state.models)
 
 
 def quick_tablet(home: Path, setenv: Callable[[str, str], None]) -> str:

@@ -115,9 +115,7 @@ def _is_fiducial(point: str) -> bool:
     return point.startswith(" ")
 
 
-def transfer_error(
-    left: str, right: str, point: str, dx: float, dy: float, count: int = 1
-) -> dict[Key, Offsets]:
+def transfer_error(left: str, right: str, point: str, dx: float, dy: float) -> dict[Key, Offsets]:
     """Describe a tie that is taken for a detail beside it when it is pointed at again.
 
     Parameters
@@ -128,15 +126,13 @@ def transfer_error(
         The tie.
     dx, dy
         Where the other detail lies [mm], alike in both photos: no parallax gives it away.
-    count
-        For how many pointings.
 
     Returns
     -------
     dict
         For `SimulatedPlotter`'s mistakes.
     """
-    return {(left, right, point): Offsets(dx, dy, dx, dy, count)}
+    return {(left, right, point): Offsets(dx, dy, dx, dy, 1)}
 
 
 class Pointing(NamedTuple):
