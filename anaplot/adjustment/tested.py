@@ -38,6 +38,7 @@ __all__ = [
     "Odds",
     "Partner",
     "Tested",
+    "TestedInMicrometres",
     "Transfer",
     "critical_value",
     "error_odds",
@@ -361,6 +362,39 @@ class Tested(Generic[K]):
         return tuple(
             Transfer(keys[i], keys[j], value) for i, j, value in critical_transfers(self.influence)
         )
+
+
+class TestedInMicrometres(Generic[K]):
+    """A result whose observations are weighted by one a-priori sigma0 in micrometres: base class.
+
+    Attributes
+    ----------
+    apriori_um
+        A-priori sigma0 [um].
+    tested
+        The observations.
+    """
+
+    __test__ = False
+
+    apriori_um: float
+    tested: Tested[K]
+
+    @property
+    def sigma0_um(self) -> float | None:
+        """Estimated sigma0 [um]; None without redundancy."""
+        sigma0 = self.tested.sigma0
+        return None if sigma0 is None else sigma0 * self.apriori_um
+
+    @property
+    def redundancy(self) -> int:
+        """Redundancy."""
+        return self.tested.redundancy
+
+    @property
+    def test(self) -> AppliedTest:
+        """The test that flags rows."""
+        return self.tested.test
 
 
 def examine(

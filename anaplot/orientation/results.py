@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.tested import AppliedTest, Observation, Partner, Tested, Transfer
+from anaplot.adjustment.tested import Observation, Partner, Tested, TestedInMicrometres, Transfer
 from anaplot.aliases import Array, Axis
 from anaplot.orientation.tieerrors import ExactStatistics
 from anaplot.photogrammetry.block import TieVariance
@@ -29,7 +29,7 @@ class ModelPoint(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ModelSolution:
+class ModelSolution(TestedInMicrometres[Row]):
     """One oriented model.
 
     Attributes
@@ -95,22 +95,6 @@ class ModelSolution:
     def name(self) -> str:
         """'left/right'."""
         return f"{self.left}/{self.right}"
-
-    @property
-    def sigma0_um(self) -> float | None:
-        """Estimated sigma0 [um]; None without redundancy."""
-        sigma0 = self.tested.sigma0
-        return None if sigma0 is None else sigma0 * self.apriori_um
-
-    @property
-    def redundancy(self) -> int:
-        """Redundancy."""
-        return self.tested.redundancy
-
-    @property
-    def test(self) -> AppliedTest:
-        """The test that flags rows."""
-        return self.tested.test
 
     @cached_property
     def table(self) -> tuple[Observation[Row], ...]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from anaplot.adjustment.tested import AppliedTest, Observation, Partner, Tested
+from anaplot.adjustment.tested import Observation, Partner, Tested, TestedInMicrometres
 from anaplot.aliases import Axis
 from anaplot.photogrammetry.platetransformation import Placement, PlateTransformation
 
@@ -28,7 +28,7 @@ class DistanceRow(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class InnerOrientation:
+class InnerOrientation(TestedInMicrometres[Fiducial]):
     """The inner orientation of one photograph.
 
     Attributes
@@ -75,22 +75,6 @@ class InnerOrientation:
     def kind(self) -> str:
         """Name of the transformation."""
         return self.transformation.kind
-
-    @property
-    def sigma0_um(self) -> float | None:
-        """Estimated sigma0 [um]; None without redundancy."""
-        sigma0 = self.tested.sigma0
-        return None if sigma0 is None else sigma0 * self.apriori_um
-
-    @property
-    def redundancy(self) -> int:
-        """Redundancy."""
-        return self.tested.redundancy
-
-    @property
-    def test(self) -> AppliedTest:
-        """The test that flags rows."""
-        return self.tested.test
 
     @cached_property
     def rows(self) -> tuple[Observation[Fiducial], ...]:
