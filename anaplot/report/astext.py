@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Iterator
 from itertools import chain, compress
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from anaplot.aliases import Index
-from anaplot.report.columns import cell, column, fitted
+from anaplot.report.columns import PAGE, cell, column, fitted, shortened, wrapped
 from anaplot.report.document import Block, Column, Figure, Line, Listed, Names, Table, Value, Values
 from anaplot.textfiles.wording import plain
 
@@ -34,7 +35,7 @@ def page_text(page: Iterable[Block], *, everything: bool = False) -> str:
 
 def _lines(block: Block, everything: bool) -> Iterator[str]:
     if isinstance(block, Line):
-        yield line_text(block, everything=everything)
+        yield from _folded(block, everything)
     elif isinstance(block, Table):
         yield from table_lines(block, everything=everything)
     elif isinstance(block, Figure):
@@ -51,6 +52,22 @@ def _listed(listed: Listed, everything: bool) -> Iterator[str]:
         yield listed.more.format(len(listed.lines) - most)
 
 
+def _folded(line: Line, everything: bool) -> list[str]:
+    if line.indent is None:
+        return [line_text(line, everything=everything)]
+    indent = " " * line.indent
+    for k, part in enumerate(line.parts):
+        if isinstance(part, Names):
+            before, after = (Line(some) for some in (line.parts[:k], line.parts[k + 1 :]))
+            items, more = _items(part, everything)
+            items += [more.strip()] if more else []
+            head = line_text(before, everything=everything)
+            lines = wrapped(head, items, separator=part.separator, indent=indent)
+            lines[-1] += line_text(after, everything=everything)
+            return lines
+    return textwrap.wrap(line_text(line), PAGE, subsequent_indent=indent) or [""]
+
+
 def line_text(line: Line, *, everything: bool = False) -> str:
     """Return a line."""
     return "".join(_part(part, everything) for part in line.parts)
@@ -65,11 +82,23 @@ def _part(part: str | Value | Names, everything: bool) -> str:
             return _cell(part)
         if value is None:
             return part.none
-        text = format(plain(value) if isinstance(value, str) else value, part.form)
+        text = _name(value, part.form) if isinstance(value, str) else format(value, part.form)
         return f"{text} {part.unit}" if part.unit else text
-    most = len(part.items) if everything or part.most is None else part.most
-    text = part.separator.join(line_text(item, everything=everything) for item in part.items[:most])
-    return text + part.more.format(len(part.items) - most) if len(part.items) > most else text
+    items, more = _items(part, everything)
+    return part.separator.join(items) + more
+
+
+def _items(names: Names, everything: bool) -> tuple[list[str], str]:
+    """Return the items of a list that are shown, and what is said of the others."""
+    count = len(names.items)
+    most = count if everything or names.most is None else names.most
+    items = [line_text(item, everything=everything) for item in names.items[:most]]
+    return items, names.more.format(count - most) if count > most else ""
+
+
+def _name(value: str, form: str) -> str:
+    place, _, most = form.partition(".")
+    return format(shortened(value, int(most)) if most else plain(value), place)
 
 
 def _cell(part: Value) -> str:
@@ -106,7 +135,7 @@ def table_lines(table: Table, *, everything: bool = True) -> list[str]:
         every = chain.from_iterable(zip(*(cells for _, cells in columns), strict=True))
         text = "\n".join([row] * len(chosen)) % tuple(every)
         lines += [line.rstrip() for line in text.split("\n")]
-    if len(chosen) < n:
+    if len(chosen) < n and (table.most is None or table.more):
         lines.append(_left_out(table, len(chosen)))
     return lines
 

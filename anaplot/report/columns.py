@@ -52,8 +52,10 @@ def cell(value: float | None, decimals: int, width: int) -> str:
     return column(fitted(value, decimals, width - 1), width)
 
 
-def wrapped(head: str, items: Iterable[str], *, separator: str = ", ") -> list[str]:
-    """Return lines of items, no item broken, that begin with `head` and go on indented by 4."""
+def wrapped(
+    head: str, items: Iterable[str], *, separator: str = ", ", indent: str = "    "
+) -> list[str]:
+    """Return lines of items, no item broken, that begin with `head` and go on after `indent`."""
     lines = [head]
     empty = True
     for item in items:
@@ -61,7 +63,7 @@ def wrapped(head: str, items: Iterable[str], *, separator: str = ", ") -> list[s
             lines[-1] += separator.rstrip()
         gap = "" if empty and lines[-1].endswith(" ") else " " * (not empty)
         if not empty and len(lines[-1]) + len(gap) + len(item) + 1 > PAGE:
-            lines.append("    " + item)
+            lines.append(indent + item)
         else:
             lines[-1] += gap + item
         empty = False

@@ -54,8 +54,9 @@ class Value:
     value
         None where it does not exist.
     form
-        How it is written, as in `format`; "9.3c" is a cell of a table: 9 characters, a blank
-        before the number or name, at most 3 decimals.
+        How it is written, as in `format`; ".40" of a name leaves out its middle where it has more
+        than 40 characters; "9.3c" is a cell of a table: 9 characters, a blank before the number or
+        name, at most 3 decimals.
     unit
         Stands behind it.
     none
@@ -100,10 +101,14 @@ class Line:
         Literal text, and what is written into it.
     kind
         What it is: "heading" of what follows, "remark", or what needs a "look".
+    indent
+        Blanks before its further lines where it is folded to the width of a page: between two items
+        of the list in it, or without one between two words. None: it is never folded.
     """
 
     parts: tuple[str | Value | Names, ...]
     kind: Kind = "text"
+    indent: int | None = None
 
     def __add__(self, other: Line | str) -> Line:
         added = (other,) if isinstance(other, str) else other.parts
@@ -112,6 +117,10 @@ class Line:
     def of(self, kind: Kind) -> Line:
         """Return this line as one of another kind."""
         return replace(self, kind=kind)
+
+    def folded(self, indent: int = 0) -> Line:
+        """Return this line as one that goes on in further lines."""
+        return replace(self, indent=indent)
 
 
 BLANK = Line(())
@@ -129,7 +138,7 @@ class Listed:
     most
         How many are shown.
     more
-        What is said of the others, with their number in place of {}.
+        What is said of the others, with their number in place of {}; empty: nothing.
     """
 
     lines: tuple[Line, ...]
@@ -239,7 +248,7 @@ class Table:
         How many rows a person reads, unless all are asked for, where it is not for `look` to say:
         the first are the most important.
     more
-        What is said of the others then, with their number in place of {}.
+        What is said of the others then, with their number in place of {}; empty: nothing.
     """
 
     key: str

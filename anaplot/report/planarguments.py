@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from anaplot.report.arguments import (
+    add_output,
     between,
     correlation,
     length,
@@ -110,8 +111,7 @@ def add_block_arguments(block: argparse.ArgumentParser) -> None:
         metavar="M",
         help="standard deviation of control, default 0: free of error",
     )
-    block.add_argument("--json", action="store_true", help="print JSON for programs")
-    block.add_argument("--csv", type=Path, metavar="FILE", help="write the classes as CSV")
+    add_output(block, "the classes", folder=False)
     block.add_argument(
         "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
     )

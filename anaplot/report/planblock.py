@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
@@ -27,11 +25,26 @@ from anaplot.planning.blockplan import (
     weak_photos,
 )
 from anaplot.planning.idealblock import IdealBlock
-from anaplot.report.columns import counted, fitted
-from anaplot.report.csvoutput import check_csv, write_csv
+from anaplot.report.columns import counted
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Block,
+    Column,
+    Document,
+    Line,
+    Listed,
+    for_programs,
+    name,
+    number,
+    say,
+    table,
+    whole,
+)
+from anaplot.report.output import Output
 from anaplot.report.progress import ProgressLine
 
-__all__ = ["run_plan_block", "write_planned"]
+__all__ = ["plan_block_document", "run_plan_block", "write_planned"]
 
 _SHOWN = 6
 _BRIDGING = 2.0  # bases
@@ -52,7 +65,8 @@ def run_plan_block(options: argparse.Namespace) -> int:
     if options.bridging is not None and options.control != "perimeter":
         raise InputError("--bridging goes with --control perimeter")
     outputs = () if options.to is None else block_files(options.to)
-    check_csv(options.csv, {"is written": outputs}, options.to)
+    output = Output.of(options)
+    output.check({"is written": outputs}, options.to)
     plan = BlockPlan(
         strips=options.strips,
         photos=options.photos,
@@ -73,15 +87,10 @@ def run_plan_block(options: argparse.Namespace) -> int:
         progress("block", 0.0)
         made = plan_block(plan)
         block = made.evaluated("free" if plan.control == "none" else "control")
-        classes, weak, accuracy = class_table(block), weak_photos(block), expected_accuracy(block)
+        document = plan_block_document(plan, block)
     if options.to is not None:
         write_planned(options.to, made)
-    if options.csv is not None:
-        _write_csv(options.csv, classes)
-    if options.json:
-        print(json.dumps(_json(block, classes, weak, accuracy), indent=1, allow_nan=False))
-    else:
-        print("\n".join(_lines(plan, block, classes, weak, accuracy)))
+    output.show(document)
     return 0
 
 
@@ -99,112 +108,119 @@ def write_planned(folder: Path, made: IdealBlock) -> None:
         write_control(folder, made.block.control)
 
 
-def _kind(row: PlannedClass) -> str:
-    rays = "4+" if row.kind.rays >= 4 else str(row.kind.rays)
-    control = "control" if row.kind.control else "-"
-    return f"{rays:<4}  {'inner' if row.kind.inner else 'outer':<5}  {control:<7}  {row.kind.axis}"
+_CLASSES = (
+    Column("rays", "rays", 4, form=lambda rays: "4+" if rays >= 4 else str(rays), align="<"),
+    name("ray", "ray", 5),
+    name("point", "point", 7, form=lambda point: "-" if point == "new" else point),
+    name("axis", "axis"),
+    whole("number", "number", 7),
+    number("mean_root", "mean", 2, 6),
+    number("least", "least", 2, 6),
+    number("most", "most", 2, 6),
+    number("mean_r", "mean r", 3, 7),
+    number("mdb_um", "MDB um", 1, 9, unit="um"),
+    Column("untestable", "untestable", 11, form=lambda count: str(count or "")),
+)
+_WEAK = for_programs(*WeakPhoto._fields)
 
 
-def _lines(
-    plan: BlockPlan,
-    block: AdjustedBlock,
-    classes: tuple[PlannedClass, ...],
-    weak: tuple[WeakPhoto, ...],
-    accuracy: Accuracy | None,
-) -> list[str]:
-    problem = block.problem
-    twin = ", twin" if plan.twin else ""
-    cross = f", {plan.cross_strips} across" if plan.cross_strips else ""
-    control = {
-        "perimeter": f"perimeter, bridging {counted(plan.bridging, 'base')}{twin}",
-        "corners": f"corners{twin}",
-        "none": "none: a free network",
-    }[plan.control]
-    lines = [
-        f"PLANNED BLOCK: {counted(plan.strips, 'strip')} of {plan.photos} photos{cross}, "
-        f"{100 * plan.overlap:g} / {100 * plan.sidelap:g} %, {plan.side} x {plan.side} points",
-        f"base {plan.base:.1f} m, strips {plan.spacing:.1f} m apart, 1 : {plan.scale:g}, "
-        f"c {plan.c:g} mm",
-        f"control {control}",
-        f"{len(problem.photos)} photos, {len(problem.points)} points; "
-        f"n {problem.observations}, u {problem.unknowns}, redundancy {block.redundancy}",
-    ]
-    got = block.indicators()
-    lines += [
-        f"mean r: x {got.ri_x:.3f}, y {got.ri_y:.3f}, both {got.ri:.3f}",
-        "",
-        "CLASSES (Gruen 1980): sqrt(q_vv) in a-priori sigmas, smallest detectable error",
-        "  rays  ray    point    axis number  mean least  most mean r   MDB um untestable",
-    ]
-    for row in classes:
-        mdb = fitted(row.mdb_um, 1, 8)
-        line = (
-            f"  {_kind(row)}   {row.number:>7} {row.mean:>5.2f} {row.low:>5.2f} "
-            f"{row.high:>5.2f} {row.r:>6.3f} {mdb:>8} {row.untestable or '':>10}"
-        )
-        lines.append(line.rstrip())
-    lines += ["", "WEAK PHOTOS: smallest mean redundancy number first"]
-    lines += [
-        f"  {photo.photo:<6} {photo.rays:>3} rays  mean r {photo.mean_r:.3f}  "
-        f"least {photo.low_r:.3f} (point {photo.point} {photo.axis})"
-        for photo in weak[:_SHOWN]
-    ]
-    lines += ["", "EXPECTED ACCURACY of new points [m]"]
-    if accuracy is None:
-        lines.append("  every point is control")
-    else:
-        lines.append("           X        Y        Z")
-        lines.append("  rms    " + "  ".join(f"{value:.4f}" for value in accuracy.rms))
-        lines.append("  worst  " + "  ".join(f"{value:.4f}" for value in accuracy.largest))
-        lines.append("  there  " + "  ".join(f"{name:<6}" for name in accuracy.points).rstrip())
-    return lines
+def plan_block_document(plan: BlockPlan, block: AdjustedBlock) -> Document:
+    """Return the document of a planned block.
 
-
-def _json(
-    block: AdjustedBlock,
-    classes: tuple[PlannedClass, ...],
-    weak: tuple[WeakPhoto, ...],
-    accuracy: Accuracy | None,
-) -> dict[str, Any]:
-    problem, got = block.problem, block.indicators()
-    return {
+    Parameters
+    ----------
+    plan
+        The plan.
+    block
+        Its block, evaluated.
+    """
+    problem, indicators = block.problem, block.indicators()
+    classes, accuracy = class_table(block), expected_accuracy(block)
+    rows = ((row.kind.rays, "inner" if row.kind.inner else "outer",
+             "control" if row.kind.control else "new", row.kind.axis, *row[1:])
+            for row in classes)  # fmt: skip
+    by_class = table("classes", _CLASSES, rows)
+    weak = table("weak_photos", _WEAK, weak_photos(block))
+    answer: Answer = {
         "photos": len(problem.photos),
         "points": len(problem.points),
         "observations": problem.observations,
         "unknowns": problem.unknowns,
         "redundancy": block.redundancy,
-        "indicators": got._asdict(),
-        "classes": [{**row.kind._asdict(), **_without_kind(row)} for row in classes],
-        "weak_photos": [photo._asdict() for photo in weak],
-        "accuracy_m": None
-        if accuracy is None
-        else {
-            "rms": list(accuracy.rms),
-            "largest": list(accuracy.largest),
-            "largest_at": list(accuracy.points),
-        },
+        "indicators": indicators._asdict(),
+        "classes": [_class_json(row) for row in classes],
+        "weak_photos": weak,
+        "accuracy_m": None if accuracy is None else _accuracy_json(accuracy),
     }
-
-
-def _without_kind(row: PlannedClass) -> dict[str, Any]:
-    found = row._asdict()
-    del found["kind"]
-    return found
-
-
-def _write_csv(path: Path, classes: tuple[PlannedClass, ...]) -> None:
-    write_csv(
-        path,
-        ("rays", "ray", "point", "axis", "number", "mean_root", "least", "most", "mean_r",
-         "mdb_um", "untestable"),
-        (
-            (
-                row.kind.rays,
-                "inner" if row.kind.inner else "outer",
-                "control" if row.kind.control else "new",
-                row.kind.axis,
-                *row[1:],
-            )
-            for row in classes
+    page: tuple[Block, ...] = (
+        *_plan(plan),
+        say(
+            "{photos} photos, {points} points; n {observations}, u {unknowns}, "
+            "redundancy {redundancy}",
+            **answer,
         ),
-    )  # fmt: skip
+        say("mean r: x {ri_x:.3f}, y {ri_y:.3f}, both {ri:.3f}", **answer["indicators"]),
+        BLANK,
+        say("CLASSES (Gruen 1980): sqrt(q_vv) in a-priori sigmas, smallest detectable error").of(
+            "heading"
+        ),
+        by_class,
+        BLANK,
+        say("WEAK PHOTOS: smallest mean redundancy number first").of("heading"),
+        Listed(tuple(_weak(photo) for photo in weak.records()), _SHOWN, ""),
+        BLANK,
+        say("EXPECTED ACCURACY of new points [m]").of("heading"),
+        *_accuracy(accuracy),
+    )
+    return Document(answer, page, (by_class, weak))
+
+
+def _plan(plan: BlockPlan) -> list[Line]:
+    twin = ", twin" if plan.twin else ""
+    control = {
+        "perimeter": f"perimeter, bridging {counted(plan.bridging, 'base')}{twin}",
+        "corners": f"corners{twin}",
+        "none": "none: a free network",
+    }
+    return [
+        say(
+            "PLANNED BLOCK: {} of {} photos{}, {:g} / {:g} %, {side} x {side} points",
+            counted(plan.strips, "strip"),
+            plan.photos,
+            say(", {} across", plan.cross_strips) if plan.cross_strips else say(""),
+            100 * plan.overlap,
+            100 * plan.sidelap,
+            side=plan.side,
+        ).of("heading"),
+        say("base {:.1f} m, strips {:.1f} m apart, 1 : {:g}, c {:g} mm", plan.base, plan.spacing,
+            plan.scale, plan.c),
+        say("control {}", control[plan.control]),
+    ]  # fmt: skip
+
+
+def _weak(photo: Answer) -> Line:
+    return say(
+        "  {photo:<6} {rays:>3} rays  mean r {mean_r:.3f}  least {low_r:.3f} "
+        "(point {point} {axis})",
+        **photo,
+    )
+
+
+def _accuracy(found: Accuracy | None) -> list[Line]:
+    if found is None:
+        return [say("  every point is control")]
+    return [
+        say("           X        Y        Z"),
+        say("  rms    {:.4f}  {:.4f}  {:.4f}", *found.rms),
+        say("  worst  {:.4f}  {:.4f}  {:.4f}", *found.largest),
+        say("  there  {:<6}  {:<6}  {}", *found.points),
+    ]
+
+
+def _class_json(row: PlannedClass) -> Answer:
+    figures = row._asdict()
+    return {**figures.pop("kind")._asdict(), **figures}
+
+
+def _accuracy_json(found: Accuracy) -> Answer:
+    return {"rms": found.rms, "largest": found.largest, "largest_at": found.points}

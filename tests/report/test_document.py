@@ -71,6 +71,19 @@ def test_one_declaration_is_three_renderings() -> None:
     ]
 
 
+def test_a_long_line_goes_on_in_further_lines() -> None:
+    names = named([f"station {k}" for k in range(12)], 10, "and {} more")
+    page = (say("WITHOUT RAYS {:.10}: {}", "north-face-01", names).folded(2),)
+    assert page_text(page).splitlines() == [
+        "WITHOUT RAYS nort...-01: station 0, station 1, station 2, station 3, station 4,",
+        "  station 5, station 6, station 7, station 8, station 9, and 2 more",
+    ]
+    assert "station 11" in page_text(page, everything=True)
+    words = say("{}: {}", "name", "word " * 20).folded()
+    assert [len(line) for line in page_text((words,)).splitlines()] == [80, 24]
+    assert page_text((say("").folded(),)) == ""
+
+
 def test_arrays_are_columns() -> None:
     values = np.array([1.5, np.nan, -0.001])
     columns = (whole("k", "K", 3), number("v", "v", 2, 6), Column("yes", "", None), Column("xy"))
