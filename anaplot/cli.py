@@ -21,6 +21,7 @@ from anaplot.report.adjustarguments import (
     add_compare_arguments,
 )
 from anaplot.report.arguments import positive, whole
+from anaplot.report.innerarguments import add_inner_arguments
 from anaplot.report.planarguments import (
     add_block_arguments,
     add_network_arguments,
@@ -242,6 +243,12 @@ def _replay_watched(options: argparse.Namespace) -> int:
         return station.run(sys.stdout)
     finally:
         station.close()
+
+
+def _inner(options: argparse.Namespace) -> int:
+    from anaplot.report.innercommand import run_inner
+
+    return run_inner(options)
 
 
 def _plotter_list(_: argparse.Namespace) -> int:
@@ -553,11 +560,9 @@ def _parser() -> _Parser:
         "--story", default="", metavar="TEXT", help="what the session is about, for the journal"
     )
 
-    from anaplot.report.innercommand import add_inner_arguments, run_inner
-
     inner = command(
         "inner",
-        run_inner,
+        _inner,
         "inner orientation of measured fiducials",
         "anaplot inner fiducials.toml",
     )

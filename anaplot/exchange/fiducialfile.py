@@ -68,6 +68,8 @@ class FiducialMeasurements:
     ----------
     camera
         The camera of all photographs.
+    camera_file
+        Where it stands.
     sigma_um
         A-priori standard deviation [um] of a measured coordinate.
     test
@@ -77,6 +79,7 @@ class FiducialMeasurements:
     """
 
     camera: CameraCalibration
+    camera_file: Path
     sigma_um: float
     test: TestSettings
     photos: tuple[PhotoFiducials, ...]
@@ -128,6 +131,7 @@ def parse_fiducials(text: str, path: Path) -> FiducialMeasurements:
             raise root.fail("no fiducial is measured", "photo", name)
     return FiducialMeasurements(
         camera=camera,
+        camera_file=stated["camera"],
         sigma_um=stated.get("sigma_um", Precision().image_um),
         test=test,
         photos=tuple(

@@ -127,7 +127,8 @@ def table_lines(table: Table, *, everything: bool = True) -> list[str]:
         if one.head is not None:
             head = one.head
         heads += head
-        units += f"{one.unit if table.units else '':>{len(head)}}"
+        unit = f"{one.unit:{table.units}{len(one.title)}}" if table.units else ""
+        units += f"{unit:>{len(head)}}"
     lines = [heads.rstrip()]
     if table.units:
         lines.append(units.rstrip())

@@ -8,7 +8,7 @@ from typing import Any
 from anaplot.adjustment.tested import Observation
 from anaplot.orientation.results import ModelSolution, Row
 from anaplot.orientation.strip import BridgedStrip
-from anaplot.report.innercontract import photo_json
+from anaplot.report.innerdocument import photo_document
 from anaplot.simulation.automatic import ModelRecord
 from anaplot.simulation.demo import Outcome
 from anaplot.simulation.mistakes import Planted
@@ -121,8 +121,12 @@ def _inners_json(record: ModelRecord) -> list[Json]:
         {
             "photo": inner.photo,
             "side": inner.side,
-            "before": None if inner.before is None else photo_json(inner.photo, inner.before),
-            "after": None if inner.after is None else photo_json(inner.photo, inner.after),
+            "before": None
+            if inner.before is None
+            else photo_document(inner.photo, inner.before).to_dict(),
+            "after": None
+            if inner.after is None
+            else photo_document(inner.photo, inner.after).to_dict(),
             "handled": [
                 {"fiducial": h.point, "axis": h.axis, "action": h.action}
                 for h in record.handled

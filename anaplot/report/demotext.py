@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.photogrammetry.platetransformation import TITLES
-from anaplot.report.innertext import inner_table_lines
+from anaplot.report import astext
+from anaplot.report.innerdocument import fiducial_table
 from anaplot.report.text import table_lines
 from anaplot.simulation.automatic import Handled, InnerRecord, ModelRecord
 from anaplot.simulation.demo import Outcome
@@ -40,13 +41,13 @@ def _inner_story(record: InnerRecord, handled: list[Handled]) -> list[str]:
     title = f"  photo {plain(record.photo)} ({record.side})"
     if handled and record.before is not None:
         lines.append(f"{title}: fiducials measured, {_sigma(record.before.sigma0_um)}")
-        lines += inner_table_lines(record.before)
+        lines += astext.table_lines(fiducial_table(record.before))
         lines += _actions(handled)
     if record.after is None:
         return lines
     lines.append(f"{title}: {TITLES[record.after.kind]} accepted, {_sigma(record.after.sigma0_um)}")
     if handled:
-        lines += inner_table_lines(record.after)
+        lines += astext.table_lines(fiducial_table(record.after))
     return lines
 
 

@@ -34,6 +34,7 @@ __all__ = [
     "named",
     "number",
     "say",
+    "stacked",
     "table",
     "whole",
 ]
@@ -243,7 +244,8 @@ class Table:
         Keys (or titles, of columns for people only) of what a person reads, in this order; None:
         every column that has a width.
     units
-        Whether the units stand in a line of their own under the heading.
+        How units stand in a line of their own under the titles: ">" at their right, "^" in their
+        middle; empty: not at all.
     most
         How many rows a person reads, unless all are asked for, where it is not for `look` to say:
         the first are the most important.
@@ -256,7 +258,7 @@ class Table:
     values: tuple[Values, ...]
     look: NDArray[np.bool_] | None = None
     shown: tuple[str, ...] | None = None
-    units: bool = False
+    units: Literal["", ">", "^"] = ""
     most: int | None = None
     more: str = "    and {} more"
 
@@ -296,13 +298,36 @@ def table(
     *,
     look: Iterable[bool] | None = None,
     shown: tuple[str, ...] | None = None,
-    units: bool = False,
+    units: Literal["", ">", "^"] = "",
 ) -> Table:
     """Return a table of rows: each has a value for every column."""
     declared = tuple(columns)
     values = tuple(zip(*rows, strict=True)) or ((),) * len(declared)
     marked = None if look is None else np.array(list(look), dtype=bool)
     return Table(key, declared, values, marked, shown, units)
+
+
+def stacked(
+    key: str,
+    leading: Iterable[Column],
+    columns: Iterable[Column],
+    parts: Iterable[tuple[Sequence[Any], Table]],
+) -> Table:
+    """Return one table of several that have the same columns, as one file holds them.
+
+    Parameters
+    ----------
+    key
+        Its name.
+    leading
+        Columns before theirs: what a table belongs to.
+    columns
+        Theirs.
+    parts
+        Of each table the values of the leading columns, and the table.
+    """
+    rows = ((*of, *cells) for of, one in parts for cells in zip(*one.values, strict=True))
+    return table(key, (*leading, *columns), rows)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

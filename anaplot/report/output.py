@@ -67,9 +67,11 @@ class Output(NamedTuple):
         if self.to is not None:
             _write_folder(self.to, document)
         if self.as_json:
-            text = json_text(document.answer)
-        else:
-            text = page_text(document.page, everything=self.everything)
+            self._print(json_text(document.answer))
+        elif document.page:
+            self._print(page_text(document.page, everything=self.everything))
+
+    def _print(self, text: str) -> None:
         print(text, file=sys.stdout if self.stream is None else self.stream)
 
 

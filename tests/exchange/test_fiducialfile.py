@@ -56,6 +56,7 @@ def test_everything_the_example_states_is_read(folder):
     file = read_fiducials(path)
     assert file == FiducialMeasurements(
         camera=file.camera,
+        camera_file=folder / "rmk.toml",
         sigma_um=4.0,
         test=TestSettings("baarda", 0.01),
         photos=(

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from wild import wild, words
+from wild import text_of, wild, words
 
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import read_camera
 from anaplot.exchange.fiducialfile import read_fiducials
 from anaplot.photogrammetry.inner import TRANSFORMATIONS, orient_inner
 from anaplot.photogrammetry.platetransformation import Placement, PlateTransformation
-from anaplot.report.innercommand import INNER_HELP, add_inner_arguments, run_inner
-from anaplot.report.innercontract import inner_json
-from anaplot.report.innertext import camera_remarks, inner_printout, inner_table_lines
+from anaplot.report.astext import table_lines
+from anaplot.report.innerarguments import INNER_HELP, add_inner_arguments
+from anaplot.report.innercommand import orient_photos, run_inner
+from anaplot.report.innerdocument import fiducial_table, inner_document, photo_document
 
 CAMERA = """\
 format = 1
@@ -231,26 +233,49 @@ def test_a_mirrored_plate_is_said_to_be_one(make_file, capsys):
 
 def test_names_never_reach_the_terminal_as_commands(make_file):
     file = read_fiducials(make_file({"101": (8, None)}))
-    inner = orient_inner(file.camera, {f: (x, y) for f, x, y in file.photos[0].measured})
-    text = inner_printout("1\x1b[2J01", inner)
+    ((_, inner),) = orient_photos(file)
+    text = text_of(photo_document("1\x1b[2J01", inner))
     assert all(line.isprintable() for line in text.split("\n"))
     assert r"1\x1b[2J01" in text
 
 
 def test_columns_never_touch(make_file):
-    file = read_fiducials(make_file({"101": (8, None)}))
-    inner = orient_inner(file.camera, {f: (x, y) for f, x, y in file.photos[0].measured})
-    usual, large = (inner_table_lines(one) for one in (inner, wild(inner)))
-    assert words("\n".join(usual)) == words("\n".join(large))
+    ((_, inner),) = orient_photos(read_fiducials(make_file({"101": (8, None)})))
+    usual, large = (fiducial_table(one) for one in (inner, wild(inner)))
+    assert words("\n".join(table_lines(usual))) == words("\n".join(table_lines(large)))
 
 
 def test_what_the_camera_leaves_open(make_file):
     camera = read_fiducials(make_file({"101": (8, None)})).camera
-    (remark,) = camera_remarks(camera)
-    assert remark.endswith("up to radius 148 mm; beyond it, its last value is held")
-    assert camera_remarks(replace(camera, radial=None)) == []
-    assert camera_remarks(replace(camera, format=(200.0, 200.0))) == []
-    assert inner_json(camera, []) == {"camera": "rmk", "photos": []}
+    text = text_of(inner_document(camera, []))
+    assert text.endswith("up to radius 148 mm; beyond it, its last value is held")
+    assert inner_document(replace(camera, radial=None), []).page == ()
+    assert inner_document(replace(camera, format=(200.0, 200.0)), []).page == ()
+    assert inner_document(camera, []).to_dict() == {"camera": "rmk", "photos": []}
+
+
+def test_one_file_holds_the_fiducials_of_all_photos(make_file, capsys, tmp_path):
+    path, written = (
+        make_file({"101": (8, 1), "102": (2, None), "103": (4, None)}),
+        tmp_path / "f.csv",
+    )
+    assert run_inner(options(path, "--json", "--csv", written, "--to", tmp_path / "all")) == 4
+    photos = json.loads(capsys.readouterr().out)["photos"]
+    with written.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    told = [{"photo": p["photo"], **row} for p in photos for row in p.get("table", ())]
+    assert len(rows) == len(told) == 2 * (8 + 4)
+    for row, same in zip(rows, told, strict=True):
+        assert list(row) == list(same)
+        assert row["photo"] == same["photo"]
+        assert row["flagged"] == str(int(same["flagged"]))
+        assert float(row["redn"]) == same["redn"]
+    names = ["distances.csv", "fiducials.csv", "summary.json"]
+    assert sorted(one.name for one in (tmp_path / "all").iterdir()) == names
+    assert (tmp_path / "all" / "fiducials.csv").read_bytes() == written.read_bytes()
+    for read in (path, tmp_path / "rmk.toml"):
+        with pytest.raises(InputError, match="it is read"):
+            run_inner(options(path, "--csv", read))
 
 
 def test_the_help_names_every_transformation_and_is_true(tmp_path):

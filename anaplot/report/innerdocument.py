@@ -1,0 +1,206 @@
+"""Inner orientations as a document: the table, how the plate lies, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import degrees
+
+from anaplot.adjustment.tested import Observation
+from anaplot.photogrammetry.camera import CameraCalibration, RadialTable
+from anaplot.photogrammetry.inner import InnerOrientation
+from anaplot.photogrammetry.inneradvice import inner_advice
+from anaplot.photogrammetry.innerresults import Fiducial
+from anaplot.photogrammetry.platetransformation import TITLES
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Block,
+    Document,
+    Line,
+    Table,
+    for_programs,
+    name,
+    number,
+    say,
+    stacked,
+    table,
+)
+
+__all__ = ["fiducial_table", "inner_document", "photo_document"]
+
+_FIDUCIALS = (
+    name("fiducial", "FIDUCIAL", 8),
+    name("axis", head="  "),
+    number("redn", "RED-N", 3, 8),
+    number("residual_um", "RESID", 1, 8, unit="um"),
+    number("expd_um", "EXPD", 1, 8, unit="um"),
+    number("sigf", "SIGF", 2, 8),
+    *for_programs("flagged"),
+    number("mdb_um", "MDB", 1, 8, unit="um"),
+    *for_programs("probability"),
+    name("", "verdict", head=""),
+)
+_DISTANCES = for_programs("first", "second", "mm", "difference_um")
+_PHOTO = for_programs("photo")
+_TWO_SCALES = ("scales", "affine", "bilinear", "projective")
+_SHEARED = ("affine", "bilinear", "projective")
+
+
+def inner_document(
+    camera: CameraCalibration, photos: Sequence[tuple[str, InnerOrientation | str]]
+) -> Document:
+    """Return the document of photographs of one camera.
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    photos
+        Name and inner orientation of each photograph, or why there is none.
+    """
+    oriented = [(one, found) for one, found in photos if not isinstance(found, str)]
+    parts = {one: photo_document(one, found) for one, found in oriented}
+    answers = [
+        {"photo": one, "error": found} if isinstance(found, str) else parts[one].answer
+        for one, found in photos
+    ]
+    page = [block for part in parts.values() for block in (*part.page, BLANK)]
+    tables = [
+        stacked(key, _PHOTO, columns, (((one,), part.tables[k]) for one, part in parts.items()))
+        for k, (key, columns) in enumerate((("fiducials", _FIDUCIALS), ("distances", _DISTANCES)))
+    ]
+    answer = {"camera": camera.id, "photos": answers}
+    return Document(answer, (*page, *_camera_remarks(camera)), tuple(tables))
+
+
+def photo_document(photo: str, inner: InnerOrientation) -> Document:
+    """Return the document of one photograph: residuals in um, plate coordinates in mm.
+
+    Programs read angles in radians, people in degrees. In "plate_to_image" (xi, eta) = frame
+    (1, x, y); image x and y = numerator (1, xi, eta, xi eta) over 1 + denominator (xi, eta).
+    """
+    place, made = inner.placement, inner.transformation
+    shrunk_x, shrunk_y = place.shrinkage_ppm
+    fiducials = fiducial_table(inner)
+    distances = table("distances", _DISTANCES, inner.distances)
+    answer: Answer = {
+        "photo": photo,
+        "transformation": inner.kind,
+        "sigma0_um": inner.sigma0_um,
+        "apriori_um": inner.apriori_um,
+        "redundancy": inner.redundancy,
+        "iterations": inner.iterations,
+        "test": {
+            "kind": inner.test.kind,
+            "alpha": inner.test.alpha,
+            "critical": inner.test.critical,
+            "power": inner.tested.power,
+            "sigma0_limit_um": inner.overall,
+        },
+        "refused": inner.refused,
+        "locatable": inner.locatable,
+        "table": fiducials,
+        "odds": {"none": inner.tested.odds.none},
+        "partners": [partner._asdict() for partner in inner.partners],
+        "distances": distances,
+        "placement": {
+            "x": place.x,
+            "y": place.y,
+            "rotation": place.rotation,
+            "shear": place.shear,
+            "scale_x": place.scale_x,
+            "scale_y": place.scale_y,
+            "mirrored": place.mirrored,
+            "shrinkage_x_ppm": shrunk_x,
+            "shrinkage_y_ppm": shrunk_y,
+        },
+        "plate_to_image": {
+            "frame": made.frame,
+            "numerator": made.numerator,
+            "denominator": made.denominator,
+        },
+        "unmeasured": list(inner.unmeasured),
+        "advice": list(inner_advice(inner)),
+    }
+    page: list[Block] = [*_summary(photo, inner), BLANK, fiducials, BLANK]
+    if inner.distances:
+        page += [
+            say("  DISTANCES [mm], transformed minus calibrated [um]"),
+            *(say("  {} - {}  {:.3f}{:8.1c}", *row) for row in inner.distances),
+            BLANK,
+        ]
+    page += [say("  {}", sentence) for sentence in answer["advice"]]
+    return Document(answer, tuple(page), (fiducials, distances))
+
+
+def fiducial_table(inner: InnerOrientation) -> Table:
+    """Return the table of a photograph's fiducials.
+
+    RED-N redundancy number, RESID residual (adjusted minus measured), EXPD its expected standard
+    deviation, SIGF their ratio, MDB smallest detectable error; all but RED-N and SIGF in um.
+    """
+    suspect = inner.flagged[0].key if inner.flagged and inner.locatable else None
+    verdicts = [_verdict(row, suspect) for row in inner.rows]
+    rows = (
+        (row.point, row.axis, row.r, row.residual, row.expected, row.size, row.flagged, row.mdb,
+         row.probability, verdict)
+        for row, verdict in zip(inner.rows, verdicts, strict=True)
+    )  # fmt: skip
+    return table("fiducials", _FIDUCIALS, rows, look=map(bool, verdicts), units=">")
+
+
+def _verdict(row: Observation[Fiducial], suspect: Fiducial | None) -> str:
+    if row.flagged:
+        return "<< REMEASURE" if row.key == suspect else "< flagged"
+    return "not testable" if row.mdb is None else ""
+
+
+def _summary(photo: str, inner: InnerOrientation) -> list[Line]:
+    place, test = inner.placement, inner.test
+    shrunk_x, shrunk_y = place.shrinkage_ppm
+    tested = say(
+        "  test      {0.kind}, alpha {0.alpha:g}, critical value {0.critical:.2f||none}", test
+    )
+    if inner.overall is not None:
+        tested += say(", sigma0 at most {:.2f} um", inner.overall)
+    if inner.tested.power is not None:
+        tested += say(", power {:.2f} at MDB", inner.tested.power)
+    turned = say("  rotation  {:.5f} deg", degrees(place.rotation))
+    if inner.kind in _SHEARED:
+        turned += say(", shear {:.5f} deg", degrees(place.shear))
+    if place.mirrored:
+        turned += ", seen from behind"
+    scaled = say("  scale     x {0.scale_x:.6f}  y {0.scale_y:.6f}, film shrinkage ", place)
+    if inner.kind in _TWO_SCALES:
+        scaled += say("x {:.0f}  y {:.0f} ppm", shrunk_x, shrunk_y)
+    else:
+        scaled += say("{:.0f} ppm", shrunk_x)
+    return [
+        say("PHOTO {}  camera {}", photo, inner.camera).of("heading"),
+        say("  found     {}", TITLES[inner.kind]),
+        say(
+            "  sigma0    {0.sigma0_um:.2f|um|none}, a priori {0.apriori_um:g} um, "
+            "redundancy {0.redundancy}",
+            inner,
+        ),
+        tested,
+        say("  origin    x {0.x:.4f}  y {0.y:.4f} mm on the plate", place),
+        turned,
+        scaled,
+    ]
+
+
+def _camera_remarks(camera: CameraCalibration) -> list[Line]:
+    """Return sentences on what a camera's calibration leaves open."""
+    if not isinstance(camera.radial, RadialTable):
+        return []
+    end = camera.radial.radius[-1]
+    corner = None if camera.format is None else 0.5 * sum(side**2 for side in camera.format) ** 0.5
+    if corner is not None and end >= corner:
+        return []
+    said = say(
+        "camera {}: the distortion is calibrated up to radius {:g} mm; beyond it, its last value "
+        "is held",
+        *(camera.id, end),
+    )
+    return [said.of("remark")]
