@@ -22,6 +22,7 @@ __all__ = [
     "USUAL_BASE",
     "USUAL_C",
     "USUAL_D",
+    "PatternReliability",
     "Place",
     "PlannedPattern",
     "PointAdvice",
@@ -31,6 +32,7 @@ __all__ = [
     "advise_points",
     "from_pattern",
     "grid",
+    "pattern_reliability",
     "solve",
 ]
 
@@ -110,6 +112,27 @@ class PointSetAdvice(NamedTuple):
     after: float
 
 
+class PatternReliability(NamedTuple):
+    """What a pattern is worth, and what would help it.
+
+    Attributes
+    ----------
+    plan
+        The pattern.
+    solution
+        Its model.
+    advice
+        Further points, the most helpful first.
+    sets
+        The best two and the best four together.
+    """
+
+    plan: PlannedPattern
+    solution: ModelSolution
+    advice: tuple[PointAdvice, ...]
+    sets: tuple[PointSetAdvice, ...]
+
+
 def from_pattern(pattern: Pattern, base: float, d: float, c: float) -> PlannedPattern:
     """Return a named pattern as planned points; lengths in mm."""
     points = tuple((label, x, y) for label, (x, y) in pattern.positions(base, d).items())
@@ -133,6 +156,34 @@ def solve(plan: PlannedPattern, tie_variance: TieVariance = "paper") -> ModelSol
             f"not determined: base {plan.base:g} mm, c {plan.c:g} mm and the extent of the points "
             "are too far apart"
         ) from None
+
+
+def pattern_reliability(
+    plan: PlannedPattern, x: Span, y: Span, tie_variance: TieVariance = "exact"
+) -> PatternReliability:
+    """Return what a pattern is worth, and which further points would help it most.
+
+    Parameters
+    ----------
+    plan
+        The pattern.
+    x, y
+        Where a further point may lie: from, to [mm].
+    tie_variance
+        How the ties err.
+
+    Raises
+    ------
+    NotComputableError
+        The points do not determine the model.
+    """
+    places = grid(x, y)
+    return PatternReliability(
+        plan,
+        solve(plan, tie_variance),
+        advise_points(plan, places, tie_variance),
+        advise_point_sets(plan, places, tie_variance),
+    )
 
 
 def grid(x: Span, y: Span, steps: int = 5) -> tuple[tuple[float, float], ...]:

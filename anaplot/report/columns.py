@@ -62,7 +62,7 @@ def wrapped(
         if not empty:
             lines[-1] += separator.rstrip()
         gap = "" if empty and lines[-1].endswith(" ") else " " * (not empty)
-        if not empty and len(lines[-1]) + len(gap) + len(item) + 1 > PAGE:
+        if not empty and len(lines[-1]) + len(gap) + len(item) + len(separator.rstrip()) > PAGE:
             lines.append(indent + item)
         else:
             lines[-1] += gap + item

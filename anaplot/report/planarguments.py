@@ -54,8 +54,7 @@ def add_pattern_arguments(show: argparse.ArgumentParser) -> None:
         default="exact",
         help="how the ties err, default exact",
     )
-    show.add_argument("--json", action="store_true", help="print JSON for programs")
-    show.add_argument("--csv", type=Path, metavar="FILE", help="write the rows as CSV")
+    add_output(show, "the rows")
 
 
 def add_block_arguments(block: argparse.ArgumentParser) -> None:

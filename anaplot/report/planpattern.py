@@ -3,92 +3,179 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.tested import Transfer
 from anaplot.errors import InputError
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.patterns import PATTERNS, pattern, trace_in_bases
-from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.results import Row
 from anaplot.planning.patternplan import (
     USUAL_BASE,
     USUAL_D,
+    PatternReliability,
+    Place,
     PlannedPattern,
     PointAdvice,
     PointSetAdvice,
     Span,
-    advise_point_sets,
-    advise_points,
     from_pattern,
-    grid,
-    solve,
+    pattern_reliability,
 )
-from anaplot.report.csvoutput import check_csv, write_csv
-from anaplot.report.plantext import advice_lines, drawing, set_lines, transfer_lines
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Block,
+    Document,
+    Figure,
+    Line,
+    Names,
+    for_programs,
+    say,
+    table,
+)
+from anaplot.report.output import Output
+from anaplot.report.patterndrawing import drawing
 from anaplot.textfiles.wording import place, quoted
 
-__all__ = ["pattern_json", "run_plan_pattern"]
+__all__ = ["plan_pattern_document", "run_plan_pattern"]
 
 _SHOWN = 5
 _FILES = (".csv", ".toml")
 _LEAST_BASE = 1e-3  # mm
 
 
-def pattern_json(
-    plan: PlannedPattern,
-    solution: ModelSolution,
-    advice: tuple[PointAdvice, ...],
-    sets: tuple[PointSetAdvice, ...],
-) -> dict[str, Any]:
-    """Return what `--json` prints."""
-    r = [row.r for row in solution.table]
-    return {
-        "points": [
-            {"label": label, "x_mm": x, "y_mm": y, "tie": label in plan.ties}
-            for label, x, y in plan.points
-        ],
+_EQUAL = 5e-4  # nothing is gained where people read the same three decimals
+
+_ROWS = for_programs("point", "x_mm", "y_mm", "axis", "redn")
+_POINTS = for_programs("label", "x_mm", "y_mm", "tie")
+_PLACES = ("x_mm", "y_mm", "doubles", "tie")
+
+
+def plan_pattern_document(
+    title: str, found: PatternReliability, *, base_derived: bool = False
+) -> Document:
+    """Return the document of a point pattern.
+
+    Parameters
+    ----------
+    title
+        Name of the pattern, or of its file.
+    found
+        What it is worth.
+    base_derived
+        Whether the base follows from the points.
+    """
+    plan, solution = found.plan, found.solution
+    transfers = diagnose(solution).transfers
+    at = {label: (x, y) for label, x, y in plan.points}
+    rows = table(
+        "rows", _ROWS, ((row.point, *at[row.point], row.axis, row.r) for row in solution.table)
+    )
+    points = table("points", _POINTS, ((*one, one[0] in plan.ties) for one in plan.points))
+    expected = np.sqrt(np.maximum(np.diag(solution.q_vv), 0.0)).tolist()
+    answer: Answer = {
+        "points": points,
         "tie_variance": solution.tie_variance,
         "rows": [
-            {"point": r.point, "axis": r.axis, "redn": r.r, "expd": max(q, 0.0) ** 0.5}
-            for r, q in zip(solution.table, np.diag(solution.q_vv).tolist(), strict=True)
+            {"point": row.point, "axis": row.axis, "redn": row.r, "expd": expd}
+            for row, expd in zip(solution.table, expected, strict=True)
         ],
-        "n": len(r),
+        "n": len(rows),
         "base_mm": plan.base,
-        "mean_redn": float(np.mean(r)),
+        "mean_redn": float(np.mean([row.r for row in solution.table])),
         "trace_q_gg": trace_in_bases(solution, plan.base),
-        "transfers": [
-            {"source": list(t.source), "target": list(t.target), "value": t.value}
-            for t in diagnose(solution).transfers
-        ],
+        "transfers": [one._asdict() for one in transfers],
         "advice": [
-            {
-                "x_mm": a.x,
-                "y_mm": a.y,
-                "doubles": a.doubles,
-                "tie": a.tie,
-                "before": a.before,
-                "after": a.after,
-            }
-            for a in advice[:_SHOWN]
+            _place_json((one.x, one.y, one.doubles, one.tie))
+            | {"before": one.before, "after": one.after}
+            for one in found.advice[:_SHOWN]
         ],
         "advice_sets": [
             {
-                "points": [
-                    {"x_mm": x, "y_mm": y, "doubles": doubles, "tie": tie}
-                    for x, y, doubles, tie in one.places
-                ],
+                "points": [_place_json(place) for place in one.places],
                 "symmetric": one.symmetric,
                 "before": one.before,
                 "after": one.after,
             }
-            for one in sets
+            for one in found.sets
         ],
+        "base_derived": base_derived,
     }
+    page: list[Block] = [
+        say("PATTERN {}: redundancy numbers at the points", quoted(title)).of("heading")
+    ]
+    if plan.ties:
+        page.append(say("tie variance {}", solution.tie_variance))
+    if base_derived:
+        base = say("base {:g} mm: the largest x of the points, as no --base is given", plan.base)
+        page.append(base.of("remark"))
+    page += [
+        BLANK,
+        Figure("pattern", (plan, solution, transfers), lambda data: drawing(*data)),
+        BLANK,
+        say("n {n}   mean r {mean_redn:.3f}   trace Q_gg {trace_q_gg:.2f} (lengths in bases)",
+            **answer),
+        *_transfers(transfers),
+        _advice(found.advice[0]),
+        *_sets(found.sets),
+    ]  # fmt: skip
+    return Document(answer, tuple(page), (rows, points))
+
+
+def _place_json(place: Place) -> Answer:
+    return dict(zip(_PLACES, place, strict=True))
+
+
+def _transfers(transfers: tuple[Transfer[Row], ...]) -> list[Line]:
+    """Return one arrow per critical transfer, with its value."""
+    if not transfers:
+        return [say("no critical transfers")]
+    return [
+        say("critical transfers (an error in the first shows at least as large in the second)"),
+        *(say("  {} ({}) --> {} ({})  {:+.3f}", *one.source, *one.target, one.value)
+          for one in transfers),
+    ]  # fmt: skip
+
+
+def _advice(best: PointAdvice) -> Line:
+    """Return what one further point would do for the weakest redundancy number."""
+    if best.after <= best.before + _EQUAL:
+        return say(
+            "no further point tried raises the weakest redundancy number {:.3f}", best.before
+        )
+    what = _further((best.x, best.y, best.doubles, best.tie), "one more point at ")
+    effect = say(
+        "helps the weakest redundancy number most: {:.3f} -> {:.3f}", best.before, best.after
+    )
+    return say("{}", Names((what, effect), separator=" ")).folded(2)
+
+
+def _sets(best: tuple[PointSetAdvice, ...]) -> Iterator[Line]:
+    """Return what several further points together would do for it."""
+    for one in best:
+        count = {2: "two", 4: "four"}.get(len(one.places), str(len(one.places)))
+        if one.after <= one.before + _EQUAL:
+            yield say("no {} points tried do either", count)
+            continue
+        mirrored = ", symmetric" if one.symmetric else ""
+        yield say("the best {} together{}: {:.3f} -> {:.3f}", count, mirrored, one.before,
+                  one.after)  # fmt: skip
+        yield from (say("  ") + _further(place, "a point at ") for place in one.places)
+
+
+def _further(place: Place, at: str) -> Line:
+    x, y, doubles, tie = place
+    what = say("a double of {}", doubles)
+    if doubles is None:
+        what = say("{}x {:.1f}, y {:.1f} mm", at, x, y)
+    return what + (" as a tie" if tie else "")
 
 
 class _Planned(NamedTuple):
@@ -150,37 +237,10 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     """
     path = Path(options.pattern)
     from_file = path.suffix.lower() in _FILES
-    check_csv(options.csv, {"is read": (path,) if from_file else ()})
+    output = Output.of(options)
+    output.check({"is read": (path,) if from_file else ()})
     planned = _planned(options)
-    plan = planned.plan
-    solution = solve(plan, options.tie_variance)
-    places = grid(planned.x, planned.y)
-    advice = advise_points(plan, places, options.tie_variance)
-    sets = advise_point_sets(plan, places, options.tie_variance)
-    if options.csv is not None:
-        at = {label: (x, y) for label, x, y in plan.points}
-        write_csv(
-            options.csv,
-            ("point", "x_mm", "y_mm", "axis", "redn"),
-            ((r.point, *at[r.point], r.axis, r.r) for r in solution.table),
-        )
-    if options.json:
-        answer = pattern_json(plan, solution, advice, sets)
-        answer["base_derived"] = planned.base_derived
-        print(json.dumps(answer, indent=1, allow_nan=False))
-        return 0
+    found = pattern_reliability(planned.plan, planned.x, planned.y, options.tie_variance)
     title = path.name if from_file else options.pattern
-    r = [row.r for row in solution.table]
-    print(f"PATTERN {quoted(title)}: redundancy numbers at the points")
-    if plan.ties:
-        print(f"tie variance {options.tie_variance}")
-    if planned.base_derived:
-        print(f"base {plan.base:g} mm: the largest x of the points, as no --base is given")
-    transfers = diagnose(solution).transfers
-    print("\n".join(["", *drawing(plan, solution, transfers), ""]))
-    print(
-        f"n {len(r)}   mean r {np.mean(r):.3f}   "
-        f"trace Q_gg {trace_in_bases(solution, plan.base):.2f} (lengths in bases)"
-    )
-    print("\n".join((*transfer_lines(transfers), *advice_lines(advice[0]), *set_lines(sets))))
+    output.show(plan_pattern_document(title, found, base_derived=planned.base_derived))
     return 0

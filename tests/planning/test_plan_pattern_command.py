@@ -11,7 +11,7 @@ import pytest
 from anaplot.adjustment.tested import Transfer
 from anaplot.cli import main
 from anaplot.planning.patternplan import PlannedPattern
-from anaplot.report.plantext import drawing
+from anaplot.report.patterndrawing import drawing
 
 LENGTHS = ["--base", "90", "--d", "100", "--c", "152"]
 
@@ -63,13 +63,21 @@ def test_a_file_says_the_same_as_the_name(capsys, tmp_path):
 
 def test_text_and_csv(capsys, tmp_path):
     path = tmp_path / "rows.csv"
-    assert main(["plan", "pattern", "6", *LENGTHS, "--csv", str(path)]) == 0
+    folder = tmp_path / "tables"
+    call = ["plan", "pattern", "6", *LENGTHS, "--csv", str(path), "--to", str(folder)]
+    assert main(call) == 0
     text = capsys.readouterr().out
     assert "y 0.083" in text
     assert "1 (y) --> 2 (y)" in text
     assert "helps the weakest redundancy number most: 0.083 -> " in text
     with path.open(newline="") as file:
         assert [row["point"] for row in csv.DictReader(file)] == list("123456")
+    assert (folder / "rows.csv").read_bytes() == path.read_bytes()
+    assert (folder / "points.csv").read_text().splitlines()[:2] == [
+        "label,x_mm,y_mm,tie",
+        f"1,0.0,{LENGTHS[3]}.0,0",
+    ]
+    assert json.loads((folder / "summary.json").read_text())["n"] == 6
 
 
 @pytest.mark.parametrize(

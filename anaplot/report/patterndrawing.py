@@ -9,11 +9,11 @@ from typing import NamedTuple
 from anaplot.adjustment.tested import Transfer
 from anaplot.aliases import Axis
 from anaplot.orientation.results import ModelSolution, Row
-from anaplot.planning.patternplan import Place, PlannedPattern, PointAdvice, PointSetAdvice
+from anaplot.planning.patternplan import PlannedPattern
 from anaplot.report.columns import cell
 from anaplot.textfiles.wording import plain
 
-__all__ = ["advice_lines", "drawing", "set_lines", "transfer_lines"]
+__all__ = ["drawing"]
 
 _LINE = 80
 _WIDEST, _NARROWEST = 20, 11
@@ -188,44 +188,3 @@ def _listed(plan: PlannedPattern, r: Mapping[Row, float]) -> list[str]:
             f"{cell(r[label, 'y'], 3, 10)}{tie}"
         )
     return lines
-
-
-def transfer_lines(transfers: tuple[Transfer[Row], ...]) -> list[str]:
-    """Return one arrow per critical transfer, with its value."""
-    if not transfers:
-        return ["no critical transfers"]
-    lines = ["critical transfers (an error in the first shows at least as large in the second)"]
-    for t in transfers:
-        first, second = (f"{plain(point)} ({axis})" for point, axis in (t.source, t.target))
-        lines.append(f"  {first} --> {second}  {t.value:+.3f}")
-    return lines
-
-
-def advice_lines(best: PointAdvice) -> list[str]:
-    """Return what one further point would do for the weakest redundancy number."""
-    if best.after <= best.before + 5e-4:
-        return [f"no further point tried raises the weakest redundancy number {best.before:.3f}"]
-    what = _further((best.x, best.y, best.doubles, best.tie), "one more point at ")
-    effect = f"helps the weakest redundancy number most: {best.before:.3f} -> {best.after:.3f}"
-    line = f"{what} {effect}"
-    return [line] if len(line) <= _LINE else [what, f"  {effect}"]
-
-
-def set_lines(best: Iterable[PointSetAdvice]) -> list[str]:
-    """Return what several further points together would do for it."""
-    out = []
-    for one in best:
-        count = {2: "two", 4: "four"}.get(len(one.places), str(len(one.places)))
-        if one.after <= one.before + 5e-4:
-            out.append(f"no {count} points tried do either")
-            continue
-        mirrored = ", symmetric" if one.symmetric else ""
-        out.append(f"the best {count} together{mirrored}: {one.before:.3f} -> {one.after:.3f}")
-        out += [f"  {_further(place, 'a point at ')}" for place in one.places]
-    return out
-
-
-def _further(place: Place, at: str) -> str:
-    x, y, doubles, tie = place
-    what = f"{at}x {x:.1f}, y {y:.1f} mm" if doubles is None else f"a double of {plain(doubles)}"
-    return what + (" as a tie" if tie else "")
