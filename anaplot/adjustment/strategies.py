@@ -26,8 +26,9 @@ all. None rejects more rows than half of the redundancy.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Literal, NamedTuple
 
@@ -50,13 +51,14 @@ from anaplot.adjustment.pairodds import MOST_ROWS_OF_PAIRS, pair_odds, pair_odds
 from anaplot.adjustment.partners import WEAK, Proposals
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
 from anaplot.adjustment.residualsystem import ResidualSystem
-from anaplot.adjustment.reweighting import SETTLED, Reweighting, reweight
+from anaplot.adjustment.reweighting import SETTLED, reweight
 from anaplot.adjustment.search import search
 from anaplot.adjustment.setodds import MostProbableSet, most_probable_set, set_odds
 from anaplot.adjustment.significance import TESTABLE, critical_normal
 from anaplot.adjustment.stepwise import (
     NO_SIGMA,
     ModelRule,
+    Rule,
     bring_back,
     rule_of,
     stepwise,
@@ -140,55 +142,36 @@ def find_gross_errors(
     n = len(system.e)
     if used.pairs and n > MOST_ROWS_OF_PAIRS:
         raise ValueError(f"odds over pairs of {n} rows: at most {MOST_ROWS_OF_PAIRS}")
-    allowed = np.ones(n, dtype=bool) if suspects is None else np.asarray(suspects, dtype=bool)
-    most = used.room(system.redundancy)
-    seen = Watch() if watch is None else watch
-    critical = critical_normal(used.alpha)
-    rule = rule_of(strategy, used.alpha)
-    weights: Array | None = None
-    counts: ModelRule | None = None
-    remarks: list[str] = []
+    task = _Task.of(system, used, suspects, watch)
     if strategy == "l1":
-        state, steps = _by_least_absolute(system, used.alpha, allowed, most, seen, remarks)
+        end = _by_least_absolute(task)
     elif strategy == "search":
-        start, _ = _by_least_absolute(system, used.alpha, allowed, most, seen, remarks)
-        state, steps = search(system, critical, allowed, most, seen, start.rows)
-    elif strategy == "odds":
-        state, steps, weighed = _by_odds(system, used.alpha, allowed, most, seen, remarks)
-        if state.rows:
-            sure = len(set(weighed.sure(seen)).intersection(state.rows))
-            remarks.append(f"more probably in error than not: {sure} of {len(state.rows)}")
-    elif strategy in ("huber", "danish"):
-        kind: Literal["huber", "danish"] = "huber" if strategy == "huber" else "danish"
-        state, steps, robust = _robust(system, kind, used.alpha, allowed, most, seen)
-        weights = robust.weights
-        if not robust.converged:
-            remarks.append(f"the weights did not settle in {len(robust.changes)} iterations")
-    else:
-        if strategy == "modified":
-            if models is None:
-                raise ValueError("modified snooping needs model values of sqrt(q_vv) for the rows")
-            rule = counts = ModelRule(used.alpha, np.asarray(models, dtype=float), tolerance, n)
-        state, steps = stepwise(
-            Elimination(system), rule, allowed, most, seen, together=strategy == "rms"
+        start = _by_least_absolute(task)
+        found = search(
+            system, task.critical, task.suspects, task.most, task.watch, start.state.rows
         )
-    if len(state.rows) >= most:
-        w = np.where(allowed, np.abs(state.w), np.nan)
-        if np.nanmax(w, initial=0.0) > critical:
-            remarks.append(
-                f"stopped at {most} rejected rows"
-                + (", half of the redundancy" if used.most is None or most < used.most else "")
-                + "; there may be more errors"
-            )
+        end = _End(*found, start.remarks)
+    elif strategy == "odds":
+        end, weighed = _by_odds(task)
+        if end.state.rows:
+            sure = len(set(weighed.sure()).intersection(end.state.rows))
+            said = f"more probably in error than not: {sure} of {len(end.state.rows)}"
+            end = end._replace(remarks=(*end.remarks, said))
+    elif strategy in ("huber", "danish"):
+        end = _robust(task, "huber" if strategy == "huber" else "danish")
+    elif strategy == "modified":
+        if models is None:
+            raise ValueError("modified snooping needs model values of sqrt(q_vv) for the rows")
+        counts = ModelRule(used.alpha, np.asarray(models, dtype=float), tolerance, n)
+        end = _End(*task.stepwise(counts), values=counts.values())
+    else:
+        rule = rule_of(strategy, used.alpha)
+        end = _End(*task.stepwise(rule, together=strategy == "rms"))
     return _findings(
-        state,
+        end._replace(remarks=(*end.remarks, *task.limited(end.state, used.most))),
         strategy,
-        steps,
         used,
-        weights=weights,
-        values=None if counts is None else counts.values(),
-        remarks=tuple(remarks),
-        rows=remaining(n, left_out),
+        remaining(n, left_out),
     )
 
 
@@ -219,16 +202,15 @@ def findings_at(
     for rejected in findings.rejected:
         with suppress(NotSeparableError):  # nothing is said of what nothing checks any more
             state.add(rejected.row)
-    return _findings(
+    there = _End(
         state,
-        findings.strategy,
         list(findings.steps),
-        SearchSettings() if settings is None else settings,
-        weights=findings.at_end.weights,
-        values=findings.model_values,
-        remarks=findings.remarks,
-        rows=remaining(len(system.e), left_out),
+        findings.remarks,
+        findings.at_end.weights,
+        findings.model_values,
     )
+    used = SearchSettings() if settings is None else settings
+    return _findings(there, findings.strategy, used, remaining(len(system.e), left_out))
 
 
 def most_probable_rows(
@@ -252,11 +234,8 @@ def most_probable_rows(
     tuple of int
         The rows that more probably than not hold an error; empty where they are not wanted.
     """
-    used, watch = SearchSettings() if settings is None else settings, Watch()
-    allowed = np.ones(len(system.e), dtype=bool)
-    most = used.room(system.redundancy)
-    state, _, weighed = _by_odds(system, used.alpha, allowed, most, watch, [])
-    return state.rows, weighed.sure(watch) if sure else ()
+    end, weighed = _by_odds(_Task.of(system, SearchSettings() if settings is None else settings))
+    return end.state.rows, weighed.sure() if sure else ()
 
 
 def reject_beyond(system: ResidualSystem, size: Array, settings: SearchSettings) -> tuple[int, ...]:
@@ -271,69 +250,124 @@ def reject_beyond(system: ResidualSystem, size: Array, settings: SearchSettings)
     settings
         Significance, limits.
     """
-    allowed = np.ones(len(system.e), dtype=bool)
-    most = settings.room(system.redundancy)
-    return _go_on(system, size, settings.alpha, allowed, most, Watch())[0].rows
+    return _go_on(_Task.of(system, settings), size)[0].rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """What a strategy works on: the rows, the significance of one, and what it may reject.
+
+    `suspects`: (n,) rows that may be rejected; `most`: how many of them.
+    """
+
+    system: ResidualSystem
+    alpha: float
+    suspects: Bools
+    most: int
+    watch: Watch
+
+    @classmethod
+    def of(
+        cls,
+        system: ResidualSystem,
+        settings: SearchSettings,
+        suspects: Bools | None = None,
+        watch: Watch | None = None,
+    ) -> _Task:
+        """Return the task of a system: without suspects all rows are."""
+        n = len(system.e)
+        allowed = np.ones(n, dtype=bool) if suspects is None else np.asarray(suspects, dtype=bool)
+        most = settings.room(system.redundancy)
+        return cls(system, settings.alpha, allowed, most, Watch() if watch is None else watch)
+
+    @property
+    def critical(self) -> float:
+        """Critical value of w."""
+        return critical_normal(self.alpha)
+
+    def stepwise(
+        self,
+        rule: Rule,
+        state: Elimination | None = None,
+        steps: Sequence[SearchStep] = (),
+        *,
+        together: bool = False,
+    ) -> tuple[Elimination, list[SearchStep]]:
+        """Reject and bring back by a rule; without a state all rows are in to begin with."""
+        begun = Elimination(self.system) if state is None else state
+        return stepwise(
+            begun, rule, self.suspects, self.most, self.watch, steps=steps, together=together
+        )
+
+    def limited(self, state: Elimination, asked: int | None) -> tuple[str, ...]:
+        """Return the remark that more than `most` rows may be wrong; `asked` for were so many."""
+        if len(state.rows) < self.most:
+            return ()
+        w = np.where(self.suspects, np.abs(state.w), np.nan)
+        if not np.nanmax(w, initial=0.0) > self.critical:
+            return ()
+        why = ", half of the redundancy" if asked is None or self.most < asked else ""
+        return (f"stopped at {self.most} rejected rows{why}; there may be more errors",)
+
+
+class _End(NamedTuple):
+    """Where a strategy ended, how it came there, and what limited it."""
+
+    state: Elimination
+    steps: list[SearchStep]
+    remarks: tuple[str, ...] = ()
+    weights: Array | None = None
+    values: ModelValues | None = None
 
 
 class _Weighed(NamedTuple):
     """What the odds were weighed of: `most_probable_set` of the rows that are single suspects."""
 
-    rest: ResidualSystem
-    critical: float
+    task: _Task
     found: MostProbableSet
-    suspects: Bools
-    most: int
     whole: frozenset[int]
 
-    def sure(self, watch: Watch) -> tuple[int, ...]:
+    def sure(self) -> tuple[int, ...]:
         """Return the rows that are more probably in error than not."""
+        task = self.task
         odds = set_odds(
-            self.rest,
-            self.critical,
+            task.system,
+            task.critical,
             self.found,
-            suspects=self.suspects,
-            most=self.most,
-            watch=watch,
+            suspects=task.suspects,
+            most=task.most,
+            watch=task.watch,
         )
         return tuple(sorted({*odds.sure, *self.whole}))
 
 
-def _by_odds(
-    system: ResidualSystem,
-    alpha: float,
-    suspects: Bools,
-    most: int,
-    watch: Watch,
-    remarks: list[str],
-) -> tuple[Elimination, list[SearchStep], _Weighed]:
+def _by_odds(task: _Task) -> tuple[_End, _Weighed]:
     """Return the most probable set, how it was reached, and what it was weighed of."""
-    critical = critical_normal(alpha)
+    system, cost = task.system, task.critical**2
     ends = [
-        _by_least_absolute(system, alpha, suspects, most, watch, remarks),
+        _by_least_absolute(task),
         # least absolute residuals give way to an error in a row that has a lever on many others
-        stepwise(
-            Elimination(system), rule_of("baarda", alpha), suspects, most, watch, together=False
-        ),
+        _End(*task.stepwise(rule_of("baarda", task.alpha))),
     ]
-    state, steps = min(ends, key=lambda end: end[0].vtpv + critical**2 * len(end[0].rows))
+    best = min(ends, key=lambda end: end.state.vtpv + cost * len(end.state.rows))
+    state, steps = best.state, best.steps
     # what is weak by itself, and went with its whole measurement, is no choice between single rows
     weak = [k for k, one in zip(state.rows, state.estimates()[1], strict=True) if one**-2 < WEAK]
     together = Proposals(system.names).together(state)
     whole = frozenset(row for k in weak for row in together[k])
     rest: ResidualSystem = ReducedSystem(system, whole) if whole else system
-    single = suspects & (np.asarray(rest.r) >= WEAK)
-    room = most - len(whole)
+    single = task.suspects & (np.asarray(rest.r) >= WEAK)
+    of_single = replace(task, system=rest, suspects=single, most=task.most - len(whole))
     found = most_probable_set(
         rest,
-        critical,
-        starts=((), *([row for row in end.rows if single[row]] for end, _ in ends)),
+        task.critical,
+        starts=((), *([row for row in end.state.rows if single[row]] for end in ends)),
         suspects=single,
-        most=room,
-        watch=watch,
+        most=of_single.most,
+        watch=task.watch,
     )
-    best = {*found.rows, *whole}
-    for row in [row for row in state.rows if row not in best]:
+    kept = {*found.rows, *whole}
+    for row in [row for row in state.rows if row not in kept]:
         before = state.vtpv
         state.drop(row)
         steps.append(SearchStep("drop", (row,), None, None, before, state.vtpv))
@@ -344,76 +378,57 @@ def _by_odds(
         except NotSeparableError:
             continue
         steps.append(SearchStep("add", (row,), None, None, before, state.vtpv))
-    return state, steps, _Weighed(rest, critical, found, single, room, whole)
+    return _End(state, steps, ends[0].remarks), _Weighed(of_single, found, whole)
 
 
-def _by_least_absolute(
-    system: ResidualSystem,
-    alpha: float,
-    suspects: Bools,
-    most: int,
-    watch: Watch,
-    remarks: list[str],
-) -> tuple[Elimination, list[SearchStep]]:
+def _by_least_absolute(task: _Task) -> _End:
     """Reject what the least absolute sum leaves beyond the critical value, then go on by w.
 
     Where it is not reached, begin with w, with a remark.
     """
-    watch("least absolute sum", 0.0)
+    task.watch("least absolute sum", 0.0)
     try:
-        size = np.abs(least_absolute_residuals(system))
+        size = np.abs(least_absolute_residuals(task.system))
     except ArithmeticError as error:
-        remarks.append(f"{error}: begun with w")
-        size = np.zeros(len(system.e))
-    return _go_on(system, size, alpha, suspects, most, watch)
+        return _End(*_go_on(task, np.zeros(len(task.system.e))), (f"{error}: begun with w",))
+    return _End(*_go_on(task, size))
 
 
-def _go_on(
-    system: ResidualSystem, size: Array, alpha: float, suspects: Bools, most: int, watch: Watch
-) -> tuple[Elimination, list[SearchStep]]:
+def _go_on(task: _Task, size: Array) -> tuple[Elimination, list[SearchStep]]:
     """Reject what is beyond the critical value, then reject and bring back by w."""
-    state = Elimination(system)
-    size = np.where(suspects, size, 0.0)
-    steps = _reject_beyond(state, size, critical_normal(alpha), suspects, most)
-    return stepwise(state, rule_of("l1", alpha), suspects, most, watch, steps=steps, together=False)
+    state = Elimination(task.system)
+    steps = _reject_beyond(task, state, size)
+    return task.stepwise(rule_of("l1", task.alpha), state, steps)
 
 
-def _robust(
-    system: ResidualSystem,
-    method: Literal["huber", "danish"],
-    alpha: float,
-    suspects: Bools,
-    most: int,
-    watch: Watch,
-) -> tuple[Elimination, list[SearchStep], Reweighting]:
-    state, critical = Elimination(system), critical_normal(alpha)
-    robust = reweight(system, method, suspects)
+def _robust(task: _Task, method: Literal["huber", "danish"]) -> _End:
+    state, robust = Elimination(task.system), reweight(task.system, method, task.suspects)
     rows = tuple(np.flatnonzero(robust.weights < 1.0).tolist())
     steps = [
         SearchStep("reweight", rows, change, SETTLED, robust.sums[k], robust.sums[k + 1])
         for k, change in enumerate(robust.changes)
     ]
-    size = np.where(suspects, np.abs(robust.misclosures), 0.0)
-    steps += _reject_beyond(state, size, critical, suspects, most)
-    steps += bring_back(state, rule_of(method, alpha), watch)
-    return state, steps, robust
+    steps += _reject_beyond(task, state, np.abs(robust.misclosures))
+    steps += bring_back(state, rule_of(method, task.alpha), task.watch)
+    settled = f"the weights did not settle in {len(robust.changes)} iterations"
+    return _End(state, steps, () if robust.converged else (settled,), robust.weights)
 
 
-def _reject_beyond(
-    state: Elimination, size: Array, critical: float, suspects: Bools, most: int
-) -> list[SearchStep]:
-    """Reject the rows beyond a critical value, or their likelier partners, the largest first."""
+def _reject_beyond(task: _Task, state: Elimination, size: Array) -> list[SearchStep]:
+    """Reject the suspects beyond the critical value, or their likelier partners, largest first."""
     steps: list[SearchStep] = []
     proposals = Proposals(state.system.names)
+    critical, suspects = task.critical, task.suspects
+    size = np.where(suspects, size, 0.0)
     for first in np.argsort(-size, kind="stable").tolist():
-        if size[first] <= critical or len(state.rows) >= most:
+        if size[first] <= critical or len(state.rows) >= task.most:
             break
         if not state.testable(first):
             continue
         rejected = proposals.instead(
             first, float(state.w[first] ** 2 - critical**2), suspects, suspects, state
         )
-        if not rejected or len(state.rows) + len(rejected) > most:
+        if not rejected or len(state.rows) + len(rejected) > task.most:
             continue
         before = state.vtpv
         for row in rejected:
@@ -424,17 +439,9 @@ def _reject_beyond(
     return steps
 
 
-def _findings(
-    state: Elimination,
-    strategy: str,
-    steps: list[SearchStep],
-    settings: SearchSettings,
-    *,
-    weights: Array | None,
-    values: ModelValues | None,
-    remarks: tuple[str, ...],
-    rows: Index,
-) -> Findings:
+def _findings(end: _End, strategy: str, settings: SearchSettings, rows: Index) -> Findings:
+    """Say what is true of a strategy's end; `rows` are those that were looked at."""
+    state = end.state
     system = state.system
     r, e = np.asarray(system.r, dtype=float), np.asarray(system.e, dtype=float)
     testable = r >= TESTABLE
@@ -446,9 +453,9 @@ def _findings(
         w[row], at_end_r[row] = value / deviation, deviation**-2
     f = state.redundancy
     at_end = FinalStatistics(
-        w, at_end_r, sqrt(state.vtpv / f) if f > 0 else None, f, state.vtpv, weights
+        w, at_end_r, sqrt(state.vtpv / f) if f > 0 else None, f, state.vtpv, end.weights
     )
-    rejected, partners = _retrace(state, steps, settings.partner, estimated)
+    rejected, partners = _retrace(state, end.steps, settings.partner, estimated)
     size = np.full(len(e), np.nan)
     size[testable] = np.abs(e[testable]) / np.sqrt(r[testable])
     kind = sigma_of(strategy)
@@ -458,15 +465,15 @@ def _findings(
     single = error_odds(ERROR_PRIOR_SIGMAS**2 * r[rows], size[rows], system.redundancy, kind)
     return Findings(
         strategy=strategy,
-        steps=tuple(steps),
+        steps=tuple(end.steps),
         rejected=rejected,
         hard_to_tell=partners,
         untestable=tuple(np.flatnonzero(~testable).tolist()),
         at_end=at_end,
         odds=Odds(spread(single.rows, rows, len(r)), single.none),
         pair_odds=pair_odds_of(system, rows, kind) if settings.pairs else None,
-        model_values=values,
-        remarks=remarks,
+        model_values=end.values,
+        remarks=end.remarks,
     )
 
 
