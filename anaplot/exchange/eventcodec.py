@@ -72,9 +72,7 @@ def _read(kind: str, payload: Mapping[str, Any]) -> Event:
     try:
         event: Event = _KINDS[kind].of(payload)
     except WrongValueError as error:
-        where = "".join(f"[{at}]" if isinstance(at, int) else f".{at}" for at in error.at)
-        parts = (f"event {quoted(kind)}", where.removeprefix("."), str(error))
-        raise InputError(plain(": ".join(part for part in parts if part), 400)) from None
+        raise InputError(plain(f"event {quoted(kind)}: {error.placed()}", 400)) from None
     return event
 
 

@@ -9,15 +9,14 @@ simulation, or a part of it, is left as it is.
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.textfiles.inputfile import read_bytes
+from anaplot.textfiles.kinds import Items, Keys, ListOf, Number, Text, Whole, WrongValueError
 from anaplot.textfiles.wording import place, plain, quoted, reason
 
 __all__ = ["RUNS_FORMAT", "KeptChunk", "KeptSums", "RunsFile"]
@@ -26,6 +25,7 @@ RUNS_FORMAT = 1
 _LARGEST = 256 * 1024 * 1024
 _LONGEST = 4 * 1024 * 1024
 _ROUNDING = 1e-9
+_NAME, _SUM = Text(200), Number(0.0)
 
 Name = tuple[str, str, str]
 
@@ -73,7 +73,12 @@ class RunsFile:
     def __init__(
         self, path: Path, what: dict[str, Any], largest: Mapping[Name, float | None], chunk: int
     ) -> None:
-        self._path, self._largest, self._most = path, largest, chunk
+        self._path, self._largest = path, largest
+        runs = Whole(1, chunk)
+        row = Items(_NAME, _NAME, _NAME, runs, _SUM, _SUM)
+        self._line_kind = Keys(
+            {"chunk": Whole(0, 2**53), "runs": runs, "sums": ListOf(row, "sums")}
+        )
         head = {"format": RUNS_FORMAT, **what}
         self.chunks: tuple[KeptChunk, ...] = ()
         length = 0
@@ -101,12 +106,7 @@ class RunsFile:
     def __enter__(self) -> RunsFile:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._file.close()
 
     def keep(self, chunk: KeptChunk) -> None:
@@ -163,19 +163,22 @@ class RunsFile:
 
     def _chunk(self, value: dict[str, Any], number: int) -> KeptChunk:
         where = place(self._path, number)
-        index, runs, rows = value.get("chunk"), value.get("runs"), value.get("sums")
-        if type(index) is not int or type(runs) is not int or index < 0 or runs < 1:
-            raise InputError(f"{where}: 'chunk' and 'runs' must be whole numbers")
-        if runs > self._most:
-            raise InputError(f"{where}: more runs than a chunk has: {self._most}")
-        if not isinstance(rows, list):
-            raise InputError(f"{where}: 'sums' is missing")
-        found = tuple(self._sums(row, runs, where) for row in rows)
+        try:
+            read = self._line_kind.of(value)
+        except WrongValueError as error:
+            raise InputError(f"{where}: {plain(error.placed(), 200)}") from None
+        index, runs = read["chunk"], read["runs"]
+        found = tuple(KeptSums(*row) for row in read["sums"])
         names = [of[:3] for of in found]
-        for name in names:
-            if name not in self._largest:
-                said = ", ".join(quoted(part) for part in name)
+        for of in found:
+            if of[:3] not in self._largest:
+                said = ", ".join(quoted(part) for part in of[:3])
                 raise InputError(f"{where}: sums of {said}, which is not in this simulation")
+            if of.runs != runs:
+                raise InputError(f"{where}: {of.runs} is not the chunk's {runs} runs")
+            if not _possible(of, self._largest[of[:3]]):
+                values = quoted(json.dumps([of.total, of.squares]))
+                raise InputError(f"{where}: {values} are no sums of values of {runs} runs")
         if len(names) != len(set(names)) or len(names) != len(self._largest):
             raise InputError(
                 f"{where}: {len(names)} sums, {len(set(names))} of them different; "
@@ -183,39 +186,9 @@ class RunsFile:
             )
         return KeptChunk(index, runs, found)
 
-    def _sums(self, row: Any, runs: int, where: str) -> KeptSums:
-        if not isinstance(row, list) or len(row) != 6:
-            raise InputError(f"{where}: sums are [case, method, quantity, runs, total, squares]")
-        names, count, values = row[:3], row[3], row[4:]
-        if not all(isinstance(name, str) and len(name) <= 200 for name in names):
-            raise InputError(f"{where}: a name is missing in {quoted(json.dumps(row))}")
-        if type(count) is not int or count != runs:
-            raise InputError(f"{where}: {quoted(json.dumps(count))} is not the chunk's {runs} runs")
-        case, method, quantity = names
-        of = KeptSums(case, method, quantity, count, *(_number(value) for value in values))
-        if not _possible(of, self._largest.get(of[:3])):
-            raise InputError(
-                f"{where}: {quoted(json.dumps(values))} are no sums of values of {runs} runs"
-            )
-        return of
-
-
-def _number(value: Any) -> float:
-    """Return a number of a line; what is none, or too large, is not a number."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return math.nan
-    try:
-        return float(value)
-    except OverflowError:
-        return math.nan
-
 
 def _possible(of: KeptSums, largest: float | None) -> bool:
     """Tell whether there are values of 0 to `largest` with this sum and sum of squares."""
-    if not (math.isfinite(of.total) and math.isfinite(of.squares)):
-        return False
-    if of.total < 0.0 or of.squares < 0.0:
-        return False
     more = 1.0 + _ROUNDING
     if of.total * of.total > of.runs * of.squares * more:
         return False

@@ -6,6 +6,7 @@ A record's checksum says that it is as it was written, not that this program wro
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +14,22 @@ from typing import Any
 from anaplot.errors import InputError
 from anaplot.exchange.journal import Record
 from anaplot.plotter.readings import Position
-from anaplot.textfiles.wording import describe_type, plain
+from anaplot.textfiles.kinds import (
+    FLAG,
+    NUMBER,
+    Blank,
+    Fields,
+    Items,
+    Keys,
+    Kind,
+    ListOf,
+    Made,
+    MapOf,
+    Text,
+    Whole,
+    WrongValueError,
+)
+from anaplot.textfiles.wording import plain
 
 __all__ = [
     "Heard",
@@ -28,10 +44,10 @@ __all__ = [
     "table_of",
 ]
 
-_FIRST_RULES = 1  # of headers that do not say
-
 Value = str | float | bool | None
 """One value of a recorded table's row."""
+
+_TEXT = Text(sys.maxsize)  # a journal's lines are bounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +145,42 @@ def refusal(record: Record, message: str) -> InputError:
     return InputError(f"{record.file} line {record.line}: {record.kind}: {message}")
 
 
+class _Value(Kind[Value]):
+    """One value of a recorded table's row."""
+
+    def of(self, value: Any) -> Value:
+        """Return the value."""
+        return value if value is None or isinstance(value, bool | str) else NUMBER.of(value)
+
+
+def _heard(parts: tuple[str, str, str, float]) -> Heard:
+    heard = Heard(*parts)
+    if heard.kind in ("in", "out") and not all(letter <= "\xff" for letter in heard.text):
+        raise ValueError("a character that is no byte")
+    if heard.kind == "decoder" and heard.name == "reference":
+        try:
+            heard.position()
+        except ValueError:
+            raise ValueError("a reference is four numbers") from None
+    return heard
+
+
+_OPENED: Fields = {
+    "block_toml": Blank(_TEXT),
+    "camera_files": MapOf(_TEXT, _TEXT),
+    "profile": Blank(_TEXT),
+    "profile_sha256": Blank(_TEXT),
+    "profile_text": Blank(_TEXT),
+    "rules": Whole(0, 1_000_000),
+    "simulated": FLAG,
+}
+_TRAFFIC = {"items": ListOf(Made(Items(_TEXT, _TEXT, _TEXT, NUMBER), _heard), "items")}
+_ROWS = ListOf(ListOf(_Value(), "values"), "rows")
+_TABLE: Fields = {"model": _TEXT, "rows": _ROWS}
+_INNER: Fields = {"photo": _TEXT, "side": _TEXT, "transformation": _TEXT, "rows": _ROWS}
+_SIGMA0: Fields = {"sigma0_um": Blank(NUMBER)}
+
+
 def opened_by(record: Record) -> Opened:
     """Return what a header or "opened" record says.
 
@@ -137,20 +189,16 @@ def opened_by(record: Record) -> Opened:
     InputError
         A key holds something else than it should, with file and line.
     """
-    files = record.payload.get("camera_files", {})
-    if not isinstance(files, dict) or not all(isinstance(text, str) for text in files.values()):
-        raise refusal(record, "camera_files must be texts by their names")
-    rules = record.payload.get("rules", _FIRST_RULES)
-    if isinstance(rules, bool) or not isinstance(rules, int):
-        raise refusal(record, f"rules must be a number, not {describe_type(rules)}")
+    usual = dict.fromkeys(("block_toml", "profile", "profile_sha256", "profile_text"))
+    # the first version's headers say nothing of rules
     return Opened(
-        block_toml=_text_or_none(record, "block_toml"),
-        camera_files=files,
-        profile=_text_or_none(record, "profile"),
-        profile_sha256=_text_or_none(record, "profile_sha256"),
-        profile_text=_text_or_none(record, "profile_text"),
-        rules=rules,
-        simulated=record.payload.get("simulated") is True,
+        **{
+            **usual,
+            "camera_files": {},
+            "rules": 1,
+            "simulated": False,
+            **_read(record, {}, _OPENED),
+        }
     )
 
 
@@ -162,10 +210,8 @@ def heard_in(record: Record) -> tuple[Heard, ...]:
     InputError
         An item that a line cannot have said, with file and line.
     """
-    items = record.payload.get("items")
-    if not isinstance(items, list):
-        raise refusal(record, f"items must be a list, not {describe_type(items)}")
-    return tuple(_heard(record, index, item) for index, item in enumerate(items))
+    items: tuple[Heard, ...] = _read(record, _TRAFFIC)["items"]
+    return items
 
 
 def table_of(record: Record) -> RecordedTable:
@@ -176,11 +222,7 @@ def table_of(record: Record) -> RecordedTable:
     InputError
         It is none, with file and line.
     """
-    return RecordedTable(
-        model=_text(record, "model"),
-        sigma0_um=_sigma0(record),
-        rows=_rows(record),
-    )
+    return RecordedTable(**{"sigma0_um": None, **_read(record, _TABLE, _SIGMA0)})
 
 
 def inner_table_of(record: Record) -> RecordedInnerTable:
@@ -191,72 +233,12 @@ def inner_table_of(record: Record) -> RecordedInnerTable:
     InputError
         It is none, with file and line.
     """
-    return RecordedInnerTable(
-        photo=_text(record, "photo"),
-        side=_text(record, "side"),
-        transformation=_text(record, "transformation"),
-        sigma0_um=_sigma0(record),
-        rows=_rows(record),
-    )
+    return RecordedInnerTable(**{"sigma0_um": None, **_read(record, _INNER, _SIGMA0)})
 
 
-def _heard(record: Record, index: int, item: Any) -> Heard:
-    where = f"items[{index}]"
-    if not isinstance(item, list) or len(item) != 4:
-        raise refusal(record, f"{where} must be a list of kind, name, text and time")
-    kind, name, text, when = item
-    if not (isinstance(kind, str) and isinstance(name, str) and isinstance(text, str)):
-        raise refusal(record, f"{where}: kind, name and text must be texts")
-    heard = Heard(kind, name, text, _number(record, f"{where}: the time", when))
-    if kind in ("in", "out") and not all(character <= "\xff" for character in text):
-        raise refusal(record, f"{where}: a character that is no byte")
-    if kind == "decoder" and name == "reference":
-        try:
-            heard.position()
-        except ValueError:
-            raise refusal(record, f"{where}: a reference is four numbers") from None
-    return heard
-
-
-def _text(record: Record, key: str) -> str:
-    value = record.payload.get(key)
-    if not isinstance(value, str):
-        raise refusal(record, f"{key} must be text, not {describe_type(value)}")
-    return value
-
-
-def _text_or_none(record: Record, key: str) -> str | None:
-    return None if record.payload.get(key) is None else _text(record, key)
-
-
-def _sigma0(record: Record) -> float | None:
-    value = record.payload.get("sigma0_um")
-    return None if value is None else _number(record, "sigma0_um", value)
-
-
-def _rows(record: Record) -> tuple[tuple[Value, ...], ...]:
-    rows = record.payload.get("rows")
-    if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
-        raise refusal(record, "rows must be a list of lists")
-    return tuple(
-        tuple(_value(record, f"rows[{index}]", value) for value in row)
-        for index, row in enumerate(rows)
-    )
-
-
-def _value(record: Record, where: str, value: Any) -> Value:
-    if value is None or isinstance(value, bool | str):
-        return value
-    return _number(record, where, value)
-
-
-def _number(record: Record, where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise refusal(record, f"{where} must be a number, not {describe_type(value)}")
+def _read(record: Record, required: Fields, optional: Fields | None = None) -> dict[str, Any]:
+    """Return the declared keys of a record; others are for other readers."""
     try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise refusal(record, f"{where} must be a finite number, not {plain(str(value), 30)}")
-    return number
+        return Keys(required, optional, also=record.payload).of(record.payload)
+    except WrongValueError as error:
+        raise refusal(record, plain(error.placed(), 200)) from None

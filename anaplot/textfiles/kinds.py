@@ -61,6 +61,11 @@ class WrongValueError(ValueError):
         super().__init__(message)
         self.at = at
 
+    def placed(self) -> str:
+        """Return what is wrong, behind the keys and indices that lead to it: `items[3]: ...`."""
+        where = "".join(f"[{at}]" if isinstance(at, int) else f".{at}" for at in self.at)
+        return ": ".join(part for part in (where.removeprefix("."), str(self)) if part)
+
 
 class Kind(Generic[T]):
     """One kind of value; every method raises WrongValueError."""
