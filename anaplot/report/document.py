@@ -299,12 +299,14 @@ def table(
     look: Iterable[bool] | None = None,
     shown: tuple[str, ...] | None = None,
     units: Literal["", ">", "^"] = "",
+    most: int | None = None,
+    more: str = "    and {} more",
 ) -> Table:
     """Return a table of rows: each has a value for every column."""
     declared = tuple(columns)
     values = tuple(zip(*rows, strict=True)) or ((),) * len(declared)
     marked = None if look is None else np.array(list(look), dtype=bool)
-    return Table(key, declared, values, marked, shown, units)
+    return Table(key, declared, values, marked, shown, units, most, more)
 
 
 def stacked(

@@ -135,8 +135,7 @@ def add_network_arguments(network: argparse.ArgumentParser) -> None:
         help="correlation of a point's residuals from which it is named, default 0.9",
     )
     network.add_argument("--point", metavar="NAME", help="all correlations of this point")
-    network.add_argument("--json", action="store_true", help="print JSON for programs")
-    network.add_argument("--csv", type=Path, metavar="FILE", help="write points and photos as CSV")
+    add_output(network, "points and photos", folder=False)
     network.add_argument(
         "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
     )

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.networkfile import NetworkFile, read_network
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.planning.idealblock import ExposureStation, IdealBlock
+from anaplot.planning.idealblock import ExposureStation
 from anaplot.planning.networkplan import (
     Network,
     NetworkReliability,
@@ -27,21 +26,36 @@ from anaplot.planning.networkplan import (
     plan_network,
 )
 from anaplot.planning.plannedreliability import PlannedReliability
-from anaplot.report.astext import page_text
-from anaplot.report.correlations import (
-    correlated_rays,
-    correlations_document,
+from anaplot.report.columns import PAGE, counted, fitted, shortened
+from anaplot.report.correlations import correlated_rays, correlations_document
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Block,
+    Document,
+    Line,
+    Table,
+    for_programs,
+    name,
+    named,
+    number,
+    say,
+    stacked,
+    table,
+    whole,
 )
-from anaplot.report.csvoutput import check_csv, write_csv
-from anaplot.report.document import Document
-from anaplot.report.networktext import network_lines, point_lines
+from anaplot.report.output import Output
 from anaplot.report.planblock import write_planned
 from anaplot.report.progress import ProgressLine
 from anaplot.textfiles.wording import quoted
 
-__all__ = ["network_from_file", "run_plan_network"]
+__all__ = ["network_from_file", "plan_network_document", "run_plan_network"]
 
 _CUBE = "cube"
+_XYZ = ("X", "Y", "Z")
+_FEW = 3  # with two rays one coordinate of each is checked by nothing, or next to nothing
+_SHOWN, _NAMED = 12, 20
+_NAME = 10  # characters
 _CORRELATED = 24  # pairs that are shown
 
 
@@ -57,7 +71,8 @@ def run_plan_network(options: argparse.Namespace) -> int:
     """
     inputs = () if options.network == _CUBE else (Path(options.network),)
     outputs = () if options.to is None else block_files(options.to)
-    check_csv(options.csv, {"is read": inputs, "is written": outputs}, options.to)
+    output = Output.of(options)
+    output.check({"is read": inputs, "is written": outputs}, options.to)
     network = _network(options)
     if options.point is not None and options.point not in network.points:
         raise InputError(f"no point {quoted(options.point)} is seen in this network")
@@ -65,27 +80,15 @@ def run_plan_network(options: argparse.Namespace) -> int:
         progress("network", 0.0)
         made = plan_network(network)
         block = made.evaluated("control" if network.control else "free")
-        worth = network_reliability(network, made, block)
-        pairs = correlated_rays(block, options.correlations)
-    if options.point is not None and options.point not in block.problem.points:
-        raise InputError(f"point {quoted(options.point)} is not determined in this network")
+        if options.point is not None and options.point not in block.problem.points:
+            raise InputError(f"point {quoted(options.point)} is not determined in this network")
+        found = network_reliability(network, made, block)
+        document = plan_network_document(
+            network, block, found, limit=options.correlations, point=options.point
+        )
     if options.to is not None:
         write_planned(options.to, made)
-    if options.csv is not None:
-        _write_csv(options.csv, worth)
-    related = correlations_document(
-        pairs, options.correlations, most=_CORRELATED, more="  and {} more"
-    )
-    if options.json:
-        answer = _json(made, block, worth, related)
-        if options.point is not None:
-            answer["point"] = _point_json(block, options.point)
-        print(json.dumps(answer, indent=1, allow_nan=False))
-        return 0
-    print("\n".join(network_lines(network, block, worth)))
-    print("\n" + page_text(related.page))
-    if options.point is not None:
-        print("\n" + "\n".join(point_lines(block, options.point)))
+    output.show(document)
     return 0
 
 
@@ -128,68 +131,204 @@ def network_from_file(found: NetworkFile) -> Network:
     )
 
 
-def _point_json(block: AdjustedBlock, point: str) -> dict[str, Any]:
-    labels, rho = block.point_correlations(point)
-    return {
-        "point": point,
-        "coordinates": [{"photo": photo, "axis": axis} for photo, _, axis in labels],
-        "correlations": [[None if np.isnan(v) else float(v) for v in row] for row in rho],
-    }
-
-
-def _json(
-    made: IdealBlock,
+def plan_network_document(
+    network: Network,
     block: AdjustedBlock,
-    worth: NetworkReliability,
-    related: Document,
-) -> dict[str, Any]:
-    problem = block.problem
-    return {
-        "name": made.block.name,
+    found: NetworkReliability,
+    *,
+    limit: float = 0.9,
+    point: str | None = None,
+) -> Document:
+    """Return the document of a planned network; people read accuracies in millimetres.
+
+    Parameters
+    ----------
+    network
+        The network.
+    block
+        Its block, evaluated.
+    found
+        What it determines, and what checks it.
+    limit
+        Correlation of a point's residuals from which they are named.
+    point
+        A determined point all of whose correlations are wanted.
+    """
+    problem, indicators = block.problem, block.indicators()._asdict()
+    photos = _reliability("photos", found.photos, "PHOTO", "POINT", ())
+    points = _reliability("points", found.points, "POINT", "PHOTO", ("sX", "sY", "sZ"))
+    spurs = table("spurs", for_programs("photo", "point", "axis"), block.spurs())
+    related = correlations_document(
+        correlated_rays(block, limit), limit, most=_CORRELATED, more="  and {} more"
+    )
+    answer: Answer = {
+        "name": network.name,
         "observations": problem.observations,
         "unknowns": problem.unknowns,
         "redundancy": block.redundancy,
-        "indicators": block.indicators()._asdict(),
+        "indicators": indicators,
         "new_points": {
-            "determined": worth.new_determined,
-            "mean_s_m": None if worth.new_s is None else list(worth.new_s),
-            "not_determined": list(worth.not_determined),
+            "determined": found.new_determined,
+            "mean_s_m": found.new_s,
+            "not_determined": found.not_determined,
         },
-        "unused_photos": list(worth.unused_photos),
-        "unused_control": list(worth.unused_control),
-        "points": [_worth_json(one) for one in worth.points],
-        "photos": [_worth_json(one) for one in worth.photos],
-        "rays": worth.rays,
-        "spurs": [{"photo": f, "point": p, "axis": a} for f, p, a in block.spurs()],
+        "unused_photos": found.unused_photos,
+        "unused_control": found.unused_control,
+        "points": [_reliability_json(one) for one in found.points],
+        "photos": [_reliability_json(one) for one in found.photos],
+        "rays": found.rays,
+        "spurs": spurs,
         "correlations": related.answer,
     }
+    declared = counted(len(network.stations), "station"), counted(len(network.points), "point")
+    page: list[Block] = [
+        say("PLANNED NETWORK {:.60}: {}", network.name,
+            named((*declared, say("{} of them control", len(network.control))))).folded(4)
+        .of("heading"),
+        say("n {observations}, u {unknowns}, redundancy {redundancy}; a-priori sigma0 {um:g} um",
+            um=network.image_um, **answer),
+        say("RI (mean r)         x' {ri_x:.3f}   y' {ri_y:.3f}   both {ri:.3f}", **indicators),
+        say("AI (mean deviation)  {}",
+            _means([indicators[axis] for axis in ("ai_x", "ai_y", "ai_z", "ai")])),
+    ]  # fmt: skip
+    if network.control:
+        new = f"new points ({found.new_determined})"
+        page.append(say("  {:<17}  {}", new, _means(found.new_s)))
+    else:
+        page.append(say("no control: a free network"))
+    page += [
+        *_open(found),
+        BLANK,
+        say("PHOTOS, the one with the weakest observation first").of("heading"),
+        photos,
+        BLANK,
+        say("POINTS, the one with the weakest observation first").of("heading"),
+        points,
+        *_few(network, found),
+    ]
+    if len(spurs):
+        names = [say("{point} {axis} in {photo}", **spur) for spur in spurs.records()]
+        page += [
+            BLANK,
+            say("SPUR OBSERVATIONS: next to nothing checks these {}", len(spurs)).of("look"),
+            _several("  {}", names),
+        ]
+    page += [BLANK, *related.page]
+    if point is not None:
+        answer["point"], matrix = _correlations(block, point)
+        page += [BLANK, *matrix]
+    parts = ((("point",), points), (("photo",), photos))
+    both = stacked("reliability", for_programs("kind"), points.columns, parts)
+    return Document(answer, tuple(page), (both, spurs, *related.tables))
 
 
-def _worth_json(worth: PlannedReliability) -> dict[str, Any]:
-    found = worth._asdict()
-    found["s_m"] = found.pop("s_xyz")
-    return found
-
-
-def _write_csv(path: Path, worth: NetworkReliability) -> None:
-    write_csv(
-        path,
-        (
-            "kind",
-            "name",
-            "rays",
-            "mean_r",
-            "least_r",
-            "weakest",
-            "axis",
-            "mdb_um",
-            "sX",
-            "sY",
-            "sZ",
-        ),
-        (
-            (kind, *one[:7], *(one.s_xyz or (None, None, None)))
-            for kind, worths in (("point", worth.points), ("photo", worth.photos))
-            for one in worths
-        ),
+def _reliability(
+    key: str,
+    found: tuple[PlannedReliability, ...],
+    title: str,
+    other: str,
+    deviations: tuple[str, ...],
+) -> Table:
+    columns = (
+        name("name", title, _NAME, form=_short),
+        whole("rays", "RAYS", 5),
+        number("mean_r", "mean r", 3, 7),
+        number("least_r", "least", 3, 7),
+        name("weakest", f"AT {other}", _NAME, form=_short),
+        name("axis", gap=1),
+        number("mdb_um", "MDB um", 1, 9, unit="um"),
+        *(number(f"s{axis}", f"s{axis} mm", 3, 8, unit="m", scale=1e3) for axis in _XYZ),
     )
+    rows = ((*one[:7], *(one.s_xyz or (None, None, None))) for one in found)
+    shown = tuple(column.key for column in columns[:7])
+    return table(key, columns, rows, shown=shown + deviations, most=_SHOWN, more="  and {} more")
+
+
+def _short(text: str) -> str:
+    return shortened(text, _NAME)
+
+
+def _reliability_json(found: PlannedReliability) -> Answer:
+    figures = found._asdict()
+    figures["s_m"] = figures.pop("s_xyz")
+    return figures
+
+
+def _means(metres: Sequence[float] | None) -> Line:
+    if metres is None:
+        return say("-")
+    return say("X {}   Y {}   Z {}   all {} mm", *(fitted(1e3 * v, 3, 8) for v in metres))
+
+
+def _several(template: str, names: Iterable[str | Line]) -> Line:
+    return say(template, named(names, _NAMED, "and {} more")).folded(4)
+
+
+def _open(found: NetworkReliability) -> list[Line]:
+    """Return what the network leaves open."""
+    lines = []
+    if found.not_determined:
+        names = [say("{} ({})", p, _photos(found.rays[p])) for p in found.not_determined]
+        lines += [
+            say("NOT DETERMINED: {}", counted(len(names), "new point")).of("look"),
+            _several("  {}", names),
+        ]
+    if found.unused_photos:
+        line = _several("STATIONS WITHOUT USABLE RAYS: {}", found.unused_photos)
+        lines.append(line.of("look"))
+    if found.unused_control:
+        line = _several("CONTROL WITHOUT USABLE RAYS: {}", found.unused_control)
+        lines.append(line.of("look"))
+    return [BLANK, *lines] if lines else []
+
+
+def _few(network: Network, found: NetworkReliability) -> list[Line]:
+    """Return which of the determined new points are seen in few photos."""
+    apart = {row.point for row in network.control} | set(found.not_determined)
+    seen = {point: rays for point, rays in found.rays.items() if point not in apart}
+    lines = []
+    for count in range(_FEW):
+        names = [point for point, rays in seen.items() if rays == count]
+        if names:
+            lines.append(_several(f"  {_photos(count)}: {{}}", names))
+    if lines:
+        return [BLANK, say("SEEN IN FEWER THAN {} PHOTOS", _FEW).of("look"), *lines]
+    which = "every other" if found.not_determined else "every"
+    line = say("{} new point is seen in {} photos or more", which, _FEW)
+    return [BLANK, line] if seen else []
+
+
+def _photos(count: int) -> str:
+    return "1 photo" if count == 1 else f"{count or 'no'} photos"
+
+
+def _correlations(block: AdjustedBlock, point: str) -> tuple[Answer, list[Block]]:
+    """Return the correlations of a point's residuals, as many columns at a time as fit."""
+    labels, rho = block.point_correlations(point)
+    answer = {
+        "point": point,
+        "coordinates": [{"photo": photo, "axis": axis} for photo, _, axis in labels],
+        "correlations": rho,
+    }
+    what = ("correlations of its residuals", "and what is detectable")
+    head = say("POINT {:.40}: {}", point, named(what)).folded(4)
+    titles = [f"{_short(photo)} {axis}" for photo, _, axis in labels]
+    width = max(7, *(len(title) + 1 for title in titles))
+    mdb = {
+        (row.photo, one.axis): one.mdb
+        for row in block.ray_rows()
+        if row.point == point
+        for one in row.xy
+    }
+    found = [
+        *zip((number("", title, 3, width) for title in titles), rho.T, strict=True),
+        (number("", "MDB um", 1, 9), [mdb[photo, axis] for photo, _, axis in labels]),
+    ]
+    at_once = (PAGE - 2 - width - 9) // width
+    tables = []
+    for first in range(0, len(titles), at_once):
+        last = first + at_once >= len(titles)
+        columns = found[first : None if last else first + at_once]
+        declared, values = zip((name("", "", width), titles), *columns, strict=True)
+        tables.append(Table("correlations_of_point", declared, values))
+    return answer, [head.of("heading"), *tables]
