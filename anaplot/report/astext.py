@@ -135,9 +135,24 @@ def table_lines(table: Table, *, everything: bool = True) -> list[str]:
     if len(chosen):
         every = chain.from_iterable(zip(*(cells for _, cells in columns), strict=True))
         text = "\n".join([row] * len(chosen)) % tuple(every)
-        lines += [line.rstrip() for line in text.split("\n")]
+        rows = [line.rstrip() for line in text.split("\n")]
+        lines += _grouped(table, chosen, rows) if table.group else rows
     if len(chosen) < n and (table.most is None or table.more):
         lines.append(_left_out(table, len(chosen)))
+    return lines
+
+
+def _grouped(table: Table, chosen: Index, rows: list[str]) -> list[str]:
+    """Return rows with a line above those of each group."""
+    keys = [column.key for column in table.columns]
+    groups = table.values[keys.index(table.group)]
+    lines: list[str] = []
+    before = None
+    for k, row in zip(chosen.tolist(), rows, strict=True):
+        if groups[k] != before:
+            before = groups[k]
+            lines.append(plain(str(before)))
+        lines.append(row)
     return lines
 
 

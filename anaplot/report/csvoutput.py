@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import sys
 from collections.abc import Iterable, Mapping
@@ -15,7 +13,7 @@ from anaplot.report.document import Table
 from anaplot.textfiles.wholefile import replace_whole
 from anaplot.textfiles.wording import place, reason
 
-__all__ = ["check_csv", "write_csv", "write_table"]
+__all__ = ["check_csv", "write_table"]
 
 
 def check_csv(
@@ -65,27 +63,15 @@ def check_csv(
         raise InputError(f"{where}: {reason(error)}") from error
 
 
-def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
-    """Write a table, whole or not at all; None is written as an empty cell.
+def write_table(path: Path, table: Table) -> None:
+    """Write a document's table, whole or not at all.
 
     Raises
     ------
     InputError
         It could not be written; an old file is as it was.
     """
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(header)
-    writer.writerows(rows)
-    _write(path, text.getvalue().encode())
-
-
-def write_table(path: Path, table: Table) -> None:
-    """Write a document's table; errors as `write_csv` has them."""
-    _write(path, csv_text(table).encode())
-
-
-def _write(path: Path, data: bytes) -> None:
+    data = csv_text(table).encode()
     try:
         # a pipe or a device is no file that could be replaced
         if path.exists() and not path.is_file():

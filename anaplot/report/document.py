@@ -251,6 +251,8 @@ class Table:
         the first are the most important.
     more
         What is said of the others then, with their number in place of {}; empty: nothing.
+    group
+        Key of the column whose value stands in a line of its own above the rows that have it.
     """
 
     key: str
@@ -261,6 +263,7 @@ class Table:
     units: Literal["", ">", "^"] = ""
     most: int | None = None
     more: str = "    and {} more"
+    group: str = ""
 
     def __post_init__(self) -> None:
         lengths = {len(values) for values in self.values}
@@ -301,12 +304,13 @@ def table(
     units: Literal["", ">", "^"] = "",
     most: int | None = None,
     more: str = "    and {} more",
+    group: str = "",
 ) -> Table:
     """Return a table of rows: each has a value for every column."""
     declared = tuple(columns)
     values = tuple(zip(*rows, strict=True)) or ((),) * len(declared)
     marked = None if look is None else np.array(list(look), dtype=bool)
-    return Table(key, declared, values, marked, shown, units, most, more)
+    return Table(key, declared, values, marked, shown, units, most, more, group)
 
 
 def stacked(

@@ -62,16 +62,24 @@ class Output(NamedTuple):
 
     def show(self, document: Document) -> None:
         """Write the files that were asked for and print the document."""
+        self.write(document)
+        self.print(document)
+
+    def write(self, document: Document) -> None:
+        """Write the files that were asked for."""
         if self.csv is not None:
             write_table(self.csv, document.tables[0])
         if self.to is not None:
             _write_folder(self.to, document)
-        if self.as_json:
-            self._print(json_text(document.answer))
-        elif document.page:
-            self._print(page_text(document.page, everything=self.everything))
 
-    def _print(self, text: str) -> None:
+    def print(self, document: Document) -> None:
+        """Print the document; nothing where its page is empty."""
+        if self.as_json:
+            text = json_text(document.answer)
+        elif document.page:
+            text = page_text(document.page, everything=self.everything)
+        else:
+            return
         print(text, file=sys.stdout if self.stream is None else self.stream)
 
 

@@ -195,8 +195,7 @@ def add_simulate_arguments(simulate: argparse.ArgumentParser) -> None:
     simulate.add_argument(
         "--processes", type=whole(1, 256), metavar="P", help="default: as many as processors"
     )
-    simulate.add_argument("--json", action="store_true", help="print JSON for programs")
-    simulate.add_argument("--csv", type=Path, metavar="FILE", help="write the figures as CSV")
+    add_output(simulate, "the figures", folder=False)
     simulate.add_argument(
         "--to",
         type=Path,

@@ -1,15 +1,13 @@
-"""The command `anaplot plan simulate`: Monte Carlo over scenarios, as a table, JSON or CSV."""
+"""The command `anaplot plan simulate`: Monte Carlo over scenarios."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import hashlib
-import json
 import os
 import sys
-import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,16 +33,26 @@ from anaplot.planning.quantities import Quantity
 from anaplot.planning.scenarioalpha import PAPER_ALPHA, alpha_of, with_alpha
 from anaplot.planning.scenarios import scenarios
 from anaplot.report.columns import counted
-from anaplot.report.csvoutput import check_csv, write_csv
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Block,
+    Column,
+    Document,
+    Table,
+    for_programs,
+    name,
+    say,
+    table,
+)
+from anaplot.report.output import Output
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.progress import ProgressLine
-from anaplot.textfiles.wording import hint, plain, quoted
+from anaplot.textfiles.wording import hint, quoted
 
-__all__ = ["run_simulate"]
+__all__ = ["run_simulate", "scenarios_document", "simulate_document"]
 
-_WIDTH = 80
 _LARGEST_ALPHA = 0.5
-_COLUMNS = ("case", "method", "quantity", "runs", "mean", "low", "high", "reference")
 
 
 def run_simulate(options: argparse.Namespace) -> int:
@@ -57,8 +65,11 @@ def run_simulate(options: argparse.Namespace) -> int:
     NotComputableError
         A process died.
     """
+    output = Output.of(options)
     if options.list:
-        return _list(as_json=options.json)
+        output.check()
+        output.show(scenarios_document(scenarios().values()))
+        return 0
     if options.scenario is None:
         raise InputError("which scenario? --list names them")
     scenario = _scenario(options)
@@ -74,7 +85,7 @@ def run_simulate(options: argparse.Namespace) -> int:
             )
     source = Path(options.scenario)
     kept_in = () if options.to is None else (options.to,)
-    check_csv(options.csv, {"is read": (source, *block_files(source)), "keeps the runs": kept_in})
+    output.check({"is read": (source, *block_files(source)), "keeps the runs": kept_in})
     trial = scenario.prepare()
     remarks = trial.remarks()
     # in the scenario's order, whatever the option's
@@ -108,13 +119,10 @@ def run_simulate(options: argparse.Namespace) -> int:
             store=None if kept is None else partial(_keep, kept),
         )
     found = figures(tally, quantities, scenario.references)
-    if options.json:
-        print(json.dumps(_json(scenario, found, remarks, runs, options.seed), indent=1))
-    else:
-        print(_printout(scenario, found, remarks, runs, options.seed))
-    if options.csv is not None:
-        # after the report, which is not lost with it
-        write_csv(options.csv, _COLUMNS, (_row(figure).values() for figure in found))
+    document = simulate_document(scenario, found, remarks, runs=runs, seed=options.seed)
+    # the report is not lost with the table
+    output.print(document)
+    output.write(document)
     return 0
 
 
@@ -149,24 +157,6 @@ def _at_alpha(scenario: Scenario, alpha: float | None) -> Scenario:
     if changed is None:
         raise InputError(f"--alpha: {scenario.name} has significances of its own")
     return changed
-
-
-def _list(*, as_json: bool) -> int:
-    known = scenarios().values()
-    if as_json:
-        rows = [
-            {"name": s.name, "about": s.about, "methods": list(s.methods), "runs": s.runs}
-            for s in known
-        ]
-        print(json.dumps({"scenarios": rows}, indent=1))
-        return 0
-    width = max(len(s.name) for s in known)
-    for s in known:
-        hanging = " " * (width + 2)
-        start = f"{s.name:<{width}}  "
-        lines = textwrap.wrap(s.about, _WIDTH, initial_indent=start, subsequent_indent=hanging)
-        print("\n".join(lines))
-    return 0
 
 
 def _identity(scenario: Scenario) -> dict[str, Any]:
@@ -207,62 +197,88 @@ def _done(chunk: KeptChunk) -> ChunkDone:
     return ChunkDone(chunk.number, chunk.runs, tally)
 
 
-def _json(
-    scenario: Scenario, found: Iterable[SimulatedMean], remarks: Iterable[str], runs: int, seed: int
-) -> dict[str, Any]:
-    return {
+def scenarios_document(known: Iterable[Scenario]) -> Document:
+    """Return the document of the scenarios that have names."""
+    found = list(known)
+    named = table("scenarios", _SCENARIOS, ((s.name, s.about, s.methods, s.runs) for s in found))
+    width = max(len(s.name) for s in found)
+    page = (say("{:<{width}}  {}", s.name, s.about, width=width).folded(width + 2) for s in found)
+    return Document({"scenarios": named}, tuple(page), (named,))
+
+
+def simulate_document(
+    scenario: Scenario,
+    found: Sequence[SimulatedMean],
+    remarks: Iterable[str],
+    *,
+    runs: int,
+    seed: int,
+) -> Document:
+    """Return the document of a simulated scenario.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    found
+        Its figures.
+    remarks
+        What is to be said of it.
+    runs, seed
+        How often it was run, and the seed of its random numbers.
+    """
+    alpha = alpha_of(scenario)
+    simulated = _figures(found)
+    said = tuple(remarks)
+    answer: Answer = {
         "scenario": scenario.name,
         "about": scenario.about,
         "runs": runs,
         "seed": seed,
         "confidence": 0.95,
-        "alpha": alpha_of(scenario),
-        **({"settings": dict(scenario.settings)} if isinstance(scenario, OwnErrors) else {}),
-        "figures": [_row(figure) for figure in found],
-        "remarks": list(remarks),
+        "alpha": alpha,
+        **({"settings": scenario.settings} if isinstance(scenario, OwnErrors) else {}),
+        "figures": simulated,
+        "remarks": said,
     }
-
-
-def _row(figure: SimulatedMean) -> dict[str, Any]:
-    return {name: getattr(figure, name) for name in _COLUMNS}
-
-
-def _printout(
-    scenario: Scenario,
-    found: tuple[SimulatedMean, ...],
-    remarks: Iterable[str],
-    runs: int,
-    seed: int,
-) -> str:
-    title = textwrap.wrap(f"{plain(scenario.name)}: {plain(scenario.about)}", _WIDTH)
-    alpha = alpha_of(scenario)
-    level = "" if alpha in (None, PAPER_ALPHA) else f", alpha {alpha:g}"
-    lines = [*title, f"{counted(runs, 'run')}, seed {seed}{level}", ""]
-    method = max([len("method"), *(len(plain(f.method)) for f in found)])
-    quantity = max([len("quantity"), *(len(plain(f.quantity)) for f in found)])
-    head = f"  {'method':<{method}}  {'quantity':<{quantity}}  {'mean':>8}  95 % interval"
-    known = any(f.reference is not None for f in found)
-    lines.append(head + ("        known" if known else ""))
-    case = None
-    for figure in found:
-        if figure.case != case:
-            case = figure.case
-            lines.append(plain(case))
-        interval = "-"
-        if figure.low is not None and figure.high is not None:
-            interval = f"{_number(figure.low)} to {_number(figure.high)}"
-        line = (
-            f"  {plain(figure.method):<{method}}  {plain(figure.quantity):<{quantity}}  "
-            f"{_number(figure.mean):>8}  {interval:<19}"
-        )
-        if figure.reference is not None:
-            line += f"  {_number(figure.reference)}"
-        lines.append(line.rstrip())
-    for remark in remarks:
-        lines += ["", *textwrap.wrap(plain(remark), _WIDTH)]
-    return "\n".join(lines)
+    level = say("") if alpha in (None, PAPER_ALPHA) else say(", alpha {:g}", alpha)
+    page: list[Block] = [
+        say("{scenario}: {about}", **answer).folded().of("heading"),
+        say("{}, seed {}{}", counted(runs, "run"), seed, level),
+        BLANK,
+        simulated,
+    ]
+    for remark in said:
+        page += [BLANK, say("{}", remark).folded().of("remark")]
+    return Document(answer, tuple(page), (simulated,))
 
 
 def _number(value: float) -> str:
     size = abs(value)
     return f"{value:.2f}" if size >= 10.0 else f"{value:.3f}" if size >= 0.1 else f"{value:.5f}"
+
+
+_INTERVAL = "95 % interval"
+_SCENARIOS = for_programs("name", "about", "methods", "runs")
+_FIGURES = (
+    *for_programs("case"),
+    name("method", "method"),
+    name("quantity", "quantity"),
+    *for_programs("runs"),
+    Column("mean", "mean", 10, form=_number),
+    *for_programs("low", "high"),
+    name("reference", "known", form=_number, none=""),
+    name("", _INTERVAL, 19, form=lambda ends: " to ".join(map(_number, ends))),
+)
+
+
+def _figures(found: Sequence[SimulatedMean]) -> Table:
+    rows = []
+    for one in found:
+        ends = None if one.low is None or one.high is None else (one.low, one.high)
+        rows.append((one.case, one.method, one.quantity, one.runs, one.mean, one.low, one.high,
+                     one.reference, ends))  # fmt: skip
+    shown: tuple[str, ...] = ("method", "quantity", "mean", _INTERVAL)
+    if any(one.reference is not None for one in found):
+        shown += ("reference",)
+    return table("figures", _FIGURES, rows, shown=shown, most=len(rows), group="case")

@@ -313,7 +313,11 @@ def test_the_command_refuses_by_name(capsys: pytest.CaptureFixture[str]) -> None
         assert main(["plan", "simulate", *call]) == 2
         assert said in capsys.readouterr().err
     assert main(["plan", "simulate", "--list"]) == 0
-    assert "size-models" in capsys.readouterr().out
+    listed = capsys.readouterr().out
+    assert main(["plan", "simulate", "--list", "--json"]) == 0
+    known = json.loads(capsys.readouterr().out)["scenarios"]
+    assert [row["name"] for row in known] == list(scenarios())
+    assert all(f"\n{row['name']} " in f"\n{listed}" for row in known)
 
 
 @pytest.mark.slow

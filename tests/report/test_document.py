@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,17 @@ def test_a_long_line_goes_on_in_further_lines() -> None:
     words = say("{}: {}", "name", "word " * 20).folded()
     assert [len(line) for line in page_text((words,)).splitlines()] == [80, 24]
     assert page_text((say("").folded(),)) == ""
+
+
+def test_rows_of_a_group_stand_under_its_line() -> None:
+    columns = (*for_programs("case"), name("method", "method"), whole("n", "n", 4))
+    rows = (("6\x1b", "a", 1), ("6\x1b", "b", 2), ("10", "a", 3))
+    found = table("figures", columns, rows, group="case")
+    lines = ["  method   n", "6\\x1b", "  a        1", "  b        2", "10", "  a        3"]
+    assert table_lines(found) == lines
+    assert found.records()[0] == {"case": "6\x1b", "method": "a", "n": 1}
+    first = page_text((replace(found, most=2, more=""),))
+    assert first.splitlines() == lines[:4]
 
 
 def test_arrays_are_columns() -> None:
