@@ -22,6 +22,7 @@ from anaplot.report.adjustarguments import (
 )
 from anaplot.report.arguments import positive, whole
 from anaplot.report.innerarguments import add_inner_arguments
+from anaplot.report.newcommand import add_new_arguments, run_new
 from anaplot.report.planarguments import (
     add_block_arguments,
     add_network_arguments,
@@ -551,7 +552,9 @@ def _parser() -> _Parser:
         "--seed", type=whole(0, 2**31), default=1, metavar="N", help="of the simulation, default 1"
     )
     opening.add_argument(
-        "--pattern", default="13", metavar="NAME", help="point pattern of new models, default 13"
+        "--pattern",
+        metavar="NAME",
+        help="point pattern of new models, default the block's, else 13",
     )
     opening.add_argument(
         "--operator", default="", metavar="NAME", help="your name, for the journal"
@@ -559,6 +562,14 @@ def _parser() -> _Parser:
     opening.add_argument(
         "--story", default="", metavar="TEXT", help="what the session is about, for the journal"
     )
+
+    new = command(
+        "new",
+        run_new,
+        "a block from a few answers, or from options without questions",
+        "anaplot new survey --strip 101-120 --strip 220-201 --camera rmk15 --control points.txt",
+    )
+    add_new_arguments(new)
 
     inner = command(
         "inner",

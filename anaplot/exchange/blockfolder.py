@@ -8,7 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_block_toml
+from anaplot.exchange.blocktoml import (
+    camera_texts,
+    format_block_toml,
+    parse_block_toml,
+    with_photos,
+)
 from anaplot.exchange.bridgecheck import check_for_bridge
 from anaplot.exchange.camerafile import read_camera, write_camera
 from anaplot.exchange.controlcsv import format_control, parse_control
@@ -61,9 +66,16 @@ def read_block(folder: Path) -> Block:
     block = parse_block_toml(read_text(path, MAX_TOML_BYTES), path)
     points, control = folder / IMAGE_POINTS_CSV, folder / CONTROL_CSV
     # A link to nowhere is not an absent file: lexists leaves the complaint to the reader.
+    measured = parse_image_points(points, block) if os.path.lexists(points) else ()
+    photos = block.photos
+    if not block.strips and len(block.cameras) == 1:
+        photos = with_photos(photos, (row.photo for row in measured), block.cameras[0].id)
+    if not photos:
+        raise InputError(f"{place(path)}: no photo: no strip names one, nor does image_points.csv")
     return replace(
         block,
-        image_points=parse_image_points(points, block) if os.path.lexists(points) else (),
+        photos=photos,
+        image_points=measured,
         control=parse_control(control) if os.path.lexists(control) else (),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import get_args
@@ -20,12 +20,14 @@ from anaplot.exchange.camerafile import (
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
+    Measuring,
     Photo,
     Precision,
     Strip,
     TestSettings,
     TieVariance,
 )
+from anaplot.photogrammetry.photorange import photo_range
 from anaplot.textfiles.kinds import (
     FRACTION,
     NAME,
@@ -45,15 +47,17 @@ from anaplot.textfiles.kinds import (
 )
 from anaplot.textfiles.tomltable import TomlTable, parse_toml
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
-from anaplot.textfiles.wording import quoted
+from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = [
     "BLOCK_FORMAT",
     "ROTATION",
     "camera_texts",
     "format_block_toml",
+    "measuring_lines",
     "parse_block_toml",
     "read_test",
+    "with_photos",
 ]
 
 BLOCK_FORMAT = 1
@@ -77,6 +81,7 @@ _PRECISION: Fields = {
     "control_m": Number(0.0),
 }
 _TEST: Fields = {"kind": Word(*get_args(TestKind)), "alpha": FRACTION, "power": FRACTION}
+_MEASURING: Fields = {"profile": Text(), "pattern": NAME}
 _CAMERA: Fields = {"id": NAME, "c": POSITIVE}
 _SIGMAS: Fields = {"position_sigma": Numbers(3, POSITIVE), "rotation_sigma": _rotation(POSITIVE)}
 _PHOTO: Fields = {"position": Numbers(3), "rotation": ROTATION, **_SIGMAS}
@@ -101,17 +106,38 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
     """
     root = parse_toml(text, path)
     root.version(BLOCK_FORMAT)
-    tables = ("format", "precision", "test", "camera", "strip", "photo")
+    tables = ("format", "precision", "test", "measuring", "camera", "strip", "photo")
     name = root.take({"name": NAME}, also=tables)["name"]
     precision = Precision(**root.table("precision").take({}, _PRECISION))
     test = read_test(root.table("test"))
+    measuring = Measuring(**root.table("measuring").take({}, _MEASURING))
     cameras = root.each("camera", partial(_camera, path.parent, camera_files or {}))
     known = {camera.id for camera in cameras}
-    photos = root.each("photo", partial(_photo, known))
-    strips = root.each("strip", partial(_strip, {photo.id for photo in photos}))
+    photos = root.each("photo", partial(_photo, known), least=0)
+    only = cameras[0].id if len(cameras) == 1 else None
+    declared = {photo.id for photo in photos}
+    strips = root.each("strip", partial(_strip, declared, only), least=0)
+    if not (photos or strips or only):
+        raise root.fail("no photo: with several cameras each photo is declared in a [[photo]]")
+    if only is not None:
+        photos = with_photos(photos, (name for strip in strips for name in strip.photos), only)
     return Block(
-        name=name, precision=precision, test=test, cameras=cameras, photos=photos, strips=strips
+        name=name,
+        precision=precision,
+        test=test,
+        cameras=cameras,
+        photos=photos,
+        strips=strips,
+        measuring=measuring,
     )
+
+
+def with_photos(photos: Iterable[Photo], names: Iterable[str], camera: str) -> tuple[Photo, ...]:
+    """Return photos and, after them, those of a camera that are only named; none twice."""
+    known = {photo.id: photo for photo in photos}
+    for name in names:
+        known.setdefault(name, Photo(name, camera))
+    return tuple(known.values())
 
 
 def camera_texts(block: Block) -> dict[str, str]:
@@ -139,6 +165,7 @@ def format_block_toml(block: Block) -> str:
         f"alpha = {toml_number(block.test.alpha)}",
         f"power = {toml_number(block.test.power)}",
     ]
+    lines += measuring_lines(block.measuring)
     for camera in block.cameras:
         lines += ["", "[[camera]]", f"id = {toml_text(camera.id)}", f"c = {toml_number(camera.c)}"]
         if camera.file is not None:
@@ -170,6 +197,13 @@ def format_block_toml(block: Block) -> str:
         if photo.rotation_sigma is not None:
             lines.append(f"rotation_sigma = {_angles(photo.rotation_sigma)}")
     return "\n".join(lines) + "\n"
+
+
+def measuring_lines(measuring: Measuring) -> list[str]:
+    """Return the lines of a [measuring] table; none where nothing is stated."""
+    stated = {"profile": measuring.profile, "pattern": measuring.pattern}
+    lines = [f"{key} = {toml_text(value)}" for key, value in stated.items() if value is not None]
+    return ["", "[measuring]", *lines] if lines else []
 
 
 def read_test(table: TomlTable) -> TestSettings:
@@ -215,10 +249,25 @@ def _photo(cameras: Collection[str], table: TomlTable) -> Photo:
     return photo
 
 
-def _strip(photos: Collection[str], table: TomlTable) -> Strip:
-    names = ListOf(Reference("photo", photos), "photos")
+def _strip(photos: Collection[str], only: str | None, table: TomlTable) -> Strip:
+    """Return a strip; photos that are not declared belong to the block's only camera."""
     # The sign of the base comes from the data: only the magnitude is taken.
-    strip = Strip(**table.take({"id": NAME, "photos": names}, {"base": Made(NUMBER, abs)}))
+    base: Fields = {"base": Made(NUMBER, abs)}
+    name: Kind[str] = PHOTO if only is not None else Reference("photo", photos)
+    if "first" in table or "last" in table:
+        if "photos" in table:
+            raise table.fail("photos beside first and last: only one of them", "photos")
+        ends = table.take({"id": NAME, "first": PHOTO, "last": PHOTO}, base)
+        try:
+            named = photo_range(ends["first"], ends["last"])
+        except ValueError as error:
+            raise table.fail(plain(str(error), 200), "first") from None
+        for photo in named if only is None else ():
+            if photo not in photos:
+                raise table.fail(f"unknown photo {quoted(photo)}{hint(photo, photos)}", "first")
+        strip = Strip(ends["id"], named, ends.get("base"))
+    else:
+        strip = Strip(**table.take({"id": NAME, "photos": ListOf(name, "photos")}, base))
     seen: set[str] = set()
     for index, photo in enumerate(strip.photos):
         if photo in seen:

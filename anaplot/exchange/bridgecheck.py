@@ -19,9 +19,14 @@ def check_for_bridge(block: Block) -> None:
     Raises
     ------
     InputError
-        A photo in no strip, a photo without image points, or a strip whose first model has no
-        common points.
+        No strip, a photo in no strip, a photo without image points, or a strip whose first model
+        has no common points.
     """
+    if not block.strips:
+        raise InputError(
+            "block.toml: no strip: at least one [[strip]] is needed to form models"
+            " (adjust needs none)"
+        )
     in_strips = {photo for strip in block.strips for photo in strip.photos}
     for photo in block.photos:
         if photo.id not in in_strips:

@@ -57,7 +57,7 @@ from anaplot.textfiles.kinds import (
 from anaplot.textfiles.tomltable import TomlTable, parse_toml
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
 from anaplot.textfiles.wholefile import create_whole
-from anaplot.textfiles.wording import place, quoted
+from anaplot.textfiles.wording import place, plain, quoted
 
 __all__ = [
     "CAMERA_FORMAT",
@@ -202,8 +202,17 @@ def format_camera(calibration: CameraCalibration) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_camera(path: Path, calibration: CameraCalibration) -> None:
+def write_camera(path: Path, calibration: CameraCalibration, remark: str = "") -> None:
     """Write a new camera file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    calibration
+        What it says.
+    remark
+        A line for people that it begins with, as a comment.
 
     Raises
     ------
@@ -211,7 +220,7 @@ def write_camera(path: Path, calibration: CameraCalibration) -> None:
         The calibration could not be read again, there is such a file already, or it cannot be
         written.
     """
-    text = format_camera(calibration)
+    text = f"# {plain(remark)}\n" * bool(remark) + format_camera(calibration)
     parse_camera(text, path)
     data = text.encode()
     if len(data) > MAX_CAMERA_BYTES:

@@ -7,10 +7,10 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.photogrammetry.block import Block, Camera, ImagePoint
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.selection import model_name
 from anaplot.textfiles.csvtable import CsvColumns, csv_text, read_csv
-from anaplot.textfiles.kinds import NAME, NUMBER, POSITIVE, Blank, Reference, Text
+from anaplot.textfiles.kinds import NAME, NUMBER, PHOTO, POSITIVE, Blank, Reference, Text
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import hint, quoted
 
@@ -25,7 +25,8 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
     path
         The file.
     block
-        The block as its block.toml declares it: its photos, cameras and models.
+        The block as its block.toml declares it: its photos, cameras and models. Without strips
+        and with one camera, photos need not be declared.
 
     Returns
     -------
@@ -39,13 +40,21 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
     """
     cameras = {camera.id: camera for camera in block.cameras}
     of_photo = {photo.id: cameras[photo.camera] for photo in block.photos}
+    named_here = not block.strips and len(block.cameras) == 1
     table = read_csv(
         path,
-        {"photo": Reference("photo", of_photo), "point": NAME, "x": NUMBER, "y": NUMBER},
+        {
+            "photo": PHOTO if named_here else Reference("photo", of_photo),
+            "point": NAME,
+            "x": NUMBER,
+            "y": NUMBER,
+        },
         {"sigma_um": Blank(POSITIVE), "model": Blank(Text())},
     )
+    if named_here:
+        of_photo.update(dict.fromkeys(table["photo"], block.cameras[0]))
     _check_inside(table, of_photo)
-    _check_models(table, block)
+    _check_models(table, of_photo, block.strips)
     table.refuse_twice("point", "photo", "model")
     columns = ("photo", "point", "x", "y", "sigma_um", "model")
     return tuple(map(ImagePoint, *(table[name] for name in columns)))
@@ -93,21 +102,27 @@ def _check_inside(table: CsvColumns, cameras: Mapping[str, Camera]) -> None:
         )
 
 
-def _check_models(table: CsvColumns, block: Block) -> None:
-    """Refuse a model that is none of the block's, or not one of the row's photo."""
-    known: dict[str, set[str]] = {photo.id: set() for photo in block.photos}
-    for strip in block.strips:
+def _check_models(table: CsvColumns, photos: Iterable[str], strips: Collection[Strip]) -> None:
+    """Refuse a model that is none of the strips', or not one of the row's photo.
+
+    Without strips every pair of photos may have been a model.
+    """
+    known: dict[str, set[str]] = {photo: set() for photo in photos}
+    for strip in strips:
         for left, right in strip.models():
             known[left].add(model_name(left, right))
             known[right].add(model_name(left, right))
     rows = list(zip(table["photo"], table["model"], strict=True))
-    wrong = {(photo, model) for photo, model in set(rows) if model and model not in known[photo]}
+    suspect = {(photo, model) for photo, model in set(rows) if model and model not in known[photo]}
+    wrong = {pair: fault for pair in suspect if (fault := _model_fault(*pair, known, bool(strips)))}
     if wrong:
         row = next(row for row, pair in enumerate(rows) if pair in wrong)
-        raise table.fail(row, "model", _model_fault(*rows[row], known))
+        raise table.fail(row, "model", wrong[rows[row]])
 
 
-def _model_fault(photo: str, model: str, known: Mapping[str, Collection[str]]) -> str:
+def _model_fault(
+    photo: str, model: str, known: Mapping[str, Collection[str]], in_strip: bool
+) -> str | None:
     left, slash, right = model.partition("/")
     if not slash or "/" in right or not left or not right:
         return f"{quoted(model)} must be of the form left/right"
@@ -116,6 +131,8 @@ def _model_fault(photo: str, model: str, known: Mapping[str, Collection[str]]) -
             return f"{quoted(model)}: unknown photo {quoted(name)}{hint(name, known)}"
     if photo not in (left, right):
         return f"{quoted(model)} does not contain the row's photo {quoted(photo)}"
+    if not in_strip:
+        return None if left != right else f"{quoted(model)}: a photo beside itself"
     turned = model_name(right, left)
     if turned in known[photo]:
         return f"{quoted(model)}: in flight order it is {quoted(turned)}"

@@ -13,6 +13,7 @@ __all__ = [
     "Camera",
     "ControlPoint",
     "ImagePoint",
+    "Measuring",
     "Photo",
     "Precision",
     "Strip",
@@ -191,6 +192,22 @@ class TestSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class Measuring:
+    """With what the block is measured, where nothing else is asked for.
+
+    Attributes
+    ----------
+    profile
+        Name or file of the instrument's profile, or None.
+    pattern
+        Name of the point pattern of new models, or None for the usual one.
+    """
+
+    profile: str | None = None
+    pattern: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Block:
     """A block as declared in its folder.
 
@@ -204,6 +221,8 @@ class Block:
         In file order.
     image_points, control
         Rows of image_points.csv and control.csv, in file order.
+    measuring
+        With what it is measured.
     """
 
     name: str
@@ -214,6 +233,7 @@ class Block:
     strips: tuple[Strip, ...]
     image_points: tuple[ImagePoint, ...] = field(default=(), repr=False)
     control: tuple[ControlPoint, ...] = field(default=(), repr=False)
+    measuring: Measuring = Measuring()
 
     def camera_of(self, photo: str) -> Camera:
         """Return the camera of a photo; raises KeyError for a photo that is not declared."""

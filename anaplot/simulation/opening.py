@@ -26,7 +26,7 @@ def open_station(
     simulate: bool = False,
     truth: Path | None = None,
     seed: int = 0,
-    point_pattern: str = DEFAULT_PATTERN,
+    point_pattern: str | None = None,
     operator: str = "",
     story: str = "",
     time_scale: float = 1.0,
@@ -49,7 +49,7 @@ def open_station(
     seed
         Of the simulation.
     point_pattern
-        Name of the point pattern of new models.
+        Name of the point pattern of new models; None for the block's, or the usual one.
     operator, story
         Name for the journal, and what the session is about.
     time_scale
@@ -66,6 +66,11 @@ def open_station(
         raise InputError("--simulate and an instrument's --port exclude each other")
     if truth is not None and not simulate:
         raise InputError("--truth goes with --simulate")
+    block = read_block(folder)
+    if point_pattern is None:
+        point_pattern = block.measuring.pattern or DEFAULT_PATTERN
+    if port is not None and profile is None:
+        profile = block.measuring.profile
     if not simulate and (profile is None) != (port is None):
         raise InputError("an instrument needs both --profile and --port")
     if not simulate:
@@ -73,7 +78,6 @@ def open_station(
         return Station(
             folder, plotter=plotter, point_pattern=point_pattern, operator=operator, story=story
         )
-    block = read_block(folder)
     points = _synthetic(block, seed) if truth is None else _measured(block, truth)
     return Station(
         folder,

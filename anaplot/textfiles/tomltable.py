@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar
 
 from anaplot.errors import InputError
 from anaplot.textfiles.inputfile import read_text
@@ -146,9 +146,13 @@ class TomlTable:
             yield TomlTable(self._text, self._file, (*self._path, key, index), item)
 
     def each(
-        self, what: str, read: Callable[[TomlTable], N], most: int | None = None
+        self,
+        what: str,
+        read: Callable[[TomlTable], N],
+        most: int | None = None,
+        least: Literal[0, 1] = 1,
     ) -> tuple[N, ...]:
-        """Return what stands in the tables [[what]]: at least one, at most `most`, none twice."""
+        """Return what stands in the tables [[what]]: between `least` and `most`, none twice."""
         found: dict[str, N] = {}
         tables: dict[str, TomlTable] = {}
         for table in self.tables(what):
@@ -159,7 +163,7 @@ class TomlTable:
             found[one.id], tables[one.id] = one, table
             if most is not None and len(found) > most:
                 raise table.fail(f"more than {most} {what}s")
-        if not found:
+        if len(found) < least:
             raise self.fail(f"no {what}: at least one [[{what}]] is needed")
         return tuple(found.values())
 

@@ -152,7 +152,8 @@ def number_of(text: str, line: str) -> int:
         ("[[camera]]", "[camera]", "[camera]", ["must be written [[camera]]"]),
         ("base = 92.0", "base = 0.0", "base = 0.0", ["base: must not be 0"]),
         ("base = 92.0", "base = nan", "base = nan", ["finite"]),
-        ('"102", "103"]', '"102", "104"]', 'photos = ["101", "102", "104"]', ["photo '104'"]),
+        ('"102", "103"]', '"102", "10/4"]', 'photos = ["101", "102", "10/4"]', ["slash"]),
+        ('photos = ["101", "102", "103"]', 'first = "101"', "[[strip]]", ["no key 'last'"]),
         ('"102", "103"]', '"102", "102"]', 'photos = ["101", "102", "102"]', ["'102' twice"]),
         ('"102", "103"]', '"102", 103]', 'photos = ["101", "102", 103]', ["quotes"]),
         ('["101", "102", "103"]', '["101"]', 'photos = ["101"]', ["fewer than 2 photos"]),
@@ -197,17 +198,58 @@ def test_duplicates_name_both_lines(block_toml):
         assert f"(first in line {first})" in message
 
 
-@pytest.mark.parametrize("what", ["camera", "photo", "strip"])
-def test_a_block_needs_cameras_photos_and_strips(what):
-    tables = {
-        "camera": '[[camera]]\nid = "k"\nc = 100\n',
-        "photo": '[[photo]]\nid = "a"\ncamera = "k"\n[[photo]]\nid = "b"\ncamera = "k"\n',
-        "strip": '[[strip]]\nid = "s"\nphotos = ["a", "b"]\n',
-    }
-    order = ["camera", "photo", "strip"]
-    kept = order[: order.index(what)]
-    text = 'format = 1\nname = "m"\n' + "".join(tables[name] for name in kept)
-    assert f"no {what}" in refused(text)
+ONE = '[[camera]]\nid = "k"\nc = 100\n'
+TWO = ONE + '[[camera]]\nid = "l"\nc = 150\n'
+HEAD = 'format = 1\nname = "m"\n'
+
+
+def test_a_block_needs_a_camera_and_photos():
+    assert "no camera" in refused(HEAD)
+    assert "with several cameras each photo is declared" in refused(HEAD + TWO)
+
+
+def test_photos_that_a_strip_names_belong_to_the_only_camera():
+    strips = (
+        '[[strip]]\nid = "s"\nphotos = ["a", "b"]\n[[strip]]\nid = "t"\nfirst = "12"\nlast = "9"\n'
+    )
+    declared = '[[photo]]\nid = "b"\ncamera = "k"\nposition = [1, 2, 3]\n'
+    block = parse_block_toml(HEAD + ONE + strips + declared, Path("block.toml"))
+    assert [photo.id for photo in block.photos] == ["b", "a", "12", "11", "10", "9"]
+    assert {photo.camera for photo in block.photos} == {"k"}
+    assert block.photos[0].position == (1.0, 2.0, 3.0)
+    assert block.strips[1].photos == ("12", "11", "10", "9")
+    # written out, it is the same block
+    again = parse_block_toml(format_block_toml(block), Path("block.toml"))
+    assert again == block
+
+
+def test_with_several_cameras_a_photo_is_declared():
+    strip = '[[strip]]\nid = "s"\nphotos = ["a", "b"]\n'
+    assert "[[strip]] photos: unknown photo 'a'" in refused(HEAD + TWO + strip)
+    ranged = '[[strip]]\nid = "s"\nfirst = "1"\nlast = "3"\n'
+    photos = "".join(f'[[photo]]\nid = "{k}"\ncamera = "l"\n' for k in (1, 3))
+    assert "[[strip]] first: unknown photo '2'" in refused(HEAD + TWO + ranged + photos)
+
+
+def test_a_range_of_photos_that_is_none():
+    def strip(keys: str) -> str:
+        return refused(HEAD + ONE + '[[strip]]\nid = "s"\n' + keys)
+
+    assert "photos beside first and last" in strip('photos = ["1", "2"]\nfirst = "1"\nlast = "2"\n')
+    assert "differ before the number" in strip('first = "a1"\nlast = "b2"\n')
+    assert "no number at its end" in strip('first = "a"\nlast = "b"\n')
+    assert "equally long" in strip('first = "098"\nlast = "1001"\n')
+    assert "more than 10000 photos" in strip('first = "1"\nlast = "999999999"\n')
+    assert "fewer than 2" in strip('first = "7"\nlast = "7"\n')
+
+
+def test_with_what_a_block_is_measured():
+    text = HEAD + '[measuring]\nprofile = "anaplot-ascii"\npattern = "9"\n' + ONE
+    text += '[[strip]]\nid = "s"\nfirst = "1"\nlast = "3"\n'
+    block = parse_block_toml(text, Path("block.toml"))
+    assert (block.measuring.profile, block.measuring.pattern) == ("anaplot-ascii", "9")
+    assert parse_block_toml(format_block_toml(block), Path("block.toml")) == block
+    assert "did you mean 'pattern'" in refused(text.replace("pattern", "patern"))
 
 
 def test_an_unknown_camera_is_named_with_the_nearest(block_toml):
@@ -231,6 +273,7 @@ def test_the_line_of_an_element_in_a_long_list_is_named(block_toml):
     text = block_toml.replace(
         '["101", "102", "103"]', '[\n  "101", # first\n  "102",\n  "10 3",\n]'
     )
+    text = text.replace("c = 152.40", 'c = 152.40\n[[camera]]\nid = "other"\nc = 9')
     at = number_of(text, '  "10 3",')
     assert f"line {at}: [[strip]] photos: unknown photo '10 3'" in refused(text)
 

@@ -1,0 +1,137 @@
+"""A list of control points as others write it: named columns in any order and any usual header."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final, Literal, cast
+
+from anaplot.errors import InputError
+from anaplot.photogrammetry.block import ControlPoint
+from anaplot.textfiles.inputfile import read_text
+from anaplot.textfiles.kinds import NAME, NUMBER, Blank, Kind, Made, Number, Word, WrongValueError
+from anaplot.textfiles.wording import place, quoted, reason
+
+__all__ = ["read_control_list"]
+
+_MAX_BYTES = 64_000_000
+_HEADERS: Final = {
+    "point": ("point", "name", "id", "nr", "no", "number", "pt", "point_id", "pointid", "station"),
+    "X": ("x", "e", "east", "easting"),
+    "Y": ("y", "n", "north", "northing"),
+    "Z": ("z", "h", "height", "elevation", "elev", "alt", "altitude"),
+    "sX": ("sx", "se", "sigma_x", "sigma_e", "sd_x", "std_x"),
+    "sY": ("sy", "sn", "sigma_y", "sigma_n", "sd_y", "std_y"),
+    "sZ": ("sz", "sh", "sigma_z", "sigma_h", "sd_z", "std_z"),
+    "sXY": ("sxy", "sen", "sigma_xy"),
+    "s": ("s", "sigma", "sd", "std"),
+    "use": ("use",),
+}
+_COLUMN: Final = {alias: name for name, aliases in _HEADERS.items() for alias in aliases}
+_SIGMA = Blank(Made(Number(0.0), abs))
+_KINDS: Final[dict[str, Kind[Any]]] = {
+    "point": NAME,
+    **dict.fromkeys(("X", "Y", "Z"), Blank(NUMBER)),
+    **dict.fromkeys(("sX", "sY", "sZ", "sXY", "s"), _SIGMA),
+    "use": Blank(Word("control", "check", "off")),
+}
+
+
+def read_control_list(path: Path) -> tuple[ControlPoint, ...]:
+    """Read a list of control points.
+
+    Parameters
+    ----------
+    path
+        Text with a header; fields are separated by commas, semicolons, tabs or blanks. Columns:
+        the name (point, name, id, ...), E or X, N or Y, H or Z, and perhaps standard deviations
+        (sigma for all, or sX, sY, sZ) and use; in any order, in small or capital letters, with a
+        unit in brackets or none; metres. Lines that begin with # are comments.
+
+    Returns
+    -------
+    tuple[ControlPoint, ...]
+        The rows in file order.
+
+    Raises
+    ------
+    InputError
+        A header without the names, or a row that is wrong, with file, line and column.
+    """
+    lines = _lines(path, read_text(path, _MAX_BYTES))
+    number, header = next(lines, (1, []))
+    columns = _columns(path, number, header)
+    found: dict[str, tuple[int, ControlPoint]] = {}
+    for number, fields in lines:
+        point = _point(path, number, columns, fields)
+        first = found.setdefault(point.point, (number, point))[0]
+        if first != number:
+            raise InputError(
+                f"{place(path, number)}: point {quoted(point.point)} twice (first in line {first})"
+            )
+    if not found:
+        raise InputError(f"{place(path)}: no control point")
+    return tuple(point for _, point in found.values())
+
+
+def _lines(path: Path, text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the fields of each line with its number."""
+    separator: str | None = None
+    first = True
+    for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        if first:
+            first = False
+            separator = next((mark for mark in ";\t," if mark in line), None)
+        try:
+            fields = (
+                line.split()
+                if separator is None
+                else next(csv.reader([line], delimiter=separator, strict=True))
+            )
+        except csv.Error as error:
+            raise InputError(f"{place(path, number)}: not a row: {reason(error)}") from None
+        yield number, [field.strip() for field in fields]
+
+
+def _columns(path: Path, number: int, header: list[str]) -> list[str]:
+    """Return the name of each column; raises InputError where one is unknown or missing."""
+    columns = []
+    for title in header:
+        name = _COLUMN.get(title.partition("[")[0].partition("(")[0].strip().lower())
+        if name is None:
+            usual = "point, X, Y, Z (or name, E, N, H), sigma or sX, sY, sZ, use"
+            raise InputError(
+                f"{place(path, number)}: unknown column {quoted(title)} (known: {usual})"
+            )
+        if name in columns:
+            raise InputError(f"{place(path, number)}: column {name} twice ({quoted(title)})")
+        columns.append(name)
+    for needed in ("point", "X", "Y"):
+        if needed not in columns:
+            usual = " or ".join(_HEADERS[needed][:3])
+            raise InputError(f"{place(path, number)}: the header names no column {usual}")
+    return columns
+
+
+def _point(path: Path, number: int, columns: list[str], fields: list[str]) -> ControlPoint:
+    if len(fields) != len(columns):
+        raise InputError(
+            f"{place(path, number)}: {len(fields)} fields, the header has {len(columns)}"
+        )
+    row: dict[str, Any] = {}
+    for name, field in zip(columns, fields, strict=True):
+        try:
+            row[name] = _KINDS[name].of_text(field)
+        except WrongValueError as error:
+            raise InputError(f"{place(path, number)}: {name}: {error}") from None
+    every = row.get("s")
+    plan = row.get("sXY", every)
+    return ControlPoint(
+        row["point"],
+        (row["X"], row["Y"], row.get("Z")),
+        (row.get("sX", plan), row.get("sY", plan), row.get("sZ", every)),
+        cast(Literal["control", "check", "off"], row.get("use") or "control"),
+    )

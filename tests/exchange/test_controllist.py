@@ -1,0 +1,82 @@
+"""Lists of control points as others write them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from anaplot.errors import InputError
+from anaplot.exchange.controllist import read_control_list
+from anaplot.photogrammetry.block import ControlPoint
+
+
+def read(tmp_path: Path, text: str) -> tuple[ControlPoint, ...]:
+    file = tmp_path / "points.txt"
+    file.write_text(text)
+    return read_control_list(file)
+
+
+SEVEN = ControlPoint("7", (1000.5, 2000.0, 310.25), (0.1, 0.1, 0.1))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name,E,N,H,sigma\n7,1000.5,2000,310.25,0.1\n",
+        "# a survey\n\nH;n;E [m];Point;SIGMA(m)\n310.25;2000;1000.5;7;0.1\n",
+        "id\teasting\tnorthing\theight\tsx\tsy\tsz\n7\t1000.5\t2000\t310.25\t.1\t.1\t.1\n",
+        "Nr   X  Y   Z  sXY  sZ\n 7  1000.5  2000.0  310.25  0.1   0.1\n",
+        '\ufeffpoint,X,Y,Z,s,use\n"7",1000.5,2000,310.25,0.1,control\n',
+    ],
+)
+def test_any_order_and_any_usual_header(tmp_path: Path, text: str) -> None:
+    assert read(tmp_path, text) == (SEVEN,)
+
+
+def test_what_is_not_known_is_blank(tmp_path: Path) -> None:
+    found = read(tmp_path, "name;E;N;H;sZ;use\n1;5;6;;;check\n2;;;7;0;\n3;1;2;3;0.5;off\n")
+    assert found == (
+        ControlPoint("1", (5.0, 6.0, None), use="check"),
+        ControlPoint("2", (None, None, 7.0), (None, None, 0.0)),
+        ControlPoint("3", (1.0, 2.0, 3.0), (None, None, 0.5), use="off"),
+    )
+    assert read(tmp_path, "name,E,N\n1,5,6\n")[0].xyz == (5.0, 6.0, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "names no column point or name or id"),
+        ("name,E,N\n", "no control point"),
+        ("name,E,H\n1,2,3\n", "line 1: the header names no column y or n or north"),
+        ("name,E,N,colour\n1,2,3,red\n", "line 1: unknown column 'colour'"),
+        ("name,E,N,X\n1,2,3,4\n", "line 1: column X twice"),
+        ("name,E,N\n1,2\n", "line 2: 2 fields, the header has 3"),
+        ("name;E;N\n1;2,5;3\n", "line 2: X: must be a finite number, not '2,5'"),
+        ("name,E,N\n\n1,2,nan\n", "line 3: Y: "),
+        ("name,E,N,s\n1,2,3,-1\n", "line 2: s: "),
+        ("name,E,N,use\n1,2,3,maybe\n", "line 2: use: "),
+        ("name,E,N\n1,2,3\n1,3,4\n", "line 3: point '1' twice (first in line 2)"),
+        ('name,E,N\n"1,2,3\n', "line 2: not a row"),
+        ("name,E,N\n\x1b[2J,2,3\n", "line 2: point: the name"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, text)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_points_or_an_input_error(tmp_path_factory, data: bytes) -> None:  # type: ignore[no-untyped-def]
+    file = tmp_path_factory.getbasetemp() / "any.txt"
+    file.write_bytes(b"name,E,N\n" + data)
+    try:
+        points = read_control_list(file)
+    except InputError:
+        return
+    assert len({point.point for point in points}) == len(points)
