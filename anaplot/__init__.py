@@ -1,3 +1,70 @@
-"""anaplot: on-line photogrammetric triangulation, every measurement with its redundancy number."""
+"""anaplot: on-line photogrammetric triangulation, every measurement with its redundancy number.
 
-__version__ = "0.1.0"
+The library, each name loaded when it is first used (docs/library.md):
+
+- `read_block`: a block folder as frozen dataclasses
+- `adjust`, `find_gross_errors`, `compare`: what the commands compute, with their options as
+  keywords; each returns a `Computed`
+- `load_profile`, `Decoder`: an instrument's profile, and the readings in its bytes
+
+Lengths are in mm in the image, in m on the ground; angles in rad; residuals in um. What a person
+can get wrong raises an `AnaplotError` of one line.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from anaplot.version import JSON_VERSION, __version__
+
+if TYPE_CHECKING:
+    from anaplot.errors import AnaplotError, InputError, LinkError, NotComputableError
+    from anaplot.exchange.blockfolder import read_block
+    from anaplot.photogrammetry.block import Block
+    from anaplot.plotter.decoder import Decoder
+    from anaplot.plotter.profile import load_profile
+    from anaplot.report.adjustcommand import adjust, find_gross_errors
+    from anaplot.report.comparecommand import compare
+    from anaplot.report.computed import Computed
+
+__all__ = [
+    "JSON_VERSION",
+    "AnaplotError",
+    "Block",
+    "Computed",
+    "Decoder",
+    "InputError",
+    "LinkError",
+    "NotComputableError",
+    "__version__",
+    "adjust",
+    "compare",
+    "find_gross_errors",
+    "load_profile",
+    "read_block",
+]
+
+# as TYPE_CHECKING imports them
+_HOMES = {
+    "anaplot.errors": ("AnaplotError", "InputError", "LinkError", "NotComputableError"),
+    "anaplot.exchange.blockfolder": ("read_block",),
+    "anaplot.photogrammetry.block": ("Block",),
+    "anaplot.plotter.decoder": ("Decoder",),
+    "anaplot.plotter.profile": ("load_profile",),
+    "anaplot.report.adjustcommand": ("adjust", "find_gross_errors"),
+    "anaplot.report.comparecommand": ("compare",),
+    "anaplot.report.computed": ("Computed",),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'anaplot' has no attribute {name!r}")
+    value = globals()[name] = getattr(importlib.import_module(_HOME[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

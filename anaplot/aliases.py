@@ -17,6 +17,7 @@ __all__ = [
     "Progress",
     "RowKey",
     "Side",
+    "Strategy",
     "TestKind",
 ]
 
@@ -36,6 +37,9 @@ RowKey = tuple[str, str]
 
 TestKind = Literal["tau", "baarda"]
 """Pope's tau with the estimated sigma0, or Baarda's w with the a-priori one."""
+
+Strategy = Literal["baarda", "tau", "rms", "modified", "huber", "danish", "l1", "search", "odds"]
+"""Name of a strategy for gross errors."""
 
 Progress = Callable[[str, float], None]
 """Told of a step and of how much of it is done (0 to 1); may raise to end the computation."""

@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from anaplot import __version__
 from anaplot.errors import AnaplotError, InputError
 from anaplot.report.adjustarguments import (
     add_adjust_arguments,
@@ -29,6 +28,7 @@ from anaplot.report.planarguments import (
     add_pattern_arguments,
     add_simulate_arguments,
 )
+from anaplot.version import __version__
 
 if TYPE_CHECKING:
     from anaplot.orientation.results import ModelSolution
@@ -98,30 +98,10 @@ def _bridge(options: argparse.Namespace) -> int:
 
 
 def _adjust(options: argparse.Namespace) -> int:
-    from anaplot.report.adjustcommand import run_adjust
-    from anaplot.report.output import Output
+    from anaplot.report.adjustcommand import adjust
+    from anaplot.report.running import run_computation
 
-    return run_adjust(
-        options.block,
-        output=Output.of(options),
-        fail_on_flag=options.fail_on_flag,
-        datum=options.datum,
-        additional=options.additional,
-        additional_sigma_um=options.additional_sigma_um,
-        snooping=options.snooping,
-        tolerance=options.snooping_tolerance / 100.0,
-        model_values=options.snooping_values,
-        correlations=options.correlations,
-        hypothesis_alpha=options.hypothesis_alpha,
-        errors=options.errors,
-        partner=options.partner,
-        pairs=options.pairs,
-        as_given=options.as_given,
-        control_last=options.control_last,
-        prior=options.prior,
-        components=options.components,
-        operators=options.operators,
-    )
+    return run_computation(options, adjust, [options.block])
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -422,9 +402,10 @@ def _plan_network(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    from anaplot.report.comparecommand import run_compare
+    from anaplot.report.comparecommand import compare
+    from anaplot.report.running import run_computation
 
-    return run_compare(options)
+    return run_computation(options, compare, [options.first, options.second])
 
 
 def _add_plan(commands: Any) -> None:

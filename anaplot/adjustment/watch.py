@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
+
 from anaplot.aliases import Progress
 
 __all__ = ["Watch"]
@@ -29,6 +31,10 @@ class Watch:
         """Say what is being done and how much of it is done."""
         if self._progress is not None:
             self._progress(what, fraction)
+
+    def searching(self) -> AbstractContextManager[Watch]:
+        """Return what lasts as long as a search that may be ended early."""
+        return nullcontext(self)
 
     def stop(self) -> None:
         """Ask for the end."""

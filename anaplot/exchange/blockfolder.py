@@ -47,7 +47,7 @@ CONTROL_CSV = "control.csv"
 MAX_TOML_BYTES = 4_000_000
 
 
-def read_block(folder: Path) -> Block:
+def read_block(folder: str | os.PathLike[str]) -> Block:
     """Read a block folder; nothing is written.
 
     Parameters
@@ -61,6 +61,7 @@ def read_block(folder: Path) -> Block:
     InputError
         The first thing that is wrong, with file, line and key or column.
     """
+    folder = Path(folder)
     _check_folder(folder)
     path = folder / BLOCK_TOML
     block = parse_block_toml(read_text(path, MAX_TOML_BYTES), path)

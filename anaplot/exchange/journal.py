@@ -13,7 +13,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from anaplot import __version__
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journalread import (
@@ -38,6 +37,7 @@ from anaplot.session.events import Event
 from anaplot.textfiles.ownfile import check_own, is_same, open_own
 from anaplot.textfiles.wholefile import sync_folder, write_all
 from anaplot.textfiles.wording import place, quoted, reason
+from anaplot.version import __version__
 
 __all__ = [
     "Journal",

@@ -1,76 +1,113 @@
-"""The command `anaplot adjust`: a block folder in, a report or JSON out."""
+"""`anaplot adjust` and its call: a block in, the adjusted bundle and its document out."""
 
 from __future__ import annotations
 
-import sys
-from dataclasses import replace
+import os
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TextIO
 
-from anaplot.adjustment.modelvalues import MODEL_TOLERANCE
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Progress, Strategy
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import ControlLast
-from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
-from anaplot.bundle.hypotheses.components import Grouping, block_components
-from anaplot.bundle.hypotheses.priorknowledge import PriorEstimator, prior_estimate
+from anaplot.bundle.errors.grosserrors import BlockFindings, RejectedObservation
+from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses, block_hypotheses
+from anaplot.bundle.hypotheses.components import BlockComponents, Grouping, block_components
+from anaplot.bundle.hypotheses.priorknowledge import BlockPrior, PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
-from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.additional import AdditionalParameters, additional_parameters
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import block_files, read_block
 from anaplot.exchange.operatorscsv import read_operators
+from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
 from anaplot.report.components import components_document
-from anaplot.report.correlations import correlated_rays, correlations_document
+from anaplot.report.computed import Computed
+from anaplot.report.correlations import RayPair, correlated_rays, correlations_document
 from anaplot.report.document import BLANK, Document, say
 from anaplot.report.hypotheses import hypotheses_document
-from anaplot.report.interrupts import ending_early
-from anaplot.report.output import PRINTED, Output
+from anaplot.report.keywords import takes_options
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
-from anaplot.report.progress import ProgressLine
-from anaplot.report.snooping import ModelSource, snoop_block, snooping_document
+from anaplot.report.running import BlockOrFolder, block_of
+from anaplot.report.snooping import ModelSource, SnoopedBlock, snoop_block, snooping_document
 
-__all__ = ["run_adjust"]
+__all__ = ["BlockAdjustment", "adjust", "find_gross_errors"]
 
 
-def run_adjust(
-    folder: Path,
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockAdjustment:
+    """An adjusted block with what was asked of it.
+
+    Attributes
+    ----------
+    block
+        The adjusted block, without what is rejected: orientations, points, tested observations.
+    hypotheses
+        Tests of additional parameters, check points and control.
+    errors
+        What the strategy for gross errors found, with control; None without one.
+    errors_without_control
+        Both steps, where control came last.
+    prior_estimate
+        The variance factors of image coordinates and prior knowledge.
+    components
+        The variance components.
+    snooping
+        The modified data snooping beside the exact test.
+    correlations
+        Pairs of a point's rays whose residuals are correlated.
+    """
+
+    block: AdjustedBlock
+    hypotheses: BlockHypotheses = field(repr=False)
+    errors: BlockFindings | None = field(default=None, repr=False)
+    errors_without_control: ControlLast | None = field(default=None, repr=False)
+    prior_estimate: BlockPrior | None = field(default=None, repr=False)
+    components: BlockComponents | None = field(default=None, repr=False)
+    snooping: SnoopedBlock | None = field(default=None, repr=False)
+    correlations: tuple[RayPair, ...] | None = field(default=None, repr=False)
+
+    @property
+    def rejected(self) -> tuple[RejectedObservation, ...]:
+        """What the strategy rejected, in its order."""
+        first = self.errors_without_control
+        images = () if first is None else first.images.rejected
+        return images + (() if self.errors is None else self.errors.rejected)
+
+
+@takes_options(add_adjust_arguments)
+def adjust(
+    block: BlockOrFolder,
     *,
-    output: Output = PRINTED,
-    fail_on_flag: bool = False,
     datum: Datum = "control",
     additional: str | None = None,
     additional_sigma_um: float | None = None,
     snooping: bool = False,
-    tolerance: float = MODEL_TOLERANCE,
-    model_values: ModelSource = "block",
+    snooping_tolerance: float = 25.0,
+    snooping_values: ModelSource = "block",
     correlations: float | None = None,
     hypothesis_alpha: float = 0.05,
-    errors: str | None = None,
-    partner: float | None = None,
-    pairs: bool = False,
-    as_given: bool = False,
+    errors: Strategy | None = None,
     control_last: bool = False,
+    partner: float | None = None,
+    as_given: bool = False,
+    pairs: bool = False,
     prior: PriorEstimator | None = None,
     components: Grouping | None = None,
-    operators: Path | None = None,
-    err: TextIO | None = None,
-) -> int:
-    """Adjust a block folder and print the result.
+    operators: str | os.PathLike[str] | None = None,
+    progress: Progress | None = None,
+) -> Computed[BlockAdjustment]:
+    """Adjust a block as one bundle, from nothing but its measurements.
 
     Parameters
     ----------
-    folder
-        The block; it is only read.
-    output
-        How the result is shown.
-    fail_on_flag
-        Return 1 when an observation is flagged.
+    block
+        A block, or its folder; it is only read.
     datum
-        "control", "minimal" or "free".
+        "control", "minimal" or "free" by inner constraints over the points.
     additional
         "set" or "set:scope" of additional parameters: ebner, gruen, physical; block, strip,
         camera, photo.
@@ -78,25 +115,25 @@ def run_adjust(
         Their a-priori standard deviation as effect in the image [um]; None: free.
     snooping
         Add the modified data snooping of 1980 beside the exact test.
-    tolerance
-        Its k_q, a share.
-    model_values
+    snooping_tolerance
+        Its k_q [percent].
+    snooping_values
         Its model values: estimated for the block, or those of the paper for regular blocks.
     correlations
         Add the pairs of a point's rays whose residuals are correlated at or above this.
     hypothesis_alpha
         Significance of the tests of additional parameters, check points and control.
     errors
-        Name of a strategy for gross errors: everything is printed of the block without what it
-        rejects, and `fail_on_flag` counts what is rejected as well.
-    partner
-        Residual correlation from which it calls two observations hard to tell apart.
-    pairs
-        Whether it adds the odds over pairs of gross errors.
-    as_given
-        Whether it cleans also where the a-priori sigma0 cannot be right.
+        Name of a strategy for gross errors: everything is told of the block without what it
+        rejects.
     control_last
         Whether it cleans the image coordinates without control before control comes in.
+    partner
+        Residual correlation from which it calls two observations hard to tell apart; None: 0.9.
+    as_given
+        Whether it cleans also where the a-priori sigma0 cannot be right.
+    pairs
+        Whether it adds the odds over pairs of gross errors.
     prior
         Estimator for the block with its prior knowledge; None: all stated variances, and the sigma
         that the block's test says.
@@ -104,18 +141,21 @@ def run_adjust(
         Add variance components, image coordinates grouped like this.
     operators
         A file that says who measured which photo, for the grouping "operators".
-    err
-        Standard error when None.
+    progress
+        Called with what is being done and the fraction of it (0 to 1); a `Watch` also ends the
+        search for gross errors early when it is stopped.
 
     Returns
     -------
-    int
-        Exit code 0, or 1 with `fail_on_flag`.
+    Computed of BlockAdjustment
+        Units as conventions have them: m and rad on the ground, um in the image.
 
     Raises
     ------
-    AnaplotError
-        Bad input or a block that cannot be computed; nothing is printed then.
+    InputError
+        Bad input; options that do not go together.
+    NotComputableError
+        Something is not determined, or no solution is found; names photos and points.
     """
     if errors is None and (partner is not None or pairs or control_last or as_given):
         raise InputError("--partner, --pairs, --as-given and --control-last go with --errors")
@@ -125,73 +165,122 @@ def run_adjust(
         raise InputError("--components operators and --operators FILE go together")
     if prior is not None and components is not None:
         raise InputError("--prior and --components both estimate variances: one of them")
-    output.check({"is read": block_files(folder)})
-    block = read_block(folder)
-    check_power("--hypothesis-alpha", hypothesis_alpha, block.test, folder)
+    given, where = block_of(block)
+    check_power("--hypothesis-alpha", hypothesis_alpha, given.test, where)
     who = None
     if operators is not None:
-        who = read_operators(operators, [photo.id for photo in block.photos])
-    chosen = None
-    if additional is not None:
-        chosen = additional_parameters(additional, additional_sigma_um)
-    told = sys.stderr if err is None else err
-    with ProgressLine(told) as progress:
-        cleaned = earlier = None
-        if errors is None:
-            adjusted = adjust_block(block, datum=datum, additional=chosen, progress=progress)
-        elif control_last:
-            with ending_early(Watch(progress), told) as watch:
-                steps = clean_step_by_step(
-                    block,
-                    errors,
-                    partner,
-                    pairs=pairs,
-                    additional=chosen,
-                    as_given=as_given,
-                    watch=watch,
-                )
-            earlier, cleaned, adjusted = steps, steps.control, steps.block
-        else:
-            problem = make_problem(block, datum=datum, additional=chosen)
-            with ending_early(Watch(progress), told) as watch:
-                cleaned = clean_block(
-                    problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch
-                )
-            adjusted = cleaned.block
-        estimated = None
-        if prior is not None:
-            estimated = prior_estimate(adjusted, prior, progress=progress)
-            adjusted = estimated.block
-        progress("report", 0.0)
-        snooped = (
-            snoop_block(adjusted, tolerance=tolerance, values=model_values) if snooping else None
-        )
-        related = None if correlations is None else correlated_rays(adjusted, correlations)
-        parted = None
-        if components is not None:
-            parted = block_components(adjusted, components, operators=who, progress=progress)
-        tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha, block.test.power))
-    gone = () if cleaned is None else cleaned.rejected
-    if earlier is not None:
-        gone = earlier.images.rejected + gone
-    rejected = None if cleaned is None else [(row.name, row.error) for row in gone]
-    document = adjust_document(adjusted, rejected)
-    answers = {"hypotheses": hypotheses_document(tested)}
+        who = read_operators(Path(operators), [photo.id for photo in given.photos])
+    chosen = _additional(additional, additional_sigma_um)
+    watch = progress if isinstance(progress, Watch) else Watch(progress)
+    cleaned = earlier = None
+    if errors is None:
+        adjusted = adjust_block(given, datum=datum, additional=chosen, progress=watch)
+    elif control_last:
+        with watch.searching():
+            earlier = clean_step_by_step(
+                given,
+                errors,
+                partner,
+                pairs=pairs,
+                additional=chosen,
+                as_given=as_given,
+                watch=watch,
+            )
+        cleaned, adjusted = earlier.control, earlier.block
+    else:
+        problem = make_problem(given, datum=datum, additional=chosen)
+        with watch.searching():
+            cleaned = clean_block(
+                problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch
+            )
+        adjusted = cleaned.block
+    estimated = None
+    if prior is not None:
+        estimated = prior_estimate(adjusted, prior, progress=watch)
+        adjusted = estimated.block
+    watch("report", 0.0)
+    snooped = None
     if snooping:
-        answers["snooping"] = snooping_document(snooped)
-    if related is not None and correlations is not None:
-        answers["correlations"] = correlations_document(related, correlations)
-    if estimated is not None:
-        answers["prior_estimate"] = prior_document(estimated)
-    if parted is not None:
-        answers["components"] = components_document(parted)
-    if cleaned is not None:
-        answers["errors"] = errors_document(cleaned)
-    if earlier is not None:
-        answers["errors_without_control"] = _without_control(earlier)
-    output.show(_whole(document, answers))
-    wrong = adjusted.any_flagged or len(gone) > 0
-    return 1 if fail_on_flag and wrong else 0
+        tolerance = snooping_tolerance / 100.0
+        snooped = snoop_block(adjusted, tolerance=tolerance, values=snooping_values)
+    related = None if correlations is None else correlated_rays(adjusted, correlations)
+    parted = None
+    if components is not None:
+        parted = block_components(adjusted, components, operators=who, progress=watch)
+    tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha, given.test.power))
+    found = BlockAdjustment(adjusted, tested, cleaned, earlier, estimated, parted, snooped, related)
+    flagged = adjusted.any_flagged or len(found.rejected) > 0
+    return Computed(found, _document(found, snooping, correlations), flagged)
+
+
+@takes_options(add_adjust_arguments)
+def find_gross_errors(
+    block: BlockOrFolder,
+    errors: Strategy = "odds",
+    *,
+    datum: Datum = "control",
+    additional: str | None = None,
+    additional_sigma_um: float | None = None,
+    partner: float | None = None,
+    as_given: bool = False,
+    pairs: bool = False,
+    progress: Progress | None = None,
+) -> Computed[BlockFindings]:
+    """Search a block for gross errors: what `adjust` says under "errors", and nothing else.
+
+    Parameters
+    ----------
+    block
+        A block, or its folder; it is only read.
+    errors
+        Name of the strategy.
+    datum, additional, additional_sigma_um, partner, as_given, pairs, progress
+        As `adjust` has them.
+
+    Returns
+    -------
+    Computed of BlockFindings
+        What is rejected and on what evidence, and the block without it.
+
+    Raises
+    ------
+    InputError
+        Bad input.
+    NotComputableError
+        The block has no solution, also without what fits nowhere.
+    """
+    given, _ = block_of(block)
+    chosen = _additional(additional, additional_sigma_um)
+    problem = make_problem(given, datum=datum, additional=chosen)
+    watch = progress if isinstance(progress, Watch) else Watch(progress)
+    with watch.searching():
+        found = clean_block(problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch)
+    return Computed(found, errors_document(found), len(found.rejected) > 0)
+
+
+def _additional(name: str | None, sigma_um: float | None) -> AdditionalParameters | None:
+    return None if name is None else additional_parameters(name, sigma_um)
+
+
+def _document(found: BlockAdjustment, snooping: bool, correlations: float | None) -> Document:
+    """Return a block's document with a part for everything that was asked."""
+    rejected = None
+    if found.errors is not None:
+        rejected = [(row.name, row.error) for row in found.rejected]
+    parts = {"hypotheses": hypotheses_document(found.hypotheses)}
+    if snooping:
+        parts["snooping"] = snooping_document(found.snooping)
+    if found.correlations is not None and correlations is not None:
+        parts["correlations"] = correlations_document(found.correlations, correlations)
+    if found.prior_estimate is not None:
+        parts["prior_estimate"] = prior_document(found.prior_estimate)
+    if found.components is not None:
+        parts["components"] = components_document(found.components)
+    if found.errors is not None:
+        parts["errors"] = errors_document(found.errors)
+    if found.errors_without_control is not None:
+        parts["errors_without_control"] = _without_control(found.errors_without_control)
+    return _whole(adjust_document(found.block, rejected), parts)
 
 
 # what a person reads after the block itself, in this order

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from anaplot.report.document import Column, Table, Values
+from anaplot.report.document import Table, Values
 
 __all__ = ["csv_text"]
 
@@ -22,18 +21,10 @@ def csv_text(table: Table) -> str:
     """
     text = io.StringIO(newline="")
     writer = csv.writer(text)
-    columns = [pair for column, values in table.for_programs() for pair in _parted(column, values)]
-    writer.writerow(key for key, _ in columns)
-    writer.writerows(zip(*(values for _, values in columns), strict=True))
+    columns = dict(table.components())
+    writer.writerow(columns)
+    writer.writerows(zip(*map(_cells, columns.values()), strict=True))
     return text.getvalue()
-
-
-def _parted(column: Column, values: Values) -> Iterator[tuple[str, Iterable[Any]]]:
-    if not column.parts:
-        yield column.key, _cells(values)
-        return
-    for k, part in enumerate(column.parts):
-        yield f"{column.key}_{part}", _cells([None if v is None else v[k] for v in values])
 
 
 def _cells(values: Values) -> list[Any]:

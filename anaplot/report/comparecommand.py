@@ -1,17 +1,18 @@
-"""The command `anaplot compare`: two epochs in, displacements out."""
+"""`anaplot compare` and its call: two epochs in, displacements and their document out."""
 
 from __future__ import annotations
 
-import argparse
-import sys
+from collections.abc import Sequence
 
+from anaplot.aliases import Progress
 from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.epochs.displacementtests import EpochTests, Located, PointMove, epoch_tests
 from anaplot.bundle.hypotheses.verdict import Verdict
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import block_files, read_block
+from anaplot.report.adjustarguments import add_compare_arguments
 from anaplot.report.columns import fitted
+from anaplot.report.computed import Computed
 from anaplot.report.document import (
     BLANK,
     Answer,
@@ -27,61 +28,96 @@ from anaplot.report.document import (
     say,
     table,
 )
-from anaplot.report.output import Output
+from anaplot.report.keywords import takes_options
 from anaplot.report.power import check_power
-from anaplot.report.progress import ProgressLine
+from anaplot.report.running import BlockOrFolder, block_of
 from anaplot.report.verdicts import labelled, probability, verdict_cells, verdict_json
 
-__all__ = ["compare_document", "run_compare"]
+__all__ = ["compare", "compare_document"]
 
 _LISTED = 12
 _LABEL = 34
 
 
-def _names(text: str | None) -> tuple[str, ...]:
-    return () if text is None else tuple(n for n in (p.strip() for p in text.split(",")) if n)
+@takes_options(add_compare_arguments)
+def compare(
+    first: BlockOrFolder,
+    second: BlockOrFolder,
+    *,
+    separate: bool = False,
+    additional: str | None = None,
+    additional_sigma_um: float | None = None,
+    common_parameters: bool | None = None,
+    stable: str | Sequence[str] | None = None,
+    points: str | Sequence[str] | None = None,
+    alpha: float = 0.05,
+    progress: Progress | None = None,
+) -> Computed[EpochTests]:
+    """Compare two epochs of one object: what has moved.
 
-
-def run_compare(options: argparse.Namespace) -> int:
-    """Compare two block folders and print the result.
+    Parameters
+    ----------
+    first, second
+        Two blocks, or their folders; they are only read.
+    separate
+        Whether each epoch is adjusted by itself; otherwise both in one, with common control.
+    additional
+        "set" or "set:scope" of additional parameters, as `adjust` has them.
+    additional_sigma_um
+        Their a-priori standard deviation as effect in the image [um]; None: free.
+    common_parameters
+        Whether both epochs have the same ones; None: jointly, of block and camera, they have.
+    stable
+        Points that have not moved and hold the datum in place of control: a sequence of names, or
+        names separated by commas.
+    points
+        Compare these only.
+    alpha
+        Significance of the global test, of every family of single tests, and of all together.
+    progress
+        Called with what is being done and the fraction of it (0 to 1).
 
     Returns
     -------
-    int
-        0, or 1 with `--fail-on-flag` when something has moved, all tests together at `--alpha`.
+    Computed of EpochTests
+        Displacements, second minus first [m], with covariances and tests; flagged when anything
+        has moved, all tests together at `alpha`.
 
     Raises
     ------
-    AnaplotError
-        Bad input or epochs that cannot be compared; nothing is printed then.
+    InputError
+        Bad input; options that do not go together.
+    NotComputableError
+        Something is not determined, or the epochs have nothing in common.
     """
-    for option, text in (("--stable", options.stable), ("--points", options.points)):
+    for option, text in (("--stable", stable), ("--points", points)):
         if text is not None and not _names(text):
             raise InputError(f"{option}: no point is named")
-    if options.additional is None and options.additional_sigma_um is not None:
+    if additional is None and additional_sigma_um is not None:
         raise InputError("--additional-sigma-um goes with --additional")
-    additional = None
-    if options.additional is not None:
-        additional = additional_parameters(options.additional, options.additional_sigma_um)
-    inputs = (*block_files(options.first), *block_files(options.second))
-    output = Output.of(options)
-    output.check({"is read": inputs})
-    first, second = read_block(options.first), read_block(options.second)
-    check_power("--alpha", options.alpha, first.test, options.first)
-    with ProgressLine(sys.stderr) as progress:
-        found = compare_epochs(
-            first,
-            second,
-            separate=options.separate,
-            additional=additional,
-            common_parameters=options.common_parameters,
-            stable=_names(options.stable),
-            points=_names(options.points),
-            progress=progress,
-        )
-        tested = epoch_tests(found, alpha=options.alpha)
-    output.show(compare_document(tested))
-    return 1 if options.fail_on_flag and tested.any_moved else 0
+    chosen = None
+    if additional is not None:
+        chosen = additional_parameters(additional, additional_sigma_um)
+    (one, where), (other, _) = block_of(first), block_of(second)
+    check_power("--alpha", alpha, one.test, where)
+    found = compare_epochs(
+        one,
+        other,
+        separate=separate,
+        additional=chosen,
+        common_parameters=common_parameters,
+        stable=_names(stable),
+        points=_names(points),
+        progress=progress,
+    )
+    tested = epoch_tests(found, alpha=alpha)
+    return Computed(tested, compare_document(tested), tested.any_moved)
+
+
+def _names(given: str | Sequence[str] | None) -> tuple[str, ...]:
+    if isinstance(given, str):
+        given = [part.strip() for part in given.split(",")]
+    return () if given is None else tuple(name for name in given if name)
 
 
 def _moved(verdict: Verdict | None) -> bool | None:

@@ -8,7 +8,7 @@ makes foreign names safe for it. It has two views of the same findings, `answer`
 from __future__ import annotations
 
 import string
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any, Literal, TypeAlias
@@ -285,6 +285,14 @@ class Table:
         """Return the columns of JSON and CSV."""
         pairs = zip(self.columns, self.values, strict=True)
         return [pair for pair in pairs if pair[0].key]
+
+    def components(self) -> Iterator[tuple[str, Values]]:
+        """Yield the columns of JSON and CSV with their keys, the components of vectors apart."""
+        for column, values in self.for_programs():
+            if not column.parts:
+                yield column.key, values
+            for k, part in enumerate(column.parts):
+                yield f"{column.key}_{part}", [None if v is None else v[k] for v in values]
 
     def records(self) -> list[Answer]:
         """Return the rows for programs, one mapping each."""

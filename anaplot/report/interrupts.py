@@ -5,13 +5,34 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from types import FrameType
 from typing import TextIO
 
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Progress
 
-__all__ = ["ending_early"]
+__all__ = ["EndingEarly", "ending_early"]
+
+
+class EndingEarly(Watch):
+    """A watch that an interrupt stops while a search runs, and only then.
+
+    Parameters
+    ----------
+    progress
+        As `Watch` has it.
+    err
+        Where a person is told.
+    """
+
+    def __init__(self, progress: Progress, err: TextIO) -> None:
+        super().__init__(progress)
+        self._err = err
+
+    def searching(self) -> AbstractContextManager[Watch]:
+        """Listen to interrupts meanwhile."""
+        return ending_early(self, self._err)
 
 
 @contextmanager

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anaplot import __version__
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
@@ -49,6 +48,7 @@ from anaplot.report.output import Output
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.progress import ProgressLine
 from anaplot.textfiles.wording import hint, quoted
+from anaplot.version import __version__
 
 __all__ = ["run_simulate", "scenarios_document", "simulate_document"]
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from anaplot import __version__
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import Record, event_of
@@ -37,6 +36,7 @@ from anaplot.station.rebuild import rebuild
 from anaplot.station.replay import Replayed, recorded_block
 from anaplot.textfiles.wholefile import create_whole, make_folder
 from anaplot.textfiles.wording import place, plain
+from anaplot.version import __version__
 
 __all__ = ["Salvaged", "salvage"]
 

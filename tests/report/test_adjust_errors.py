@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import signal
 from dataclasses import replace
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commandbench import run_adjust
 from wild import text_of, words
 
 from anaplot import cli
@@ -29,7 +29,6 @@ from anaplot.photogrammetry.block import (
 )
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.report.adjustcommand import run_adjust
 from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import (
     _rejected_line,
@@ -37,7 +36,6 @@ from anaplot.report.adjusterrors import (
     errors_document,
 )
 from anaplot.report.astext import line_text
-from anaplot.report.output import Output
 
 
 def make(*, error_mm: float = 0.15, height_m: float = 0.0, name: str = "p8") -> Block:
@@ -92,14 +90,8 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-def run(folder: Path, **options) -> tuple[int, str]:
-    out = io.StringIO()
-    output = Output(options.pop("as_json", False), everything=True, stream=out)
-    return run_adjust(folder, output=output, err=io.StringIO(), **options), out.getvalue()
-
-
 def test_the_text_says_what_was_rejected_and_why(folder: Path) -> None:
-    code, text = run(folder, errors="search")
+    code, text, _ = run_adjust(folder, errors="search")
     assert code == 0
     assert "  1 image coordinate is rejected" in text
     at = text.index("GROSS ERRORS (search)")
@@ -112,14 +104,16 @@ def test_the_text_says_what_was_rejected_and_why(folder: Path) -> None:
     assert " um " in image
     table = [line for line in text[:at].splitlines() if line.endswith("rejected")]
     assert len([line for line in table if " p8 " in line]) == 1
-    code, text = run(folder, errors="baarda", fail_on_flag=True)
+    code, text, _ = run_adjust(folder, errors="baarda", fail_on_flag=True)
     assert code == 1
     assert "w " in text[text.index("GROSS ERRORS (baarda)") :]
 
 
 def test_the_json_stays_and_gains_errors(folder: Path) -> None:
-    plain = json.loads(run(folder, as_json=True)[1])
-    found = json.loads(run(folder, as_json=True, errors="search", partner=0.5, pairs=True)[1])
+    plain = json.loads(run_adjust(folder, as_json=True)[1])
+    found = json.loads(
+        run_adjust(folder, as_json=True, errors="search", partner=0.5, pairs=True)[1]
+    )
     assert set(found) == set(plain) | {"errors"}
     errors = found["errors"]
     assert errors["strategy"] == "search"
@@ -174,7 +168,7 @@ def test_the_command_line(folder: Path, capsys) -> None:
     assert "model values decided" in text
     assert "MODIFIED DATA SNOOPING" in text
     with pytest.raises(InputError):
-        run(folder, partner=0.9)
+        run_adjust(folder, partner=0.9)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commandbench import run_adjust
 from wild import wild, words
 
 from anaplot.bundle.adjust import adjust_block
@@ -21,10 +22,8 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.lens import LENS_PARAMETERS
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.report.adjustcommand import run_adjust
 from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.astext import page_text
-from anaplot.report.output import Output
 from anaplot.report.progress import ProgressLine
 
 TOML = """\
@@ -89,13 +88,6 @@ def write_block(folder: Path, *, error_mm: float = 0.0, control: bool = True) ->
     return folder
 
 
-def run(folder: Path, **options) -> tuple[int, str, str]:
-    out, err = io.StringIO(), io.StringIO()
-    output = Output(options.pop("as_json", False), everything=True, stream=out)
-    code = run_adjust(folder, output=output, err=err, **options)
-    return code, out.getvalue(), err.getvalue()
-
-
 def printout(block: AdjustedBlock) -> str:
     return page_text(adjust_document(block).page, everything=True)
 
@@ -110,7 +102,7 @@ def numbers(value) -> list[float]:
 
 def test_the_contract(tmp_path: Path) -> None:
     folder = write_block(tmp_path / "b")
-    code, out, err = run(folder, as_json=True)
+    code, out, err = run_adjust(folder, as_json=True)
     assert (code, err) == (0, "")
     got = json.loads(out)
     block = read_block(folder)
@@ -157,14 +149,14 @@ def test_the_contract(tmp_path: Path) -> None:
 
 def test_a_flag_and_its_exit_code(tmp_path: Path) -> None:
     clean, spoilt = write_block(tmp_path / "a"), write_block(tmp_path / "b", error_mm=0.3)
-    assert run(clean, fail_on_flag=True)[0] == 0
-    assert run(spoilt)[0] == 0
-    code, out, _ = run(spoilt, fail_on_flag=True)
+    assert run_adjust(clean, fail_on_flag=True)[0] == 0
+    assert run_adjust(spoilt)[0] == 0
+    code, out, _ = run_adjust(spoilt, fail_on_flag=True)
     assert code == 1
     assert "remeasure 8 in photo 102 (y) first" in out
     assert "<< REMEASURE" in out
     assert "point 8: photo 102 " in out
-    got = json.loads(run(spoilt, as_json=True)[1])
+    got = json.loads(run_adjust(spoilt, as_json=True)[1])
     accused = got["accused"]["8"]
     assert accused[0]["photo"] == "102"
     assert sum(ray["probability"] for ray in accused) == pytest.approx(1.0)
@@ -172,15 +164,17 @@ def test_a_flag_and_its_exit_code(tmp_path: Path) -> None:
 
 def test_the_text_says_everything(tmp_path: Path) -> None:
     folder = write_block(tmp_path / "b")
-    _, out, _ = run(folder, additional="ebner", additional_sigma_um=5.0)
+    _, out, _ = run_adjust(folder, additional="ebner", additional_sigma_um=5.0)
     for piece in ("BLOCK small", "redundancy", "PHOTO", "CONTROL", "CHECK", "PRIOR", "PARAMETER",
                   "POINT", "RED-N", "EFFECT", "RI x", "AI X"):  # fmt: skip
         assert piece in out, piece
-    _, out, _ = run(folder, datum="free")
+    _, out, _ = run_adjust(folder, datum="free")
     assert "rank defect 7" in out
     assert "CHECK" in out  # control is compared with, not held
     got = json.loads(
-        run(folder, as_json=True, datum="minimal", additional="ebner", additional_sigma_um=5.0)[1]
+        run_adjust(
+            folder, as_json=True, datum="minimal", additional="ebner", additional_sigma_um=5.0
+        )[1]
     )
     assert got["datum"] == {"kind": "minimal", "defect": 7}
     assert len(got["additional"]["parameters"]) == 12
@@ -190,7 +184,7 @@ def test_the_text_says_everything(tmp_path: Path) -> None:
 def test_every_correlation_is_one(tmp_path: Path, datum: str) -> None:
     folder = write_block(tmp_path / "b")
     asked = {"datum": datum, "additional": "physical", "additional_sigma_um": 50.0}
-    got = json.loads(run(folder, as_json=True, correlations=0.01, **asked)[1])
+    got = json.loads(run_adjust(folder, as_json=True, correlations=0.01, **asked)[1])
     found: list[float] = []
 
     def collect(value: object) -> None:
@@ -208,26 +202,26 @@ def test_every_correlation_is_one(tmp_path: Path, datum: str) -> None:
 def test_a_lens_is_given_as_effects_and_as_coefficients(tmp_path: Path) -> None:
     folder = write_block(tmp_path / "b")
     asked = {"additional": "physical", "additional_sigma_um": 50.0}
-    text = run(folder, **asked)[1]
+    text = run_adjust(folder, **asked)[1]
     assert re.search(r"PARAMETER +value \[um\] +s \[um\] +coefficient +s$", text, re.MULTILINE)
     assert "c > 0 makes it longer" in text
-    rows = json.loads(run(folder, as_json=True, **asked)[1])["additional"]["parameters"]
+    rows = json.loads(run_adjust(folder, as_json=True, **asked)[1])["additional"]["parameters"]
     assert [row["name"] for row in rows] == list(LENS_PARAMETERS)
     for row in rows[:3]:
         assert row["coefficient"] == row["value"]
     for row in rows:
         t = row["value"] / row["s"]
         assert row["coefficient"] / row["s_coefficient"] == pytest.approx(t)
-    others = json.loads(run(folder, as_json=True, additional="ebner")[1])["additional"]
+    others = json.loads(run_adjust(folder, as_json=True, additional="ebner")[1])["additional"]
     assert all(row["coefficient"] is None for row in others["parameters"])
 
 
 def test_undetected_errors_at_control_move_other_points(tmp_path: Path) -> None:
     folder = write_block(tmp_path / "b")
-    _, out, _ = run(folder)
+    _, out, _ = run_adjust(folder)
     assert "EFFECT [mm]  LARGEST [mm]  AT" in out
     assert "no function of the unknowns by more than LENGTH of its deviations" in out
-    got = json.loads(run(folder, as_json=True)[1])
+    got = json.loads(run_adjust(folder, as_json=True)[1])
     held = [r for r in got["image_points"] if r["point"] == "1" and r["rx"]]
     assert held
     for row in held:
@@ -244,7 +238,7 @@ def test_a_row_that_takes_no_part_has_no_numbers(tmp_path: Path) -> None:
     folder = write_block(tmp_path / "b")
     with (folder / "image_points.csv").open("a") as file:
         file.write("101,lonely,1.0,2.0,,\n")
-    got = json.loads(run(folder, as_json=True)[1])
+    got = json.loads(run_adjust(folder, as_json=True)[1])
     row = got["image_points"][-1]
     assert row["point"] == "lonely"
     assert row["rx"] is row["wx"] is row["vx_um"] is None
@@ -278,11 +272,11 @@ def test_errors_print_nothing(tmp_path: Path) -> None:
     folder = write_block(tmp_path / "b", control=False)
     out = io.StringIO()
     with pytest.raises(NotComputableError, match="no control"):
-        run_adjust(folder, output=Output(stream=out))
+        run_adjust(folder, out=out)
     with pytest.raises(InputError, match="no set"):
-        run_adjust(folder, additional="brown", output=Output(stream=out))
+        run_adjust(folder, additional="brown", out=out)
     with pytest.raises(InputError, match="no such folder"):
-        run_adjust(tmp_path / "nowhere", output=Output(stream=out))
+        run_adjust(tmp_path / "nowhere", out=out)
     assert out.getvalue() == ""
 
 
@@ -331,7 +325,7 @@ def test_an_interrupt_clears_the_line(monkeypatch: pytest.MonkeyPatch, tmp_path:
     monkeypatch.setattr("anaplot.bundle.adjust.evaluate", interrupted)
     out = io.StringIO()
     with pytest.raises(KeyboardInterrupt):
-        run_adjust(folder, output=Output(stream=out), err=err)
+        run_adjust(folder, out=out, err=err)
     assert out.getvalue() == ""
     assert err.getvalue().endswith("\r")
 
@@ -366,9 +360,8 @@ def test_one_iteration_and_one_spur_are_not_several(tmp_path: Path, monkeypatch)
 
 def test_tables_are_written_with_the_keys_of_json(tmp_path: Path) -> None:
     folder, to, file = write_block(tmp_path / "b"), tmp_path / "tables", tmp_path / "points.csv"
-    out = io.StringIO()
-    assert run_adjust(folder, output=Output(csv=file, to=to, stream=out), err=io.StringIO()) == 0
-    got = json.loads(run(folder, as_json=True)[1])
+    assert run_adjust(folder, csv=file, tables=to)[0] == 0
+    got = json.loads(run_adjust(folder, as_json=True)[1])
     for key in ("photos", "points", "image_points", "control", "check"):
         with (to / f"{key}.csv").open(newline="") as lines:
             rows = list(csv.DictReader(lines))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commandbench import run_adjust
 from wild import text_of, wild, words
 
 from anaplot import cli
@@ -26,9 +26,7 @@ from anaplot.photogrammetry.block import (
 )
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.report.adjustcommand import run_adjust
 from anaplot.report.hypotheses import hypotheses_document
-from anaplot.report.output import Output
 from anaplot.report.verdicts import probability
 
 
@@ -87,10 +85,9 @@ def write(folder: Path, block: Block) -> Path:
 
 
 def report(folder: Path, **options) -> str:
-    out = io.StringIO()
-    output = Output(bool(options.pop("as_json", False)), everything=True, stream=out)
-    assert run_adjust(folder, output=output, err=io.StringIO(), **options) == 0
-    return out.getvalue()
+    code, text, _ = run_adjust(folder, **options)
+    assert code == 0
+    return text
 
 
 def test_the_command_tests_additional_parameters(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import json
 import os
 import pty
@@ -16,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commandbench import run_adjust
 from processes import running
 from wild import text_of, wild, words
 
@@ -36,9 +36,7 @@ from anaplot.photogrammetry.block import (
 )
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.report.adjustcommand import run_adjust
 from anaplot.report.correlations import correlated_rays, correlations_document
-from anaplot.report.output import Output
 from anaplot.report.snooping import snoop_block, snooping_document
 
 WAIT = 120.0
@@ -158,10 +156,9 @@ def test_the_papers_model_values_serve_regular_blocks(values: str) -> None:
 
 
 def run(folder: Path, **options: object) -> str:
-    out = io.StringIO()
-    output = Output(bool(options.pop("as_json", False)), everything=True, stream=out)
-    assert run_adjust(folder, output=output, err=io.StringIO(), **options) == 0  # type: ignore[arg-type]
-    return out.getvalue()
+    code, text, _ = run_adjust(folder, **options)
+    assert code == 0
+    return text
 
 
 def test_the_report_follows_the_block(tmp_path: Path) -> None:
@@ -186,7 +183,9 @@ def test_the_report_follows_the_block(tmp_path: Path) -> None:
 def test_the_keys_are_additive(tmp_path: Path) -> None:
     folder = written(tmp_path / "b", flown(2, 4, errors=3))
     plain = json.loads(run(folder, as_json=True))
-    got = json.loads(run(folder, as_json=True, snooping=True, tolerance=0.1, correlations=1.0))
+    got = json.loads(
+        run(folder, as_json=True, snooping=True, snooping_tolerance=10.0, correlations=1.0)
+    )
     snooping, correlations = got.pop("snooping"), got.pop("correlations")
     assert got == plain
     assert snooping["tolerance"] == 0.1

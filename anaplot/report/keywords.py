@@ -1,0 +1,106 @@
+"""The options of a command as the keywords of a function: the same names, limits and checks."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable
+from functools import cache, wraps
+from inspect import signature
+from typing import Any, ParamSpec, TypeAlias, TypeVar
+
+from anaplot.errors import InputError
+from anaplot.textfiles.wording import hint, plain, quoted
+
+__all__ = ["Declare", "declared_options", "keywords_of", "takes_options"]
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+Declare: TypeAlias = Callable[[argparse.ArgumentParser], None]
+"""Adds a command's options to its parser."""
+
+
+class _Options(argparse.ArgumentParser):
+    """Remembers what is added to it."""
+
+    def __init__(self) -> None:
+        super().__init__(add_help=False)
+        self.declared: dict[str, argparse.Action] = {}
+
+    def add_argument(self, *names: Any, **said: Any) -> argparse.Action:
+        action = super().add_argument(*names, **said)
+        self.declared[action.dest] = action
+        return action
+
+
+@cache
+def declared_options(declare: Declare) -> dict[str, argparse.Action]:
+    """Return a command's options by the names of the keywords."""
+    options = _Options()
+    declare(options)
+    return options.declared
+
+
+def takes_options(declare: Declare) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Have the keywords of a function checked as the options of a command are.
+
+    Parameters
+    ----------
+    declare
+        Adds the options to the command's parser.
+
+    Returns
+    -------
+    callable
+        Decorates the function. A value that is no good is an `InputError` that names the option.
+    """
+
+    def around(compute: Callable[P, T]) -> Callable[P, T]:
+        form = signature(compute)
+
+        @wraps(compute)
+        def checked(*args: P.args, **keywords: P.kwargs) -> T:
+            options = declared_options(declare)
+            given = form.bind(*args, **keywords)
+            for name, value in given.arguments.items():
+                if name in options and options[name].option_strings:
+                    given.arguments[name] = _checked(options[name], value)
+            return compute(*given.args, **given.kwargs)
+
+        return checked
+
+    return around
+
+
+def keywords_of(compute: Callable[..., object], options: argparse.Namespace) -> dict[str, Any]:
+    """Return those of a command line's options that a function takes."""
+    wanted = signature(compute).parameters
+    return {name: value for name, value in vars(options).items() if name in wanted}
+
+
+def _checked(action: argparse.Action, value: Any) -> Any:
+    """Return a value as the command line would have it."""
+    option = action.option_strings[0]
+    if value is None and action.default is None:
+        return None
+    if action.nargs == 0:
+        if not isinstance(value, bool):
+            raise InputError(f"{option}: neither True nor False")
+        return value
+    if callable(action.type):
+        try:
+            value = action.type(_text(value))
+        except argparse.ArgumentTypeError as error:
+            raise InputError(f"{option}: {plain(str(error))}") from error
+    if action.choices is not None and value not in action.choices:
+        known = [str(choice) for choice in action.choices]
+        raise InputError(f"{option}: no {quoted(str(value))}{hint(str(value), known)}")
+    return value
+
+
+def _text(value: Any) -> str:
+    """Return a value as one types it: a list with commas."""
+    if isinstance(value, os.PathLike):
+        return os.fsdecode(value)
+    return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)

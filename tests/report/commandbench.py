@@ -1,0 +1,32 @@
+"""A command that computes, run on options as keywords."""
+
+from __future__ import annotations
+
+import io
+from argparse import Namespace
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+from anaplot.report.adjustarguments import add_adjust_arguments
+from anaplot.report.adjustcommand import adjust
+from anaplot.report.keywords import declared_options
+from anaplot.report.running import run_computation
+
+
+def run_adjust(
+    folder: Path,
+    *,
+    as_json: bool = False,
+    out: io.StringIO | None = None,
+    err: io.StringIO | None = None,
+    **options: Any,
+) -> tuple[int, str, str]:
+    """Return exit code, output and errors; keywords are the options by their names."""
+    out = io.StringIO() if out is None else out
+    err = io.StringIO() if err is None else err
+    asked = {name: each.default for name, each in declared_options(add_adjust_arguments).items()}
+    asked |= {"all": True, "json": as_json, "block": folder, **options}
+    with redirect_stdout(out), redirect_stderr(err):
+        code = run_computation(Namespace(**asked), adjust, [folder])
+    return code, out.getvalue(), err.getvalue()

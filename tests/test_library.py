@@ -1,0 +1,272 @@
+"""The library: its names, its keywords, what it gives, and the examples of its page."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import inspect
+import json
+import os
+import re
+import subprocess
+import sys
+from argparse import ArgumentParser
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import numpy as np
+import pytest
+
+import anaplot
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import write_image_points
+from anaplot.report.adjustarguments import add_adjust_arguments, add_compare_arguments
+from anaplot.report.keywords import declared_options
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = re.findall(
+    r"^```python\n(.*?)^```",
+    (ROOT / "docs" / "library.md").read_text(encoding="utf-8"),
+    re.M | re.S,
+)
+
+
+def measured(folder: str, seed: int) -> None:
+    """Measure a planned block with 5 um noise, and 01-02 in photo 101 wrongly where seed is 1."""
+    assert main(["plan", "block", "--strips", "2", "--photos", "4", "--to", folder]) == 0
+    rng = np.random.default_rng(seed)
+    rows = []
+    for row in anaplot.read_block(folder).image_points:
+        x, y = rng.normal(size=2) * 0.005
+        wrong = 0.08 if (seed, row.photo, row.point) == (1, "102", "01-02") else 0.0
+        rows.append(replace(row, x=row.x + x, y=row.y + y + wrong))
+    write_image_points(Path(folder), rows)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the blocks that the page speaks of."""
+    path = tmp_path_factory.mktemp("library")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(path)
+        for folder, seed in (("myblock", 1), ("spring", 2), ("autumn", 3)):
+            measured(folder, seed)
+    return path
+
+
+@pytest.fixture
+def here(place: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(place)
+    return place
+
+
+# --- names ----------------------------------------------------------------------------------
+
+
+def test_every_name_is_there_and_comes_from_where_its_types_do() -> None:
+    assert sorted(anaplot.__all__) == sorted(set(anaplot.__all__))
+    assert set(anaplot.__all__) <= set(dir(anaplot))
+    tree = ast.parse((ROOT / "anaplot" / "__init__.py").read_text(encoding="utf-8"))
+    [typed] = [node for node in tree.body if isinstance(node, ast.If)]
+    imported = {
+        alias.name: node.module
+        for node in typed.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert imported == anaplot._HOME
+    for name in anaplot.__all__:
+        value = getattr(anaplot, name)
+        if callable(value):
+            assert inspect.getdoc(value), name
+    with pytest.raises(AttributeError, match="no_such"):
+        anaplot.no_such  # noqa: B018
+
+
+@pytest.mark.slow
+def test_nothing_is_loaded_before_it_is_used() -> None:
+    code = (
+        "import sys, anaplot\n"
+        "dir(anaplot), anaplot.JSON_VERSION, anaplot.InputError\n"
+        "print(*{'numpy', 'scipy', 'serial', 'textual', 'argparse'} & set(sys.modules))\n"
+        "anaplot.adjust\n"
+        "print(*{'serial', 'textual', 'pandas'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert done.stdout.split() == []
+
+
+# --- keywords -------------------------------------------------------------------------------
+
+SHOWN = {"json", "all", "csv", "tables", "fail_on_flag"}
+COMMANDS = {
+    "adjust": (anaplot.adjust, add_adjust_arguments),
+    "compare": (anaplot.compare, add_compare_arguments),
+}
+
+
+def words(annotation: Any) -> set[str]:
+    """Return the words that a type allows."""
+    if get_origin(annotation) is Literal:
+        return set(get_args(annotation))
+    return {word for part in get_args(annotation) for word in words(part)}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_keywords_are_the_options(command: str) -> None:
+    compute: Callable[..., Any]
+    declare: Callable[[ArgumentParser], None]
+    compute, declare = COMMANDS[command]
+    options = {name: o for name, o in declared_options(declare).items() if name not in SHOWN}
+    keywords = inspect.signature(compute).parameters
+    assert set(keywords) - {"progress"} == set(options)
+    types = get_type_hints(compute)
+    for name, option in options.items():
+        keyword = keywords[name]
+        if not option.option_strings:
+            assert keyword.default is inspect.Parameter.empty
+            continue
+        assert keyword.kind is inspect.Parameter.KEYWORD_ONLY
+        assert keyword.default == (
+            False if option.nargs == 0 and not option.default else option.default
+        ) or (keyword.default is None and option.default is None), name
+        assert words(types[name]) == set(option.choices or ()), name
+
+
+def test_gross_errors_are_searched_with_the_options_of_adjust() -> None:
+    mine = inspect.signature(anaplot.find_gross_errors).parameters
+    theirs = inspect.signature(anaplot.adjust).parameters
+    for name, keyword in mine.items():
+        assert keyword.annotation.removesuffix(" | None") in theirs[name].annotation
+        assert name == "errors" or keyword.default == theirs[name].default
+
+
+@pytest.mark.parametrize(
+    ("keywords", "words"),
+    [
+        ({"datum": "fre"}, "--datum: no 'fre' (did you mean 'free'?)"),
+        ({"errors": "odd"}, "--errors: no 'odd' (did you mean 'odds'?)"),
+        ({"partner": 2.0}, "--partner: '2.0' is no correlation: above 0, at most 1"),
+        ({"partner": 0.9}, "--partner, --pairs, --as-given and --control-last go with --errors"),
+        ({"pairs": 1}, "--pairs: neither True nor False"),
+        ({"snooping_tolerance": 100}, "--snooping-tolerance: '100' must lie below 100"),
+        ({"hypothesis_alpha": float("nan")}, "--hypothesis-alpha: 'nan' is no positive number"),
+        ({"components": "operators"}, "--components operators and --operators FILE go together"),
+        ({"prior": "known", "components": "axes"}, "--prior and --components both estimate"),
+    ],
+)
+def test_a_keyword_is_checked_as_the_option_is(keywords: dict[str, Any], words: str) -> None:
+    with pytest.raises(anaplot.InputError, match=re.escape(words)) as caught:
+        anaplot.adjust("nowhere", **keywords)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_cannot_be_searched_with_is_said_before_the_block_is_read() -> None:
+    with pytest.raises(anaplot.InputError, match=r"--errors: no 'tua' \(did you mean 'tau'\?\)"):
+        anaplot.find_gross_errors("nowhere", "tua")  # type: ignore[arg-type]
+
+
+# --- what it gives --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "call"),
+    [
+        (["adjust", "myblock"], lambda: anaplot.adjust("myblock")),
+        pytest.param(
+            ["adjust", "myblock", "--errors", "search", "--snooping", "--snooping-tolerance", "10",
+             "--components", "kinds", "--correlations", "0.5"],
+            lambda: anaplot.adjust(
+                Path("myblock"), errors="search", snooping=True, snooping_tolerance=10.0,
+                components="kinds", correlations=0.5,
+            ),
+            marks=pytest.mark.slow,
+        ),
+        (
+            ["compare", "spring", "autumn", "--separate", "--points", "02-02,02-03"],
+            lambda: anaplot.compare(
+                anaplot.read_block("spring"), "autumn", separate=True, points=["02-02", "02-03"]
+            ),
+        ),
+    ],
+)  # fmt: skip
+def test_a_call_gives_what_the_command_prints(
+    here: Path,
+    words: list[str],
+    call: Callable[[], anaplot.Computed[Any]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    found = call()
+    assert capsys.readouterr().out == ""
+    assert main([*words, "--json"]) == 0
+    assert found.to_dict() == json.loads(capsys.readouterr().out)
+    assert main(words) == 0
+    assert f"{found}\n" == capsys.readouterr().out
+    assert main([*words, "--all", "--fail-on-flag"]) == int(found.flagged)
+    assert found.text(everything=True) + "\n" == capsys.readouterr().out
+    assert len(repr(found)) <= 100
+    assert "\n" not in repr(found)
+
+
+def test_columns_are_arrays_with_the_keys_of_json(here: Path) -> None:
+    found = anaplot.adjust("myblock")
+    answer = found.to_dict()
+    assert found.tables[0] == "points"
+    assert all(
+        np.array_equal(found.to_columns()[key], [row[key] for row in answer["points"]])
+        for key in answer["points"][0]
+    )
+    rays = found.to_columns("image_points")
+    assert rays["rx"].dtype == rays["wx"].dtype == float
+    assert rays["flagged"].dtype == bool
+    assert rays["rx"].sum() + rays["ry"].sum() == pytest.approx(answer["redundancy"])
+    wx = [row["wx"] for row in answer["image_points"]]
+    np.testing.assert_array_equal(rays["wx"], np.array(wx, dtype=float))
+    with pytest.raises(anaplot.InputError, match=r"no table 'point' \(did you mean 'points'\?\)"):
+        found.to_columns("point")
+
+
+def test_a_search_is_the_part_of_the_adjustment(here: Path) -> None:
+    found = anaplot.find_gross_errors("myblock", "search", pairs=True)
+    whole = anaplot.adjust("myblock", errors="search", pairs=True)
+    assert found.to_dict() == whole.to_dict()["errors"]
+    assert str(found) in str(whole)
+    assert found.result.rejected == whole.result.rejected
+    assert found.flagged
+
+
+def test_a_search_ends_when_its_watch_is_stopped(here: Path) -> None:
+    from anaplot.adjustment.watch import Watch
+
+    told = []
+    watch = Watch(lambda what, fraction: told.append(what))
+    watch.stop()
+    found = anaplot.find_gross_errors("myblock", "search", progress=watch)
+    assert told
+    assert [remark for remark in found.result.remarks if "interrupt" in remark]
+
+
+# --- the page -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", range(len(EXAMPLES)))
+def test_the_examples_of_the_page(number: int, here: Path) -> None:
+    code = EXAMPLES[number]
+    if "to_frame" in code and importlib.util.find_spec("pandas") is None:
+        pytest.skip("pandas is not installed")
+    exec(compile(code, f"docs/library.md example {number + 1}", "exec"), {})
+
+
+def test_the_page_shows_every_name() -> None:
+    code = "\n".join(EXAMPLES)
+    functions = {n for n in anaplot.__all__ if n[0].islower()}
+    assert {n for n in functions if f"anaplot.{n}(" not in code} == set()
+    assert len(EXAMPLES) >= 4
