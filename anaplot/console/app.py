@@ -120,7 +120,7 @@ class ConsoleApp(App[int]):
         for action in ACTIONS:
             label = "" if action.group else action.label
             title = label or action.id.replace("_", " ").capitalize()
-            yield SystemCommand(title, action.help, getattr(self._main, f"action_{action.id}"))
+            yield SystemCommand(title, action.help, partial(self._main.action_press, action.id))
         for strategy in CHOICES:
             about = f"Gross errors of the model by the strategy {strategy}."
             yield SystemCommand(
@@ -129,12 +129,12 @@ class ConsoleApp(App[int]):
 
     async def action_quit(self) -> None:
         """Leave as the q key does; asked a second time, leave at once."""
-        if self.screen.id == "leave":
+        if self.screen.id == "leave" or not self._main.is_mounted:
             self.exit(0)
             return
         while len(self.screen_stack) > 1:
             self.pop_screen()
-        self._main.action_leave()
+        self._main.action_press("leave")
 
     async def action_help_quit(self) -> None:  # type: ignore[override]
         """Leave: what people mean by ctrl+c."""

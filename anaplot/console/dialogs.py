@@ -13,18 +13,19 @@ from textual.widgets import Input, Static
 
 from anaplot.textfiles.wording import plain
 
-__all__ = ["Ask", "AskName", "Page"]
+__all__ = ["AskName", "AskWhether", "Page"]
 
 _LONGEST_NAME = 40
 
 
-class Ask(ModalScreen[bool]):
+class AskWhether(ModalScreen[bool]):
     """A question answered by y or n; escape means no."""
 
     DEFAULT_CSS = """
-    Ask { align: center middle; background: $background 60%; }
-    Ask > Vertical { width: 64; max-width: 95%; height: auto; padding: 1 2; background: $panel; }
-    Ask Static { height: auto; }
+    AskWhether { align: center middle; background: $background 60%; }
+    AskWhether > Vertical { width: 64; max-width: 95%; height: auto; }
+    AskWhether > Vertical { padding: 1 2; background: $panel; }
+    AskWhether Static { height: auto; }
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from textual.binding import Binding
 
 from anaplot.console.inwork import in_work
+from anaplot.console.keybar import KeyHint, show_keys
+from anaplot.console.situation import Situation
 from anaplot.station.snapshot import Snapshot
 
-__all__ = ["ACTIONS", "Action", "bindings", "is_live", "label_now"]
+__all__ = ["ACTIONS", "Action", "bindings", "is_live", "key_hints", "label_now"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +22,7 @@ class Action:
     Attributes
     ----------
     id
-        Name in a keymap file; the screen's method is `action_<id>`.
+        Name in a keymap file.
     keys
         Default keys, separated by commas; the first is the one shown.
     label
@@ -107,7 +110,13 @@ ACTIONS: tuple[Action, ...] = (
 def bindings() -> list[Binding]:
     """Return the bindings of the orientation screen, each with the action's id."""
     return [
-        Binding(action.keys, action.id, action.help, show=bool(action.label), id=action.id)
+        Binding(
+            action.keys,
+            f"press({action.id!r})",
+            action.help,
+            show=bool(action.label),
+            id=action.id,
+        )
         for action in ACTIONS
     ]
 
@@ -179,3 +188,32 @@ def label_now(
     if action.id == "switch_point" and point_off:
         return "Point on"
     return action.label
+
+
+def key_hints(now: Situation, keys: Mapping[str, tuple[str, ...]]) -> tuple[KeyHint, ...]:
+    """Return what the key bar shows, for the keys in force: the first of each action.
+
+    Those of an action's group stand beside it.
+    """
+    return tuple(
+        KeyHint(
+            action.id,
+            show_keys(
+                keys[each.id][0]
+                for each in ACTIONS
+                if each is action or (action.group and each.group == action.group)
+            ),
+            label_now(
+                action,
+                now.snapshot,
+                row_off=now.row_off,
+                point_off=now.point_off,
+                stereo=now.choices.stereo,
+                coarse=now.choices.wheels.coarse,
+                hand=now.hand,
+            ),
+            action.weight,
+        )
+        for action in ACTIONS
+        if action.label and is_live(action.id, now.snapshot, rows=now.rows, wheels=now.at_wheels)
+    )

@@ -14,13 +14,15 @@ from textual.widget import Widget
 
 from anaplot.console.bignumber import big_number
 from anaplot.console.halftone import TONES
+from anaplot.console.stationlike import ControlsLike
 from anaplot.console.stereodrawing import StereoLayer, draw_patch, patch_size
 from anaplot.console.text import fit
 from anaplot.console.wheels import Wheels
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.stereo import StereoPair
+from anaplot.station.snapshot import Snapshot
 
-__all__ = ["StereoView", "Viewed"]
+__all__ = ["StereoView"]
 
 _UNDER = 2  # lines below the patches: ruler and read-out
 _BIG = 3  # lines of a large number
@@ -32,7 +34,7 @@ Part = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Viewed:
+class _Viewed:
     """What the view shows.
 
     Attributes
@@ -80,7 +82,7 @@ class StereoView(Widget):
 
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
         super().__init__(id=id)
-        self._viewed: Viewed | None = None
+        self._viewed: _Viewed | None = None
         self._strips: list[Strip] | None = None
         self._tones: list[Style] = []
 
@@ -94,8 +96,21 @@ class StereoView(Widget):
     def _patch(self) -> tuple[int, int] | None:
         return patch_size((self.size.width - 1) // 2, self.size.height - 1 - _UNDER)
 
-    def show(self, viewed: Viewed) -> None:
-        """Show this from now on."""
+    def look(
+        self,
+        snapshot: Snapshot,
+        readout: ReadOut | None,
+        controls: ControlsLike | None,
+        wheels: Wheels,
+    ) -> None:
+        """Look into a simulated plotter's eyepieces, or at the bare read-out."""
+        raster = self.raster
+        pair, hand = None, False
+        if controls is not None:
+            hand = controls.hand
+            if raster is not None:
+                pair = controls.stereo(*raster, wheels.field_mm)
+        viewed = _Viewed(snapshot.left, snapshot.right, pair, readout, wheels, hand)
         if viewed != self._viewed:
             self._viewed = viewed
             self._strips = None
@@ -135,7 +150,7 @@ class StereoView(Widget):
 
     # -- pictures --------------------------------------------------------------------------
 
-    def _pictures(self, viewed: Viewed, pair: StereoPair, columns: int, width: int) -> list[Strip]:
+    def _pictures(self, viewed: _Viewed, pair: StereoPair, columns: int, width: int) -> list[Strip]:
         label, paper = self._style("label"), self.rich_style
         gap = width - 2 * columns
 

@@ -149,6 +149,18 @@ class TableView(ScrollView):
                 return True
         return False
 
+    def step(self, action: str) -> int | None:
+        """Return by how many rows an action moves the cursor; None when it moves it nowhere."""
+        page, everything = max(self.size.height - 1, 1), len(self._rows)
+        return {
+            **dict.fromkeys(("row_up", "up"), -1),
+            **dict.fromkeys(("row_down", "down"), 1),
+            "page_up": -page,
+            "page_down": page,
+            "first": -everything,
+            "last": everything,
+        }.get(action)
+
     def move(self, step: int) -> None:
         """Move the cursor by rows; it stops at either end."""
         if self._rows:
@@ -156,11 +168,6 @@ class TableView(ScrollView):
             self._keep_cursor_in_sight()
             self.refresh()
             self.post_message(self.Selected())
-
-    @property
-    def page(self) -> int:
-        """How many rows fit at once."""
-        return max(self.size.height - 1, 1)
 
     def on_resize(self) -> None:
         """Keep the selected row in sight."""

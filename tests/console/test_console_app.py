@@ -689,14 +689,22 @@ async def test_redrawing_changes_nothing():
         assert text(app) == before
 
 
-async def test_every_action_has_a_method_and_a_binding_with_its_id():
+async def test_every_action_has_a_binding_with_its_id_and_a_meaning():
     app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
-        ids = {active.binding.id for active in app.screen.active_bindings.values()}
+        main = app.screen
+        actions = {
+            active.binding.id: active.binding.action for active in main.active_bindings.values()
+        }
         for action in ACTIONS:
-            assert action.id in ids
-            assert callable(getattr(app.screen, f"action_{action.id}"))
+            assert actions[action.id] == f"press({action.id!r})"
+            assert main.action_press(action.id) is None
+            await pilot.pause()
+            while app.screen is not main:
+                await pilot.press("escape")
+        with pytest.raises(ValueError, match="no meaning of 'dance'"):
+            main.action_press("dance")
 
 
 async def test_a_long_expectation_takes_two_lines():

@@ -1,0 +1,215 @@
+"""What a key means, as a value: a command to the station, a question, a word to the operator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from anaplot.console.inwork import in_work
+from anaplot.console.situation import Situation
+from anaplot.console.stationlike import ControlsLike
+from anaplot.console.wheels import TURNS
+from anaplot.session import commands
+from anaplot.session.commands import Command
+from anaplot.station.snapshot import Snapshot
+
+__all__ = ["Intent", "Leave", "PointName", "Question", "Read", "Say", "Toggle", "Turn", "intended"]
+
+
+@dataclass(frozen=True, slots=True)
+class Say:
+    """Tell the operator something."""
+
+    severity: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Leave:
+    """End the console."""
+
+
+@dataclass(frozen=True, slots=True)
+class PointName:
+    """Ask for the name of a point to add."""
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """Open a page."""
+
+    page: str
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Turn the handwheels of a simulated instrument [mm]."""
+
+    x: float
+    y: float
+    px: float
+    py: float
+
+    def at(self, controls: ControlsLike) -> None:
+        """Do it."""
+        controls.turn(self.x, self.y, self.px, self.py)
+
+
+@dataclass(frozen=True, slots=True)
+class Toggle:
+    """Switch a simulated instrument's hand or operator on, or off when it is on by then."""
+
+    what: Literal["hand", "automatic"]
+
+    def at(self, controls: ControlsLike) -> None:
+        """Do it."""
+        if self.what == "hand":
+            controls.set_hand(not controls.hand)
+        else:
+            controls.set_automatic(not controls.automatic)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Ask first, and do it when the answer is yes."""
+
+    text: str
+    yes: str
+    no: str
+    then: Command | Leave
+
+
+Intent = Command | Say | Question | Leave | PointName | Read | Turn | Toggle
+
+_ALWAYS: dict[str, Intent] = {
+    "record": commands.Record(),
+    "next_model": commands.NextModel(),
+    "other_photo": commands.OtherPhoto(),
+    "undo": commands.Undo(),
+    "stop": commands.Stop(),
+    "add_point": PointName(),
+    **{page: Read(page) for page in ("orientation", "messages", "block", "errors", "help")},
+}
+_OF_A_ROW = ("drive", "switch_row", "switch_point", "details")
+_WHEELS_ELSEWHERE = Say("info", "the handwheels are those of a simulated plotter's stereo view (v)")
+
+
+def intended(action: str, now: Situation) -> Intent:
+    """Return what a key means in a situation.
+
+    Parameters
+    ----------
+    action
+        An action of `keys.ACTIONS` that works with the instrument or the session, not with what is
+        seen of it.
+    now
+        What the key meets.
+    """
+    snapshot = now.snapshot
+    if action in _ALWAYS:
+        return _ALWAYS[action]
+    if action in TURNS:
+        if not now.at_wheels:
+            return _WHEELS_ELSEWHERE
+        return Turn(*now.choices.wheels.turned(action))
+    if action in _OF_A_ROW:
+        return _with_row(action, now)
+    match action:
+        case "next_point" if snapshot.next_point is not None:
+            return commands.Drive(snapshot.next_point)
+        case "next_point":
+            return Say("warning", "no point is expected next")
+        case "accept":
+            return _accept(snapshot)
+        case "reference":
+            shown = now.selected if now.by_hand else None
+            if shown is None or shown.state != "measured":
+                return commands.Reference(None)
+            return commands.Reference(shown.point)
+        case "keep_counters":
+            return _keep_counters(snapshot)
+        case "suspend":
+            return commands.Resume() if snapshot.suspended else commands.Suspend()
+        case "automatic" if now.controls is None:
+            return Say("warning", "only a simulated plotter has a simulated operator")
+        case "hand" if now.controls is None and snapshot.link.state == "replay":
+            return Say("error", "this is a replay: one can only look on")
+        case "hand" if now.controls is None:
+            return Say("error", "only a simulated plotter is worked from here")
+        case "hand" | "automatic":
+            return Toggle(action)
+        case "leave":
+            return _leave(snapshot)
+        case _:
+            raise ValueError(f"no meaning of {action!r}")
+
+
+def _with_row(action: str, now: Situation) -> Intent:
+    shown = now.selected
+    if shown is None:
+        return Say("warning", "no row is selected")
+    if action == "drive":
+        return commands.Drive(shown.point)
+    if action == "switch_row":
+        return commands.Switch(shown.point, shown.axis, now.row_off)
+    if action == "details":
+        return Read(action)
+    return commands.Switch(shown.point, None, now.point_off)
+
+
+def _accept(snapshot: Snapshot) -> Intent:
+    """Accept inner orientation or model when that may be done; with flagged rows, ask first."""
+    if not snapshot.may_accept:
+        reason = snapshot.problem or snapshot.expected
+        what = "the model" if snapshot.inner is None else "the inner orientation"
+        return Say("warning", f"{what} cannot be accepted now: {reason}")
+    flagged = len(in_work(snapshot).flagged)
+    if not flagged:
+        return commands.Accept()
+    rows = "1 row is" if flagged == 1 else f"{flagged} rows are"
+    where = f"model {snapshot.left} / {snapshot.right}"
+    if snapshot.inner is not None:
+        where = f"the inner orientation of photo {snapshot.inner.photo}"
+    return Question(
+        f"{rows} still flagged in {where}. Accept it?",
+        yes="accept as it is",
+        no="go on measuring",
+        then=commands.Accept(),
+    )
+
+
+def _keep_counters(snapshot: Snapshot) -> Intent:
+    if not snapshot.unreferenced:
+        return Say("info", "the counters have their reference")
+    return Question(
+        "Did the counters keep their origin, or were they set to it by hand? Everything "
+        "measured from now on depends on that.",
+        yes="keep them as they are",
+        no="measure a reference",
+        then=commands.KeepCounters(),
+    )
+
+
+def _leave(snapshot: Snapshot) -> Intent:
+    """Leave; with a model in progress, ask first."""
+    in_progress = (
+        snapshot.left
+        and not snapshot.finished
+        and (snapshot.left, snapshot.right) not in snapshot.accepted
+        and _measured(snapshot)
+    )
+    if not in_progress:
+        return Leave()
+    return Question(
+        f"Model {snapshot.left} / {snapshot.right} is not accepted yet. Everything "
+        "recorded is on disk, and the work goes on here next time. Leave?",
+        yes="leave",
+        no="stay",
+        then=Leave(),
+    )
+
+
+def _measured(snapshot: Snapshot) -> bool:
+    """Return whether anything was measured in the current model."""
+    fiducials = any(view.times for inner in snapshot.inners for view in inner.fiducials)
+    return fiducials or any(view.times for view in snapshot.points)

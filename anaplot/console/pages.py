@@ -1,0 +1,101 @@
+"""The pages laid over the orientation screen, kept up to date while they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from textual.app import App
+from textual.content import Content
+
+from anaplot.console.blockpage import TITLE as BLOCK_TITLE
+from anaplot.console.blockpage import block_page
+from anaplot.console.describe import describe_model, describe_row
+from anaplot.console.dialogs import Page
+from anaplot.console.errorspage import FIRST, ErrorsPage, errors_lines
+from anaplot.console.helptext import help_lines
+from anaplot.console.panels import entry_lines
+from anaplot.console.rows import ShownRow
+from anaplot.station.snapshot import Snapshot
+from anaplot.textfiles.wording import plain
+
+__all__ = ["Pages"]
+
+_WIDTH = 72
+
+
+class Pages:
+    """What can be read about the model, the block and the screen itself.
+
+    Parameters
+    ----------
+    snapshot
+        What the station says first.
+    keys
+        The keys in force, by action.
+    messages
+        Returns all messages, wrapped to a width.
+    chosen
+        Called when another strategy for gross errors is looked at.
+
+    Attributes
+    ----------
+    strategy
+        The strategy for gross errors, once one is chosen.
+    """
+
+    def __init__(
+        self,
+        snapshot: Snapshot,
+        keys: Mapping[str, tuple[str, ...]],
+        messages: Callable[[int], list[Content]],
+        chosen: Callable[[], None],
+    ) -> None:
+        self.strategy: str | None = None
+        self._snapshot, self._keys = snapshot, keys
+        self._messages, self._chosen = messages, chosen
+        self._block: Page | None = None
+        self._errors: ErrorsPage | None = None
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Bring the pages that follow the work up to date."""
+        self._snapshot = snapshot
+        if self._block is not None:
+            self._block.show(block_page(snapshot.block_view, _WIDTH))
+        if self._errors is not None:
+            self._errors.renew()
+
+    def open(self, app: App[object], page: str, selected: ShownRow | None) -> None:
+        """Open details (of the selected row), orientation, messages, block, errors or help."""
+        snapshot = self._snapshot
+        if page == "details" and selected is not None:
+            lines = entry_lines(describe_row(selected, snapshot), _WIDTH, 20)
+            app.push_screen(Page(f"{plain(selected.point)} {selected.axis}", lines))
+        elif page == "orientation":
+            inner = snapshot.inner is not None
+            title = "Inner orientation" if inner else "Orientation of the model"
+            app.push_screen(Page(title, entry_lines(describe_model(snapshot), _WIDTH, 14)))
+        elif page == "messages":
+            app.push_screen(Page("Messages", self._messages(_WIDTH)))
+        elif page == "block":
+            self._block = Page(BLOCK_TITLE, block_page(snapshot.block_view, _WIDTH))
+            app.push_screen(self._block, self._block_read)
+        elif page == "errors":
+            strategy = self.strategy or FIRST
+            self._choose(strategy)
+            self._errors = ErrorsPage(strategy, self._errors_lines, self._choose)
+            app.push_screen(self._errors, self._errors_read)
+        elif page == "help":
+            app.push_screen(Page("Orientation screen", help_lines(self._keys, _WIDTH)))
+
+    def _block_read(self, _: None) -> None:
+        self._block = None
+
+    def _errors_read(self, _: None) -> None:
+        self._errors = None
+
+    def _errors_lines(self, strategy: str) -> list[Content]:
+        return errors_lines(self._snapshot.solution, strategy, _WIDTH)
+
+    def _choose(self, strategy: str) -> None:
+        self.strategy = strategy
+        self._chosen()

@@ -1,0 +1,64 @@
+"""What a key meets: the station's snapshot, the row under the cursor, what is chosen to be seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from anaplot.console.choices import Choices
+from anaplot.console.inwork import in_work
+from anaplot.console.rows import ShownRow
+from anaplot.console.stationlike import ControlsLike
+from anaplot.station.snapshot import Snapshot
+
+__all__ = ["Situation"]
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """Everything that decides what a key means now.
+
+    Attributes
+    ----------
+    snapshot
+        What the station says.
+    selected
+        The row under the cursor, or None.
+    by_hand
+        Whether the operator put the cursor there.
+    rows
+        Number of rows in the table.
+    choices
+        What is chosen to be seen.
+    controls
+        Those of a simulated instrument, or None.
+    """
+
+    snapshot: Snapshot
+    selected: ShownRow | None
+    by_hand: bool
+    rows: int
+    choices: Choices
+    controls: ControlsLike | None
+
+    @property
+    def at_wheels(self) -> bool:
+        """Whether the keys turn the handwheels: a simulated plotter's stereo view is shown."""
+        return self.choices.stereo and self.controls is not None
+
+    @property
+    def hand(self) -> bool:
+        """Whether a simulated hand sets the mark."""
+        return self.controls is not None and self.controls.hand
+
+    @property
+    def row_off(self) -> bool:
+        """Whether the selected row is switched off."""
+        return self.selected is not None and self.selected.state == "off"
+
+    @property
+    def point_off(self) -> bool:
+        """Whether the selected row's whole point is switched off."""
+        return self.selected is not None and any(
+            view.point == self.selected.point and view.status == "off"
+            for view in in_work(self.snapshot).points
+        )
