@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from anaplot.aliases import Side
-from anaplot.errors import AnaplotError, InputError, NotComputableError
+from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.photogrammetry.readings import UNREFERENCED
 from anaplot.session import commands
@@ -29,7 +29,7 @@ from anaplot.session.plates import image_of, plates_of
 from anaplot.session.requests import StopDrive, TakeRecord, WarmUp, WritePoints
 from anaplot.session.state import SessionState
 
-__all__ = ["decide", "refusal"]
+__all__ = ["decide"]
 
 _LONGEST_NAME = 100  # characters of a point's name
 
@@ -85,15 +85,6 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
         case commands.TakeOver():
             draft.change(setting="")
     return draft.decision()
-
-
-def refusal(desk: Desk, command: Command, seen: Seen) -> str | None:
-    """Return why a command cannot be given now, or None when it can."""
-    try:
-        refused = decide(desk, command, seen).refusal
-    except AnaplotError as error:
-        refused = error
-    return None if refused is None else str(refused)
 
 
 def _drive(draft: Draft, point: str) -> None:

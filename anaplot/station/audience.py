@@ -1,4 +1,4 @@
-"""Who is shown snapshots and told notices, on whatever thread."""
+"""Who is shown snapshots and told notices, on whatever thread, and what is still to be told."""
 
 from __future__ import annotations
 
@@ -8,11 +8,36 @@ from collections.abc import Callable, Sequence
 from anaplot.session.requests import Severity
 from anaplot.station.snapshot import Snapshot
 
-__all__ = ["Audience", "Notice"]
+__all__ = ["Audience", "News", "Notice"]
 
 _KEPT_NOTICES = 100  # for whoever listens first
 
 Notice = tuple[Severity, str]
+
+
+class News:
+    """What has happened since it was published last.
+
+    Attributes
+    ----------
+    any
+        Whether there is something to show or to tell.
+    """
+
+    def __init__(self) -> None:
+        self.any = False
+        self._notices: list[Notice] = []
+
+    def tell(self, severity: Severity, text: str) -> None:
+        """Keep a notice."""
+        self._notices.append((severity, text))
+        self.any = True
+
+    def take(self) -> tuple[bool, list[Notice]]:
+        """Return whether there is news, and the notices; there is none after that."""
+        taken = self.any, self._notices
+        self.any, self._notices = False, []
+        return taken
 
 
 class Audience:

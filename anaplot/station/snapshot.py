@@ -278,11 +278,7 @@ def _inner(block: Block, inner: InnerState, view: Outlook) -> InnerView:
     fiducials = []
     for name in inner.fiducials:
         m = inner.measurement(name)
-        status: PointStatus = "pending"
-        if m is not None:
-            status = "flagged" if name in flagged else "measured"
-            if inner.is_off(name):
-                status = "off"
+        status = _status(m is not None, name in flagged, inner.is_off(name))
         off = tuple(axis for axis in ("x", "y") if (name, axis) in inner.off)
         times = 0 if m is None else m.times
         fiducials.append(FiducialView(name, places.get(name), status, times, off))
@@ -304,14 +300,18 @@ def _points(model: ModelState, view: Outlook) -> tuple[PointView, ...]:
     for planned in model.plan:
         name = planned.point
         m = measured.get(name)
-        status: PointStatus = "pending"
-        if m is not None:
-            status = "flagged" if name in flagged else "measured"
-            if model.is_off(name):
-                status = "off"
+        status = _status(m is not None, name in flagged, model.is_off(name))
         off = tuple(axis for axis in model.axes(name) if (name, axis) in model.off)
         x, y = (planned.xl, planned.yl) if m is None else (m.xl, m.yl)
         times = 0 if m is None else m.times
         seen = tuple(s.side for s in model.seen if s.point == name)
         out.append(PointView(name, planned.role, x, y, status, times, off, seen))
     return tuple(out)
+
+
+def _status(measured: bool, flagged: bool, off: bool) -> PointStatus:
+    if not measured:
+        return "pending"
+    if off:
+        return "off"
+    return "flagged" if flagged else "measured"

@@ -57,7 +57,7 @@ from anaplot.session.requests import (
     WritePoints,
 )
 from anaplot.session.state import EventRefusedError, SessionState, apply, start
-from anaplot.station.audience import Notice
+from anaplot.station.audience import News
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.commanded import Commanded
 from anaplot.station.header import session_header
@@ -123,8 +123,7 @@ class Station(Commanded):
         self._ends: list[Callable[[], None]] = []
         self._failed = False
         self._serial = 0
-        self._notices: list[Notice] = []
-        self._news = False
+        self._news = News()
         self._after: list[Callable[[], None]] = []
         self._watch = BlockWatch(self._block_seen)
         self._instrument: Instrument | None = None
@@ -154,14 +153,14 @@ class Station(Commanded):
                 auto_drive=auto_drive,
             )
             for remark in recovered.remarks:
-                self._tell("warning", remark)
+                self._news.tell("warning", remark)
             self._write_points()
             if self._instrument is not None:
                 self._open(self._instrument, events)
             undo.pop_all()
         self._tell_watch()
         self._snapshot = self._picture()
-        self._audience.tell(self._taken_notices())
+        self._audience.tell(self._news.take()[1])
         self._thread = threading.Thread(target=self._work, name="station", daemon=True)
         self._thread.start()
 
@@ -175,7 +174,7 @@ class Station(Commanded):
         instrument.open(referenced=not (instrument.profile.incremental and known))
         if instrument.unchecked_parity:
             self._link = replace(self._link, parity_unchecked=True)
-            self._tell("warning", UNCHECKED)
+            self._news.tell("warning", UNCHECKED)
         if self._desk.laid is not None:
             instrument.do(self._desk.laid)
 
@@ -253,7 +252,7 @@ class Station(Commanded):
     def tell(self, severity: Severity, text: str) -> None:
         """Tell whoever listens."""
         with self._change():
-            self._tell(severity, text)
+            self._news.tell(severity, text)
 
     def before_close(self, callback: Callable[[], None]) -> None:
         """Call back when the station is to be closed, while it still works."""
@@ -300,9 +299,8 @@ class Station(Commanded):
                 # what was told before, and what changed, is published all the same
                 refused = error
             finally:
-                notices = self._taken_notices()
+                news, notices = self._news.take()
                 after, self._after = self._after, []
-                news, self._news = self._news, False
                 if news:
                     self._tell_watch()
                     self._snapshot = self._picture()
@@ -328,7 +326,7 @@ class Station(Commanded):
                     self._take(item)
                 except AnaplotError as error:
                     with contextlib.suppress(AnaplotError), self._change():
-                        self._tell("error", str(error))
+                        self._news.tell("error", str(error))
         finally:
             # an error of the program ends this thread: the station must not look alive then
             if not ended:
@@ -337,8 +335,7 @@ class Station(Commanded):
     def _fail(self) -> None:
         with contextlib.suppress(Exception), self._change():
             self._link = replace(self._link, state="lost", detail="the station has failed")
-            self._news = True
-            self._tell("error", "the station has failed: close the block and open it again")
+            self._news.tell("error", "the station has failed: close the block and open it again")
         self._failed = True
 
     def _take(self, item: Item) -> None:
@@ -365,7 +362,7 @@ class Station(Commanded):
         with self._change():
             if isinstance(heard, LinkChanged):
                 self._link = replace(self._link, state=heard.state, detail=heard.detail)
-                self._news = True
+                self._news.any = True
             self._follow(hear(self._desk, heard, self._seen()), heard=True)
 
     # -- following the desk --------------------------------------------------------------------
@@ -385,16 +382,16 @@ class Station(Commanded):
         except JournalError as error:
             if not heard:
                 raise
-            self._tell("error", f"not recorded: {error}")
+            self._news.tell("error", f"not recorded: {error}")
             return
         if not heard:
             self._explain(decision.notes)
         before, self._desk = self._desk, decision.after
-        self._news |= self._desk is not before
+        self._news.any |= self._desk is not before
         self._points.happened(decision.events)
         remark = self._recorder.tables(before.outlook, self._desk.outlook)
         if remark:
-            self._tell("warning", remark)
+            self._news.tell("warning", remark)
         for request in decision.requests:
             self._do(request)
         if heard:
@@ -411,7 +408,7 @@ class Station(Commanded):
         instrument = self._instrument
         match request:
             case Tell(severity, text):
-                self._tell(severity, text)
+                self._news.tell(severity, text)
             case WritePoints():
                 self._write_points()
             case WarmUp():
@@ -455,24 +452,16 @@ class Station(Commanded):
         try:
             self._points.write(self._desk.state.models)
         except InputError as error:
-            self._tell("error", f"{error}; the measurements are safe in the journal")
+            self._news.tell("error", f"{error}; the measurements are safe in the journal")
 
     def _block_seen(self) -> None:
         """Show what the block says now, in the thread of the watch."""
         with contextlib.suppress(InputError), self._change():
-            self._news = True
+            self._news.any = True
 
     def _tell_watch(self) -> None:
         desk, points = self._desk, self._points
         self._watch.tell(points.block, desk.state, desk.outlook, points.of_session)
-
-    def _tell(self, severity: Severity, text: str) -> None:
-        self._notices.append((severity, text))
-        self._news = True
-
-    def _taken_notices(self) -> list[Notice]:
-        notices, self._notices = self._notices, []
-        return notices
 
     def _picture(self) -> Snapshot:
         self._serial += 1

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from anaplot.errors import AnaplotError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.readings import InPosition, Position, Record
 from anaplot.session.commanding import decide
@@ -18,7 +19,7 @@ from anaplot.session.hearing import hear
 from anaplot.session.requests import DriveTo, Request, SetMark, Tell
 from anaplot.session.state import fold, start
 
-__all__ = ["DRIVEN", "DRIVEN_MONO", "MONO", "UNDRIVEN", "Bench"]
+__all__ = ["DRIVEN", "DRIVEN_MONO", "MONO", "UNDRIVEN", "Bench", "refusal"]
 
 DRIVEN = Abilities()
 UNDRIVEN = Abilities(drives=False, moves=False)
@@ -128,3 +129,12 @@ class Bench:
     def at_hand(self, operator: str = "the hand") -> None:
         """Have the instrument's own operator set the mark after drives."""
         self.seen = replace(self.seen, own_operator=operator)
+
+
+def refusal(desk: Desk, command: Command, seen: Seen) -> str | None:
+    """Return why a command cannot be given now, or None when it can."""
+    try:
+        refused = decide(desk, command, seen).refusal
+    except AnaplotError as error:
+        refused = error
+    return None if refused is None else str(refused)

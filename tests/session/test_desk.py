@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from deskscene import DRIVEN, DRIVEN_MONO, MONO, UNDRIVEN, Bench
+from deskscene import DRIVEN, DRIVEN_MONO, MONO, UNDRIVEN, Bench, refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from innerscene import InnerScene
@@ -22,7 +22,7 @@ from anaplot.photogrammetry.readings import (
     Record,
     Refused,
 )
-from anaplot.session.commanding import decide, refusal
+from anaplot.session.commanding import decide
 from anaplot.session.commands import (
     Accept,
     AddPoint,
