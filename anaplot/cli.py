@@ -19,7 +19,7 @@ from anaplot.report.adjustarguments import (
     add_bridge_arguments,
     add_compare_arguments,
 )
-from anaplot.report.arguments import positive, whole
+from anaplot.report.arguments import add_output, positive, whole
 from anaplot.report.innerarguments import add_inner_arguments
 from anaplot.report.newcommand import add_new_arguments, run_new
 from anaplot.report.planarguments import (
@@ -230,6 +230,12 @@ def _inner(options: argparse.Namespace) -> int:
     from anaplot.report.innercommand import run_inner
 
     return run_inner(options)
+
+
+def _log(options: argparse.Namespace) -> int:
+    from anaplot.report.logcommand import run_log
+
+    return run_log(options)
 
 
 def _plotter_list(_: argparse.Namespace) -> int:
@@ -559,6 +565,15 @@ def _parser() -> _Parser:
         "anaplot inner fiducials.toml",
     )
     add_inner_arguments(inner)
+
+    log = command(
+        "log",
+        _log,
+        "who changed what, when: every measurement, re-measurement and row switched off",
+        "anaplot log myblock --csv changes.csv",
+    )
+    log.add_argument("session", type=Path, metavar="BLOCK", help="a block, or a recorded session")
+    add_output(log, "the changes")
 
     _add_plotter(commands)
     _add_plan(commands)

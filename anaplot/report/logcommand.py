@@ -1,0 +1,81 @@
+"""`anaplot log`: who changed what, when, from the journal."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+
+from anaplot.report.document import Document, name, number, say, table
+from anaplot.report.output import Output
+from anaplot.session.changes import Change
+from anaplot.station.sessionlog import read_log
+
+__all__ = ["log_document", "run_log"]
+
+
+def _local(time: str) -> str:
+    """Return a time of the journal as the clock on the wall, with its zone."""
+    return datetime.fromisoformat(time).astimezone().isoformat(sep=" ", timespec="seconds")
+
+
+def _xy(value: tuple[float, float] | None) -> str:
+    return "" if value is None else f"{value[0]:.4f} {value[1]:.4f}"
+
+
+_CHANGES = (
+    name("time", "TIME", 25, form=_local, gap=0),
+    name("who", "WHO", 3, none=""),
+    name("what", "WHAT", 10),
+    name("model", "MODEL", 5, none=""),
+    name("photo", "PHOTO", 5, none=""),
+    name("point", "POINT", 5, none=""),
+    name("axis", "AXIS", 4, none=""),
+    replace(name("old", "OLD [mm]", 8, form=_xy, none=""), parts=("x", "y")),
+    replace(name("new", "NEW [mm]", 8, form=_xy, none=""), parts=("x", "y")),
+    name("reason", "REASON", 6, none=""),
+    number("w_before", "w BEFORE", 2, 10),
+    number("w_after", "AFTER", 2, 8),
+)
+
+
+def run_log(options: argparse.Namespace) -> int:
+    """Print the changes of a block and return the exit code.
+
+    Raises
+    ------
+    InputError
+        The journal cannot be read, or does not fit its block.
+    """
+    output = Output.of(options)
+    output.check({"is read": (options.session,)})
+    output.show(log_document(read_log(options.session)))
+    return 0
+
+
+def log_document(changes: Sequence[Change]) -> Document:
+    """Return the document of changes, the oldest first."""
+    rows = [
+        (
+            one.time,
+            one.who or None,
+            one.what,
+            one.model or None,
+            one.photo or None,
+            one.point or None,
+            one.axis or None,
+            one.old,
+            one.new,
+            None,
+            one.w_before,
+            one.w_after,
+        )
+        for one in changes
+    ]
+    # a first measurement is no change of anything: a long log shows what was done again
+    look = [one.what not in ("measured", "oriented") for one in changes]
+    found = table("changes", _CHANGES, rows, look=look)
+    if not rows:
+        return Document({"changes": found}, (say("nothing is journalled yet"),), (found,))
+    return Document({"changes": found}, (found,), (found,))

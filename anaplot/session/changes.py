@@ -1,0 +1,217 @@
+"""Who changed what: every change of a measurement, told from the events of a journal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from anaplot.aliases import Side
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.block import Block
+from anaplot.session.events import (
+    Event,
+    FiducialMeasured,
+    FiducialSwitched,
+    InnerAccepted,
+    ModelAccepted,
+    MonoMeasured,
+    PointAdded,
+    PointMeasured,
+    Resumed,
+    RowSwitched,
+    Suspended,
+    Undone,
+)
+from anaplot.session.innerwork import inner_outlook
+from anaplot.session.models import solve
+from anaplot.session.modelstate import ModelState
+from anaplot.session.state import SessionState, apply, start
+
+__all__ = ["Change", "ChangeKind", "Happened", "changes"]
+
+ChangeKind = Literal[
+    "measured", "remeasured", "off", "on", "added", "oriented", "accepted", "undone"
+]
+XY = tuple[float, float]
+
+
+class Happened(NamedTuple):
+    """An event of a journal, when it was written (ISO 8601 with zone), and who was at work."""
+
+    time: str
+    who: str
+    event: Event
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One change.
+
+    Attributes
+    ----------
+    time, who
+        When, ISO 8601 with zone, and the operator's name or "".
+    what
+        What was done; "undone": the latest change before it was taken back.
+    model, photo, point, axis
+        Where: "left/right", photo, point or fiducial, coordinate; "" where it is not one.
+    old, new
+        Coordinates before and after [mm]: of a point in the image, of a fiducial on the plate;
+        None where there were none, or none changed.
+    w_before, w_after
+        abs(w) of the row, or the largest of the point's or fiducial's, before and after; None
+        while there is none, and where the row is off.
+    """
+
+    time: str
+    who: str
+    what: ChangeKind
+    model: str
+    photo: str = ""
+    point: str = ""
+    axis: str = ""
+    old: XY | None = None
+    new: XY | None = None
+    w_before: float | None = None
+    w_after: float | None = None
+
+
+def changes(block: Block, history: Iterable[Happened]) -> tuple[Change, ...]:
+    """Return what changed, in order.
+
+    Parameters
+    ----------
+    block
+        As it was declared when the journal was begun.
+    history
+        The journal's events.
+
+    Raises
+    ------
+    EventRefusedError
+        An event that does not fit what happened before it.
+    """
+    state = start(block)
+    found: list[Change] = []
+    done: list[Event] = []
+    for time, who, event in history:
+        before, state = state, apply(state, event)
+        if isinstance(event, Suspended | Resumed):
+            continue
+        undone = isinstance(event, Undone)
+        what = done.pop() if undone else event
+        if not undone:
+            done.append(event)
+        found += _told(time, who, what, before, state, undone=undone)
+    return tuple(found)
+
+
+def _told(
+    time: str, who: str, event: Event, before: SessionState, after: SessionState, *, undone: bool
+) -> list[Change]:
+    """Return the changes of one event, or of its being taken back."""
+    model = before.current or after.current
+    name = "" if model is None else model.name
+
+    def change(what: ChangeKind, **fields: object) -> Change:
+        return Change(time, who, "undone" if undone else what, name, **fields)  # type: ignore[arg-type]
+
+    match event:
+        case PointMeasured() | MonoMeasured():
+            point = event.point
+            sides: tuple[Side, ...] = ("left", "right")
+            if isinstance(event, MonoMeasured):
+                sides = (event.side,)
+            w = {"w_before": _largest(before, point), "w_after": _largest(after, point)}
+            out = []
+            for side in sides:
+                old, new = (_place(state.current, side, point) for state in (before, after))
+                photo = event.left if side == "left" else event.right
+                what: ChangeKind = "measured" if old is None else "remeasured"
+                out.append(change(what, photo=photo, point=point, old=old, new=new, **w))
+            return out
+        case RowSwitched(point, axis, on):
+            photo = "" if model is None else model.right
+            w = {
+                "w_before": _largest(before, point, axis),
+                "w_after": _largest(after, point, axis),
+            }
+            return [change("on" if on else "off", photo=photo, point=point, axis=axis or "", **w)]
+        case FiducialMeasured(photo, side, fiducial):
+            old, new = (_on_plate(state.current, side, fiducial) for state in (before, after))
+            return [
+                change(
+                    "measured" if old is None else "remeasured",
+                    photo=photo,
+                    point=fiducial,
+                    old=old,
+                    new=new,
+                    w_before=_largest_of_fiducial(before, side, fiducial),
+                    w_after=_largest_of_fiducial(after, side, fiducial),
+                )
+            ]
+        case FiducialSwitched(photo, fiducial, axis, on):
+            side = "left" if model is not None and photo == model.left else "right"
+            return [
+                change(
+                    "on" if on else "off",
+                    photo=photo,
+                    point=fiducial,
+                    axis=axis or "",
+                    w_before=_largest_of_fiducial(before, side, fiducial),
+                    w_after=_largest_of_fiducial(after, side, fiducial),
+                )
+            ]
+        case InnerAccepted():
+            return [change("oriented", photo=event.photo)]
+        case PointAdded():
+            return [change("added", point=event.planned.point)]
+        case ModelAccepted():
+            return [change("accepted")]
+        case _:
+            return [change("undone")] if undone else []
+
+
+def _place(model: ModelState | None, side: Side, point: str) -> XY | None:
+    if model is None:
+        return None
+    if model.mono:
+        seen = model.sighting(side, point)
+        return None if seen is None else (seen.x, seen.y)
+    m = model.measurement(point)
+    if m is None:
+        return None
+    return (m.xl, m.yl) if side == "left" else (m.xr, m.yr)
+
+
+def _on_plate(model: ModelState | None, side: Side, fiducial: str) -> XY | None:
+    inner = None if model is None else model.inner_of(side)
+    m = None if inner is None else inner.measurement(fiducial)
+    return None if m is None else (m.x, m.y)
+
+
+def _largest(state: SessionState, point: str, axis: str | None = None) -> float | None:
+    """Return the largest abs(w) of a point's rows in the current model, or of one of them."""
+    model = state.current
+    if model is None or model.measurement(point) is None:
+        return None
+    try:
+        solution = solve(state, model)
+    except NotComputableError:
+        return None
+    sizes = [
+        row.size
+        for row in solution.table
+        if row.point == point and axis in (None, row.axis) and row.size is not None
+    ]
+    return max(sizes, default=None)
+
+
+def _largest_of_fiducial(state: SessionState, side: Side, fiducial: str) -> float | None:
+    inner = None if state.current is None else state.current.inner_of(side)
+    solution = None if inner is None else inner_outlook(state.block, inner).solution
+    if solution is None:
+        return None
+    sizes = [row.size for row in solution.rows if row.point == fiducial and row.size is not None]
+    return max(sizes, default=None)

@@ -1,0 +1,53 @@
+"""`anaplot log` of a recorded session."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from anaplot.cli import main
+from anaplot.report.logcommand import log_document
+from anaplot.session.changes import Change
+
+SESSION = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
+KEYS = ["time", "who", "what", "model", "photo", "point", "axis"]
+KEYS += ["old", "new", "reason", "w_before", "w_after"]
+
+
+def test_text_json_and_csv_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["log", str(SESSION), "--json", "--csv", str(tmp_path / "log.csv")]) == 0
+    changes = json.loads(capsys.readouterr().out)["changes"]
+    assert [list(one) for one in changes] == [KEYS] * len(changes)
+    assert {"measured", "remeasured", "off", "accepted"} <= {one["what"] for one in changes}
+    remeasured = next(one for one in changes if one["what"] == "remeasured")
+    assert len(remeasured["old"]) == len(remeasured["new"]) == 2
+    with (tmp_path / "log.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["what"] for row in rows] == [one["what"] for one in changes]
+    k = changes.index(remeasured)
+    assert [float(rows[k][key]) for key in ("new_x", "new_y")] == remeasured["new"]
+    assert main(["log", str(SESSION), "--all"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(changes) + 1
+    # times with their zone
+    assert lines[1][19] in "+-"
+
+
+def test_a_block_without_a_journal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", str(tmp_path / "b"), "--strip", "1-3"]) == 0
+    capsys.readouterr()
+    assert main(["log", str(tmp_path / "b")]) == 2
+    assert "journal" in capsys.readouterr().err
+
+
+def test_foreign_names_control_no_terminal() -> None:
+    from anaplot.report.astext import page_text
+
+    change = Change("2026-01-01T10:00:00.000Z", "\x1b[2J", "off", "1/2", "2", "p\x07", "y")
+    text = page_text(log_document([change]).page)
+    assert "\x1b" not in text
+    assert "\x07" not in text
+    assert "\\x1b[2J" in text

@@ -1,0 +1,125 @@
+"""Who changed what, told from events."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from deskscene import DRIVEN, MONO, Bench
+from sessionscene import Scene
+
+from anaplot.exchange.journal import event_of, read_journal
+from anaplot.session.changes import Change, Happened, changes
+from anaplot.session.commands import Accept, NextModel, OtherPhoto, Resume, Suspend, Switch, Undo
+from anaplot.session.events import EVENT_KINDS, MonoMeasured, PointMeasured
+from anaplot.session.models import solve
+from anaplot.session.state import EventRefusedError
+from anaplot.station.replay import recorded_block
+
+SESSIONS = Path(__file__).parents[1] / "sessions"
+
+
+def told(bench: Bench) -> tuple[Change, ...]:
+    block = bench.desk.state.block
+    return changes(block, (Happened("2026-01-01T10:00:00Z", "me", e) for e in bench.events))
+
+
+def test_a_first_measurement_and_a_second_one(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.give(NextModel())
+    bench.measure_all()
+    state = bench.desk.state
+    point = state.current.plan[0].point
+    old = state.current.measurement(point)
+    before = max(row.size for row in solve(state, state.current).table if row.point == point)
+    bench.give(Suspend())
+    bench.give(Resume())
+    bench.measure(point)
+    new = bench.desk.state.current.measurement(point)
+    found = told(bench)
+    assert len(found) == 2 * 14  # each in both photos
+    assert {one.what for one in found[:26]} == {"measured"}
+    left, right = found[-2:]
+    assert (left.what, left.model, left.photo, left.point) == (
+        "remeasured",
+        "101/102",
+        "101",
+        point,
+    )
+    assert (left.old, left.new) == ((old.xl, old.yl), (new.xl, new.yl))
+    assert (right.photo, right.old, right.new) == ("102", (old.xr, old.yr), (new.xr, new.yr))
+    assert left.w_before == right.w_before == before
+    assert left.w_after is not None
+    assert (left.time, left.who) == ("2026-01-01T10:00:00Z", "me")
+    # the first five determine nothing: nothing is tested
+    assert all(one.w_after is None for one in found[:10])
+    assert found[24].w_after is not None
+
+
+def test_what_is_switched_off_taken_back_and_accepted(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.give(NextModel())
+    bench.measure_all()
+    point = bench.desk.state.current.plan[2].point
+    bench.give(Switch(point, "y", False))
+    bench.give(Undo())
+    bench.give(Switch(point, None, False))
+    bench.give(Switch(point, None, True))
+    bench.give(Accept())
+    *_, off, undone, whole, on, accepted = told(bench)
+    assert (off.what, off.photo, off.point, off.axis) == ("off", "102", point, "y")
+    assert off.w_before is not None
+    assert off.w_after is None
+    assert (undone.what, undone.point, undone.axis) == ("undone", point, "y")
+    assert (undone.w_before, undone.w_after) == (off.w_after, off.w_before)
+    assert (whole.what, whole.axis) == ("off", "")
+    assert (on.what, on.w_after) == ("on", off.w_before)
+    assert (accepted.what, accepted.model, accepted.photo) == ("accepted", "101/102", "")
+
+
+def test_an_undone_measurement_says_what_stands_again(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.give(NextModel())
+    bench.measure_all()
+    point = bench.desk.state.current.plan[0].point
+    bench.measure(point)
+    bench.give(Undo())
+    *_, first, again, back, back_right = told(bench)
+    assert again.photo == back_right.photo == "102"
+    assert back.what == "undone"
+    assert (back.old, back.new) == (first.new, first.old)
+    assert (back_right.old, back_right.new) == (again.new, again.old)
+
+
+def test_in_a_mono_comparator_each_photo_by_itself(scene: Scene) -> None:
+    bench = Bench.of(scene.block, MONO, truth=scene.made.truth)
+    bench.give(NextModel())
+    bench.measure_all()
+    bench.give(OtherPhoto())
+    bench.measure_all()
+    found = told(bench)
+    measured = [e for e in bench.events if isinstance(e, MonoMeasured)]
+    assert [one.new for one in found] == [(e.x, e.y) for e in measured]
+    assert {one.photo for one in found[:13]} == {"101"}
+    assert {one.photo for one in found[13:]} == {"102"}
+
+
+@pytest.mark.parametrize("session", sorted(p.name for p in SESSIONS.glob("*.jsonl")))
+def test_every_recorded_session_can_be_told(session: str) -> None:
+    records = read_journal(SESSIONS / session).records
+    history = [
+        Happened(record.time, "", event_of(record))
+        for record in records
+        if record.kind in EVENT_KINDS
+    ]
+    found = changes(recorded_block(SESSIONS / session, records), history)
+    measured = sum(isinstance(happened.event, PointMeasured) for happened in history)
+    assert sum(one.what in ("measured", "remeasured") for one in found) >= 2 * measured
+    for one in found:
+        assert (one.what == "remeasured") <= (one.old is not None)
+
+
+def test_events_that_do_not_fit_are_refused(scene: Scene) -> None:
+    event = PointMeasured("101", "102", "p", 0.0, 0.0, 0.0, 0.0, "key")
+    with pytest.raises(EventRefusedError):
+        changes(scene.block, [Happened("", "", event)])
