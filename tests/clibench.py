@@ -10,7 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from anaplot.cli import main
 from anaplot.exchange.blockfolder import write_block_toml, write_image_points
 from anaplot.photogrammetry.block import ImagePoint, TestSettings
 from anaplot.planning.synthetic import synthetic_strip
@@ -41,6 +43,19 @@ def anaplot(
         stdin=subprocess.DEVNULL,
         check=False,
     )
+
+
+def here(
+    capsys: pytest.CaptureFixture[str], *arguments: object
+) -> subprocess.CompletedProcess[str]:
+    """Run a command in this process: nothing is started and loaded for it."""
+    capsys.readouterr()
+    words = [str(word) for word in arguments]
+    try:
+        code = main(words)
+    except SystemExit as end:
+        code = end.code
+    return subprocess.CompletedProcess(words, code, *capsys.readouterr())
 
 
 def command(*arguments: object) -> Sequence[str]:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from clibench import TIMEOUT, anaplot, command, contents, environment, make_block, one_line
+from clibench import TIMEOUT, anaplot, command, contents, environment, here, make_block, one_line
 
 pytestmark = pytest.mark.slow
 
@@ -55,11 +55,11 @@ def test_json(block: Path) -> None:
         assert sum(row["redn"] for row in model["table"]) == pytest.approx(model["redundancy"])
 
 
-def test_fail_on_flag(tmp_path: Path, block: Path) -> None:
-    assert anaplot("bridge", block, "--fail-on-flag").returncode == 0
+def test_fail_on_flag(tmp_path: Path, block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert here(capsys, "bridge", block, "--fail-on-flag").returncode == 0
     wrong = make_block(tmp_path / "wrong", dy=0.2)
-    assert anaplot("bridge", wrong).returncode == 0
-    result = anaplot("bridge", wrong, "--fail-on-flag")
+    assert here(capsys, "bridge", wrong).returncode == 0
+    result = here(capsys, "bridge", wrong, "--fail-on-flag")
     assert (result.returncode, result.stderr) == (1, "")
     assert "remeasure 102-2 (y)" in result.stdout
 
@@ -79,18 +79,20 @@ def no_ties_at_all(folder: Path) -> None:
     )
 
 
-def test_models_before_one_that_is_not_computable_are_printed(block: Path) -> None:
+def test_models_before_one_that_is_not_computable_are_printed(
+    block: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     no_ties_at_all(block)
-    result = anaplot("bridge", block)
+    result = here(capsys, "bridge", block)
     one_line(result, 4, "strip 1", "model 102/103")
     assert result.stdout.count("MODEL") == 1
     assert "MODEL 101/102" in result.stdout
-    result = anaplot("bridge", block, "--json")
+    result = here(capsys, "bridge", block, "--json")
     line = one_line(result, 4, "102/103")
     (strip,) = strict(result.stdout)["strips"]
     assert [(m["left"], m["right"]) for m in strip["models"]] == [("101", "102")]
     assert strip["error"] in line
-    assert anaplot("bridge", block, "--fail-on-flag").returncode == 4
+    assert here(capsys, "bridge", block, "--fail-on-flag").returncode == 4
 
 
 def test_python_m_is_the_command(block: Path) -> None:
@@ -169,30 +171,30 @@ BAD = {
 
 
 @pytest.mark.parametrize("fault", BAD)
-def test_bad_input(block: Path, fault: str) -> None:
+def test_bad_input(block: Path, fault: str, capsys: pytest.CaptureFixture[str]) -> None:
     change, words = BAD[fault]
     change(block)
     before = contents(block)
-    line = one_line(anaplot("bridge", block), 2, words)
+    line = one_line(here(capsys, "bridge", block), 2, words)
     assert "block.toml" in line or "image_points.csv" in line
-    assert anaplot("bridge", block, "--json").stdout == ""
+    assert here(capsys, "bridge", block, "--json").stdout == ""
     # the console fails before its screen starts, and writes nothing
-    result = anaplot("open", block, "--simulate")
+    result = here(capsys, "open", block, "--simulate")
     assert one_line(result, 2, words) == line
     assert result.stdout == ""
     assert contents(block) == before
 
 
-def test_what_only_the_bridge_refuses(block: Path) -> None:
+def test_what_only_the_bridge_refuses(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     points = block / "image_points.csv"
     whole = points.read_text()
     points.write_text("\n".join(r for r in whole.splitlines() if not r.startswith("103,")) + "\n")
-    one_line(anaplot("bridge", block), 2, "103", "no image points")
+    one_line(here(capsys, "bridge", block), 2, "103", "no image points")
     points.unlink()
-    one_line(anaplot("bridge", block), 2, "no image points")
+    one_line(here(capsys, "bridge", block), 2, "no image points")
 
 
-def test_four_common_points(block: Path) -> None:
+def test_four_common_points(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     points = block / "image_points.csv"
     kept: dict[str, int] = {}
     rows = points.read_text().splitlines()
@@ -208,25 +210,27 @@ def test_four_common_points(block: Path) -> None:
             kept[photo] = kept.get(photo, 0) + 1
     points.write_text("\n".join(out) + "\n")
     assert kept["101"] == 4
-    result = anaplot("bridge", block)
+    result = here(capsys, "bridge", block)
     one_line(result, 4, "101/102", "4 points in common", "needs five")
     assert result.stdout == ""
 
 
-def test_points_on_a_line_do_not_determine_a_model(block: Path) -> None:
+def test_points_on_a_line_do_not_determine_a_model(
+    block: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     points = block / "image_points.csv"
     rows = points.read_text().splitlines()
     flat = [f"{photo},p{k},{10.0 * k - 40 - 92 * i},0.0," for i, photo in enumerate(("101", "102"))
             for k in range(8) if abs(10.0 * k - 40 - 92 * i) < 115]  # fmt: skip
     points.write_text("\n".join([rows[0], *flat, "103,p1,0,0,"]) + "\n")
-    one_line(anaplot("bridge", block), 4, "101/102")
+    one_line(here(capsys, "bridge", block), 4, "101/102")
 
 
-def test_no_such_folder(tmp_path: Path) -> None:
+def test_no_such_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("bridge", "open"):
-        one_line(anaplot(name, tmp_path / "none\x1b[31m"), 2, "no such folder")
+        one_line(here(capsys, name, tmp_path / "none\x1b[31m"), 2, "no such folder")
         (tmp_path / "file").write_text("")
-        one_line(anaplot(name, tmp_path / "file"), 2, "not a folder")
+        one_line(here(capsys, name, tmp_path / "file"), 2, "not a folder")
 
 
 # root may write everywhere, unless the right to do so is taken away
@@ -302,7 +306,9 @@ def test_output_that_cannot_be_written(block: Path) -> None:
     assert "Traceback" not in result.stderr
 
 
-def test_errors_are_taken_out_before_the_next_model(block: Path) -> None:
+def test_errors_are_taken_out_before_the_next_model(
+    block: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     rows = (block / "image_points.csv").read_text().splitlines()
     header = rows[0].split(",")
     at = 9
@@ -311,7 +317,7 @@ def test_errors_are_taken_out_before_the_next_model(block: Path) -> None:
     cells[column] = f"{float(cells[column]) + 0.3:.4f}"
     rows[at] = ",".join(cells)
     (block / "image_points.csv").write_text("\n".join(rows) + "\n")
-    result = anaplot("bridge", block, "--errors", "search", "--json")
+    result = here(capsys, "bridge", block, "--errors", "search", "--json")
     assert (result.returncode, result.stderr) == (0, "")
     models = strict(result.stdout)["strips"][0]["models"]
     rejected = [row["point"] for model in models for row in model["errors"]["rejected"]]
@@ -320,12 +326,14 @@ def test_errors_are_taken_out_before_the_next_model(block: Path) -> None:
         assert model["errors"]["strategy"] == "search"
         kept = {(row["point"], row["axis"]) for row in model["table"]}
         assert not kept & {(r["point"], r["axis"]) for r in model["errors"]["rejected"]}
-    text = anaplot("bridge", block, "--errors", "search", "--fail-on-flag")
+    text = here(capsys, "bridge", block, "--errors", "search", "--fail-on-flag")
     assert text.returncode == 1
     assert "GROSS ERRORS (search)" in text.stdout
     assert "; step 1, the sum falls by" in text.stdout
-    one_line(anaplot("bridge", block, "--errors", "guess"), 2, "--errors")
-    pairs = anaplot("bridge", block, "--errors", "baarda", "--pairs", "--json", "--partner", "0.5")
+    one_line(here(capsys, "bridge", block, "--errors", "guess"), 2, "--errors")
+    pairs = here(
+        capsys, "bridge", block, "--errors", "baarda", "--pairs", "--json", "--partner", "0.5"
+    )
     for model in strict(pairs.stdout)["strips"][0]["models"]:
         errors = model["errors"]
         odds = errors["pair_odds"]
@@ -336,11 +344,13 @@ def test_errors_are_taken_out_before_the_next_model(block: Path) -> None:
             (why, *_) = [e for e in errors["evidence"] if e["point"] == row["point"]]
             assert why["statistic"] > why["critical"]
     one_line(
-        anaplot("bridge", block, "--pairs"), 2, "--partner, --pairs and --as-given go with --errors"
+        here(capsys, "bridge", block, "--pairs"),
+        2,
+        "--partner, --pairs and --as-given go with --errors",
     )
-    modified = anaplot("bridge", block, "--errors", "modified", "--json")
+    modified = here(capsys, "bridge", block, "--errors", "modified", "--json")
     first = strict(modified.stdout)["strips"][0]["models"][0]["errors"]
     assert first["model_values"]["decided"] > 0
     assert isinstance(first["model_values"]["beyond_tolerance"], int)
     assert first["remarks"] == []
-    assert "model values decided" in anaplot("bridge", block, "--errors", "modified").stdout
+    assert "model values decided" in here(capsys, "bridge", block, "--errors", "modified").stdout

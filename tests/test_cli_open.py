@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from clibench import anaplot, contents, make_block, one_line
+from clibench import anaplot, contents, here, make_block, one_line
 
 from anaplot.exchange.journal import Journal
 
@@ -30,15 +30,17 @@ def block(tmp_path: Path) -> Path:
         (("--simulate", "--truth", "/nowhere"), "no such folder"),
     ],
 )
-def test_options_that_make_no_sense(block: Path, arguments: tuple[str, ...], words: str) -> None:
+def test_options_that_make_no_sense(
+    block: Path, arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     before = contents(block)
-    one_line(anaplot("open", block, *arguments), 2, words)
+    one_line(here(capsys, "open", block, *arguments), 2, words)
     assert contents(block) == before
 
 
-def test_a_port_that_does_not_exist(block: Path) -> None:
+def test_a_port_that_does_not_exist(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for port in ("/dev/does-not-exist", "socket://127.0.0.1:1"):
-        result = anaplot("open", block, "--profile", "anaplot-ascii", "--port", port)
+        result = here(capsys, "open", block, "--profile", "anaplot-ascii", "--port", port)
         one_line(result, 3, "port", port)
         assert result.stdout == ""
 
@@ -52,20 +54,20 @@ def test_a_block_that_is_open_elsewhere(block: Path) -> None:
         assert anaplot("bridge", block).returncode == 0
 
 
-def test_a_journal_of_a_newer_version(block: Path) -> None:
+def test_a_journal_of_a_newer_version(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     journal, _ = Journal.open(block, {})
     journal.close()
     path = block / "sessions" / "0001.jsonl"
     path.write_bytes(path.read_bytes().replace(b'"format":1', b'"format":7'))
     before = contents(block)
-    one_line(anaplot("open", block, "--simulate"), 2, "newer version")
+    one_line(here(capsys, "open", block, "--simulate"), 2, "newer version")
     after = contents(block)
     before.pop("sessions/lock", None)
     after.pop("sessions/lock", None)
     assert after == before
 
 
-def test_a_damaged_journal(block: Path) -> None:
+def test_a_damaged_journal(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     journal, _ = Journal.open(block, {})
     for _ in range(3):
         journal.append("note", {"text": "something"}, durable=False)
@@ -73,14 +75,16 @@ def test_a_damaged_journal(block: Path) -> None:
     path = block / "sessions" / "0001.jsonl"
     damaged = path.read_bytes().replace(b"something", b"sometHing", 1)
     path.write_bytes(damaged)
-    one_line(anaplot("open", block), 2, "damaged", "line 2")
+    one_line(here(capsys, "open", block), 2, "damaged", "line 2")
     assert path.read_bytes() == damaged
 
 
-def test_truth_that_lacks_a_photo(block: Path, tmp_path: Path) -> None:
+def test_truth_that_lacks_a_photo(
+    block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     other = make_block(tmp_path / "other", photos=2)
     one_line(
-        anaplot("open", block, "--simulate", "--truth", other),
+        here(capsys, "open", block, "--simulate", "--truth", other),
         2,
         "has no point of photo 103",
     )
