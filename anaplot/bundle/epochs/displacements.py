@@ -16,7 +16,7 @@ import numpy as np
 from anaplot.adjustment.tested import sigma0_known
 from anaplot.aliases import Array, Bools, Progress
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.epochs.joint import adjust_jointly, joint_differences
+from anaplot.bundle.epochs.joint import adjust_jointly, joint_differences, progress_of
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
@@ -360,12 +360,13 @@ def _alone(
     additional: AdditionalParameters | None,
     progress: Progress | None,
 ) -> AdjustedBlock:
-    def tell(what: str, share: float) -> None:
-        if progress is not None:
-            progress(f"epoch {number}: {what}", share)
-
     try:
-        return adjust_block(block, datum=datum, additional=additional, progress=tell)
+        return adjust_block(
+            block,
+            datum=datum,
+            additional=additional,
+            progress=progress_of(f"epoch {number}", progress),
+        )
     except AnaplotError as error:
         hint = ""
         bare = not any(row.use == "control" for row in block.control)

@@ -27,7 +27,7 @@ from anaplot.photogrammetry.block import (
 )
 from anaplot.photogrammetry.similarity import Similarity, fit_similarity
 
-__all__ = ["adjust_jointly", "joint_block", "joint_differences"]
+__all__ = ["adjust_jointly", "joint_block", "joint_differences", "progress_of"]
 
 
 _MARKS = (" [1]", " [2]")
@@ -198,12 +198,14 @@ def adjust_jointly(
         origin = one.state.origin
         fitted = fit_similarity(point_places(two, held, origin), point_places(one, held, origin))
     start = _start(problem, one, two, fitted)
+    return adjust_bundle(problem, start, progress=progress_of("both epochs", progress))
 
-    def tell(what: str, share: float) -> None:
-        if progress is not None:
-            progress(f"both epochs: {what}", share)
 
-    return adjust_bundle(problem, start, progress=tell)
+def progress_of(part: str, progress: Progress | None) -> Progress | None:
+    """Return what tells the steps of a part as such."""
+    if progress is None:
+        return None
+    return lambda what, share: progress(f"{part}: {what}", share)
 
 
 def _start(

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.hypothesis import DependentConditionsError, quadratic_form, sidak_alpha
-from anaplot.adjustment.tested import sigma0_known
 from anaplot.aliases import Array
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -184,7 +183,7 @@ def check_tests(
             f"(that is done up to {_MOST})"
         )
     differences = _differences(block, wanted, together=together)
-    variance = VarianceFactor(block.vtpv, block.redundancy, sigma0_known(problem.test.kind))
+    variance = VarianceFactor.of(block)
     positive = np.diag(differences.q) > 0.0
     if not positive.all():
         remarks.append(

@@ -28,7 +28,6 @@ import numpy as np
 
 from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
-from anaplot.adjustment.tested import sigma0_known
 from anaplot.aliases import Array, Bools
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -263,7 +262,7 @@ def _tests(
     *,
     groups: bool = True,
 ) -> ControlTests:
-    variance = VarianceFactor(block.vtpv, block.redundancy, sigma0_known(block.problem.test.kind))
+    variance = VarianceFactor.of(block)
     coordinates = _coordinates(block, control, variance, settings)
     unchecked = [f"{c.axis} of {c.point}" for c in coordinates if c.verdict is None]
     if unchecked:

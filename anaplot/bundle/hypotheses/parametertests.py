@@ -22,7 +22,6 @@ from anaplot.adjustment.hypothesis import (
     sidak_alpha,
     variance_inflation,
 )
-from anaplot.adjustment.tested import sigma0_known
 from anaplot.aliases import Array
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -193,7 +192,7 @@ def parameter_tests(
     problem = block.problem
     if problem.additional is None or not block.parameter_rows():
         return None
-    variance = VarianceFactor(block.vtpv, block.redundancy, sigma0_known(problem.test.kind))
+    variance = VarianceFactor.of(block)
     families, remarks = _families(block)
     if len(problem.additional_sigma):
         remarks.append(

@@ -7,6 +7,8 @@ from math import sqrt
 from typing import NamedTuple
 
 from anaplot.adjustment.hypothesis import FTest, f_noncentrality, f_test
+from anaplot.adjustment.tested import sigma0_known
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 
 __all__ = ["HypothesisSettings", "VarianceFactor", "Verdict"]
 
@@ -87,6 +89,11 @@ class VarianceFactor(NamedTuple):
     vtpv: float
     redundancy: int
     by_known: bool
+
+    @classmethod
+    def of(cls, block: AdjustedBlock) -> VarianceFactor:
+        """Return that of an adjusted block, with which the block's settings test."""
+        return cls(block.vtpv, block.redundancy, sigma0_known(block.problem.test.kind))
 
     @property
     def sigma(self) -> float | None:

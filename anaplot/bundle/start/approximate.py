@@ -20,7 +20,7 @@ from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.start.absolute import give_nominal_place, to_ground
 from anaplot.bundle.start.bridging import bridged_parts
 from anaplot.bundle.start.relative import orient_pair
-from anaplot.bundle.start.subblock import SubBlock, intersect_rays
+from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
 from anaplot.bundle.start.vertical import vertical_subblock
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -45,7 +45,7 @@ def approximate_ways(problem: Problem) -> list[Way]:
     pairs in any attitude; such pairs alone. A way returns None where it does not apply, and raises
     NotComputableError where it does not get through.
     """
-    rays, by_photo = _rays(problem)
+    rays, by_photo = unit_rays(problem), rays_of_photos(problem)
 
     def stated(progress: Progress | None) -> BlockState | None:
         given = _given(problem, rays)
@@ -133,7 +133,7 @@ def extended_state(problem: Problem, last: Problem, state: BlockState) -> BlockS
     State or None
         None when something new cannot be placed from what is there.
     """
-    rays, by_photo = _rays(problem)
+    rays, by_photo = unit_rays(problem), rays_of_photos(problem)
     subblock = _taken_over(problem, last, state)
     if not subblock.oriented.any():
         return None
@@ -166,7 +166,7 @@ def laid_onto_control(problem: Problem, free: Problem, state: BlockState) -> Blo
     State or None
         None when control does not suffice, or what is lacking cannot be added.
     """
-    rays, by_photo = _rays(problem)
+    rays, by_photo = unit_rays(problem), rays_of_photos(problem)
     subblock = _taken_over(problem, free, state)
     if not to_ground(problem, subblock):
         return None
@@ -197,15 +197,6 @@ def _taken_over(problem: Problem, last: Problem, state: BlockState) -> SubBlock:
         if old is not None:
             subblock.points[k] = state.points[old] + state.origin
     return subblock
-
-
-def _rays(problem: Problem) -> tuple[Array, list[Index]]:
-    """Rays of unit length in image axes, and the rays of each photo."""
-    rays = np.column_stack((problem.xy, -problem.c[problem.photo]))
-    rays /= np.linalg.norm(rays, axis=1)[:, None]
-    order = np.argsort(problem.photo, kind="stable")
-    ends = np.searchsorted(problem.photo[order], np.arange(len(problem.photos) + 1))
-    return rays, [order[ends[k] : ends[k + 1]] for k in range(len(problem.photos))]
 
 
 def state_of(problem: Problem, subblock: SubBlock) -> BlockState:

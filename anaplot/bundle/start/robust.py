@@ -24,7 +24,7 @@ from anaplot.bundle.solve.normal import (
 from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.resection import resect
-from anaplot.bundle.start.subblock import SubBlock, intersect_rays
+from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -142,7 +142,7 @@ def _suspects(problem: Problem, clearest: _Clearest) -> list[RobustSuspect]:
     image, control, priors = clearest.misfits
     held = clearest.held
     found = []
-    scale = clearest.ray_scale(problem)
+    scale = clearest.misfits.ray_scale(problem)
     rays = np.bincount(problem.point, minlength=len(problem.points))
     bad = np.bincount(problem.point[image > _FAR * scale], minlength=len(problem.points))
     named: set[str] = set()
@@ -160,13 +160,13 @@ def _suspects(problem: Problem, clearest: _Clearest) -> list[RobustSuspect]:
         named.add(what)
         found.append(RobustSuspect(what, f"{image[k]:.3g} mm", image[k] / scale))
     if held.any():
-        scale = clearest.control_scale()
+        scale = clearest.misfits.control_scale(held, clearest.least)
         for k in np.argsort(-control, kind="stable")[:10].tolist():
             what = f"control point {problem.points[k]}"
             if what in named:
                 continue
             found.append(RobustSuspect(what, f"{control[k]:.3g} m", control[k] / scale))
-    scale = clearest.prior_scale()
+    scale = clearest.misfits.prior_scale()
     for k, group in np.argwhere(priors > _FAR * scale).tolist():
         what = f"the stated {('position', 'rotation')[group]} of photo {problem.photos[k]}"
         found.append(RobustSuspect(what, f"{priors[k, group]:.3g} sigma", priors[k, group] / scale))
@@ -199,13 +199,14 @@ class FarOff(NamedTuple):
 def far_off(problem: Problem, structure: Structure, start: BlockState) -> FarOff:
     """Return what a robust adjustment leaves far off, by the measure of `robust_suspects`."""
     clearest = _clearest(problem, structure, start)
-    held = clearest.held.any(axis=1)
+    misfits, held = clearest.misfits, clearest.held
     control = np.zeros(len(problem.points), dtype=bool)
     if held.any():
-        control = held & (clearest.misfits.control > _FAR * clearest.control_scale())
-    reach = _FAR * clearest.ray_scale(problem)
-    rays = clearest.misfits.image > reach
-    priors = clearest.misfits.priors > _FAR * clearest.prior_scale()
+        far = misfits.control > _FAR * misfits.control_scale(held, clearest.least)
+        control = held.any(axis=1) & far
+    reach = _FAR * misfits.ray_scale(problem)
+    rays = misfits.image > reach
+    priors = misfits.priors > _FAR * misfits.prior_scale()
     return FarOff(_with_fixed(problem, clearest.state), rays, control, priors, reach)
 
 
@@ -216,6 +217,20 @@ class _Misfits(NamedTuple):
     control: Array
     priors: Array
 
+    def ray_scale(self, problem: Problem) -> float:
+        """Return what a ray is off in the median, not less than its sigma [mm]."""
+        return max(float(np.median(self.image)), float(np.median(problem.sigma)))
+
+    def control_scale(self, held: Bools, least: Array) -> float:
+        """Return what control is off in the median, not less than its smallest sigma [m]."""
+        middle = float(np.median(self.control[held.any(axis=1)]))
+        return max(middle, float(least[held].min()))
+
+    def prior_scale(self) -> float:
+        """Return what prior orientations are off in the median, not less than their sigma."""
+        off = self.priors[self.priors > 0.0]
+        return max(float(np.median(off)), 1.0) if len(off) else 1.0
+
 
 class _Clearest(NamedTuple):
     """A robust solution; held and least as `_robust` returns them."""
@@ -224,20 +239,6 @@ class _Clearest(NamedTuple):
     held: Bools
     least: Array
     misfits: _Misfits
-
-    def ray_scale(self, problem: Problem) -> float:
-        """Return what a ray is off in the median, not less than its sigma [mm]."""
-        return max(float(np.median(self.misfits.image)), float(np.median(problem.sigma)))
-
-    def control_scale(self) -> float:
-        """Return what control is off in the median, not less than its smallest sigma [m]."""
-        held = self.held
-        middle = float(np.median(self.misfits.control[held.any(axis=1)]))
-        return max(middle, float(self.least[held].min()))
-
-    def prior_scale(self) -> float:
-        """Return what prior orientations are off in the median, not less than their sigma."""
-        return _prior_scale(self.misfits.priors)
 
 
 def _clearest(problem: Problem, structure: Structure, start: BlockState) -> _Clearest:
@@ -328,15 +329,15 @@ def _robust(
     weights = None if tie is None else tie.weights
     damping = 1e-3
     for _ in range(_STEPS):
-        image, control, priors = _misfits(problem, held, state)
-        scale = max(float(np.median(image)), float(np.median(problem.sigma)))
-        soft = replace(soft, sigma=scale * np.sqrt(1.0 + (image / scale) ** 2))
+        misfits = _misfits(problem, held, state)
+        scale = misfits.ray_scale(problem)
+        soft = replace(soft, sigma=scale * np.sqrt(1.0 + (misfits.image / scale) ** 2))
         if held.any():
-            scale = max(float(np.median(control[held.any(axis=1)])), float(least[held].min()))
-            grown = least * np.sqrt(1.0 + (control / scale) ** 2)[:, None]
+            scale = misfits.control_scale(held, least)
+            grown = least * np.sqrt(1.0 + (misfits.control / scale) ** 2)[:, None]
             soft = replace(soft, known_sigma=np.where(held, grown, np.nan))
-        if priors.any():
-            grown = np.sqrt(1.0 + (priors / _prior_scale(priors)) ** 2)
+        if misfits.priors.any():
+            grown = np.sqrt(1.0 + (misfits.priors / misfits.prior_scale()) ** 2)
             soft = replace(
                 soft,
                 position_sigma=problem.position_sigma * grown[:, :1],
@@ -362,22 +363,17 @@ def _reoriented(problem: Problem, start: BlockState) -> BlockState:
 
     Independent of control and of gross errors in the approximate orientations.
     """
-    rays = np.column_stack((problem.xy, -problem.c[problem.photo]))
-    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    rays, by_photo = unit_rays(problem), rays_of_photos(problem)
     subblock = SubBlock(start.centres.copy(), start.rotations.copy(), start.points.copy())
     subblock.place(problem, rays, again=True)
-    order = np.argsort(problem.photo, kind="stable")
-    ends = np.searchsorted(problem.photo[order], np.arange(len(problem.photos) + 1))
     for _ in range(3):
         size = np.nan_to_num(subblock.residuals(problem), nan=np.inf)
-        worst = np.array(
-            [np.max(size[order[ends[k] : ends[k + 1]]]) for k in range(len(problem.photos))]
-        )
+        worst = np.array([np.max(size[mine]) for mine in by_photo])
         limit = 10.0 * max(float(np.median(size)), float(np.median(problem.sigma)))
         for photo in np.argsort(-worst, kind="stable")[:_RESECTED].tolist():
             if not worst[photo] > limit:
                 break
-            mine = order[ends[photo] : ends[photo + 1]]
+            mine = by_photo[photo]
             # points as the other photos alone place them
             others = SubBlock(subblock.centres.copy(), subblock.rotations, subblock.points.copy())
             others.centres[photo] = np.nan
@@ -403,7 +399,3 @@ def _misfits(problem: Problem, held: Bools, state: BlockState) -> _Misfits:
     off = np.where(held, state.points - (problem.known - state.origin), 0.0)
     priors = np.abs(linear.photo_e).reshape(-1, 2, 3).max(axis=2)
     return _Misfits(image, np.linalg.norm(off, axis=1), priors)
-
-
-def _prior_scale(priors: Array) -> float:
-    return max(float(np.median(priors[priors > 0.0])), 1.0) if priors.any() else 1.0

@@ -12,7 +12,7 @@ from anaplot.bundle.start.resection import resect
 from anaplot.photogrammetry.collinearity import project, turns
 from anaplot.photogrammetry.similarity import Similarity, fit_similarity, line_of, robust_similarity
 
-__all__ = ["SubBlock", "intersect_rays"]
+__all__ = ["SubBlock", "intersect_rays", "rays_of_photos", "unit_rays"]
 
 
 _ALONG = 0.01  # share of the extent within which points on a line coincide
@@ -167,6 +167,20 @@ def _on_a_line(source: Array, target: Array) -> tuple[Similarity, Bools] | None:
     similarity = fit_similarity(source, target)
     inliers = np.linalg.norm(similarity.apply(source) - target, axis=1) < _ALONG * extent
     return (similarity, inliers) if inliers.all() else None
+
+
+def unit_rays(problem: Problem) -> Array:
+    """Return (m, 3) rays of unit length in image axes."""
+    rays = np.column_stack((problem.xy, -problem.c[problem.photo]))
+    out: Array = rays / np.linalg.norm(rays, axis=1)[:, None]
+    return out
+
+
+def rays_of_photos(problem: Problem) -> list[Index]:
+    """Return the numbers of the rays of each photo."""
+    order = np.argsort(problem.photo, kind="stable")
+    ends = np.searchsorted(problem.photo[order], np.arange(1, len(problem.photos)))
+    return np.split(order, ends)
 
 
 def intersect_rays(problem: Problem, subblock: SubBlock, rays: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +42,11 @@ class Offsets:
     dxr: float = 0.0
     dyr: float = 0.0
     count: int = 1
+
+    @property
+    def array(self) -> Array:
+        """(4,) dxl, dyl, dxr, dyr."""
+        return np.array([self.dxl, self.dyl, self.dxr, self.dyr])
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,37 +254,31 @@ class Observer:
 
         Where fiducials are attended to, the nearest one of that plate to its mark.
         """
-        if self.attended is not None:
-            return self._nearest_fiducial(self.attended, here, hand)
-        points = self._lying if self._mono else self._in_left.get(self.laid[0], {})
-        other = points if self._mono else self._in_right.get(self.laid[1], {})
-        near = [
-            (math.hypot(x - here.xl, y - here.yl), point)
-            for point, (x, y) in points.items()
-            if point in other and not _is_fiducial(point)
-        ]
+        left = self._lying if self._mono else self._in_left.get(self.laid[0], {})
+        right = left if self._mono else self._in_right.get(self.laid[1], {})
+        side, mark, radius = self.attended, (here.xl, here.yl), hand.search_radius
+        if side is None:
+            looked_for = {
+                point: place
+                for point, place in left.items()
+                if point in right and not _is_fiducial(point)
+            }
+        else:
+            own = fiducial_name(self._lies[1] if self._mono else side, "")
+            points = left if side == "left" else right
+            looked_for = {point: at for point, at in points.items() if point.startswith(own)}
+            mark = mark if side == "left" else (here.xr, here.yr)
+            radius = hand.fiducial_radius
+        near = [(math.dist(place, mark), point) for point, place in looked_for.items()]
         distance, found = min(near, default=(math.inf, ""))
-        return found if distance <= hand.search_radius else None
-
-    def _nearest_fiducial(self, side: Side, here: Position, hand: Hand) -> str | None:
-        left = side == "left"
-        points: Mapping[str, tuple[float, float]] = self._lying
-        if not self._mono:
-            points = self._in_left[self.laid[0]] if left else self._in_right[self.laid[1]]
-        x, y = (here.xl, here.yl) if left else (here.xr, here.yr)
-        own = fiducial_name(self._lies[1] if self._mono else side, "")
-        near = [
-            (math.hypot(at[0] - x, at[1] - y), point)
-            for point, at in points.items()
-            if point.startswith(own)
-        ]
-        distance, found = min(near, default=(math.inf, ""))
-        return found if distance <= hand.fiducial_radius else None
+        return found if distance <= radius else None
 
     def _place(self, here: Position, point: str, times: int, pointing: int, *kind: str) -> Position:
         """Return where the mark is set: truth, noise, mistake and drift.
 
-        A pointing of another kind than a measurement has noise of its own, and no mistake.
+        A pointing of another kind than a measurement has noise of its own, and no mistake. On a
+        fiducial the other mark stays; in a mono comparator it stands as in that photo of a stereo
+        one.
         """
         key = repr((self._seed, *self.laid, point, times, *kind)).encode()
         digest = hashlib.sha256(key).digest()
@@ -288,38 +287,14 @@ class Observer:
         mistake = self.mistakes.get((*self.laid, point), Offsets(count=0))
         if times > mistake.count or kind:
             mistake = Offsets()
-        if self._mono:
-            return self._in_one_photo(point, noise, mistake, pointing)
-        if _is_fiducial(point):
-            return self._on_fiducial(here, point, noise, mistake)
-        xl, yl = self._in_left[self.laid[0]][point]
-        xr, yr = self._in_right[self.laid[1]][point]
-        drift = self.drift
-        return Position(
-            xl + float(noise[0]) + mistake.dxl + drift.dxl * pointing,
-            yl + float(noise[1]) + mistake.dyl + drift.dyl * pointing,
-            xr + float(noise[2]) + mistake.dxr + drift.dxr * pointing,
-            yr + float(noise[3]) + mistake.dyr + drift.dyr * pointing,
-        )
-
-    def _in_one_photo(self, point: str, noise: Array, mistake: Offsets, pointing: int) -> Position:
-        """Return where the mark stands in a mono comparator: as in that photo of a stereo one."""
         drift = Offsets() if _is_fiducial(point) else self.drift
-        x, y = self._lying[point]
-        if self._lies[0] == "left":
-            x += float(noise[0]) + mistake.dxl + drift.dxl * pointing
-            y += float(noise[1]) + mistake.dyl + drift.dyl * pointing
-        else:
-            x += float(noise[2]) + mistake.dxr + drift.dxr * pointing
-            y += float(noise[3]) + mistake.dyr + drift.dyr * pointing
-        return Position(x, y, x, y)
-
-    def _on_fiducial(self, here: Position, point: str, noise: Array, mistake: Offsets) -> Position:
-        """Return where the marks stand when one is on a fiducial; the other stays."""
-        if point.startswith(fiducial_name("left", "")):
-            x, y = self._in_left[self.laid[0]][point]
-            x += float(noise[0]) + mistake.dxl
-            return replace(here, xl=x, yl=y + float(noise[1]) + mistake.dyl)
-        x, y = self._in_right[self.laid[1]][point]
-        x += float(noise[2]) + mistake.dxr
-        return replace(here, xr=x, yr=y + float(noise[3]) + mistake.dyr)
+        missed = noise + mistake.array + drift.array * pointing
+        if self._mono:
+            x, y = self._lying[point] + missed.reshape(2, 2)[int(self._lies[0] == "right")]
+            return Position(float(x), float(y), float(x), float(y))
+        place = np.array([here.xl, here.yl, here.xr, here.yr])
+        if not point.startswith(fiducial_name("right", "")):
+            place[:2] = self._in_left[self.laid[0]][point] + missed[:2]
+        if not point.startswith(fiducial_name("left", "")):
+            place[2:] = self._in_right[self.laid[1]][point] + missed[2:]
+        return Position(*place.tolist())

@@ -38,8 +38,6 @@ class SimulatorServer:
         Number of the first TCP port; 0 for any free one.
     time_scale
         Simulated seconds per second.
-    clock
-        Seconds that never go back.
 
     Notes
     -----
@@ -55,7 +53,6 @@ class SimulatorServer:
         tcp: bool = False,
         tcp_port: int = 0,
         time_scale: float = 1.0,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if not 0.0 < time_scale < 1e6:
             raise InputError("the time scale of a simulated plotter must be positive")
@@ -64,7 +61,6 @@ class SimulatorServer:
         self._tcp = tcp or not hasattr(os, "openpty")
         self._tcp_port = tcp_port
         self._scale = time_scale
-        self._clock = clock
         self._folder: str | None = None
         self._lines: dict[str, Connection] = {}
         self._thread: threading.Thread | None = None
@@ -247,9 +243,9 @@ class SimulatorServer:
         selector = self._selector
         if selector is None:
             return
-        last = self._clock()
+        last = time.monotonic()
         while not self._stop.is_set():
-            now = self._clock()
+            now = time.monotonic()
             self._simulator.advance((now - last) * self._scale)
             last = now
             self._flush()
@@ -271,7 +267,7 @@ class SimulatorServer:
                 job()
                 done.set()
             # what arrives, arrives now and not when the last round began
-            now = self._clock()
+            now = time.monotonic()
             self._simulator.advance((now - last) * self._scale)
             last = now
             for fileobj, name in ready:
