@@ -232,6 +232,12 @@ def _inner(options: argparse.Namespace) -> int:
     return run_inner(options)
 
 
+def _status(options: argparse.Namespace) -> int:
+    from anaplot.report.statuscommand import run_status
+
+    return run_status(options)
+
+
 def _log(options: argparse.Namespace) -> int:
     from anaplot.report.logcommand import run_log
 
@@ -565,6 +571,15 @@ def _parser() -> _Parser:
         "anaplot inner fiducials.toml",
     )
     add_inner_arguments(inner)
+
+    status = command(
+        "status",
+        _status,
+        "where a block stands, what needs a look, what to do next",
+        "anaplot status myblock --json",
+    )
+    status.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
+    add_output(status, "the models")
 
     log = command(
         "log",

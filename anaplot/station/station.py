@@ -18,8 +18,7 @@ from pathlib import Path
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import clear_image_points, read_block
-from anaplot.exchange.journal import Journal, JournalError, event_of
-from anaplot.exchange.journal import Record as JournalRecord
+from anaplot.exchange.journal import Journal, JournalError
 from anaplot.orientation.model import warm_up
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block
@@ -56,7 +55,7 @@ from anaplot.session.requests import (
     WarmUp,
     WritePoints,
 )
-from anaplot.session.state import EventRefusedError, SessionState, apply, start
+from anaplot.session.state import SessionState
 from anaplot.station.audience import News
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.commanded import Commanded
@@ -65,6 +64,7 @@ from anaplot.station.inbox import End, Inbox, Item, Told, Traffic
 from anaplot.station.instrument import Instrument, Setup
 from anaplot.station.journaling import Recorder
 from anaplot.station.pointsfile import PointsFile
+from anaplot.station.restored import restored
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
 
 __all__ = ["DEFAULT_PATTERN", "Severity", "Station"]
@@ -141,7 +141,7 @@ class Station(Commanded):
             undo.callback(self._journal.close)
             clear_image_points(folder)
             self._recorder = Recorder(self._journal, time.monotonic)
-            events, state = _restored(block, recovered.records)
+            events, state = restored(block, recovered.records)
             self._points = PointsFile(folder, block, events)
             self._desk = Desk.at(
                 state,
@@ -466,21 +466,3 @@ class Station(Commanded):
     def _picture(self) -> Snapshot:
         self._serial += 1
         return snapshot_of(self._desk, self._serial, self._link, self._watch.view)
-
-
-def _restored(
-    block: Block, records: Iterable[JournalRecord]
-) -> tuple[tuple[Event, ...], SessionState]:
-    """Return what happened in the sessions before, and the state that it led to."""
-    state = start(block)
-    events = []
-    for record in records:
-        event = event_of(record)
-        try:
-            state = apply(state, event)
-        except EventRefusedError as error:
-            raise InputError(
-                f"{record.file} line {record.line}: does not fit block.toml: {error}"
-            ) from error
-        events.append(event)
-    return tuple(events), state

@@ -1,0 +1,225 @@
+"""`anaplot status`: where a block stands, what needs a look, what to do next."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from anaplot.errors import AnaplotError, InputError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.journal import read_journal
+from anaplot.photogrammetry.block import Block
+from anaplot.report.columns import counted
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Document,
+    Line,
+    for_programs,
+    name,
+    named,
+    number,
+    say,
+    table,
+    whole,
+)
+from anaplot.report.document import Block as Part
+from anaplot.report.output import Output
+from anaplot.session.events import EVENT_KINDS
+from anaplot.session.state import SessionState
+from anaplot.station.blockstatus import BlockStatus, NextStep, status_of
+from anaplot.station.blockview import BlockView
+from anaplot.station.restored import restored
+from anaplot.textfiles.wording import plain
+
+__all__ = ["block_status", "run_status", "status_document"]
+
+_MODELS = (
+    name("strip", "STRIP", 5, gap=0),
+    name("left", "LEFT", 5),
+    name("right", "RIGHT", 5),
+    name("state", "STATE", 8),
+    number("sigma0_um", "SIGMA0 um", 2, 11),
+    whole("redundancy", "REDUND", 8),
+    whole("flagged", "FLAGGED", 9),
+    whole("off", "OFF", 5),
+    whole("ties", "TIES", 6),
+)
+_IN_STRIP = for_programs(
+    "left", "right", "state", "sigma0_um", "redundancy", "flagged", "off", "ties"
+)
+_SUSPECTS = for_programs("photo", "point", "axis", "model", "probability")
+
+
+def run_status(options: argparse.Namespace) -> int:
+    """Say where a block stands and return the exit code.
+
+    Raises
+    ------
+    InputError
+        The block cannot be read.
+    """
+    output = Output.of(options)
+    output.check({"is read": (options.block,)})
+    status, remarks = block_status(options.block)
+    output.show(status_document(plain(str(options.block)), status, remarks))
+    return 0
+
+
+def block_status(folder: Path) -> tuple[BlockStatus, tuple[str, ...]]:
+    """Return where the block in a folder stands, and what was odd on the way.
+
+    Raises
+    ------
+    InputError
+        The block cannot be read; a journal that does not fit it is a remark.
+    """
+    block = read_block(folder)
+    remarks: tuple[str, ...] = ()
+    state: SessionState | None = None
+    if os.path.lexists(folder / "sessions"):
+        try:
+            records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
+            events = [record for record in records if record.kind in EVENT_KINDS]
+            state = restored(block, events)[1]
+        except InputError as error:
+            remarks = (f"the journal was not read: {error}",)
+    return status_of(block, state, _view(block), plain(str(folder))), remarks
+
+
+def _view(block: Block) -> BlockView | None:
+    """Return what the block as one bundle says; None where there is nothing to adjust."""
+    if not block.image_points:
+        return None
+    from anaplot.bundle.live import LiveBlock
+    from anaplot.station.blockanswer import view_of
+
+    empty = BlockView("", 0, False)
+    try:
+        return view_of(LiveBlock(block).update(block), empty, None)
+    except AnaplotError as error:
+        return replace(empty, remark=str(error))
+
+
+def status_document(folder: str, status: BlockStatus, remarks: tuple[str, ...] = ()) -> Document:
+    """Return the document of where a block stands.
+
+    Parameters
+    ----------
+    folder
+        How the block is called.
+    status
+        Where it stands.
+    remarks
+        What was odd on the way.
+    """
+    rows = [
+        (strip.strip, m.left, m.right, m.state, m.sigma0_um, m.redundancy, m.flagged, m.off, m.ties)
+        for strip in status.strips
+        for m in strip.models
+    ]
+    models = table("models", _MODELS, rows, look=[row[3] == "look" for row in rows])
+    suspects = table("suspects", _SUSPECTS, _suspects(status.block))
+    answer: Answer = {
+        "strips": [
+            {
+                "strip": strip.strip,
+                "models": table(
+                    "models", _IN_STRIP, [row[1:] for row in rows if row[0] == strip.strip]
+                ),
+            }
+            for strip in status.strips
+        ],
+        "block": _block(status.block, suspects),
+        "lateral_ties": status.lateral_ties,
+        "control": {"points": status.control, "seen": status.control_seen},
+        "next": {key: value or None for key, value in status.next._asdict().items()},
+        "remarks": list(remarks),
+    }
+    page: list[Part] = (
+        [models, BLANK] if rows else [say("no strips: models cannot be formed"), BLANK]
+    )
+    page += [
+        say("  {}: {}", model.name, model.why).of("look")
+        for strip in status.strips
+        for model in strip.models
+        if model.why
+    ]
+    if len(status.strips) > 1:
+        page.append(say("lateral ties: {}", status.lateral_ties))
+    if status.control:
+        page.append(
+            say("control: {} of {} measured", status.control_seen, counted(status.control, "point"))
+        )
+    page += _block_lines(status.block)
+    page += [say("remark: {}", remark).of("remark") for remark in remarks]
+    page.append(_next_line(status.next).of("heading"))
+    return Document(answer, tuple(page), (models, suspects))
+
+
+def _suspects(view: BlockView | None) -> list[tuple[str, str, str, str | None, float]]:
+    if view is None:
+        return []
+    return [
+        (
+            one.accused.photo,
+            one.point,
+            one.flagged[0].axis,
+            one.accused.model,
+            one.accused.probability,
+        )
+        for one in view.suspects
+    ]
+
+
+def _block(view: BlockView | None, suspects: object) -> Answer | None:
+    if view is None or not view.solved:
+        return None
+    flagged = sum(len(point.flagged) for point in view.suspects)
+    return {"sigma0": view.sigma0, "flagged": flagged, "suspects": suspects}
+
+
+def _block_lines(view: BlockView | None) -> list[Line]:
+    if view is None:
+        return [say("block: nothing is measured yet")]
+    if not view.solved:
+        return [say("block: {}", view.remark).of("look")]
+    flagged = sum(len(point.flagged) for point in view.suspects)
+    lines = [
+        say(
+            "block: {photos} photos, {points} points, {rays} rays, datum {datum}, "
+            "sigma0 {sigma0_um:.2f|um|none}, {flagged} flagged",
+            photos=view.photos,
+            points=view.points,
+            rays=view.rays,
+            datum=view.datum,
+            sigma0_um=view.sigma0_um,
+            flagged=flagged,
+        )
+    ]
+    accused = [
+        say("{} in {} ({:.0%})", one.point, one.accused.photo, one.accused.probability)
+        for one in view.suspects
+    ]
+    if accused:
+        lines.append(say("  look at {}", named(accused, most=5)).of("look"))
+    if view.aside:
+        lines.append(say("  not connected yet: photos {}", named(view.aside, most=8)).of("look"))
+    return lines
+
+
+def _next_line(step: NextStep) -> Line:
+    what = {
+        "measure": "measure",
+        "accept": "accept",
+        "return": "return to",
+        "adjust": "adjust the block",
+    }[step.do]
+    line = say("NEXT: {}", what)
+    if step.model:
+        line += say(" model {}", step.model)
+    if step.point:
+        line += say(", point {}", step.point)
+    return line + say(": {}", step.command)

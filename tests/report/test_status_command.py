@@ -1,0 +1,137 @@
+"""`anaplot status`: where a block stands."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from deskless import write_measured
+
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import write_control
+from anaplot.photogrammetry.block import ControlPoint
+
+
+def status(folder: Path, capsys: pytest.CaptureFixture[str]) -> dict:
+    assert main(["status", str(folder), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_new_block_is_open(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "b"
+    assert main(["new", str(folder), "--strip", "1-3", "--strip", "9-7"]) == 0
+    capsys.readouterr()
+    found = status(folder, capsys)
+    assert [strip["strip"] for strip in found["strips"]] == ["1", "2"]
+    assert [m["state"] for strip in found["strips"] for m in strip["models"]] == ["open"] * 4
+    assert list(found["strips"][0]["models"][0]) == [
+        "left", "right", "state", "sigma0_um", "redundancy", "flagged", "off", "ties",
+    ]  # fmt: skip
+    assert found["block"] is None
+    assert found["next"] == {
+        "do": "measure",
+        "command": f"anaplot open {folder}",
+        "model": "1/2",
+        "photo": None,
+        "point": None,
+    }
+
+
+def test_measured_models_without_a_session_are_accepted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "b"
+    made = write_measured(folder, models=3, measured=2)
+    write_control(folder, [ControlPoint("101-1", (1.0, 2.0, 3.0)), ControlPoint("far", (1, 2, 3))])
+    found = status(folder, capsys)
+    (strip,) = found["strips"]
+    assert [m["state"] for m in strip["models"]] == ["accepted", "accepted", "open"]
+    assert [m["ties"] for m in strip["models"]] == [0, 5, 0]
+    assert strip["models"][0]["sigma0_um"] > 0.0
+    assert strip["models"][2]["sigma0_um"] is None
+    assert found["block"]["flagged"] == 0
+    assert found["block"]["suspects"] == []
+    assert found["control"] == {"points": 2, "seen": 1}
+    assert found["next"]["model"] == "103/104"
+    assert made.block.strips[0].photos[2] == "103"
+
+
+def test_everything_measured_is_to_be_adjusted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "b"
+    write_measured(folder, models=2, measured=2)
+    assert status(folder, capsys)["next"]["command"] == f"anaplot adjust {folder}"
+    assert main(["status", str(folder)]) == 0
+    out = capsys.readouterr().out
+    assert "NEXT: adjust the block" in out
+    assert "0 flagged" in out
+
+
+def test_a_wrong_point_is_returned_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "b"
+    # a new point of the first model, used as a tie by the second: its right ray is wrong in y
+    write_measured(
+        folder,
+        models=2,
+        measured=2,
+        change=lambda row: (
+            replace(row, y=row.y + 0.4)
+            if (row.photo, row.point, row.model) == ("102", "102-2", "101/102")
+            else row
+        ),
+    )
+    found = status(folder, capsys)
+    assert found["strips"][0]["models"][0]["state"] == "look"
+    suspect = found["block"]["suspects"][0]
+    assert list(suspect) == ["photo", "point", "axis", "model", "probability"]
+    assert (suspect["photo"], suspect["point"], suspect["model"]) == ("102", "102-2", "101/102")
+    assert suspect["probability"] > 0.99
+    assert found["next"] | {"command": ""} == {
+        "do": "return",
+        "command": "",
+        "model": "101/102",
+        "photo": "102",
+        "point": "102-2",
+    }
+    assert main(["status", str(folder)]) == 0
+    assert "NEXT: return to model 101/102, point 102-2" in capsys.readouterr().out
+
+
+def test_the_session_says_what_is_in_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "b"
+    assert main(["demo", "--auto", "--models", "1", "--keep", str(folder)]) == 0
+    journal = folder / "sessions" / "0001.jsonl"
+    lines = journal.read_text().splitlines(keepends=True)
+    measured = [k for k, line in enumerate(lines) if '"kind":"point-measured"' in line]
+    # as it was after seven points
+    journal.write_text("".join(lines[: measured[6] + 1]))
+    (folder / "image_points.csv").unlink()
+    capsys.readouterr()
+    found = status(folder, capsys)
+    (model,) = found["strips"][0]["models"]
+    assert model["state"] == "in work"
+    assert model["redundancy"] == 2
+    assert found["next"]["do"] == "measure"
+    assert found["next"]["point"]
+    # a journal that cannot be read is told, and the files are believed
+    journal.write_text("".join(lines).replace('"point":"101-1"', '"point":"101-7"', 1))
+    found = status(folder, capsys)
+    assert found["strips"][0]["models"][0]["state"] == "open"
+    assert "the journal was not read" in found["remarks"][0]
+
+
+def test_a_block_without_strips(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "b"
+    write_measured(folder, models=2, measured=2, keep_models=False)
+    text = (folder / "block.toml").read_text()
+    before, _, after = text.partition("[[strip]]")
+    (folder / "block.toml").write_text(before + after[after.index("[[photo]]") :])
+    found = status(folder, capsys)
+    assert found["strips"] == []
+    assert found["next"]["do"] == "adjust"
+    assert main(["status", str(tmp_path / "nowhere")]) == 2
