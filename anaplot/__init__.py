@@ -5,6 +5,7 @@ The library, each name loaded when it is first used (docs/library.md):
 - `read_block`: a block folder as frozen dataclasses
 - `adjust`, `find_gross_errors`, `compare`: what the commands compute, with their options as
   keywords; each returns a `Computed`
+- `plan.pattern`, `plan.block`, `plan.network`, `simulate`: the same for what is not yet measured
 - `load_profile`, `Decoder`: an instrument's profile, and the readings in its bytes
 
 Lengths are in mm in the image, in m on the ground; angles in rad; residuals in um. What a person
@@ -24,9 +25,11 @@ if TYPE_CHECKING:
     from anaplot.photogrammetry.block import Block
     from anaplot.plotter.decoder import Decoder
     from anaplot.plotter.profile import load_profile
+    from anaplot.report import plan
     from anaplot.report.adjustcommand import adjust, find_gross_errors
     from anaplot.report.comparecommand import compare
     from anaplot.report.computed import Computed
+    from anaplot.report.simulatecommand import simulate
 
 __all__ = [
     "JSON_VERSION",
@@ -42,7 +45,9 @@ __all__ = [
     "compare",
     "find_gross_errors",
     "load_profile",
+    "plan",
     "read_block",
+    "simulate",
 ]
 
 # as TYPE_CHECKING imports them
@@ -52,9 +57,11 @@ _HOMES = {
     "anaplot.photogrammetry.block": ("Block",),
     "anaplot.plotter.decoder": ("Decoder",),
     "anaplot.plotter.profile": ("load_profile",),
+    "anaplot.report": ("plan",),
     "anaplot.report.adjustcommand": ("adjust", "find_gross_errors"),
     "anaplot.report.comparecommand": ("compare",),
     "anaplot.report.computed": ("Computed",),
+    "anaplot.report.simulatecommand": ("simulate",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -62,7 +69,10 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'anaplot' has no attribute {name!r}")
-    value = globals()[name] = getattr(importlib.import_module(_HOME[name]), name)
+    home = importlib.import_module(_HOME[name])
+    module = not hasattr(home, name)
+    value = importlib.import_module(f"{_HOME[name]}.{name}") if module else getattr(home, name)
+    globals()[name] = value
     return value
 
 

@@ -98,10 +98,11 @@ def _bridge(options: argparse.Namespace) -> int:
 
 
 def _adjust(options: argparse.Namespace) -> int:
+    from anaplot.exchange.blockfolder import block_files
     from anaplot.report.adjustcommand import adjust
     from anaplot.report.running import run_computation
 
-    return run_computation(options, adjust, [options.block])
+    return run_computation(options, adjust, block_files(options.block))
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -390,9 +391,10 @@ def _add_plotter(commands: Any) -> None:
 
 
 def _plan_pattern(options: argparse.Namespace) -> int:
-    from anaplot.report.planpattern import run_plan_pattern
+    from anaplot.report.planpattern import pattern_files, planned_pattern
+    from anaplot.report.running import run_computation
 
-    return run_plan_pattern(options)
+    return run_computation(options, planned_pattern, pattern_files(options.pattern))
 
 
 def _plan_simulate(options: argparse.Namespace) -> int:
@@ -402,22 +404,25 @@ def _plan_simulate(options: argparse.Namespace) -> int:
 
 
 def _plan_block(options: argparse.Namespace) -> int:
-    from anaplot.report.planblock import run_plan_block
+    from anaplot.report.planblock import planned_block, run_planned
 
-    return run_plan_block(options)
+    return run_planned(options, planned_block)
 
 
 def _plan_network(options: argparse.Namespace) -> int:
-    from anaplot.report.plannetwork import run_plan_network
+    from anaplot.report.planblock import run_planned
+    from anaplot.report.plannetwork import network_files, planned_network
 
-    return run_plan_network(options)
+    return run_planned(options, planned_network, network_files(options.network))
 
 
 def _compare(options: argparse.Namespace) -> int:
+    from anaplot.exchange.blockfolder import block_files
     from anaplot.report.comparecommand import compare
     from anaplot.report.running import run_computation
 
-    return run_computation(options, compare, [options.first, options.second])
+    reads = (*block_files(options.first), *block_files(options.second))
+    return run_computation(options, compare, reads)
 
 
 def _add_plan(commands: Any) -> None:

@@ -88,10 +88,10 @@ runpy.run_module("anaplot", run_name="__main__")
 
 
 def test_an_interrupt_while_working_is_one_line(capsys, monkeypatch) -> None:
-    def interrupted(_: object) -> int:
+    def interrupted(**_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(planpattern, "run_plan_pattern", interrupted)
+    monkeypatch.setattr(planpattern, "planned_pattern", interrupted)
     assert main(PATTERN) == 130
     assert capsys.readouterr().err == "anaplot: interrupted\n"
 
@@ -113,9 +113,9 @@ def test_the_installed_command_is_the_module() -> None:
     ],
 )
 def test_errors_of_the_system_are_file_and_reason(capsys, monkeypatch, error, said) -> None:
-    def fail(_: object) -> int:
+    def fail(**_: object) -> None:
         raise error
 
-    monkeypatch.setattr(planpattern, "run_plan_pattern", fail)
+    monkeypatch.setattr(planpattern, "planned_pattern", fail)
     assert main(PATTERN) == InputError.exit_code
     assert capsys.readouterr().err == f"anaplot: {said}\n"

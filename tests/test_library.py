@@ -24,6 +24,12 @@ from anaplot.cli import main
 from anaplot.exchange.blockfolder import write_image_points
 from anaplot.report.adjustarguments import add_adjust_arguments, add_compare_arguments
 from anaplot.report.keywords import declared_options
+from anaplot.report.planarguments import (
+    add_block_arguments,
+    add_network_arguments,
+    add_pattern_arguments,
+    add_simulate_arguments,
+)
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = re.findall(
@@ -106,26 +112,28 @@ def test_nothing_is_loaded_before_it_is_used() -> None:
 
 # --- keywords -------------------------------------------------------------------------------
 
-SHOWN = {"json", "all", "csv", "tables", "fail_on_flag"}
-COMMANDS = {
-    "adjust": (anaplot.adjust, add_adjust_arguments),
-    "compare": (anaplot.compare, add_compare_arguments),
+SHOWN = {"json", "all", "csv", "tables", "fail_on_flag", "list"}
+COMMANDS: dict[str, tuple[Callable[..., Any], Callable[[ArgumentParser], None], set[str]]] = {
+    "adjust": (anaplot.adjust, add_adjust_arguments, SHOWN),
+    "compare": (anaplot.compare, add_compare_arguments, SHOWN),
+    "plan pattern": (anaplot.plan.pattern, add_pattern_arguments, SHOWN),
+    "plan block": (anaplot.plan.block, add_block_arguments, SHOWN | {"to"}),
+    "plan network": (anaplot.plan.network, add_network_arguments, SHOWN | {"to"}),
+    "plan simulate": (anaplot.simulate, add_simulate_arguments, SHOWN),
 }
 
 
 def words(annotation: Any) -> set[str]:
     """Return the words that a type allows."""
     if get_origin(annotation) is Literal:
-        return set(get_args(annotation))
+        return set(map(str, get_args(annotation)))
     return {word for part in get_args(annotation) for word in words(part)}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_keywords_are_the_options(command: str) -> None:
-    compute: Callable[..., Any]
-    declare: Callable[[ArgumentParser], None]
-    compute, declare = COMMANDS[command]
-    options = {name: o for name, o in declared_options(declare).items() if name not in SHOWN}
+    compute, declare, shown = COMMANDS[command]
+    options = {name: o for name, o in declared_options(declare).items() if name not in shown}
     keywords = inspect.signature(compute).parameters
     assert set(keywords) - {"progress"} == set(options)
     types = get_type_hints(compute)
@@ -135,9 +143,7 @@ def test_the_keywords_are_the_options(command: str) -> None:
             assert keyword.default is inspect.Parameter.empty
             continue
         assert keyword.kind is inspect.Parameter.KEYWORD_ONLY
-        assert keyword.default == (
-            False if option.nargs == 0 and not option.default else option.default
-        ) or (keyword.default is None and option.default is None), name
+        assert keyword.default == option.default, name
         assert words(types[name]) == set(option.choices or ()), name
 
 
@@ -196,6 +202,27 @@ def test_what_cannot_be_searched_with_is_said_before_the_block_is_read() -> None
                 anaplot.read_block("spring"), "autumn", separate=True, points=["02-02", "02-03"]
             ),
         ),
+        (
+            ["plan", "pattern", "6", "--ties", "3", "--base", "92"],
+            lambda: anaplot.plan.pattern("6", ties=3, base=92),
+        ),
+        (
+            ["plan", "block", "--strips", "2", "--photos", "3", "--twin", "--points", "5x5"],
+            lambda: anaplot.plan.block(strips=2, photos=3, twin=True, points="5x5"),
+        ),
+        (
+            ["plan", "network", "cube", "--case", "C", "--point", "2"],
+            lambda: anaplot.plan.network("cube", case="C", point="2"),
+        ),
+        pytest.param(
+            ["plan", "simulate", "6/3", "--errors", "0,1", "--size", "8", "--place", "point:2",
+             "--strategy", "tau,odds", "--runs", "5", "--seed", "5", "--processes", "1"],
+            lambda: anaplot.simulate(
+                "6/3", errors=[0, 1], size=[8], place=["point:2"], strategy=["tau", "odds"],
+                runs=5, seed=5, processes=1,
+            ),
+            marks=pytest.mark.slow,
+        ),
     ],
 )  # fmt: skip
 def test_a_call_gives_what_the_command_prints(
@@ -210,7 +237,8 @@ def test_a_call_gives_what_the_command_prints(
     assert found.to_dict() == json.loads(capsys.readouterr().out)
     assert main(words) == 0
     assert f"{found}\n" == capsys.readouterr().out
-    assert main([*words, "--all", "--fail-on-flag"]) == int(found.flagged)
+    shown = ["--all"] if words[0] == "plan" else ["--all", "--fail-on-flag"]
+    assert main([*words, *shown]) == int(found.flagged)
     assert found.text(everything=True) + "\n" == capsys.readouterr().out
     assert len(repr(found)) <= 100
     assert "\n" not in repr(found)
@@ -268,5 +296,5 @@ def test_the_examples_of_the_page(number: int, here: Path) -> None:
 def test_the_page_shows_every_name() -> None:
     code = "\n".join(EXAMPLES)
     functions = {n for n in anaplot.__all__ if n[0].islower()}
-    assert {n for n in functions if f"anaplot.{n}(" not in code} == set()
+    assert {n for n in functions if not re.search(rf"anaplot\.{n}[(.]", code)} == set()
     assert len(EXAMPLES) >= 4

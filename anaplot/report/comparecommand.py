@@ -28,7 +28,7 @@ from anaplot.report.document import (
     say,
     table,
 )
-from anaplot.report.keywords import takes_options
+from anaplot.report.keywords import names_in, takes_options
 from anaplot.report.power import check_power
 from anaplot.report.running import BlockOrFolder, block_of
 from anaplot.report.verdicts import labelled, probability, verdict_cells, verdict_json
@@ -91,7 +91,7 @@ def compare(
         Something is not determined, or the epochs have nothing in common.
     """
     for option, text in (("--stable", stable), ("--points", points)):
-        if text is not None and not _names(text):
+        if text is not None and not names_in(text):
             raise InputError(f"{option}: no point is named")
     if additional is None and additional_sigma_um is not None:
         raise InputError("--additional-sigma-um goes with --additional")
@@ -106,18 +106,12 @@ def compare(
         separate=separate,
         additional=chosen,
         common_parameters=common_parameters,
-        stable=_names(stable),
-        points=_names(points),
+        stable=names_in(stable or ()),
+        points=names_in(points or ()),
         progress=progress,
     )
     tested = epoch_tests(found, alpha=alpha)
     return Computed(tested, compare_document(tested), tested.any_moved)
-
-
-def _names(given: str | Sequence[str] | None) -> tuple[str, ...]:
-    if isinstance(given, str):
-        given = [part.strip() for part in given.split(",")]
-    return () if given is None else tuple(name for name in given if name)
 
 
 def _moved(verdict: Verdict | None) -> bool | None:

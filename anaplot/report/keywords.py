@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, wraps
 from inspect import signature
 from typing import Any, ParamSpec, TypeAlias, TypeVar
@@ -12,7 +12,7 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import hint, plain, quoted
 
-__all__ = ["Declare", "declared_options", "keywords_of", "takes_options"]
+__all__ = ["Declare", "declared_options", "keywords_of", "names_in", "takes_options"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -73,10 +73,17 @@ def takes_options(declare: Declare) -> Callable[[Callable[P, T]], Callable[P, T]
     return around
 
 
-def keywords_of(compute: Callable[..., object], options: argparse.Namespace) -> dict[str, Any]:
+def keywords_of(compute: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of a command line's options that a function takes."""
     wanted = signature(compute).parameters
-    return {name: value for name, value in vars(options).items() if name in wanted}
+    return {name: value for name, value in options.items() if name in wanted}
+
+
+def names_in(given: str | Iterable[str]) -> tuple[str, ...]:
+    """Return names that are given one by one, or separated by commas."""
+    if isinstance(given, str):
+        given = (part.strip() for part in given.split(","))
+    return tuple(name for name in given if name)
 
 
 def _checked(action: argparse.Action, value: Any) -> Any:
@@ -93,6 +100,8 @@ def _checked(action: argparse.Action, value: Any) -> Any:
             value = action.type(_text(value))
         except argparse.ArgumentTypeError as error:
             raise InputError(f"{option}: {plain(str(error))}") from error
+    elif action.choices is not None:
+        value = _text(value)
     if action.choices is not None and value not in action.choices:
         known = [str(choice) for choice in action.choices]
         raise InputError(f"{option}: no {quoted(str(value))}{hint(str(value), known)}")

@@ -1,11 +1,13 @@
-"""The command `anaplot plan block`: what a block would be worth before it is flown."""
+"""`anaplot plan block` and its call: what a block would be worth before it is flown."""
 
 from __future__ import annotations
 
 import argparse
-import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Literal, NamedTuple, Protocol
 
+from anaplot.aliases import Progress
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import (
@@ -26,6 +28,7 @@ from anaplot.planning.blockplan import (
 )
 from anaplot.planning.idealblock import IdealBlock
 from anaplot.report.columns import counted
+from anaplot.report.computed import Computed
 from anaplot.report.document import (
     BLANK,
     Answer,
@@ -41,56 +44,152 @@ from anaplot.report.document import (
     table,
     whole,
 )
+from anaplot.report.keywords import takes_options
 from anaplot.report.output import Output
-from anaplot.report.progress import ProgressLine
+from anaplot.report.planarguments import add_block_arguments
+from anaplot.report.running import computed
 
-__all__ = ["plan_block_document", "run_plan_block", "write_planned"]
+__all__ = ["PlannedBlock", "plan_block_document", "planned_block", "run_planned"]
 
 _SHOWN = 6
 _BRIDGING = 2.0  # bases
 
 
-def run_plan_block(options: argparse.Namespace) -> int:
-    """Plan a regular block and show what is to be expected of it.
+class PlannedBlock(NamedTuple):
+    """A block that is planned.
+
+    Attributes
+    ----------
+    plan
+        What was asked for.
+    made
+        The block with image coordinates free of error, and the truth behind it.
+    block
+        Its evaluation: redundancy numbers, smallest detectable errors, standard deviations.
+    """
+
+    plan: BlockPlan
+    made: IdealBlock
+    block: AdjustedBlock
+
+
+@takes_options(add_block_arguments)
+def planned_block(
+    *,
+    strips: int = 3,
+    photos: int = 6,
+    overlap: float = 60.0,
+    sidelap: float = 30.0,
+    points: Literal["3x3", "5x5"] = "3x3",
+    control: Literal["perimeter", "corners", "none"] = "perimeter",
+    bridging: float | None = None,
+    twin: bool = False,
+    cross_strips: int = 0,
+    c: float = 150.0,
+    format: float = 230.0,  # noqa: A002, as the option
+    scale: float = 10_000.0,
+    image_um: float = 5.0,
+    control_m: float = 0.0,
+    progress: Progress | None = None,
+) -> Computed[PlannedBlock]:
+    """Plan a regular aerial block: what is to be expected of it before it is flown.
+
+    Parameters
+    ----------
+    strips, photos
+        Strips, and photos in each.
+    overlap, sidelap
+        Along and across the strips [percent].
+    points
+        Of a photo.
+    control
+        Where it stands.
+    bridging
+        Bases from control to control; None: 2.
+    twin
+        Full control in pairs.
+    cross_strips
+        Strips flown across.
+    c, format
+        Camera constant and side of the format [mm].
+    scale
+        Denominator of the photo scale.
+    image_um
+        A-priori sigma0 [um].
+    control_m
+        Standard deviation of control [m]; 0: free of error.
+    progress
+        Called with what is being done and the fraction of it (0 to 1).
 
     Raises
     ------
     InputError
-        The plan is impossible, or a file cannot be written.
+        The plan is impossible.
     NotComputableError
         The plan does not determine everything.
     """
-    if options.twin and options.control == "none":
+    if twin and control == "none":
         raise InputError("--twin goes with control: --control none plans none")
-    if options.bridging is not None and options.control != "perimeter":
+    if bridging is not None and control != "perimeter":
         raise InputError("--bridging goes with --control perimeter")
+    plan = BlockPlan(
+        strips=strips,
+        photos=photos,
+        overlap=overlap / 100.0,
+        sidelap=sidelap / 100.0,
+        side=5 if points == "5x5" else 3,
+        control=control,
+        bridging=_BRIDGING if bridging is None else bridging,
+        twin=twin,
+        cross_strips=cross_strips,
+        c=c,
+        format=format,
+        scale=scale,
+        image_um=image_um,
+        control_m=control_m,
+    )
+    if progress is not None:
+        progress("block", 0.0)
+    made = plan_block(plan)
+    block = made.evaluated("free" if plan.control == "none" else "control")
+    return Computed(PlannedBlock(plan, made, block), plan_block_document(plan, block))
+
+
+class _Planned(Protocol):
+    """What has an error-free block."""
+
+    @property
+    def made(self) -> IdealBlock: ...
+
+
+def run_planned(
+    options: argparse.Namespace,
+    compute: Callable[..., Computed[_Planned]],
+    reads: Iterable[Path] = (),
+) -> int:
+    """Plan a block or a network, write it where that is asked for, and show what is to be expected.
+
+    Parameters
+    ----------
+    options
+        Of the command line.
+    compute
+        Plans it.
+    reads
+        The files that it reads.
+
+    Raises
+    ------
+    AnaplotError
+        The plan is impossible or determines too little, or a file cannot be written.
+    """
     outputs = () if options.to is None else block_files(options.to)
     output = Output.of(options)
-    output.check({"is written": outputs}, options.to)
-    plan = BlockPlan(
-        strips=options.strips,
-        photos=options.photos,
-        overlap=options.overlap / 100.0,
-        sidelap=options.sidelap / 100.0,
-        side=5 if options.points == "5x5" else 3,
-        control=options.control,
-        bridging=_BRIDGING if options.bridging is None else options.bridging,
-        twin=options.twin,
-        cross_strips=options.cross_strips,
-        c=options.c,
-        format=options.format,
-        scale=options.scale,
-        image_um=options.image_um,
-        control_m=options.control_m,
-    )
-    with ProgressLine(sys.stderr) as progress:
-        progress("block", 0.0)
-        made = plan_block(plan)
-        block = made.evaluated("free" if plan.control == "none" else "control")
-        document = plan_block_document(plan, block)
+    output.check({"is read": reads, "is written": outputs}, options.to)
+    found = computed(options, compute)
     if options.to is not None:
-        write_planned(options.to, made)
-    output.show(document)
+        write_planned(options.to, found.result.made)
+    output.show(found.document)
     return 0
 
 

@@ -1,22 +1,21 @@
-"""The command `anaplot plan network`: camera stations around an object, and what they see."""
+"""`anaplot plan network` and its call: camera stations around an object, and what they see."""
 
 from __future__ import annotations
 
-import argparse
 import os
-import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from anaplot.aliases import Progress
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.networkfile import NetworkFile, read_network
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.planning.idealblock import ExposureStation
+from anaplot.planning.idealblock import ExposureStation, IdealBlock
 from anaplot.planning.networkplan import (
     Network,
     NetworkReliability,
@@ -27,6 +26,7 @@ from anaplot.planning.networkplan import (
 )
 from anaplot.planning.plannedreliability import PlannedReliability
 from anaplot.report.columns import PAGE, counted, fitted, shortened
+from anaplot.report.computed import Computed
 from anaplot.report.correlations import correlated_rays, correlations_document
 from anaplot.report.document import (
     BLANK,
@@ -44,12 +44,17 @@ from anaplot.report.document import (
     table,
     whole,
 )
-from anaplot.report.output import Output
-from anaplot.report.planblock import write_planned
-from anaplot.report.progress import ProgressLine
+from anaplot.report.keywords import takes_options
+from anaplot.report.planarguments import add_network_arguments
 from anaplot.textfiles.wording import quoted
 
-__all__ = ["network_from_file", "plan_network_document", "run_plan_network"]
+__all__ = [
+    "PlannedNetwork",
+    "network_files",
+    "network_from_file",
+    "plan_network_document",
+    "planned_network",
+]
 
 _CUBE = "cube"
 _XYZ = ("X", "Y", "Z")
@@ -59,48 +64,89 @@ _NAME = 10  # characters
 _CORRELATED = 24  # pairs that are shown
 
 
-def run_plan_network(options: argparse.Namespace) -> int:
-    """Plan a network and show what is to be expected of it.
+class PlannedNetwork(NamedTuple):
+    """A network that is planned.
+
+    Attributes
+    ----------
+    network
+        What was asked for.
+    made
+        Its block with image coordinates free of error, and the truth behind it.
+    block
+        The evaluation of that.
+    reliability
+        What the stations see and determine.
+    """
+
+    network: Network
+    made: IdealBlock
+    block: AdjustedBlock
+    reliability: NetworkReliability
+
+
+def network_files(network: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """Return the file that a network is read from; the cube is in none."""
+    return () if network == _CUBE else (Path(network),)
+
+
+@takes_options(add_network_arguments)
+def planned_network(
+    network: str | os.PathLike[str],
+    *,
+    case: Literal["A", "B", "C", "D", "E"] | None = None,
+    image_um: float | None = None,
+    correlations: float = 0.9,
+    point: str | None = None,
+    progress: Progress | None = None,
+) -> Computed[PlannedNetwork]:
+    """Plan camera stations around an object: what they see, check and determine.
+
+    Parameters
+    ----------
+    network
+        "cube", that of Gruen (1978), or a file of stations and points.
+    case
+        Stations of the cube; None: A.
+    image_um
+        A-priori sigma0 of the cube [um]; None: 5.
+    correlations
+        Correlation of a point's residuals from which it is named.
+    point
+        Tell all correlations of this point.
+    progress
+        Called with what is being done and the fraction of it (0 to 1).
 
     Raises
     ------
     InputError
-        The network's name or file is wrong, or a file cannot be written.
+        The network's name or file is wrong.
     NotComputableError
         The stations do not determine the points.
     """
-    inputs = () if options.network == _CUBE else (Path(options.network),)
-    outputs = () if options.to is None else block_files(options.to)
-    output = Output.of(options)
-    output.check({"is read": inputs, "is written": outputs}, options.to)
-    network = _network(options)
-    if options.point is not None and options.point not in network.points:
-        raise InputError(f"no point {quoted(options.point)} is seen in this network")
-    with ProgressLine(sys.stderr) as progress:
+    asked = _network(os.fspath(network), case, image_um)
+    if point is not None and point not in asked.points:
+        raise InputError(f"no point {quoted(point)} is seen in this network")
+    if progress is not None:
         progress("network", 0.0)
-        made = plan_network(network)
-        block = made.evaluated("control" if network.control else "free")
-        if options.point is not None and options.point not in block.problem.points:
-            raise InputError(f"point {quoted(options.point)} is not determined in this network")
-        found = network_reliability(network, made, block)
-        document = plan_network_document(
-            network, block, found, limit=options.correlations, point=options.point
-        )
-    if options.to is not None:
-        write_planned(options.to, made)
-    output.show(document)
-    return 0
+    made = plan_network(asked)
+    block = made.evaluated("control" if asked.control else "free")
+    if point is not None and point not in block.problem.points:
+        raise InputError(f"point {quoted(point)} is not determined in this network")
+    found = network_reliability(asked, made, block)
+    document = plan_network_document(asked, block, found, limit=correlations, point=point)
+    return Computed(PlannedNetwork(asked, made, block, found), document)
 
 
-def _network(options: argparse.Namespace) -> Network:
-    if options.network == _CUBE:
-        return cube(options.case or "A", options.image_um or 5.0)
-    path = Path(options.network)
+def _network(name: str, case: str | None, image_um: float | None) -> Network:
+    if name == _CUBE:
+        return cube(case or "A", image_um or 5.0)
+    path = Path(name)
     if path.suffix.lower() != ".toml" and not os.path.lexists(path):
-        raise InputError(f"no network is called {quoted(options.network)}: cube, or a .toml file")
-    if options.case is not None:
+        raise InputError(f"no network is called {quoted(name)}: cube, or a .toml file")
+    if case is not None:
         raise InputError("--case goes with the cube")
-    if options.image_um is not None:
+    if image_um is not None:
         raise InputError("--image-um goes with the cube; a file says itself what it measures with")
     return network_from_file(read_network(path))
 

@@ -1,12 +1,11 @@
-"""The command `anaplot plan pattern`."""
+"""`anaplot plan pattern` and its call: what a point pattern is worth."""
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -14,8 +13,10 @@ from anaplot.adjustment.tested import Transfer
 from anaplot.errors import InputError
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.patterns import PATTERNS, pattern, trace_in_bases
+from anaplot.orientation.patterns import PATTERNS, trace_in_bases
+from anaplot.orientation.patterns import pattern as named_pattern
 from anaplot.orientation.results import Row
+from anaplot.photogrammetry.block import TieVariance
 from anaplot.planning.patternplan import (
     USUAL_BASE,
     USUAL_D,
@@ -28,6 +29,7 @@ from anaplot.planning.patternplan import (
     from_pattern,
     pattern_reliability,
 )
+from anaplot.report.computed import Computed
 from anaplot.report.document import (
     BLANK,
     Answer,
@@ -40,11 +42,12 @@ from anaplot.report.document import (
     say,
     table,
 )
-from anaplot.report.output import Output
+from anaplot.report.keywords import takes_options
 from anaplot.report.patterndrawing import drawing
+from anaplot.report.planarguments import add_pattern_arguments
 from anaplot.textfiles.wording import place, quoted
 
-__all__ = ["plan_pattern_document", "run_plan_pattern"]
+__all__ = ["pattern_files", "plan_pattern_document", "planned_pattern"]
 
 _SHOWN = 5
 _FILES = (".csv", ".toml")
@@ -187,46 +190,81 @@ class _Planned(NamedTuple):
     base_derived: bool
 
 
-def _planned(options: argparse.Namespace) -> _Planned:
-    path = Path(options.pattern)
-    if path.suffix.lower() not in _FILES:
-        return _named(options)
-    if options.ties is not None:
+def _planned(
+    name: str, ties: str | None, base: float | None, d: float | None, c: float
+) -> _Planned:
+    path = Path(name)
+    if not pattern_files(name):
+        return _named(name, ties, base, d, c)
+    if ties is not None:
         raise InputError("--ties goes with a named pattern; a file says itself which points tie")
-    points, ties = read_pattern(path)
+    points, tied = read_pattern(path)
     xs, ys = [x for _, x, _ in points], [y for _, _, y in points]
-    base = options.base
-    if base is None:
-        base = max(xs)
-        if base < _LEAST_BASE:
+    used = base
+    if used is None:
+        used = max(xs)
+        if used < _LEAST_BASE:
             raise InputError(f"{place(path)}: which --base? no point lies at an x greater than 0")
     return _Planned(
-        PlannedPattern(points, ties, base, options.c),
-        (min(xs), max(xs)) if options.base is None else (0.0, base),
-        (min(ys), max(ys)) if options.d is None else (-options.d, options.d),
-        options.base is None,
+        PlannedPattern(points, tied, used, c),
+        (min(xs), max(xs)) if base is None else (0.0, used),
+        (min(ys), max(ys)) if d is None else (-d, d),
+        base is None,
     )
 
 
-def _named(options: argparse.Namespace) -> _Planned:
-    name = options.pattern
+def _named(name: str, ties: str | None, base: float | None, d: float | None, c: float) -> _Planned:
     # Path("") is the folder itself
     if name not in PATTERNS and (not name or os.path.lexists(name)):
         raise InputError(
             f"{quoted(name)} is no point pattern: a name as 13/5, or a .csv or .toml file of points"
         )
-    if options.ties is not None:
+    if ties is not None:
         if "/" in name:
-            raise InputError(f"--ties {options.ties}: {quoted(name)} says itself how many tie")
-        name = f"{name}/{options.ties}"
-    base = USUAL_BASE if options.base is None else options.base
-    d = USUAL_D if options.d is None else options.d
-    plan = from_pattern(pattern(name), base, d, options.c)
-    return _Planned(plan, (0.0, base), (-d, d), base_derived=False)
+            raise InputError(f"--ties {ties}: {quoted(name)} says itself how many tie")
+        name = f"{name}/{ties}"
+    base = USUAL_BASE if base is None else base
+    d = USUAL_D if d is None else d
+    return _Planned(
+        from_pattern(named_pattern(name), base, d, c), (0.0, base), (-d, d), base_derived=False
+    )
 
 
-def run_plan_pattern(options: argparse.Namespace) -> int:
-    """Show a point pattern and what would help it most.
+def pattern_files(pattern: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """Return the file that a pattern is read from; a named one is in none."""
+    path = Path(pattern)
+    return (path,) if path.suffix.lower() in _FILES else ()
+
+
+@takes_options(add_pattern_arguments)
+def planned_pattern(
+    pattern: str | os.PathLike[str],
+    *,
+    ties: Literal[3, 5, "3", "5"] | None = None,
+    base: float | None = None,
+    d: float | None = None,
+    c: float = 152.0,
+    tie_variance: TieVariance = "exact",
+) -> Computed[PatternReliability]:
+    """Plan a model: redundancy numbers of a point pattern, and the point that would help most.
+
+    Parameters
+    ----------
+    pattern
+        A name, "13" or "13/5", or a file of points.
+    ties
+        Points shared with the preceding model, where the name does not say it.
+    base, d
+        Base, and half the model in y [mm]; None: 90 and 100, for a file as its points lie.
+    c
+        Camera constant [mm].
+    tie_variance
+        How the ties err.
+
+    Returns
+    -------
+    Computed of PatternReliability
+        The ideal model with its tests, and where further points would help.
 
     Raises
     ------
@@ -235,12 +273,8 @@ def run_plan_pattern(options: argparse.Namespace) -> int:
     NotComputableError
         The points do not determine a model.
     """
-    path = Path(options.pattern)
-    from_file = path.suffix.lower() in _FILES
-    output = Output.of(options)
-    output.check({"is read": (path,) if from_file else ()})
-    planned = _planned(options)
-    found = pattern_reliability(planned.plan, planned.x, planned.y, options.tie_variance)
-    title = path.name if from_file else options.pattern
-    output.show(plan_pattern_document(title, found, base_derived=planned.base_derived))
-    return 0
+    planned = _planned(os.fspath(pattern), None if ties is None else str(ties), base, d, c)
+    found = pattern_reliability(planned.plan, planned.x, planned.y, tie_variance)
+    title = Path(pattern).name if pattern_files(pattern) else str(pattern)
+    document = plan_pattern_document(title, found, base_derived=planned.base_derived)
+    return Computed(found, document)

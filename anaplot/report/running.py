@@ -7,9 +7,9 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias, TypeVar
 
-from anaplot.exchange.blockfolder import block_files, read_block
+from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.report.computed import Computed
 from anaplot.report.interrupts import EndingEarly
@@ -18,16 +18,16 @@ from anaplot.report.output import Output
 from anaplot.report.progress import ProgressLine
 from anaplot.textfiles.wording import place, plain
 
-__all__ = ["BlockOrFolder", "block_of", "run_computation"]
+__all__ = ["BlockOrFolder", "block_of", "computed", "run_computation"]
+
+T = TypeVar("T")
 
 BlockOrFolder: TypeAlias = Block | str | os.PathLike[str]
 """A block, or the folder of one."""
 
 
 def run_computation(
-    options: argparse.Namespace,
-    compute: Callable[..., Computed[Any]],
-    folders: Iterable[Path],
+    options: argparse.Namespace, compute: Callable[..., Computed[T]], reads: Iterable[Path]
 ) -> int:
     """Run what a command computes and show it.
 
@@ -36,9 +36,9 @@ def run_computation(
     options
         Of the command line.
     compute
-        Takes them as keywords, and `progress`.
-    folders
-        The blocks that it reads.
+        As `computed` has it.
+    reads
+        The files that it reads.
 
     Returns
     -------
@@ -51,11 +51,25 @@ def run_computation(
         Bad input, or what cannot be computed; nothing is printed then.
     """
     output = Output.of(options)
-    output.check({"is read": [file for folder in folders for file in block_files(folder)]})
-    with ProgressLine(sys.stderr) as line:
-        found = compute(**keywords_of(compute, options), progress=EndingEarly(line, sys.stderr))
+    output.check({"is read": reads})
+    found = computed(options, compute)
     output.show(found.document)
-    return 1 if options.fail_on_flag and found.flagged else 0
+    return 1 if found.flagged and options.fail_on_flag else 0
+
+
+def computed(options: argparse.Namespace, compute: Callable[..., Computed[T]]) -> Computed[T]:
+    """Return what a command computes; its progress is shown, and an interrupt ends a search.
+
+    Parameters
+    ----------
+    options
+        Of the command line.
+    compute
+        Takes those that are its keywords, and `progress` if that is one.
+    """
+    with ProgressLine(sys.stderr) as line:
+        watch = EndingEarly(line, sys.stderr)
+        return compute(**keywords_of(compute, {**vars(options), "progress": watch}))
 
 
 def block_of(block: BlockOrFolder) -> tuple[Block, str]:

@@ -1,4 +1,4 @@
-"""The command `anaplot plan simulate`: Monte Carlo over scenarios."""
+"""`anaplot plan simulate` and its call: Monte Carlo over scenarios."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ import argparse
 import contextlib
 import hashlib
 import os
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.aliases import Progress
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.runsfile import KeptChunk, KeptSums, RunsFile
+from anaplot.photogrammetry.block import TieVariance
 from anaplot.planning.montecarlo import (
     ChunkDone,
     QuantityKey,
@@ -25,13 +26,14 @@ from anaplot.planning.montecarlo import (
     SimulatedMean,
     Sums,
     figures,
-    simulate,
 )
+from anaplot.planning.montecarlo import simulate as simulate_scenario
 from anaplot.planning.ownerrors import OwnErrors
 from anaplot.planning.quantities import Quantity
 from anaplot.planning.scenarioalpha import PAPER_ALPHA, alpha_of, with_alpha
 from anaplot.planning.scenarios import scenarios
 from anaplot.report.columns import counted
+from anaplot.report.computed import Computed
 from anaplot.report.document import (
     BLANK,
     Answer,
@@ -44,15 +46,35 @@ from anaplot.report.document import (
     say,
     table,
 )
+from anaplot.report.keywords import names_in, takes_options
 from anaplot.report.output import Output
 from anaplot.report.owngeometry import ModelOptions, own_scenario
-from anaplot.report.progress import ProgressLine
+from anaplot.report.planarguments import add_simulate_arguments
+from anaplot.report.running import computed
 from anaplot.textfiles.wording import hint, quoted
 from anaplot.version import __version__
 
-__all__ = ["run_simulate", "scenarios_document", "simulate_document"]
+__all__ = ["Simulated", "run_simulate", "scenarios_document", "simulate", "simulate_document"]
 
 _LARGEST_ALPHA = 0.5
+
+
+class Simulated(NamedTuple):
+    """A simulation.
+
+    Attributes
+    ----------
+    scenario
+        What was simulated.
+    figures
+        Means with their 95 % intervals.
+    remarks
+        What is to be said of it.
+    """
+
+    scenario: Scenario
+    figures: tuple[SimulatedMean, ...]
+    remarks: tuple[str, ...]
 
 
 def run_simulate(options: argparse.Namespace) -> int:
@@ -72,79 +94,145 @@ def run_simulate(options: argparse.Namespace) -> int:
         return 0
     if options.scenario is None:
         raise InputError("which scenario? --list names them")
-    scenario = _scenario(options)
-    runs = scenario.runs if options.runs is None else options.runs
-    methods = None
-    if options.strategy is not None:
-        methods = tuple(name.strip() for name in options.strategy.split(",") if name.strip())
-        unknown = [name for name in methods if name not in scenario.methods]
-        if unknown or not methods:
-            name = unknown[0] if unknown else ""
-            raise InputError(
-                f"{scenario.name} has no method {quoted(name)}{hint(name, scenario.methods)}"
-            )
     source = Path(options.scenario)
     kept_in = () if options.to is None else (options.to,)
     output.check({"is read": (source, *block_files(source)), "keeps the runs": kept_in})
-    trial = scenario.prepare()
-    remarks = trial.remarks()
-    # in the scenario's order, whatever the option's
-    used = tuple(m for m in scenario.methods if methods is None or m in methods)
-    quantities = trial.quantities(used)
-    processes = options.processes or max(os.cpu_count() or 1, 1)
-    with contextlib.ExitStack() as stack:
-        kept: RunsFile | None = None
-        if options.to is not None:
-            what = {
-                "scenario": scenario.name,
-                "seed": options.seed,
-                "methods": list(used),
-                "chunk": scenario.chunk,
-                "anaplot": __version__,
-                **_identity(scenario),
-            }
-            kept = stack.enter_context(
-                RunsFile(options.to, what, _largest(quantities), scenario.chunk)
-            )
-        progress = stack.enter_context(ProgressLine(sys.stderr))
-        progress(scenario.name, 0.0)
-        tally = simulate(
-            scenario,
-            runs=runs,
-            seed=options.seed,
-            methods=used,
-            processes=processes,
-            done=() if kept is None else [_done(chunk) for chunk in kept.chunks],
-            progress=progress,
-            store=None if kept is None else partial(_keep, kept),
-        )
-    found = figures(tally, quantities, scenario.references)
-    document = simulate_document(scenario, found, remarks, runs=runs, seed=options.seed)
+    document = computed(options, simulate).document
     # the report is not lost with the table
     output.print(document)
     output.write(document)
     return 0
 
 
-def _scenario(options: argparse.Namespace) -> Scenario:
-    if options.alpha is not None and not options.alpha < _LARGEST_ALPHA:
-        raise InputError(f"--alpha {options.alpha:g}: must be less than {_LARGEST_ALPHA:g}")
+@takes_options(add_simulate_arguments)
+def simulate(
+    scenario: str | os.PathLike[str],
+    *,
+    base: float | None = None,
+    d: float | None = None,
+    c: float | None = None,
+    tie_variance: TieVariance | None = None,
+    errors: str | Sequence[int] | None = None,
+    size: str | Sequence[float] | None = None,
+    place: Sequence[str] | None = None,
+    alpha: float | None = None,
+    strategy: str | Sequence[str] | None = None,
+    runs: int | None = None,
+    seed: int = 0,
+    processes: int | None = None,
+    to: str | os.PathLike[str] | None = None,
+    progress: Progress | None = None,
+) -> Computed[Simulated]:
+    """Simulate how often errors are found, rightly or wrongly (Monte Carlo).
+
+    Parameters
+    ----------
+    scenario
+        One of those that `anaplot plan simulate --list` names; or a pattern, a block's folder, a
+        cube ("cube:A") or a network's file, in which errors are planted.
+    base, d, c
+        Of a pattern: base, half the model in y, camera constant [mm]; None: 90, 100, 152.
+    tie_variance
+        How the ties of a pattern err; None: exact.
+    errors, size
+        How many errors in a run, None: 1; and their sizes [sigma], None: 6, 10 and 20.
+    place
+        Only in rows of these photos, points and axes.
+    alpha
+        Significance of a single row; None: that of the scenario, 0.001.
+    strategy
+        Only these of the scenario's methods.
+    runs
+        None: as many as the scenario has.
+    seed
+        Of the random numbers; the same seed gives the same figures, whatever the processes.
+    processes
+        None: as many as processors. With more than one a script needs the guard
+        `if __name__ == "__main__"`, as each of them imports it.
+    to
+        A file that keeps what is done; the same call goes on from there.
+    progress
+        Called with what is being done and the fraction of it (0 to 1).
+
+    Raises
+    ------
+    InputError
+        No such scenario or method, or a file that cannot be used.
+    NotComputableError
+        A process died.
+    """
+    chosen = _scenario(
+        os.fspath(scenario), errors, size, place, alpha, ModelOptions(base, d, c, tie_variance)
+    )
+    count = chosen.runs if runs is None else runs
+    methods = None
+    if strategy is not None:
+        methods = names_in(strategy)
+        unknown = [name for name in methods if name not in chosen.methods]
+        if unknown or not methods:
+            name = unknown[0] if unknown else ""
+            raise InputError(
+                f"{chosen.name} has no method {quoted(name)}{hint(name, chosen.methods)}"
+            )
+    trial = chosen.prepare()
+    remarks = tuple(trial.remarks())
+    # in the scenario's order, whatever the option's
+    used = tuple(m for m in chosen.methods if methods is None or m in methods)
+    quantities = trial.quantities(used)
+    with contextlib.ExitStack() as stack:
+        kept: RunsFile | None = None
+        if to is not None:
+            what = {
+                "scenario": chosen.name,
+                "seed": seed,
+                "methods": list(used),
+                "chunk": chosen.chunk,
+                "anaplot": __version__,
+                **_identity(chosen),
+            }
+            kept = stack.enter_context(RunsFile(Path(to), what, _largest(quantities), chosen.chunk))
+        if progress is not None:
+            progress(chosen.name, 0.0)
+        tally = simulate_scenario(
+            chosen,
+            runs=count,
+            seed=seed,
+            methods=used,
+            processes=processes or max(os.cpu_count() or 1, 1),
+            done=() if kept is None else [_done(chunk) for chunk in kept.chunks],
+            progress=progress,
+            store=None if kept is None else partial(_keep, kept),
+        )
+    found = tuple(figures(tally, quantities, chosen.references))
+    document = simulate_document(chosen, found, remarks, runs=count, seed=seed)
+    return Computed(Simulated(chosen, found, remarks), document)
+
+
+def _scenario(
+    name: str,
+    errors: str | Sequence[int] | None,
+    size: str | Sequence[float] | None,
+    place: Sequence[str] | None,
+    alpha: float | None,
+    model: ModelOptions,
+) -> Scenario:
+    if alpha is not None and not alpha < _LARGEST_ALPHA:
+        raise InputError(f"--alpha {alpha:g}: must be less than {_LARGEST_ALPHA:g}")
     known = scenarios()
-    own = {"--errors": options.errors, "--size": options.size, "--place": options.place}
-    model = ModelOptions(options.base, options.d, options.c, options.tie_variance)
-    if options.scenario in known:
-        given = [name for name, value in own.items() if value is not None]
+    own = {"--errors": errors, "--size": size, "--place": place}
+    if name in known:
+        given = [option for option, value in own.items() if value is not None]
         if given:
             raise InputError(f"{given[0]} goes with a pattern, a block or a network of your own")
         if model.given() is not None:
             raise InputError(f"{model.given()} goes with a pattern of your own")
-        return _at_alpha(known[options.scenario], options.alpha)
+        return _at_alpha(known[name], alpha)
     return own_scenario(
-        options.scenario,
-        numbers=options.errors or (1,),
-        sizes=options.size or (6.0, 10.0, 20.0),
-        places=options.place or (),
-        alpha=options.alpha or PAPER_ALPHA,
+        name,
+        numbers=tuple(map(int, errors or (1,))),
+        sizes=tuple(map(float, size or (6.0, 10.0, 20.0))),
+        places=place or (),
+        alpha=alpha or PAPER_ALPHA,
         known=known,
         model=model,
     )

@@ -8,6 +8,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
+from anaplot.exchange.blockfolder import block_files
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.keywords import declared_options
@@ -28,5 +29,5 @@ def run_adjust(
     asked = {name: each.default for name, each in declared_options(add_adjust_arguments).items()}
     asked |= {"all": True, "json": as_json, "block": folder, **options}
     with redirect_stdout(out), redirect_stderr(err):
-        code = run_computation(Namespace(**asked), adjust, [folder])
+        code = run_computation(Namespace(**asked), adjust, block_files(folder))
     return code, out.getvalue(), err.getvalue()

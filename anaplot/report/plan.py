@@ -1,0 +1,9 @@
+"""What `anaplot plan` computes, one function a command: `anaplot.plan.pattern("13/5")`."""
+
+from __future__ import annotations
+
+from anaplot.report.planblock import planned_block as block
+from anaplot.report.plannetwork import planned_network as network
+from anaplot.report.planpattern import planned_pattern as pattern
+
+__all__ = ["block", "network", "pattern"]
