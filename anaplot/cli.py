@@ -31,8 +31,6 @@ from anaplot.report.planarguments import (
 from anaplot.version import __version__
 
 if TYPE_CHECKING:
-    from anaplot.orientation.results import ModelSolution
-    from anaplot.photogrammetry.block import Block
     from anaplot.simulation.automatic import ModelRecord
     from anaplot.simulation.demo import Demo
 
@@ -47,54 +45,9 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _bridge(options: argparse.Namespace) -> int:
-    from anaplot.exchange.blockfolder import check_for_bridge, read_block
-    from anaplot.orientation.diagnosis import diagnose
-    from anaplot.orientation.strip import bridge_strip, pooled_sigma_um
-    from anaplot.report.contract import bridge_json
-    from anaplot.report.text import model_printout
-    from anaplot.textfiles.wording import plain
+    from anaplot.report.bridgecommand import run_bridge
 
-    block = read_block(options.block)
-    check_for_bridge(block)
-    if options.errors is not None:
-        from anaplot.report.modelerrors import run_bridge_errors
-
-        return run_bridge_errors(
-            block,
-            options.errors,
-            as_json=options.json,
-            fail_on_flag=options.fail_on_flag,
-            partner=options.partner,
-            pairs=options.pairs,
-            as_given=options.as_given,
-        )
-    if options.partner is not None or options.pairs or options.as_given:
-        raise InputError("--partner, --pairs and --as-given go with --errors")
-    strips = tuple(bridge_strip(block, strip) for strip in block.strips)
-    if options.json:
-        print(json.dumps(bridge_json(strips), indent=1, allow_nan=False))
-    else:
-        for strip, declared in zip(strips, block.strips, strict=True):
-            for k, model in enumerate(strip.models):
-                print(
-                    model_printout(
-                        model,
-                        diagnose(model),
-                        strip=strip.strip,
-                        number=k + 1,
-                        count=len(declared.models()),
-                        pooled_um=pooled_sigma_um(strip.models[: k + 1]),
-                    )
-                )
-                print()
-    errors = [strip.error for strip in strips if strip.error is not None]
-    for error in errors:
-        print(f"anaplot: {plain(error)}", file=sys.stderr)
-    if errors:
-        return 4
-    if options.fail_on_flag and any(m.flagged for strip in strips for m in strip.models):
-        return 1
-    return 0
+    return run_bridge(options)
 
 
 def _adjust(options: argparse.Namespace) -> int:
@@ -164,67 +117,17 @@ def _open(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from anaplot.station.rebuild import rebuild, session_solutions
-    from anaplot.station.replay import replay_session
-
     if options.salvage is not None:
         from anaplot.report.salvagecommand import run_salvage
 
         return run_salvage(options)
-    if options.speed is not None or options.console:
-        return _replay_watched(options)
-    replayed = replay_session(options.session)
-    if options.to is not None:
-        rebuild(replayed, options.to)
-    if options.check:
-        if replayed.differences:
-            print(f"anaplot: {replayed.differences[0]}", file=sys.stderr)
-            return 1
-        print(
-            f"{replayed.tables} tables and {replayed.measurements} measurements came out the same"
-        )
-        return 0
-    _print_solutions(session_solutions(replayed.state), replayed.block, options.json)
-    return 0
+    from anaplot.report.replaycommand import replay_station, run_replay
 
-
-def _print_solutions(
-    solutions: tuple[tuple[str, ModelSolution], ...], block: Block, as_json: bool
-) -> None:
-    from anaplot.orientation.diagnosis import diagnose
-    from anaplot.report.contract import model_json
-    from anaplot.report.text import model_printout
-
-    if as_json:
-        models = [{"strip": strip, **model_json(model)} for strip, model in solutions]
-        print(json.dumps({"models": models}, indent=1, allow_nan=False))
-        return
-    for strip, model in solutions:
-        pairs = next(s for s in block.strips if s.id == strip).models()
-        print(
-            model_printout(
-                model,
-                diagnose(model),
-                strip=strip,
-                number=pairs.index((model.left, model.right)) + 1,
-                count=len(pairs),
-            ),
-            end="\n\n",
-        )
-
-
-def _replay_watched(options: argparse.Namespace) -> int:
-    from anaplot.station.replayed import ReplayStation
-
-    station = ReplayStation(options.session, 1.0 if options.speed is None else options.speed)
     if options.console:
         from anaplot.console.app import run_console
 
-        return run_console(station)
-    try:
-        return station.run(sys.stdout)
-    finally:
-        station.close()
+        return run_console(replay_station(options))
+    return run_replay(options)
 
 
 def _inner(options: argparse.Namespace) -> int:
@@ -621,7 +524,7 @@ def _parser() -> _Parser:
         metavar="BLOCK",
         help="bring what can be read of a damaged session into a new block; say what is missing",
     )
-    replay.add_argument("--json", action="store_true", help="print JSON for programs")
+    add_output(replay, "the rows of the models (with --salvage: what is missing)", folder=False)
     replay.add_argument(
         "--speed", type=positive, metavar="X", help="watch it, X times as fast as it was recorded"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -53,6 +54,28 @@ def test_json(block: Path) -> None:
         }
         assert model["rotation"].keys() == {"omega", "phi", "kappa"}
         assert sum(row["redn"] for row in model["table"]) == pytest.approx(model["redundancy"])
+
+
+def test_csv(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table, folder = tmp_path / "rows.csv", tmp_path / "tables"
+    result = here(capsys, "bridge", block, "--json", "--csv", table, "--to", folder)
+    assert (result.returncode, result.stderr) == (0, "")
+    (strip,) = strict(result.stdout)["strips"]
+    with table.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    told = [(m["left"], m["right"], row) for m in strip["models"] for row in m["table"]]
+    assert len(rows) == len(told)
+    for row, (left, right, same) in zip(rows, told, strict=True):
+        assert list(row) == ["strip", "left", "right", *same]
+        assert (row["strip"], row["left"], row["right"]) == ("1", left, right)
+        assert (row["point"], row["axis"], float(row["parx_um"])) == (
+            same["point"], same["axis"], same["parx_um"],
+        )  # fmt: skip
+    names = {one.name for one in folder.iterdir()}
+    assert names == {"rows.csv", "points.csv", "summary.json"}
+    before = contents(block)
+    one_line(here(capsys, "bridge", block, "--csv", block / "image_points.csv"), 2, "it is read")
+    assert contents(block) == before
 
 
 def test_fail_on_flag(tmp_path: Path, block: Path, capsys: pytest.CaptureFixture[str]) -> None:

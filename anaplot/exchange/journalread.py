@@ -36,6 +36,7 @@ __all__ = [
     "event_of",
     "events_of",
     "folder_of",
+    "journal_files",
     "numbered_files",
     "read_journal",
     "scan_folder",
@@ -203,6 +204,12 @@ def folder_of(path: Path) -> Path | None:
     except (OSError, ValueError) as error:
         raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
     raise InputError(f"{place(path)}: no such journal")
+
+
+def journal_files(path: Path) -> tuple[Path, ...]:
+    """Return the files of the journal that a path stands for; errors as `folder_of` has them."""
+    folder = folder_of(path)
+    return (path,) if folder is None else tuple(numbered_files(folder)[0].values())
 
 
 def numbered_files(folder: Path) -> tuple[dict[int, Path], tuple[str, ...]]:

@@ -19,7 +19,7 @@ __all__ = ["add_adjust_arguments", "add_bridge_arguments", "add_compare_argument
 def add_bridge_arguments(bridge: argparse.ArgumentParser) -> None:
     """Add what `bridge` takes."""
     bridge.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
-    bridge.add_argument("--json", action="store_true", help="print JSON for programs")
+    add_output(bridge, "the rows of the models")
     bridge.add_argument(
         "--fail-on-flag",
         action="store_true",

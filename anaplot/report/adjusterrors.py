@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -252,7 +251,7 @@ def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> Line:
     if row.weight is not None:
         ends.append(say(", weight {:.2g}", row.weight))
     if row.partners:
-        alike = replace(named(map(_short, row.partners), _MOST, ""), separator=", or ")
+        alike = named(map(_short, row.partners), _MOST, "", separator=", or ")
         ends.append(say("; or {}", alike))
     name = _named(row.name)
     blank = " " * (width - len(line_text(name)))

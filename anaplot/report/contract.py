@@ -2,86 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
-from anaplot.adjustment.tested import Observation
-from anaplot.orientation.results import ModelSolution, Row
-from anaplot.orientation.strip import BridgedStrip
 from anaplot.report.innerdocument import photo_document
+from anaplot.report.modeldocument import model_rows
 from anaplot.simulation.automatic import ModelRecord
 from anaplot.simulation.demo import Outcome
 from anaplot.simulation.mistakes import Planted
 
-__all__ = ["bridge_json", "demo_json", "model_json", "table_json"]
+__all__ = ["demo_json"]
 
 Json = dict[str, Any]
-
-
-def table_json(table: Iterable[Observation[Row]]) -> list[Json]:
-    """Return the rows of a table; what does not exist is None."""
-    return [
-        {
-            "point": row.point,
-            "axis": row.axis,
-            "redn": row.r,
-            "parx_um": row.residual,
-            "expd_um": row.expected,
-            "sigf": row.size,
-            "flagged": row.flagged,
-        }
-        for row in table
-    ]
-
-
-def model_json(model: ModelSolution) -> Json:
-    """Return one model; angles in radians, base and points in mm, residuals in um."""
-    omega, phi, kappa = model.rotation
-    return {
-        "left": model.left,
-        "right": model.right,
-        "base": list(model.base),
-        "rotation": {"omega": omega, "phi": phi, "kappa": kappa},
-        "sigma0_um": model.sigma0_um,
-        "redundancy": model.redundancy,
-        "iterations": model.iterations,
-        "test": {
-            "kind": model.test.kind,
-            "alpha": model.test.alpha,
-            "critical": model.test.critical,
-        },
-        "table": table_json(model.table),
-        "points": [
-            {"point": p.point, "X": _number(p.X), "Y": _number(p.Y), "Z": _number(p.Z)}
-            for p in model.points
-        ],
-        "ties": list(model.ties),
-        "condition": model.condition,
-        "odds": _odds_json(model),
-        "remarks": list(model.remarks),
-    }
-
-
-def _odds_json(model: ModelSolution) -> Json:
-    """Return the probabilities of no gross error, and of one in each row."""
-    return {
-        "none": model.tested.odds.none,
-        "rows": [
-            {"point": row.point, "axis": row.axis, "probability": row.probability}
-            for row in model.table
-        ],
-    }
-
-
-def bridge_json(strips: Iterable[BridgedStrip]) -> Json:
-    """Return all strips; a strip that ended early carries "error" beside its models."""
-    out = []
-    for strip in strips:
-        item: Json = {"strip": strip.strip, "models": [model_json(m) for m in strip.models]}
-        if strip.error is not None:
-            item["error"] = strip.error
-        out.append(item)
-    return {"strips": out}
 
 
 def demo_json(seed: int, outcome: Outcome) -> Json:
@@ -101,8 +32,10 @@ def demo_json(seed: int, outcome: Outcome) -> Json:
             {
                 "left": record.left,
                 "right": record.right,
-                "before": [] if record.before is None else table_json(record.before.table),
-                "after": [] if record.after is None else table_json(record.after.table),
+                "before": []
+                if record.before is None
+                else model_rows(record.before.table).records(),
+                "after": [] if record.after is None else model_rows(record.after.table).records(),
                 "handled": [
                     {"point": h.point, "axis": h.axis, "action": h.action}
                     for h in record.handled
@@ -135,7 +68,3 @@ def _inners_json(record: ModelRecord) -> list[Json]:
         }
         for inner in record.inners
     ]
-
-
-def _number(value: float) -> float | None:
-    return value if abs(value) < float("inf") else None

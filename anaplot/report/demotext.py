@@ -8,7 +8,7 @@ from anaplot.orientation.diagnosis import diagnose
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.report import astext
 from anaplot.report.innerdocument import fiducial_table
-from anaplot.report.text import table_lines
+from anaplot.report.modeldocument import model_rows
 from anaplot.simulation.automatic import Handled, InnerRecord, ModelRecord
 from anaplot.simulation.demo import Outcome
 from anaplot.simulation.mistakes import Planted
@@ -25,11 +25,13 @@ def model_story(record: ModelRecord) -> str:
     points = [h for h in record.handled if not h.photo]
     if record.before is not None:
         lines += [f"  pattern complete, {_sigma(record.before.sigma0_um)}"]
-        lines += table_lines(record.before.table, diagnose(record.before).suspects)
+        lines += astext.table_lines(
+            model_rows(record.before.table, diagnose(record.before).suspects)
+        )
     lines += _actions(points)
     if points and record.after is not None:
         lines += [f"  accepted, {_sigma(record.after.sigma0_um)}"]
-        lines += table_lines(record.after.table, diagnose(record.after).suspects)
+        lines += astext.table_lines(model_rows(record.after.table, diagnose(record.after).suspects))
     elif record.after is not None:
         lines.append("  nothing flagged: accepted")
     return "\n".join(lines)

@@ -433,11 +433,15 @@ def say(template: str, *values: Any, **named: Any) -> Line:
 
 
 def named(
-    items: Iterable[str | Line], most: int | None = None, more: str = " and {} more"
+    items: Iterable[str | Line],
+    most: int | None = None,
+    more: str = " and {} more",
+    *,
+    separator: str = ", ",
 ) -> Names:
     """Return a list of names or lines that stands within a line."""
     lines = (item if isinstance(item, Line) else Line((Value(item),)) for item in items)
-    return Names(tuple(lines), most, more)
+    return Names(tuple(lines), most, more, separator)
 
 
 def plain_values(values: Values) -> list[Any]:

@@ -1,264 +1,90 @@
-"""Strips bridged without their gross errors: text and JSON."""
+"""A model without its gross errors: what was rejected and why, as a part of its document."""
 
 from __future__ import annotations
 
-import json
-import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anaplot.adjustment.advice import hard_to_tell_apart
-from anaplot.adjustment.watch import Watch
-from anaplot.errors import NotComputableError
-from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.grosserrors import CleanedModel, RejectedRow, strip_gross_errors
-from anaplot.orientation.strip import pooled_sigma_um
-from anaplot.photogrammetry.block import Block
-from anaplot.report.astext import line_text
-from anaplot.report.contract import bridge_json
+from anaplot.aliases import Array, RowKey
+from anaplot.orientation.grosserrors import CleanedModel, RejectedRow
+from anaplot.report.document import (
+    Answer,
+    Block,
+    Document,
+    Line,
+    Names,
+    Table,
+    for_programs,
+    named,
+    say,
+    stacked,
+    table,
+)
 from anaplot.report.groundchange import change_json, change_lines
-from anaplot.report.interrupts import ending_early
+from anaplot.report.modeldocument import OF_MODEL
 from anaplot.report.modelvalues import model_values_json, model_values_line
-from anaplot.report.progress import ProgressLine
-from anaplot.report.searchoptions import search_settings, sigma0_in_words
-from anaplot.report.text import model_printout
-from anaplot.textfiles.wording import plain
+from anaplot.report.searchoptions import sigma0_in_words
 
-__all__ = ["errors_json", "errors_printout", "run_bridge_errors"]
-
-Json = dict[str, Any]
+__all__ = ["model_errors_document", "rejected_table"]
 
 _SHOWN_ODDS = 0.01  # smallest probability in the text
+_REJECTED = for_programs(
+    *("point", "axis", "w", "parx_um", "redn", "order", "statistic", "critical", "error_um")
+)
+_EVIDENCE = for_programs(
+    *("pass", "point", "axis", "order", "statistic", "critical", "redundancy_number")
+)
+_PROBABILITY = for_programs("point", "axis", "probability")
 
 
-def run_bridge_errors(
-    block: Block,
-    strategy: str,
-    *,
-    as_json: bool,
-    fail_on_flag: bool,
-    partner: float | None = None,
-    pairs: bool = False,
-    as_given: bool = False,
-) -> int:
-    """Bridge every strip with a strategy for gross errors and print it.
-
-    Parameters
-    ----------
-    block
-        The block.
-    strategy
-        Name of the strategy.
-    as_json, fail_on_flag
-        As the command has them.
-    partner
-        Residual correlation from which two rows are hard to tell apart; None: the default.
-    pairs
-        Whether the odds over pairs of gross errors are added.
-    as_given
-        Whether it cleans also where the a-priori sigma0 cannot be right.
-
-    Returns
-    -------
-    int
-        Exit code: 4 when a model cannot be computed, 1 for `fail_on_flag` with rejected or flagged
-        rows, else 0.
-    """
-    settings = search_settings(block.test, partner, pairs=pairs)
-    with (
-        ProgressLine(sys.stderr) as progress,
-        ending_early(Watch(progress), sys.stderr) as watch,
-    ):
-        strips = [
-            strip_gross_errors(block, strip, strategy, settings, as_given=as_given, watch=watch)
-            for strip in block.strips
-        ]
-    if as_json:
-        answer = bridge_json(strip.bridged for strip in strips)
-        for item, strip in zip(answer["strips"], strips, strict=True):
-            for model, cleaned in zip(item["models"], strip.models, strict=True):
-                model["errors"] = errors_json(cleaned)
-        print(json.dumps(answer, indent=1, allow_nan=False))
-    else:
-        for strip, declared in zip(strips, block.strips, strict=True):
-            models = strip.bridged.models
-            for k, cleaned in enumerate(strip.models):
-                print(
-                    model_printout(
-                        cleaned.solution,
-                        diagnose(cleaned.solution),
-                        strip=strip.bridged.strip,
-                        number=k + 1,
-                        count=len(declared.models()),
-                        pooled_um=pooled_sigma_um(models[: k + 1]),
-                    )
-                )
-                print(errors_printout(cleaned), end="\n\n")
-    errors = [strip.bridged.error for strip in strips if strip.bridged.error is not None]
-    for error in errors:
-        print(f"anaplot: {plain(error)}", file=sys.stderr)
-    if errors:
-        return NotComputableError.exit_code
-    found = any(m.rejected or m.solution.flagged for strip in strips for m in strip.models)
-    return 1 if fail_on_flag and found else 0
+def rejected_table(parts: Iterable[tuple[Sequence[Any], Table]]) -> Table:
+    """Return the rejected rows of several models: of each strip, left and right, and its table."""
+    return stacked("rejected", OF_MODEL, _REJECTED, parts)
 
 
-def errors_printout(cleaned: CleanedModel) -> str:
-    """Return the rejected rows of a model as text."""
-    found = cleaned.findings
-    lines = [f"  GROSS ERRORS ({found.strategy})"]
+def model_errors_document(cleaned: CleanedModel) -> Document:
+    """Return the document of the rejected rows of a model."""
+    found, change = cleaned.findings, cleaned.point_change
+    page: list[Block] = [say("  GROSS ERRORS ({})", found.strategy).of("heading")]
     if cleaned.begun_without:
-        lines.append(f"    far off, the search began without: {_listed(cleaned.begun_without)}")
-    for row in cleaned.rejected:
-        line = f"    {plain(row.point)} {row.axis}  rejected"
-        if row.w is None:
-            line += ": with it the orientation goes astray, and the others cannot test it"
-        else:
-            line += f"  RED-N {row.r:.3f}  PARX {row.residual:.1f} um  w {row.w:.2f} with it in"
-        lines.append(line + _because(row, found.strategy))
+        rows = _named(cleaned.begun_without)
+        page.append(say("    far off, the search began without: {}", rows))
+    page += [_rejected_line(row, found.strategy) for row in cleaned.rejected]
     if cleaned.came_back:
-        lines.append(f"    left out on the way, came back: {_listed(cleaned.came_back)}")
-    if not cleaned.rejected:
-        lines.append("    nothing is rejected")
+        page.append(say("    left out on the way, came back: {}", _named(cleaned.came_back)))
+    if cleaned.rejected:
+        page += change_lines(change, "in the model", "mm", indent=4)
     else:
-        lines += [
-            line_text(line)
-            for line in change_lines(cleaned.point_change, "in the model", "mm", indent=4)
-        ]
-    for (point, axis), (other, other_axis), rho in cleaned.hard_to_tell:
-        alike = hard_to_tell_apart((plain(point), axis), (plain(other), other_axis), rho)
-        lines.append(f"    {alike}")
-    for key, reason in cleaned.refused:
-        lines.append(f"    {_listed((key,))} cannot be left out: {plain(reason)}")
-    blind = _untestable(cleaned)
-    if blind:
-        lines.append(f"    cannot be tested: {_listed(blind)}")
+        page.append(say("    nothing is rejected"))
+    page += [say("    {}", hard_to_tell_apart(*pair)) for pair in cleaned.hard_to_tell]
+    page += [
+        say("    {} cannot be left out: {}", _key(key), reason) for key, reason in cleaned.refused
+    ]
+    untestable = [row.key for row in cleaned.solution.table if row.w is None]
+    if untestable:
+        page.append(say("    cannot be tested: {}", _named(untestable)))
     if found.model_values is not None:
-        lines.append(f"    {line_text(model_values_line(found.model_values))}")
-    lines += _odds_lines(cleaned)
-    lines += [f"    note: {plain(remark)}" for remark in cleaned.remarks]
-    return "\n".join(lines)
-
-
-def _listed(keys: Sequence[tuple[str, str]]) -> str:
-    return ", ".join(f"{plain(point)} {axis}" for point, axis in keys)
-
-
-def _because(row: RejectedRow, strategy: str) -> str:
-    """Return when a row went and what decided."""
-    if row.order == 0:
-        return "" if row.w is None else "; with it the orientation goes astray"
-    if row.statistic is None or row.critical is None:
-        return f"; step {row.order}"
-    if strategy == "search":
-        return f"; step {row.order}, the sum falls by {-row.statistic:.1f}"
-    return f"; step {row.order}, {row.statistic:.2f} above {row.critical:.2f}"
-
-
-def _odds_lines(cleaned: CleanedModel) -> list[str]:
-    """Return the odds over single errors, all rows in, and over pairs where asked for."""
-    found, keys = cleaned.findings, cleaned.residuals.keys
-    single = found.odds
-    but = " but those far off" if cleaned.held else ""
-    weighed = f"all rows in{but}, by the {sigma0_in_words(found.strategy)} sigma0"
-    lines = [
-        f"    if there is one gross error at most, {weighed}: none {100.0 * single.none:.1f} %"
-    ]
-    for row in np.argsort(-single.rows, kind="stable").tolist():
-        if single.rows[row] >= _SHOWN_ODDS:
-            lines.append(f"      {100.0 * single.rows[row]:5.1f} %  {_listed((keys[row],))}")
-    odds = found.pair_odds
-    if odds is None:
-        return lines
-    lines.append(
-        f"    odds over none, one and two, {weighed}: none {100.0 * odds.none:.1f} %, one "
-        f"{100.0 * float(odds.single.sum()):.1f} %, two {100.0 * odds.pairs:.1f} %"
-    )
-    for a, b, chance in zip(
-        odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
-    ):
-        if chance >= _SHOWN_ODDS:
-            pair = f"{_listed((keys[a],))} and {_listed((keys[b],))}"
-            lines.append(f"      {100.0 * chance:5.1f} %  {pair}")
-    return lines
-
-
-def _pair_odds_json(cleaned: CleanedModel) -> Json | None:
-    odds, keys = cleaned.findings.pair_odds, cleaned.residuals.keys
-    if odds is None:
-        return None
-    return {
-        "sigma0": sigma0_in_words(cleaned.findings.strategy),
-        "none": odds.none,
-        "single": _probabilities(cleaned, odds.single),
-        "pairs": [
-            {"first": list(keys[a]), "second": list(keys[b]), "probability": float(v)}
-            for a, b, v in zip(
-                odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
-            )
-        ],
-    }
-
-
-def _probabilities(cleaned: CleanedModel, values: NDArray[np.float64]) -> list[Json]:
-    """Return the probability of every row that was weighed."""
-    return [
-        {**_key_json(key), "probability": value}
-        for key, value in zip(cleaned.residuals.keys, values.tolist(), strict=True)
-        if key not in cleaned.held
-    ]
-
-
-def _key_json(key: tuple[str, str]) -> Json:
-    return {"point": key[0], "axis": key[1]}
-
-
-def _rejected_json(row: RejectedRow) -> Json:
-    return {
-        "point": row.point,
-        "axis": row.axis,
-        "w": row.w,
-        "parx_um": row.residual,
-        "redn": row.r,
-        "order": row.order,
-        "statistic": row.statistic,
-        "critical": row.critical,
-        "error_um": row.error_um,
-    }
-
-
-def errors_json(cleaned: CleanedModel) -> Json:
-    """Return the rejected rows of a model for programs."""
-    found, keys = cleaned.findings, cleaned.residuals.keys
-    out = {
+        page.append(say("    {}", model_values_line(found.model_values)))
+    page += _odds_lines(cleaned)
+    page += [say("    note: {}", remark).of("remark") for remark in cleaned.remarks]
+    rejected = table("rejected", _REJECTED, cleaned.rejected)
+    answer = {
         "strategy": found.strategy,
-        "begun_without": [_key_json(key) for key in cleaned.begun_without],
-        "rejected": [_rejected_json(row) for row in cleaned.rejected],
-        "ground": change_json(cleaned.point_change, "mm"),
-        "came_back": [_key_json(key) for key in cleaned.came_back],
+        "begun_without": _keys_json(cleaned.begun_without),
+        "rejected": rejected,
+        "ground": change_json(change, "mm"),
+        "came_back": _keys_json(cleaned.came_back),
         "hard_to_tell": [
-            {"rejected": list(a), "kept": list(b), "correlation": rho}
-            for a, b, rho in cleaned.hard_to_tell
+            {"rejected": a, "kept": b, "correlation": rho} for a, b, rho in cleaned.hard_to_tell
         ],
         "refused": [{**_key_json(key), "reason": reason} for key, reason in cleaned.refused],
-        "untestable": [_key_json(key) for key in _untestable(cleaned)],
+        "untestable": _keys_json(untestable),
         "passes": len(cleaned.passes),
-        "evidence": [
-            {
-                "pass": number,
-                **_key_json(keys[gone.row]),
-                "order": gone.order,
-                "statistic": gone.statistic,
-                "critical": gone.critical,
-                "redundancy_number": gone.r,
-            }
-            for number, one in enumerate(cleaned.passes, 1)
-            for gone in one.rejected
-        ],
-        "held": [_key_json(key) for key in sorted(cleaned.held)],
+        "evidence": _evidence(cleaned),
+        "held": _keys_json(sorted(cleaned.held)),
         "odds": {
             "sigma0": sigma0_in_words(found.strategy),
             "none": found.odds.none,
@@ -268,11 +94,110 @@ def errors_json(cleaned: CleanedModel) -> Json:
         "remarks": list(cleaned.remarks),
     }
     if found.model_values is not None:
-        out["model_values"] = model_values_json(
+        keys = cleaned.residuals.keys
+        answer["model_values"] = model_values_json(
             found.model_values, lambda row: _key_json(keys[row])
         )
-    return out
+    return Document(answer, tuple(page), (rejected,))
 
 
-def _untestable(cleaned: CleanedModel) -> list[tuple[str, str]]:
-    return [row.key for row in cleaned.solution.table if row.w is None]
+def _key(key: RowKey) -> Line:
+    return say("{} {}", *key)
+
+
+def _named(keys: Iterable[RowKey]) -> Names:
+    return named(map(_key, keys))
+
+
+def _key_json(key: RowKey) -> Answer:
+    return {"point": key[0], "axis": key[1]}
+
+
+def _keys_json(keys: Iterable[RowKey]) -> list[Answer]:
+    return [_key_json(key) for key in keys]
+
+
+def _rejected_line(row: RejectedRow, strategy: str) -> Line:
+    """Return what a row shows, when it went and what decided."""
+    line = say("    {} {}  rejected", row.point, row.axis)
+    if row.w is None:
+        line += ": with it the orientation goes astray, and the others cannot test it"
+    else:
+        line += say(
+            "  RED-N {:.3f}  PARX {:.1f} um  w {:.2f} with it in", row.r, row.residual, row.w
+        )
+    if row.order == 0:
+        return line if row.w is None else line + "; with it the orientation goes astray"
+    line += say("; step {}", row.order)
+    if row.statistic is None or row.critical is None:
+        return line
+    if strategy == "search":
+        return line + say(", the sum falls by {:.1f}", -row.statistic)
+    return line + say(", {:.2f} above {:.2f}", row.statistic, row.critical)
+
+
+def _odds_lines(cleaned: CleanedModel) -> list[Line]:
+    """Return the odds over single errors, all rows in, and over pairs where asked for."""
+    found, keys = cleaned.findings, cleaned.residuals.keys
+    single, odds = found.odds, found.pair_odds
+    but = " but those far off" if cleaned.held else ""
+    weighed = f"all rows in{but}, by the {sigma0_in_words(found.strategy)} sigma0"
+    lines = [
+        say("    if there is one gross error at most, {}: none {:.1f} %", weighed,
+            100.0 * single.none)
+    ]  # fmt: skip
+    lines += [
+        say("      {:5.1f} %  {}", 100.0 * single.rows[row], _key(keys[row]))
+        for row in np.argsort(-single.rows, kind="stable").tolist()
+        if single.rows[row] >= _SHOWN_ODDS
+    ]
+    if odds is None:
+        return lines
+    lines.append(
+        say(
+            "    odds over none, one and two, {}: none {:.1f} %, one {:.1f} %, two {:.1f} %",
+            weighed,
+            *(100.0 * odds.none, 100.0 * float(odds.single.sum()), 100.0 * odds.pairs),
+        )
+    )
+    lines += [
+        say("      {:5.1f} %  {} and {}", 100.0 * chance, _key(keys[a]), _key(keys[b]))
+        for a, b, chance in zip(
+            odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
+        )
+        if chance >= _SHOWN_ODDS
+    ]
+    return lines
+
+
+def _evidence(cleaned: CleanedModel) -> Table:
+    keys = cleaned.residuals.keys
+    rows = (
+        (number, *keys[gone.row], gone.order, gone.statistic, gone.critical, gone.r)
+        for number, one in enumerate(cleaned.passes, 1)
+        for gone in one.rejected
+    )
+    return table("evidence", _EVIDENCE, rows)
+
+
+def _probabilities(cleaned: CleanedModel, values: Array) -> Table:
+    """Return the probability of every row that was weighed."""
+    rows = (
+        (*key, value)
+        for key, value in zip(cleaned.residuals.keys, values.tolist(), strict=True)
+        if key not in cleaned.held
+    )
+    return table("odds", _PROBABILITY, rows)
+
+
+def _pair_odds_json(cleaned: CleanedModel) -> Answer | None:
+    odds, keys = cleaned.findings.pair_odds, cleaned.residuals.keys
+    if odds is None:
+        return None
+    pairs = zip(odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True)
+    return {
+        "sigma0": sigma0_in_words(cleaned.findings.strategy),
+        "none": odds.none,
+        "single": _probabilities(cleaned, odds.single),
+        "pairs": [{"first": keys[a], "second": keys[b], "probability": p} for a, b, p in pairs],
+    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from anaplot.errors import InputError
+from anaplot.exchange.journalread import journal_files
 from anaplot.exchange.salvage import Gap
 from anaplot.report.columns import counted
 from anaplot.report.document import Document, for_programs, named, say, table
@@ -30,8 +31,10 @@ def run_salvage(options: argparse.Namespace) -> int:
     for option, value in others.items():
         if value:
             raise InputError(f"--salvage and {option} exclude each other")
+    output = Output.of(options)
+    output.check({"is read": journal_files(options.session)}, options.salvage)
     salvaged = salvage(options.session, options.salvage)
-    Output(as_json=options.json).show(salvage_document(salvaged, place(options.salvage)))
+    output.show(salvage_document(salvaged, place(options.salvage)))
     return 0
 
 

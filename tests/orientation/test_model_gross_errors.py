@@ -13,6 +13,7 @@ from flightscene import (
     pair_of,
 )
 from idealmodel import ideal_pair, spoiled
+from wild import text_of
 
 from anaplot.adjustment import cleaning
 from anaplot.adjustment.elimination import Elimination
@@ -25,7 +26,7 @@ from anaplot.orientation.grosserrors import model_gross_errors, strategy_finding
 from anaplot.orientation.model import orient
 from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.photogrammetry.block import Precision
-from anaplot.report.modelerrors import errors_json, errors_printout
+from anaplot.report.modelerrors import model_errors_document
 
 pytestmark = pytest.mark.slow
 
@@ -137,12 +138,12 @@ def test_rows_that_a_strategy_cannot_cope_with_are_held_and_said_so() -> None:
         first = orient(pair_of(fly(seed, noise=0.005, kappa=5.0), 0), PROPAGATED, BAARDA)
         pair = pair_of(fly(seed, noise=0.005, kappa=5.0), 1, first)
         cleaned = model_gross_errors(swapped(pair, "1a", "2d"), PROPAGATED, BAARDA, "danish")
-        text = errors_printout(cleaned)
+        text = text_of(model_errors_document(cleaned))
         assert ("all rows in but those far off, by the a-priori sigma0" in text) == bool(
             cleaned.held
         )
         assert set(cleaned.held) <= set(keys(cleaned)) & set(cleaned.begun_without)
-        answer = errors_json(cleaned)
+        answer = model_errors_document(cleaned).to_dict()
         assert {(row["point"], row["axis"]) for row in answer["held"]} == cleaned.held
         assert answer["odds"]["sigma0"] == "a-priori"
         weighed = {(row["point"], row["axis"]) for row in answer["odds"]["single"]}
@@ -244,13 +245,13 @@ def test_what_was_done_to_the_model_is_said() -> None:
     before = {p.point: np.array(p[1:]) for p in orient(pair, precision, BAARDA).points}
     moved = {p.point: np.array(p[1:]) - before[p.point] for p in cleaned.solution.points}
     farthest = max(moved, key=lambda point: np.abs(moved[point]).max())
-    ground = errors_json(cleaned)["ground"]
+    ground = model_errors_document(cleaned).to_dict()["ground"]
     assert ground["point"] == farthest
     assert ground["change_mm"] == pytest.approx(moved[farthest]["XYZ".index(ground["axis"])])
     assert ground["sigma_after_mm"] > ground["sigma_before_mm"] > 0.0
-    assert f"in the model: {farthest} moves most" in errors_printout(cleaned)
+    assert f"in the model: {farthest} moves most" in text_of(model_errors_document(cleaned))
     propagated = model_gross_errors(pair, PROPAGATED, BAARDA, "baarda")
-    assert errors_json(propagated)["ground"]["sigma_point"] is None
+    assert model_errors_document(propagated).to_dict()["ground"]["sigma_point"] is None
 
 
 def test_a_sigma_far_from_the_truth_is_doubted() -> None:

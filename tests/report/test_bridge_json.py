@@ -20,7 +20,9 @@ from anaplot.photogrammetry.block import (
     Strip,
     TestSettings,
 )
-from anaplot.report.contract import bridge_json, model_json, table_json
+from anaplot.report.asjson import json_text
+from anaplot.report.bridgecommand import bridge_block, bridge_document
+from anaplot.report.modeldocument import model_document, model_rows
 
 B, D, C = 92.0, 100.0, 152.4
 
@@ -53,15 +55,22 @@ def block():
     )
 
 
-def parsed(strips):
-    return json.loads(json.dumps(bridge_json(strips), allow_nan=False))
+def parsed(data, strips=None):
+    document = bridge_document(data, bridge_block(data) if strips is None else strips)
+    answer = json.loads(json_text(document.answer))
+    assert answer == document.to_dict()
+    return answer
+
+
+def answer_of(model):
+    return json.loads(json_text(model_document(model, strip="s", number=1, count=1).answer))
 
 
 def test_keys_and_units():
     data = block()
     bridged = bridge_strip(data, data.strips[0])
     assert bridged.error is None
-    (strip,) = parsed([bridged])["strips"]
+    (strip,) = parsed(data, [bridged])["strips"]
     assert strip["strip"] == "s"
     assert "error" not in strip
     assert len(strip["models"]) == 2
@@ -100,7 +109,7 @@ def test_keys_and_units():
 def test_rows_all_y_in_the_order_of_the_left_photo_then_all_x():
     data = block()
     bridged = bridge_strip(data, data.strips[0])
-    (strip,) = parsed([bridged])["strips"]
+    (strip,) = parsed(data, [bridged])["strips"]
     previous: list[str] = []
     for k, model in enumerate(strip["models"]):
         right = {p.point for p in data.image_points if p.photo == str(k + 1)}
@@ -123,7 +132,7 @@ def five_points():
 
 
 def test_what_does_not_exist_is_null():
-    model = json.loads(json.dumps(model_json(five_points()), allow_nan=False))
+    model = answer_of(five_points())
     assert model["sigma0_um"] is None
     assert model["redundancy"] == 0
     assert model["test"]["critical"] is None
@@ -134,14 +143,16 @@ def test_what_does_not_exist_is_null():
 def test_a_point_at_infinity_is_null_and_not_infinite():
     model = five_points()
     nowhere = (ModelPoint("9", float("inf"), float("nan"), -float("inf")),)
-    data = json.loads(json.dumps(model_json(replace(model, points=nowhere)), allow_nan=False))
+    data = answer_of(replace(model, points=nowhere))
     assert data["points"] == [{"point": "9", "X": None, "Y": None, "Z": None}]
 
 
 def test_a_strip_that_ended_early_carries_its_error():
     model = five_points()
     strips = [BridgedStrip("s", (model,), "strip s, model 2/3: no ties"), BridgedStrip("t", ())]
-    first, second = parsed(strips)["strips"]
+    data = block()
+    data = replace(data, strips=(*data.strips, Strip("t", ("3", "4"))))
+    first, second = parsed(data, strips)["strips"]
     assert first["error"] == "strip s, model 2/3: no ties"
     assert len(first["models"]) == 1
     assert second == {"strip": "t", "models": []}
@@ -150,7 +161,7 @@ def test_a_strip_that_ended_early_carries_its_error():
 def test_sigma0_is_the_estimated_one_under_baarda_too():
     data = replace(block(), test=TestSettings("baarda"))
     bridged = bridge_strip(data, data.strips[0])
-    (strip,) = parsed([bridged])["strips"]
+    (strip,) = parsed(data, [bridged])["strips"]
     for model in strip["models"]:
         v = np.array([row["parx_um"] for row in model["table"]])
         q = np.array([2.0 if row["axis"] == "y" else 6.0 for row in model["table"]])
@@ -161,6 +172,24 @@ def test_sigma0_is_the_estimated_one_under_baarda_too():
             assert row["sigf"] == pytest.approx(abs(row["parx_um"]) / row["expd_um"])
 
 
-def test_table_json_of_any_rows():
-    rows = table_json(five_points().table)
+def test_rows_of_any_table():
+    rows = model_rows(five_points().table).records()
     assert [row["point"] for row in rows] == ["1", "2", "3", "4", "6"]
+
+
+def test_files_hold_the_tables_of_all_models_with_what_they_belong_to():
+    data = block()
+    document = bridge_document(data, bridge_block(data, "baarda"))
+    (strip,) = document.to_dict()["strips"]
+    rows, points, rejected = document.tables
+    for one, key in ((rows, "table"), (points, "points")):
+        assert one.records() == [
+            {"strip": "s", "left": model["left"], "right": model["right"], **row}
+            for model in strip["models"]
+            for row in model[key]
+        ]
+    assert [column.key for column, _ in rejected.for_programs()][:4] == [
+        "strip", "left", "right", "point",
+    ]  # fmt: skip
+    assert len(rejected) == sum(len(model["errors"]["rejected"]) for model in strip["models"])
+    assert len(bridge_document(data, bridge_block(data)).tables) == 2

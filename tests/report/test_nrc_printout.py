@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from testedrows import observation, with_rows
 
-from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Precision, TestSettings
-from anaplot.report.text import model_printout, table_lines, verdict
+from anaplot.report.astext import page_text, table_lines
+from anaplot.report.modeldocument import model_document, model_rows
 
 B, D, C = 92.0, 100.0, 152.4
 
@@ -40,7 +40,11 @@ def model(names=None, *, wrong=0.0, name="13/5", left="101", right="102"):
 
 
 def printout(solution, strip="1", **kw):
-    return model_printout(solution, diagnose(solution), strip=strip, number=1, count=2, **kw)
+    return page_text(model_document(solution, strip=strip, number=1, count=2, **kw).page)
+
+
+def lines_of(rows, suspects=()):
+    return table_lines(model_rows(rows, suspects))
 
 
 def test_printout_has_parallaxes_discrepancies_table_and_advice():
@@ -80,7 +84,7 @@ def test_every_parallax_is_printed_once():
 def test_what_does_not_exist_is_a_dash():
     solution = model(name="6")
     rows = [row._replace(expected=None, w=None, flagged=False) for row in solution.table]
-    for line in table_lines(rows)[2:]:
+    for line in lines_of(rows)[2:]:
         assert line.split()[4:] == ["-", "-", "not", "testable"]
     test = solution.test._replace(critical=None)
     bare = with_rows(solution, rows, sigma0=None, redundancy=0, test=test)
@@ -93,19 +97,23 @@ def test_columns_never_touch():
     row = observation("103-1", "y", -90998.7, 0.727, 6.0, 15096.38)
     wild = row._replace(residual=-1.23456789e9, expected=1234567.8, w=None)
     for one in (row, wild, row._replace(residual=-1e300)):
-        assert len(table_lines([one])[2].split()[:6]) == 6
-    assert table_lines([row])[2].split()[2:] == ["0.727", "-90999", "6.0", "15096.4"]
+        assert len(lines_of([one])[2].split()[:6]) == 6
+    assert lines_of([row])[2].split()[2:] == ["0.727", "-90999", "6.0", "15096.4"]
 
 
 def test_verdicts():
     row = observation("1", "y", 10.0, 0.5, 3.0, 3.3, flagged=True)
+
+    def verdict(row, *suspects):
+        return " ".join(lines_of([row], suspects)[2].split()[6:])
+
     assert verdict(row, ("1", "y")) == "<< REMEASURE"
-    assert verdict(row, ("1", "x")) == "< flagged"
-    assert verdict(row, None) == "< flagged"
-    assert verdict(row._replace(flagged=False), None) == ""
+    assert verdict(row, ("1", "x"), ("1", "y")) == "< flagged"
+    assert verdict(row) == "< flagged"
+    assert verdict(row._replace(flagged=False)) == ""
     # of correlated rows one that is not flagged may be why others are
     assert verdict(row._replace(flagged=False), ("1", "y")) == "<< REMEASURE"
-    assert verdict(row._replace(flagged=False, w=None), None) == "not testable"
+    assert verdict(row._replace(flagged=False, w=None)) == "not testable"
 
 
 HOSTILE = ["\x1b[2J", "a\nb", "\r7", "\x07", "\u202e8", "\x9b31m", "[red]x[/red]"]
@@ -139,6 +147,6 @@ def test_hostile_names_are_escaped_everywhere():
     )
 )
 def test_a_table_is_a_heading_and_a_line_a_row_whatever_the_names(rows):
-    lines = table_lines(rows)
+    lines = lines_of(rows)
     assert len(lines) == 2 + len(rows)
     assert all(line.isprintable() for line in lines)

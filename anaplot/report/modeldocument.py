@@ -1,0 +1,175 @@
+"""One model as a document: the table that the operator of the ANAPLOT saw (1983, Figure 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import degrees, isfinite
+
+from anaplot.adjustment.tested import Observation
+from anaplot.orientation.diagnosis import diagnose
+from anaplot.orientation.results import ModelSolution, Row
+from anaplot.report.astext import line_text
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Block,
+    Document,
+    Line,
+    Table,
+    for_programs,
+    name,
+    named,
+    number,
+    say,
+    stacked,
+    table,
+)
+
+__all__ = ["OF_MODEL", "model_document", "model_rows", "model_tables"]
+
+_ROWS = (
+    name("point", "POINT", 5),
+    name("axis", head="  "),
+    number("redn", "RED-N", 3, 8),
+    number("parx_um", "PARX", 1, 8, unit="um"),
+    number("expd_um", "EXPD", 1, 8, unit="um"),
+    number("sigf", "SIGF", 2, 8),
+    *for_programs("flagged"),
+    name("", "verdict", head=""),
+)
+_POINTS = for_programs("point", "X", "Y", "Z")
+_ODDS = for_programs("point", "axis", "probability")
+_PER_LINE = 6
+
+OF_MODEL = for_programs("strip", "left", "right")
+"""What stands before the rows of several models' tables."""
+
+
+def model_document(
+    model: ModelSolution, *, strip: str, number: int, count: int, pooled_um: float | None = None
+) -> Document:
+    """Return the document of one model.
+
+    For programs angles in radians, base and points in mm, residuals in um.
+
+    Parameters
+    ----------
+    model
+        The model.
+    strip, number, count
+        Name of the strip, which of its models this is (from 1), how many it has.
+    pooled_um
+        sigma0 pooled over the strip's models so far [um].
+    """
+    diagnosis = diagnose(model)
+    rows = model_rows(model.table, diagnosis.suspects)
+    points = table("points", _POINTS, ((p.point, *map(_finite, p[1:])) for p in model.points))
+    sigma0 = say(
+        "  sigma0    {0.sigma0_um:.2f|um|none}, a priori {0.apriori_um:g} um, "
+        "redundancy {0.redundancy}",
+        model,
+    )
+    if pooled_um is not None:
+        sigma0 += say(", pooled {:.2f} um", pooled_um)
+    tested = say(
+        "  test      {0.kind}, alpha {0.alpha:g}, critical value {0.critical:.2f||none}", model.test
+    )
+    if model.ties:
+        tested += say("; tie variance {}", model.tie_variance)
+    page: list[Block] = [
+        say("STRIP {}  MODEL {}/{}  ({} of {})", strip, model.left, model.right, number, count).of(
+            "heading"
+        ),
+        say("  base      bx {:.4f}  by {:.4f}  bz {:.4f} mm", *model.base),
+        say(
+            "  rotation  omega {:.5f}  phi {:.5f}  kappa {:.5f} deg", *map(degrees, model.rotation)
+        ),
+        sigma0,
+        tested,
+        BLANK,
+        *_discrepancies("PARALLAXES [um]", [row for row in model.table if row.axis == "y"]),
+        *_discrepancies("TIE DISCREPANCIES [um]", [row for row in model.table if row.axis == "x"]),
+        BLANK,
+        rows,
+        BLANK,
+        *(say("  {}", sentence) for sentence in diagnosis.advice),
+    ]
+    return Document(_answer(model, rows, points), tuple(page), (rows, points))
+
+
+def _answer(model: ModelSolution, rows: Table, points: Table) -> Answer:
+    odds = ((row.point, row.axis, row.probability) for row in model.table)
+    return {
+        "left": model.left,
+        "right": model.right,
+        "base": list(model.base),
+        "rotation": dict(zip(("omega", "phi", "kappa"), model.rotation, strict=True)),
+        "sigma0_um": model.sigma0_um,
+        "redundancy": model.redundancy,
+        "iterations": model.iterations,
+        "test": {
+            "kind": model.test.kind,
+            "alpha": model.test.alpha,
+            "critical": model.test.critical,
+        },
+        "table": rows,
+        "points": points,
+        "ties": list(model.ties),
+        "condition": model.condition,
+        "odds": {"none": model.tested.odds.none, "rows": table("odds", _ODDS, odds)},
+        "remarks": list(model.remarks),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def model_rows(model: Iterable[Observation[Row]], suspects: Sequence[Row] = ()) -> Table:
+    """Return the RED-N / PARX / EXPD / SIGF table.
+
+    Parameters
+    ----------
+    model
+        The rows.
+    suspects
+        Rows to doubt, the most probably wrong first.
+    """
+    suspect = suspects[0] if suspects else None
+    pairs = [(row, _verdict(row, suspect)) for row in model]
+    rows = (
+        (row.point, row.axis, row.r, row.residual, row.expected, row.size, row.flagged, verdict)
+        for row, verdict in pairs
+    )
+    return table("rows", _ROWS, rows, look=(bool(verdict) for _, verdict in pairs), units="^")
+
+
+def _verdict(row: Observation[Row], suspect: Row | None) -> str:
+    if row.key == suspect:
+        return "<< REMEASURE"
+    if row.flagged:
+        return "< flagged"
+    return "not testable" if row.w is None else ""
+
+
+def _discrepancies(title: str, rows: list[Observation[Row]]) -> list[Line]:
+    if not rows:
+        return []
+    width = max(len(line_text(say("{}", row.point))) for row in rows)
+    cells = [say("{:>{width}} {:8.1f}", row.point, row.residual, width=width) for row in rows]
+    starts = range(0, len(cells), _PER_LINE)
+    return [
+        say("  {}", title),
+        *(say("  {}", named(cells[k : k + _PER_LINE], separator="   ")) for k in starts),
+    ]
+
+
+def model_tables(models: Iterable[tuple[str, Document]]) -> tuple[Table, ...]:
+    """Return the tables of several models (strip, document) as single ones."""
+    parts = [
+        ((strip, *map(one.answer.get, ("left", "right"))), one.tables) for strip, one in models
+    ]
+    return (
+        stacked("rows", OF_MODEL, _ROWS, ((of, tables[0]) for of, tables in parts)),
+        stacked("points", OF_MODEL, _POINTS, ((of, tables[1]) for of, tables in parts)),
+    )

@@ -1,0 +1,92 @@
+"""The command `anaplot replay`: a recorded session played through the same code."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Sequence
+
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import block_files
+from anaplot.exchange.journalread import journal_files
+from anaplot.orientation.results import ModelSolution
+from anaplot.photogrammetry.block import Block
+from anaplot.report.document import BLANK, Document
+from anaplot.report.modeldocument import model_document, model_tables
+from anaplot.report.output import Output
+from anaplot.report.streams import complain
+from anaplot.station.rebuild import rebuild, session_solutions
+from anaplot.station.replay import Replayed, replay_session
+from anaplot.station.replayed import ReplayStation
+
+__all__ = ["replay_document", "replay_station", "run_replay"]
+
+
+def run_replay(options: argparse.Namespace) -> int:
+    """Replay a recorded session: print its models, check its tables, or tell it as it went.
+
+    Returns
+    -------
+    int
+        0, or 1 when something came out differently from what was recorded.
+
+    Raises
+    ------
+    InputError
+        Options that exclude each other, or a session that cannot be replayed.
+    """
+    if options.speed is not None:
+        with contextlib.closing(replay_station(options)) as station:
+            return station.run(sys.stdout)
+    _check_csv(options, options.check)
+    output = Output.of(options)
+    written = () if options.to is None else block_files(options.to)
+    output.check({"is read": journal_files(options.session), "is written": written}, options.to)
+    replayed = replay_session(options.session)
+    if options.to is not None:
+        rebuild(replayed, options.to)
+    if options.check:
+        return _checked(replayed)
+    output.show(replay_document(replayed.block, session_solutions(replayed.state)))
+    return 0
+
+
+def replay_station(options: argparse.Namespace) -> ReplayStation:
+    """Return a recorded session as a station to look at; errors as `run_replay` has them."""
+    _check_csv(options, True)
+    return ReplayStation(options.session, 1.0 if options.speed is None else options.speed)
+
+
+def _check_csv(options: argparse.Namespace, otherwise: bool) -> None:
+    if options.csv is not None and otherwise:
+        raise InputError("--csv goes with the models, which --check, --speed and --console replace")
+
+
+def _checked(replayed: Replayed) -> int:
+    if replayed.differences:
+        complain(str(replayed.differences[0]))
+        return 1
+    print(f"{replayed.tables} tables and {replayed.measurements} measurements came out the same")
+    return 0
+
+
+def replay_document(block: Block, solutions: Sequence[tuple[str, ModelSolution]]) -> Document:
+    """Return the document of a session's models.
+
+    Parameters
+    ----------
+    block
+        The block as it was declared.
+    solutions
+        Strip and solution of each model.
+    """
+    strips = {strip.id: strip.models() for strip in block.strips}
+    models = []
+    for strip, model in solutions:
+        pairs = strips[strip]
+        at = pairs.index((model.left, model.right))
+        models.append((strip, model_document(model, strip=strip, number=at + 1, count=len(pairs))))
+    answer = {"models": [{"strip": strip, **one.answer} for strip, one in models]}
+    page = tuple(part for _, one in models for part in (*one.page, BLANK))
+    return Document(answer, page, model_tables(models))

@@ -1,0 +1,60 @@
+"""`anaplot replay SESSION`: a recorded session's models as text, JSON and CSV."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from anaplot.cli import main
+
+SESSION = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
+
+
+def test_the_table_of_all_models_is_that_of_the_json(tmp_path, capsys):
+    written = tmp_path / "again" / "rows.csv"
+    command = ["replay", str(SESSION), "--json", "--to", str(tmp_path / "again")]
+    assert main([*command, "--csv", str(written)]) == 0
+    models = json.loads(capsys.readouterr().out)["models"]
+    with written.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    told = [(model, row) for model in models for row in model["table"]]
+    assert len(rows) == len(told) > 0
+    for row, (model, same) in zip(rows, told, strict=True):
+        assert list(row) == ["strip", "left", "right", *same]
+        assert [row[key] for key in ("strip", "left", "right")] == [
+            model[key] for key in ("strip", "left", "right")
+        ]
+        assert (row["point"], row["axis"], float(row["redn"])) == (
+            same["point"], same["axis"], same["redn"],
+        )  # fmt: skip
+
+
+def test_no_table_in_place_of_what_is_read_or_written(tmp_path, capsys):
+    session = tmp_path / "session.jsonl"
+    shutil.copy(SESSION, session)
+    before = session.read_bytes()
+    new = tmp_path / "new"
+    for command, words in (
+        (["--csv", str(session)], "it is read"),
+        (["--salvage", str(new), "--csv", str(session)], "it is read"),
+        (["--to", str(new), "--csv", str(new / "block.toml")], "it is written"),
+        (["--check", "--csv", str(new)], "--csv goes with the models"),
+    ):
+        assert main(["replay", str(session), *command]) == 2
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert words in err
+    assert session.read_bytes() == before
+    assert not new.exists()
+
+
+@pytest.mark.parametrize("everything", [[], ["--all"]])
+def test_a_table_that_is_not_long_is_whole(capsys, everything):
+    assert main(["replay", str(SESSION), *everything]) == 0
+    out = capsys.readouterr().out
+    assert "RED-N" in out
+    assert "not shown" not in out
