@@ -68,13 +68,12 @@ def reject_stepwise(
     test: str,
     alpha: float,
     *,
-    most: int | None = None,
     redundancy: int | None = None,
 ) -> BatchRejections:
     """Reject the row with the largest statistic, run by run, until none exceeds its critical value.
 
     Of rows that are hard to tell apart from it the likeliest goes (`partners`); every row is a
-    measurement of its own.
+    measurement of its own. Never more than half of the redundancy is rejected.
 
     Parameters
     ----------
@@ -87,8 +86,6 @@ def reject_stepwise(
         "baarda" (a-priori sigma) or "tau" (sigma from the rows that remain).
     alpha
         Significance number of the test of a single row.
-    most
-        Largest number of rejections in a run; never more than half of the redundancy.
     redundancy
         Rank of R; None: its trace, which it is where R is idempotent.
 
@@ -109,7 +106,7 @@ def reject_stepwise(
     r = np.tile(np.diag(matrix), (runs, 1))
     vtpv = np.einsum("mn,mn->m", e, errors)  # l'R l, also where R is not idempotent
     rejected = np.zeros((runs, n), dtype=bool)
-    steps = SearchSettings(most=most).room(redundancy)
+    steps = SearchSettings().room(redundancy)
     order = np.full((runs, steps), -1, dtype=np.intp)
     counts = np.zeros(runs, dtype=np.intp)
     active = np.arange(runs)

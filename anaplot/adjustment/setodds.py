@@ -93,13 +93,10 @@ class SetOdds:
     sure
         Rows for which that is more than one half, ascending: the choice with the fewest expected
         mistakes, wrong and missed counted alike.
-    visited
-        Number of different sets.
     """
 
     rows: Array
     sure: tuple[int, ...]
-    visited: int
 
 
 def most_probable_set(
@@ -196,7 +193,6 @@ def set_odds(
     levels = sets.levels_of(found.widths[: len(held)])
     time = np.zeros(len(sets.e))
     total = 0.0
-    visited: set[frozenset[int]] = set()
     known: dict[tuple[tuple[int, ...], tuple[int, ...]], Array] = {}
     room = _KEPT
     seen = Watch() if watch is None else watch
@@ -204,7 +200,6 @@ def set_odds(
         if seen.stopped and total > 0.0:
             break
         seen("weighing sets of errors", step / steps)
-        visited.add(frozenset(held))
         key = tuple(held), tuple(levels)
         rates = known.get(key)
         if rates is None:
@@ -224,7 +219,7 @@ def set_odds(
         number = int(np.searchsorted(rates, rng.random() * rates[-1], side="right"))
         sets.jump(held, levels, number)
     rows = time / total
-    return SetOdds(rows, tuple(np.flatnonzero(rows > 0.5).tolist()), len(visited))
+    return SetOdds(rows, tuple(np.flatnonzero(rows > 0.5).tolist()))
 
 
 class _Sets:

@@ -107,7 +107,6 @@ def _centre_of(model: ModelSolution) -> tuple[float, float, float]:
 def bridge_strip(
     block: Block,
     strip: Strip,
-    progress: Callable[[ModelSolution], None] | None = None,
     *,
     form: Callable[[Stereopair], ModelSolution] | None = None,
 ) -> BridgedStrip:
@@ -137,8 +136,6 @@ def bridge_strip(
             models.append(orient(pair, block.precision, block.test) if form is None else form(pair))
         except NotComputableError as error:
             return BridgedStrip(strip.id, tuple(models), f"strip {strip.id}, {error}")
-        if progress is not None:
-            progress(models[-1])
     return BridgedStrip(strip.id, tuple(models))
 
 

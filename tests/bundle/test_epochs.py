@@ -493,7 +493,7 @@ def test_smallest_displacements_are_those_of_the_blocks_power() -> None:
     found = compare_epochs(first, epoch(2, test=BAARDA), points=("p8",))
     tested = epoch_tests(found)
     assert tested.power == 0.9
-    least = epoch_tests(found, power=0.80).points[0].coordinates[0].mdb
+    least = epoch_tests(replace(found, power=0.80)).points[0].coordinates[0].mdb
     assert tested.points[0].coordinates[0].mdb > least
 
 

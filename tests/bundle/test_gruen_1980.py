@@ -116,7 +116,7 @@ def test_modified_snooping_beside_the_exact_test() -> None:
 def test_model_values_can_be_estimated_for_any_block() -> None:
     block = solved(7, 5, 3)
     normal, factor = block.cofactors.normal, block.cofactors.factor
-    models = estimate_models(normal, factor, samples=6)
+    models = estimate_models(normal, factor)
     groups = classify(block.problem)
     assert set(models) == set(groups)
     assert sum(len(rays) for rays, _ in groups.values()) == block.v.size

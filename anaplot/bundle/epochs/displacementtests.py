@@ -226,9 +226,7 @@ class EpochTests:
         return self.overall is not None and self.overall.rejected
 
 
-def epoch_tests(
-    found: EpochDifferences, *, alpha: float = 0.05, power: float | None = None
-) -> EpochTests:
+def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05) -> EpochTests:
     """Test displacements.
 
     Parameters
@@ -238,8 +236,6 @@ def epoch_tests(
     alpha
         Significance of the global test, of each family of single tests, and of all of them
         together in `EpochTests.overall`; also of the test of sigma0 of each epoch by itself.
-    power
-        That smallest detectable displacements refer to; None: that of the first epoch.
 
     Raises
     ------
@@ -248,7 +244,7 @@ def epoch_tests(
     ValueError
         Not 0 < alpha < power < 1.
     """
-    power = found.power if power is None else power
+    power = found.power
     variance = VarianceFactor(found.vtpv, found.redundancy, found.by_known)
     live = _with_variance(found)
     if not live.any():

@@ -35,6 +35,8 @@ __all__ = [
     "snoop",
 ]
 
+_SAMPLES = 8  # exact values of each class from which its model value is estimated
+
 
 class ObservationClass(NamedTuple):
     """What the size of sqrt(q_vv) mainly depends on (1980, section 3).
@@ -135,22 +137,18 @@ def paper_models(side: Literal[3, 5], *, twin: bool = False) -> dict[Observation
     return values
 
 
-def estimate_models(
-    normal: NormalEquations, factor: Factor, *, samples: int = 8
-) -> dict[ObservationClass, float]:
+def estimate_models(normal: NormalEquations, factor: Factor) -> dict[ObservationClass, float]:
     """Estimate the model value of every class of any block: the mean of a few exact ones.
 
     Parameters
     ----------
     normal, factor
         Normal equations without damping, and their factor.
-    samples
-        Exact values for each class.
     """
     rng = np.random.default_rng(0)
     out: dict[ObservationClass, float] = {}
     for kind, (rays, axis) in classify(normal.problem).items():
-        chosen = rays if len(rays) <= samples else rng.choice(rays, samples, replace=False)
+        chosen = rays if len(rays) <= _SAMPLES else rng.choice(rays, _SAMPLES, replace=False)
         roots = []
         for ray in np.sort(chosen).tolist():
             value = float(cofactor_column(normal, factor, ray, axis)[ray, axis])
