@@ -1,0 +1,158 @@
+"""The command line of `anaplot plotter` and its parts; light, `--help` reads it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from anaplot.report.arguments import positive, whole
+
+__all__ = ["add_plotter_commands"]
+
+
+def _plotter_list(_: argparse.Namespace) -> int:
+    from anaplot.report.plottercommand import list_instruments
+
+    return list_instruments(sys.stdout)
+
+
+def _plotter_check(options: argparse.Namespace) -> int:
+    from anaplot.report.plottercommand import check_profile
+
+    return check_profile(options.profile, sys.stdout)
+
+
+def _plotter_watch(options: argparse.Namespace) -> int:
+    from anaplot.report.plottercommand import watch
+
+    return watch(
+        options.port, options.profile, sys.stdout, seconds=options.seconds, raw=options.raw
+    )
+
+
+def _plotter_sim(options: argparse.Namespace) -> int:
+    from anaplot.plotter.device.hand import Hand
+    from anaplot.report.simulatorcommand import run_simulator
+
+    photographs = in_right = None
+    if options.truth is not None:
+        from anaplot.simulation.opening import plates_in
+
+        photographs, in_right = plates_in(options.truth, options.seed)
+    laid = None
+    if options.lay is not None:
+        left, _, right = options.lay.partition("/")
+        laid = (left, right or left)
+    return run_simulator(
+        options.profile,
+        sys.stdout,
+        photographs=photographs,
+        in_right=in_right,
+        laid=laid,
+        mistakes=options.mistake or (),
+        symlink=options.link,
+        tcp=options.tcp is not None,
+        tcp_port=options.tcp or 0,
+        seed=options.seed,
+        noise_um=options.noise_um,
+        time_scale=options.time_scale,
+        fault_rates=dict(options.fault or ()),
+        hand=Hand(auto_pedal=options.auto_pedal),
+        control=None if sys.stdin is None or sys.stdin.closed else sys.stdin,
+    )
+
+
+def _fault(text: str) -> tuple[str, float]:
+    name, equals, rate = text.partition("=")
+    try:
+        value = float(rate) if equals else 0.01
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r}: the rate must lie between 0 and 1")
+    return name, value
+
+
+def add_plotter_commands(commands: Any) -> None:
+    """Add `plotter` and its parts."""
+    plotter = commands.add_parser(
+        "plotter",
+        help="list ports and profiles, check a profile, watch a line, run a simulated plotter",
+        description="Instruments: ports, profiles, and a simulated plotter by itself.",
+        epilog="example: anaplot plotter check anaplot-ascii",
+    )
+    parts = plotter.add_subparsers(dest="part", metavar="COMMAND", required=True)
+
+    listing = parts.add_parser(
+        "list", help="ports and device profiles", epilog="example: anaplot plotter list"
+    )
+    listing.set_defaults(run=_plotter_list)
+
+    check = parts.add_parser(
+        "check",
+        help="read a profile and decode its examples",
+        epilog="example: anaplot plotter check ./my-counter.toml",
+    )
+    check.add_argument("profile", metavar="PROFILE", help="a name or a file")
+    check.set_defaults(run=_plotter_check)
+
+    watch = parts.add_parser(
+        "watch",
+        help="print what an instrument says",
+        epilog="example: anaplot plotter watch /dev/ttyUSB0 heidenhain-nd720",
+    )
+    watch.add_argument(
+        "port", nargs="+", metavar="PORT", help="an address; LINK=ADDRESS for several cables"
+    )
+    watch.add_argument("profile", metavar="PROFILE", help="a name or a file")
+    watch.add_argument("--seconds", type=positive, metavar="S", help="end after so long")
+    watch.add_argument("--raw", action="store_true", help="print the bytes as well")
+    watch.set_defaults(run=_plotter_watch)
+
+    sim = parts.add_parser(
+        "sim",
+        help="run the simulated plotter by itself",
+        description="Runs the simulated plotter for a profile until interrupted; lines on standard "
+        "input press its pedal, move its plates and plant faults (help lists them).",
+        epilog="example: anaplot plotter sim anaplot-ascii --truth myblock --lay 101/102",
+    )
+    sim.add_argument("profile", metavar="PROFILE", help="a name or a file")
+    sim.add_argument(
+        "--truth",
+        type=Path,
+        metavar="FOLDER",
+        help="the block whose image_points.csv lies in the plates (shifted, turned and shrunk "
+        "where its cameras have fiducials); a grid when left out",
+    )
+    sim.add_argument("--lay", metavar="LEFT/RIGHT", help="photographs to begin with")
+    sim.add_argument("--link", type=Path, metavar="PATH", help="stable name of the port")
+    sim.add_argument(
+        "--tcp", type=whole(0, 65535), metavar="PORT", help="serve loopback TCP instead; 0: any"
+    )
+    sim.add_argument("--seed", type=whole(0, 2**31), default=1, metavar="N", help="default 1")
+    sim.add_argument(
+        "--noise-um", type=positive, default=5.0, metavar="UM", help="of a pointing, default 5"
+    )
+    sim.add_argument(
+        "--time-scale", type=positive, default=1.0, metavar="X", help="simulated seconds a second"
+    )
+    sim.add_argument("--auto-pedal", action="store_true", help="press the pedal after pointing")
+    sim.add_argument(
+        "--fault",
+        type=_fault,
+        action="append",
+        metavar="NAME=RATE",
+        help="let a fault strike records at this rate; may be given again",
+    )
+    sim.add_argument(
+        "--mistake",
+        nargs="+",
+        action="append",
+        metavar="WORD",
+        help="have the hand make a mistake in the model laid first: parallax POINT UM, "
+        "wrong-point POINT OTHER, swap POINT OTHER, transfer POINT DX_UM DY_UM, drift DY_UM; "
+        "may be given again",
+    )
+    sim.set_defaults(run=_plotter_sim)
