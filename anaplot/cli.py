@@ -137,6 +137,18 @@ def _inner(options: argparse.Namespace) -> int:
     return run_inner(options)
 
 
+def _pack(options: argparse.Namespace) -> int:
+    from anaplot.report.packcommand import run_pack
+
+    return run_pack(options)
+
+
+def _unpack(options: argparse.Namespace) -> int:
+    from anaplot.report.packcommand import run_unpack
+
+    return run_unpack(options)
+
+
 def _status(options: argparse.Namespace) -> int:
     from anaplot.report.statuscommand import run_status
 
@@ -353,6 +365,25 @@ def _parser() -> _Parser:
     )
     log.add_argument("session", type=Path, metavar="BLOCK", help="a block, or a recorded session")
     add_output(log, "the changes")
+
+    pack = command(
+        "pack",
+        _pack,
+        "a whole block as one file: settings, measurements, control, cameras and journal",
+        "anaplot pack myblock -o myblock.zip",
+    )
+    pack.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
+    pack.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="a new file")
+    unpack = command(
+        "unpack",
+        _unpack,
+        "a packed block as a folder again, every file checked",
+        "anaplot unpack myblock.zip -o myblock",
+    )
+    unpack.add_argument("pack", type=Path, metavar="FILE", help="what pack has written")
+    unpack.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FOLDER", help="a new folder"
+    )
 
     add_plotter_commands(commands)
     _add_plan(commands)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from clibench import anaplot, contents, here, make_block, one_line
 
+from anaplot.cli import main
 from anaplot.exchange.journal import Journal
 
 pytestmark = pytest.mark.slow
@@ -88,3 +89,11 @@ def test_truth_that_lacks_a_photo(
         2,
         "has no point of photo 103",
     )
+
+
+def test_a_block_without_strips_cannot_be_measured(tmp_path, capsys):
+    (tmp_path / "image_points.csv").write_text("photo,point,x,y\na,1,1,2\nb,1,1,2\n")
+    assert main(["new", str(tmp_path), "--camera", "100"]) == 0
+    capsys.readouterr()
+    assert main(["open", str(tmp_path), "--simulate"]) == 2
+    assert "at least one [[strip]] is needed to measure" in capsys.readouterr().err

@@ -14,6 +14,7 @@ from anaplot.simulation.instrument import PROFILE_OF_SIMULATION, SimulationSetup
 from anaplot.simulation.laidplates import laid_photographs, random_placements
 from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.station import DEFAULT_PATTERN, Station
+from anaplot.textfiles.wording import place
 
 __all__ = ["open_station", "plates_in", "truth_of"]
 
@@ -67,6 +68,10 @@ def open_station(
     if truth is not None and not simulate:
         raise InputError("--truth goes with --simulate")
     block = read_block(folder)
+    if not block.strips:
+        raise InputError(
+            f"{place(folder / 'block.toml')}: no strip: at least one [[strip]] is needed to measure"
+        )
     if point_pattern is None:
         point_pattern = block.measuring.pattern or DEFAULT_PATTERN
     if port is not None and profile is None:
