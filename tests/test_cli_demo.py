@@ -16,7 +16,7 @@ from anaplot.exchange.blockfolder import read_block
 
 pytestmark = pytest.mark.slow
 
-MANY = "30"  # models, of which the first is told long before the last is measured
+MANY = "10"  # models, of which the first is told long before the last is measured
 
 
 def test_the_demo_tells_its_story() -> None:
