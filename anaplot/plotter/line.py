@@ -66,6 +66,7 @@ class Line:
         port: SerialPort,
     ) -> None:
         self._link = link
+        self._stopping = link.stopping
         self._conversation = conversation
         self._profile = profile
         self.name = name
@@ -111,28 +112,28 @@ class Line:
 
     def _run(self) -> None:
         try:
-            while not self._link.stopping.is_set():
+            while not self._stopping.is_set():
                 try:
                     self._read_until_lost()
                 except LinkError as error:
-                    if self._link.stopping.is_set():
+                    if self._stopping.is_set():
                         return
                     self.port.close()
                     self._link.change(self, "lost", str(error))
                     self._reopen()
         finally:
             # an error in a callback ends this thread: the link must not look alive then
-            if not self._link.stopping.is_set():
+            if not self._stopping.is_set():
                 self._link.change(self, "lost", "the reader has failed")
 
     def _read_until_lost(self) -> None:
-        while not self._link.stopping.is_set():
+        while not self._stopping.is_set():
             wait = self._link.poll_if_due()
             if self._switches:
                 wait = min(wait, _MODEM_TICK)
             self._link.wait_for_room()
             data = self.port.read(min(wait, TICK))
-            if self._link.stopping.is_set():
+            if self._stopping.is_set():
                 return
             if data:
                 understood = self._conversation.received(self.name, data)
@@ -172,7 +173,7 @@ class Line:
     def _reopen(self) -> None:
         attempt = 0
         waits = self._link.back_off
-        while not self._link.stopping.wait(waits[min(attempt, len(waits) - 1)]):
+        while not self._stopping.wait(waits[min(attempt, len(waits) - 1)]):
             attempt += 1
             self._link.change(self, "reconnecting", self.detail)
             address = find_port(self.identity) or self.address
@@ -183,7 +184,8 @@ class Line:
                 continue
             self.port = port
             self.address = address
-            if self._link.stopping.is_set():
+            if self._stopping.is_set():
+                port.close()
                 return
             self._conversation.reopened(self.name)
             self._levels.clear()

@@ -215,6 +215,8 @@ class Instrument:
 
     def seen(self, since: tuple[int, int]) -> Seen:
         """Return what is seen of it now, the counters read since a mark of the link, or not."""
+        # first: a read-out that comes meanwhile makes the counters newer than they are said to be
+        read = self.link.read_since(since)
         return Seen(
             time=time.monotonic(),
             own_operator=self.own_operator,
@@ -222,7 +224,7 @@ class Instrument:
             position=self.position(),
             counters=self.link.unreferenced_position,
             shift=self.link.shift,
-            read=self.link.read_since(since),
+            read=read,
         )
 
     def do(self, request: OfInstrument) -> None:

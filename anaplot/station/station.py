@@ -352,14 +352,20 @@ class Station(Commanded):
                 pass
             case _:
                 self._hear(item)
+        if self._unreferenced():
+            self._hear(ReferenceLost())
+
+    def _unreferenced(self) -> bool:
+        """Whether the counters have lost their reference, and the desk does not know it yet."""
         instrument = self._instrument
         lost = instrument is not None and not instrument.link.referenced
-        if lost and self._desk.referencing is None:
-            self._hear(ReferenceLost())
+        return lost and self._desk.referencing is None
 
     def _hear(self, heard: Heard) -> None:
         """Ask the desk what follows."""
         with self._change():
+            if isinstance(heard, ReferenceLost) and not self._unreferenced():
+                return  # a command has referred them between the look and the lock
             if isinstance(heard, LinkChanged):
                 self._link = replace(self._link, state=heard.state, detail=heard.detail)
                 self._news.any = True

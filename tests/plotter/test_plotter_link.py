@@ -286,6 +286,49 @@ def test_closing_from_a_callback(simulated, photographs):
             link.stop()
 
 
+def test_opened_again_from_a_callback_it_has_one_reader(simulated, photographs, heard):
+    with served(simulated, photographs) as server:
+        readers = []
+
+        def on_reading(reading) -> None:
+            if not readers:
+                readers.append(threading.current_thread())
+                link.close()
+                link.open()
+            heard.on_reading(reading)
+
+        link = Link(simulated, server.port, on_reading=on_reading, on_state=heard.on_state)
+        with link:
+            heard.wait(lambda: readers)
+            readers[0].join(30)
+            assert not readers[0].is_alive()
+            heard.wait_state("live")
+            assert link.state == "live"
+    assert "lost" not in dict(heard.states)
+
+
+def test_closed_while_it_looks_for_its_port_a_link_keeps_none(simulated, photographs, heard):
+    with served(simulated, photographs) as server:
+
+        def on_state(state: str, detail: str) -> None:
+            if state == "lost":
+                server.reconnect()  # so that the port is there again
+            if state == "reconnecting":
+                link.close()
+            heard.on_state(state, detail)
+
+        link = Link(
+            simulated, server.port, back_off=FAST, on_reading=lambda _: 0, on_state=on_state
+        )
+        link.open()
+        heard.wait_state("live")
+        (reader,) = (t for t in threading.enumerate() if t.name == "plotter link main")
+        server.disconnect()
+        heard.wait_state("closed")
+        reader.join(30)
+        assert not reader.is_alive()
+
+
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_a_link_whose_callback_fails_does_not_look_alive(simulated, photographs, heard):
     def fails(_) -> None:

@@ -10,7 +10,12 @@ from stationbench import Bench, Watch
 
 from anaplot.errors import InputError
 from anaplot.plotter.device.plotter import SimulatedPlotter
+from anaplot.plotter.link import Link
+from anaplot.plotter.ports import parse_ports
+from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import UNREFERENCED, Position
+from anaplot.station.inbox import Inbox
+from anaplot.station.instrument import Instrument
 from anaplot.station.replay import replay_session
 from anaplot.station.station import Station
 
@@ -264,3 +269,51 @@ def test_where_nothing_is_measured_there_is_nothing_to_refer_to(tmp_path: Path) 
         station.close()
     for folder in (oriented.folder, bench.folder):
         assert replay_session(folder).differences == ()
+
+
+def test_counters_referred_while_their_loss_is_being_told_are_not_lost_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = bench_in(tmp_path / "block")
+    with bench.stack:
+        station, watch = open_on(bench, DISPLAYS)
+        station.next_model()
+        looks = [False]  # the station looks, then a command refers them, then it has the lock
+        monkeypatch.setattr(Link, "referenced", property(lambda _: not looks or looks.pop()))
+        watch.until(lambda _: not looks)
+        wanted = device(station).now + 5.0
+        watch.until(lambda _: device(station).now > wanted)
+        assert station.desk.referencing is None
+        assert not station.snapshot().unreferenced
+
+
+class Passing:
+    """A line on which a read-out comes after every look."""
+
+    state, shift = "live", Position(0.0, 0.0, 0.0, 0.0)
+
+    def __init__(self) -> None:
+        self.heard = 0
+
+    def latest(self) -> None:
+        return None
+
+    @property
+    def unreferenced_position(self) -> Position:
+        self.heard += 1
+        return Position(float(self.heard - 1), 0.0, 0.0, 0.0)
+
+    def read_since(self, mark: tuple[int, int]) -> bool:
+        self.heard += 1
+        return self.heard - 1 > mark[1]
+
+
+def test_counters_said_to_be_read_since_are_those_read_since() -> None:
+    profile = load_profile(MONO_DISPLAY)
+    instrument = Instrument(profile, parse_ports(profile, ["/dev/null"]), "", Inbox())
+    for already in range(6):
+        instrument.link = Passing()  # type: ignore[assignment]
+        seen = instrument.seen((0, already))
+        assert seen.counters is not None
+        assert not seen.read or seen.counters.xl > already
+    assert instrument.seen((0, 0)).read
