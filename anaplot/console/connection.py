@@ -10,10 +10,10 @@ from anaplot.console.mailbox import Mailbox
 from anaplot.console.stationlike import StationLike
 from anaplot.session.commands import Command
 
-__all__ = ["Connection"]
+__all__ = ["StationConnection"]
 
 
-class Connection:
+class StationConnection:
     """What comes from a station is kept until it is fetched; commands go one after the other.
 
     Parameters

@@ -82,7 +82,7 @@ class Question:
 Intent = Command | Say | Question | Leave | PointName | Read | Turn | Toggle
 
 _ALWAYS: dict[str, Intent] = {
-    "record": commands.Record(),
+    "record": commands.RecordPoint(),
     "next_model": commands.NextModel(),
     "other_photo": commands.OtherPhoto(),
     "undo": commands.Undo(),

@@ -12,7 +12,7 @@ from textual.message import Message
 from textual.screen import Screen
 
 from anaplot.console.choices import Choices
-from anaplot.console.connection import Connection
+from anaplot.console.connection import StationConnection
 from anaplot.console.dialogs import AskName, AskWhether
 from anaplot.console.errorspage import errors_line
 from anaplot.console.intent import (
@@ -116,7 +116,7 @@ class OrientationScreen(Screen[None]):
         self._station = station
         self._controls = controls
         self._keys = keys_in_force(keymap or {})
-        self._connection = Connection(station, self._wake)
+        self._connection = StationConnection(station, self._wake)
         self._snapshot = station.snapshot()
         self._choices = Choices()
         self._flagged: frozenset[tuple[str, str]] = frozenset()

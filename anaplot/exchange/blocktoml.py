@@ -37,11 +37,11 @@ from anaplot.textfiles.kinds import (
     Fields,
     Keys,
     Kind,
+    KnownName,
     ListOf,
     Made,
     Number,
     Numbers,
-    Reference,
     Text,
     Word,
 )
@@ -241,7 +241,7 @@ def _shown(value: object) -> str:
 
 
 def _photo(cameras: Collection[str], table: TomlTable) -> Photo:
-    photo = Photo(**table.take({"id": PHOTO, "camera": Reference("camera", cameras)}, _PHOTO))
+    photo = Photo(**table.take({"id": PHOTO, "camera": KnownName("camera", cameras)}, _PHOTO))
     for key in _SIGMAS:
         of = key.removesuffix("_sigma")
         if key in table and of not in table:
@@ -253,7 +253,7 @@ def _strip(photos: Collection[str], only: str | None, table: TomlTable) -> Strip
     """Return a strip; photos that are not declared belong to the block's only camera."""
     # The sign of the base comes from the data: only the magnitude is taken.
     base: Fields = {"base": Made(NUMBER, abs)}
-    name: Kind[str] = PHOTO if only is not None else Reference("photo", photos)
+    name: Kind[str] = PHOTO if only is not None else KnownName("photo", photos)
     if "first" in table or "last" in table:
         if "photos" in table:
             raise table.fail("photos beside first and last: only one of them", "photos")

@@ -25,7 +25,7 @@ from anaplot.exchange.camerafile import camera_path, read_camera
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.textfiles.inputfile import read_text
-from anaplot.textfiles.kinds import PHOTO, POSITIVE, Made, MapOf, Number, Numbers, Reference, Text
+from anaplot.textfiles.kinds import PHOTO, POSITIVE, KnownName, Made, MapOf, Number, Numbers, Text
 from anaplot.textfiles.tomltable import parse_toml
 from anaplot.textfiles.wording import quoted
 
@@ -122,7 +122,7 @@ def parse_fiducials(text: str, path: Path) -> FiducialMeasurements:
     known = camera.fiducial_names()
     if not known:
         raise root.fail(f"camera {quoted(camera.id)} states no fiducials", "camera")
-    fiducial = Reference(f"fiducial of camera {quoted(camera.id)}:", known)
+    fiducial = KnownName(f"fiducial of camera {quoted(camera.id)}:", known)
     photos = root.optional("photo", MapOf(PHOTO, MapOf(fiducial, Numbers(2, _PLATE))), {})
     if not photos:
         raise root.fail("no photo: tables [photo.NAME] hold the measured fiducials")

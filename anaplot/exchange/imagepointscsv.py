@@ -10,7 +10,7 @@ from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.selection import model_name
 from anaplot.textfiles.csvtable import CsvColumns, csv_text, read_csv
-from anaplot.textfiles.kinds import NAME, NUMBER, PHOTO, POSITIVE, Blank, Reference, Text
+from anaplot.textfiles.kinds import NAME, NUMBER, PHOTO, POSITIVE, Blank, KnownName, Text
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import hint, quoted
 
@@ -44,7 +44,7 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
     table = read_csv(
         path,
         {
-            "photo": PHOTO if named_here else Reference("photo", of_photo),
+            "photo": PHOTO if named_here else KnownName("photo", of_photo),
             "point": NAME,
             "x": NUMBER,
             "y": NUMBER,

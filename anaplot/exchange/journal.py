@@ -29,8 +29,8 @@ from anaplot.exchange.lockfile import FolderLock
 from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
     JournalError,
+    JournalRecord,
     Keep,
-    Record,
     encode_line,
 )
 from anaplot.session.events import Event
@@ -42,7 +42,7 @@ from anaplot.version import __version__
 __all__ = [
     "Journal",
     "JournalError",
-    "Record",
+    "JournalRecord",
     "Recovered",
     "event_of",
     "events_of",

@@ -16,8 +16,8 @@ from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
     MAX_LINE,
     DamagedLineError,
+    JournalRecord,
     Keep,
-    Record,
     claimed_format,
     decode_line,
 )
@@ -63,7 +63,7 @@ class Recovered:
         Sentences for the operator: a torn tail, a file that does not belong here.
     """
 
-    records: tuple[Record, ...]
+    records: tuple[JournalRecord, ...]
     remarks: tuple[str, ...]
 
 
@@ -126,7 +126,7 @@ class Scan:
     """All files of a journal, verified."""
 
     files: tuple[FileScan, ...]
-    records: tuple[Record, ...]
+    records: tuple[JournalRecord, ...]
     remarks: tuple[str, ...]
 
 
@@ -148,7 +148,7 @@ def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
     """
     folder = folder_of(path)
     if folder is None:
-        records: list[Record] = []
+        records: list[JournalRecord] = []
         file = _FileReader(path, None, keep, records).scan(is_last=True)
         scan = Scan((file,), tuple(records), ())
     else:
@@ -162,7 +162,7 @@ def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
     return Recovered(scan.records, tuple(remarks))
 
 
-def event_of(record: Record) -> Event:
+def event_of(record: JournalRecord) -> Event:
     """Return the session event that a record is.
 
     Raises
@@ -176,7 +176,7 @@ def event_of(record: Record) -> Event:
         raise InputError(f"{record.file} line {record.line}: {error}") from None
 
 
-def events_of(records: Iterable[Record]) -> tuple[Event, ...]:
+def events_of(records: Iterable[JournalRecord]) -> tuple[Event, ...]:
     """Return the session events among records, in order; other kinds of records are passed over.
 
     Raises
@@ -247,7 +247,7 @@ def scan_folder(folder: Path, keep: Keep | None) -> Scan:
     """
     numbered, remarks = numbered_files(folder)
     files: list[FileScan] = []
-    records: list[Record] = []
+    records: list[JournalRecord] = []
     last_number = max(numbered, default=0)
     seq = 0
     for expected, number in enumerate(sorted(numbered), 1):
@@ -292,7 +292,7 @@ class _FileReader:
     """
 
     def __init__(
-        self, path: Path, seq: int | None, keep: Keep | None, records: list[Record]
+        self, path: Path, seq: int | None, keep: Keep | None, records: list[JournalRecord]
     ) -> None:
         self._path = path
         self._name = place(path)
@@ -341,7 +341,7 @@ class _FileReader:
     def _wanted(self, kind: str) -> bool:
         return self._keep is None or kind in ("header", "opened") or self._keep(kind)
 
-    def _check(self, record: Record) -> None:
+    def _check(self, record: JournalRecord) -> None:
         if record.line == 1 and record.kind != "header":
             raise self._fail(record.line, "the header is missing")
         if record.line > 1 and record.kind == "header":
@@ -386,7 +386,7 @@ class _FileReader:
                 changed = changed or (record.changed and not has_zeros)
                 # The beginning of a line may be zeros, and a record stand whole behind them.
                 record = self._record(raw.rpartition(b"\0")[2], number)
-            if isinstance(record, Record):
+            if isinstance(record, JournalRecord):
                 whole += 1
                 known = record.durable is not False and (left > 0 or not zeros)
                 if known or changed:
@@ -397,7 +397,7 @@ class _FileReader:
             left -= len(raw)
         return Tail(line, str(damage), whole)
 
-    def _record(self, raw: bytes, line: int) -> Record | DamagedLineError:
+    def _record(self, raw: bytes, line: int) -> JournalRecord | DamagedLineError:
         try:
             return decode_line(raw.removesuffix(b"\n"), self._name, line, _nothing)[0]
         except DamagedLineError as error:

@@ -14,10 +14,10 @@ from anaplot.textfiles.kinds import (
     NUMBER,
     PHOTO,
     Fields,
+    KnownName,
     Made,
     Number,
     Numbers,
-    Reference,
     WrongValueError,
 )
 from anaplot.textfiles.tomltable import TomlTable, read_toml
@@ -99,7 +99,7 @@ def read_network(path: Path) -> NetworkFile:
 
 
 def _station(table: TomlTable, cameras: Collection[str]) -> StationEntry:
-    kinds: Fields = {"id": PHOTO, "camera": Reference("camera", cameras), "position": _PLACE}
+    kinds: Fields = {"id": PHOTO, "camera": KnownName("camera", cameras), "position": _PLACE}
     station = StationEntry(**table.take(kinds, _STATION))
     if (station.rotation is None) == (station.look_at is None):
         raise table.fail("a station has either rotation or look_at")

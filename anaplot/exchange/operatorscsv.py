@@ -6,7 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from anaplot.textfiles.csvtable import read_csv
-from anaplot.textfiles.kinds import NAME, Reference
+from anaplot.textfiles.kinds import NAME, KnownName
 
 __all__ = ["read_operators"]
 
@@ -31,7 +31,7 @@ def read_operators(path: Path, photos: Collection[str]) -> dict[str, str]:
     InputError
         The first thing that is wrong, with file and line.
     """
-    table = read_csv(path, {"photo": Reference("photo", photos), "operator": NAME})
+    table = read_csv(path, {"photo": KnownName("photo", photos), "operator": NAME})
     if not len(table):
         raise table.fail(None, None, "no rows")
     table.refuse_twice("photo")

@@ -18,8 +18,8 @@ __all__ = [
     "MAX_LINE",
     "DamagedLineError",
     "JournalError",
+    "JournalRecord",
     "Keep",
-    "Record",
     "claimed_format",
     "decode_line",
     "encode_line",
@@ -63,7 +63,7 @@ class DamagedLineError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class JournalRecord:
     """One record of a journal.
 
     Attributes
@@ -125,7 +125,9 @@ def encode_line(
     return line
 
 
-def decode_line(raw: bytes, file: str, line: int, keep: Keep | None = None) -> tuple[Record, bool]:
+def decode_line(
+    raw: bytes, file: str, line: int, keep: Keep | None = None
+) -> tuple[JournalRecord, bool]:
     """Return the record of a line.
 
     Parameters
@@ -139,7 +141,7 @@ def decode_line(raw: bytes, file: str, line: int, keep: Keep | None = None) -> t
 
     Returns
     -------
-    tuple[Record, bool]
+    tuple[JournalRecord, bool]
         The record, and whether it is wanted; without payload when it is not.
 
     Raises
@@ -162,7 +164,7 @@ def decode_line(raw: bytes, file: str, line: int, keep: Keep | None = None) -> t
     kind = head[3].decode("ascii")
     wanted = keep is None or keep(kind)
     return (
-        Record(
+        JournalRecord(
             seq=int(head[1]),
             time=time,
             kind=kind,

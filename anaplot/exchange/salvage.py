@@ -16,7 +16,7 @@ from anaplot.exchange.journalread import MAX_FILE_BYTES, check_format, folder_of
 from anaplot.exchange.recordline import (
     MAX_LINE,
     DamagedLineError,
-    Record,
+    JournalRecord,
     claimed_format,
     decode_line,
 )
@@ -61,7 +61,7 @@ class Gap:
 class Readable:
     """What can be read: the records of every file, and what is missing, in order."""
 
-    files: tuple[tuple[Record, ...], ...]
+    files: tuple[tuple[JournalRecord, ...], ...]
     gaps: tuple[Gap, ...]
 
     @property
@@ -94,7 +94,7 @@ def read_what_can_be_read(path: Path) -> Readable:
             if number > 1 and number - 1 not in numbered:
                 missing = place(folder / f"{number - 1:04d}.jsonl")
                 gaps.append(Gap(missing, None, None, None, None, "the file is missing"))
-    files: list[tuple[Record, ...]] = []
+    files: list[tuple[JournalRecord, ...]] = []
     seq = 0
     for file in paths:
         records, found = _read(file, seq)
@@ -106,10 +106,10 @@ def read_what_can_be_read(path: Path) -> Readable:
     return Readable(tuple(files), tuple(gaps))
 
 
-def _read(path: Path, seq: int) -> tuple[tuple[Record, ...], list[Gap]]:
+def _read(path: Path, seq: int) -> tuple[tuple[JournalRecord, ...], list[Gap]]:
     """Read a file that follows upon a record of given number."""
     name = place(path)
-    records: list[Record] = []
+    records: list[JournalRecord] = []
     gaps: list[Gap] = []
     bad: list[tuple[int, str]] = []  # lines that cannot be read since the last one that can
     try:
@@ -149,7 +149,7 @@ def _lines(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         yield line, raw
 
 
-def _whole(raw: bytes, name: str, line: int) -> tuple[Record | None, str]:
+def _whole(raw: bytes, name: str, line: int) -> tuple[JournalRecord | None, str]:
     """Return the record of a line, and what is wrong with the line."""
     raw = raw.removesuffix(b"\n")
     why = ""

@@ -24,7 +24,7 @@ from anaplot.plotter.readings import (
     Record,
     Refused,
 )
-from anaplot.plotter.readout import Gatherer, ReadOut
+from anaplot.plotter.readout import AxesReadOut, Gatherer
 from anaplot.plotter.records import RecordReader
 from anaplot.plotter.refusal import RefusedError
 from anaplot.plotter.schema import Profile, RecordFormat
@@ -409,7 +409,7 @@ class Decoder:
             self._notes.append(Fault("jumped", "the counters jumped"))
             self._lose_reference()
         self._heard_cycle = cycle
-        readout = ReadOut(complete, self._reading(complete), now, cycle)
+        readout = AxesReadOut(complete, self._reading(complete), now, cycle)
         switches = self._profile.footswitches.values()
         every = [switch.name for switch in switches if switch.source == "every"]
         begun = self._keys.told(record, match)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from anaplot.errors import InputError
 from anaplot.plotter.origin import Origin
 from anaplot.plotter.readings import Position
-from anaplot.plotter.schema import Drive, Profile
+from anaplot.plotter.schema import DriveFormat, Profile
 
 __all__ = ["drive_command", "poll_request", "stop_command"]
 
@@ -74,7 +74,7 @@ def stop_command(profile: Profile) -> bytes:
     return _sent(profile, profile.drive, profile.drive.stop.render({}))
 
 
-def _sent(profile: Profile, drive: Drive, payload: bytes) -> bytes:
+def _sent(profile: Profile, drive: DriveFormat, payload: bytes) -> bytes:
     checksum = profile.checksum
     if checksum is not None and checksum.host:
         payload += checksum.digits(payload)

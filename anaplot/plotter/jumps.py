@@ -14,7 +14,7 @@ _LONGEST = 0.25  # s that a carriage is given: a box that is silent for longer m
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _Standing:
     values: Mapping[str, float]
     since: float
 
@@ -33,8 +33,8 @@ class JumpWatch:
 
     def __init__(self, axes: Mapping[str, AxisFormat]) -> None:
         self._axes = [axis for axis in axes.values() if axis.fastest is not None]
-        self._last: _Place | None = None
-        self._suspect: _Place | None = None
+        self._last: _Standing | None = None
+        self._suspect: _Standing | None = None
 
     def forget(self) -> None:
         """Forget where the carriages were: the line was opened anew."""
@@ -60,7 +60,7 @@ class JumpWatch:
         RefusedError
             It is too far from the last one; the next one will tell.
         """
-        here = _Place(values, since)
+        here = _Standing(values, since)
         reason = self._impossible(self._last, values, now)
         if reason and (self._suspect is None or self._impossible(self._suspect, values, now)):
             self._suspect = here
@@ -79,7 +79,7 @@ class JumpWatch:
         if reason := self._impossible(self._last, values, now):
             raise RefusedError(reason)
 
-    def _impossible(self, place: _Place | None, values: Mapping[str, float], now: float) -> str:
+    def _impossible(self, place: _Standing | None, values: Mapping[str, float], now: float) -> str:
         if place is None:
             return ""
         seconds = min(now - place.since, _LONGEST)

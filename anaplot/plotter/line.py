@@ -11,7 +11,7 @@ from anaplot.plotter.schema import Footswitch, Profile
 from anaplot.plotter.serialport import SerialPort, find_port, identity_of
 from anaplot.textfiles.wording import plain
 
-__all__ = ["TICK", "Line", "LineOwner", "LinkState"]
+__all__ = ["TICK", "LineOwner", "LinkState", "PortLine"]
 
 LinkState = Literal["closed", "opening", "live", "silent", "lost", "reconnecting"]
 
@@ -37,11 +37,11 @@ class LineOwner(Protocol):
     def wait_for_room(self) -> None:
         """Wait until whoever listens has room for more, or the link is closed."""
 
-    def change(self, line: Line, state: LinkState, detail: str = "") -> None:
+    def change(self, line: PortLine, state: LinkState, detail: str = "") -> None:
         """Set a line's state and tell."""
 
 
-class Line:
+class PortLine:
     """One port of a link and the thread that reads it.
 
     Parameters

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from anaplot.errors import InputError, LinkError
 from anaplot.plotter.conversation import Conversation, DecoderEvent, Traffic
-from anaplot.plotter.line import TICK, Line, LinkState
+from anaplot.plotter.line import TICK, LinkState, PortLine
 from anaplot.plotter.ports import addresses_of
 from anaplot.plotter.readings import KEY, Position, Reading
 from anaplot.plotter.schema import Profile
@@ -89,7 +89,7 @@ class Link:
             speed_limits=speed_limits,
         )
         self._stop = threading.Event()
-        self._lines: dict[str, Line] = {}
+        self._lines: dict[str, PortLine] = {}
         self._state: LinkState = "closed"
         self._detail = ""
 
@@ -117,11 +117,11 @@ class Link:
             self._stop = threading.Event()
             self._conversation.begin(referenced=referenced)
         self._announce("opening", "")
-        lines: dict[str, Line] = {}
+        lines: dict[str, PortLine] = {}
         try:
             for name, address in self._addresses.items():
                 port = SerialPort(address, self._profile.links[name])
-                lines[name] = Line(self, self._conversation, self._profile, name, address, port)
+                lines[name] = PortLine(self, self._conversation, self._profile, name, address, port)
         except LinkError as error:
             for line in lines.values():
                 line.port.close()
@@ -334,7 +334,7 @@ class Link:
         name = drive.link if drive is not None else self._profile.default_link
         self._usable(name).send(command)
 
-    def _usable(self, name: str) -> Line:
+    def _usable(self, name: str) -> PortLine:
         line = self._lines.get(name)
         if line is None:
             raise LinkError(f"the link to {self._profile.id} is closed")
@@ -342,7 +342,7 @@ class Link:
             raise LinkError(f"the link to {self._profile.id} is lost: {line.detail}")
         return line
 
-    def _begin_cycle(self) -> list[Line]:
+    def _begin_cycle(self) -> list[PortLine]:
         """Begin a cycle; return the ports on which the request is to be written.
 
         The writing itself, which may wait, is left to the caller and outside of the lock.
@@ -353,7 +353,7 @@ class Link:
         self._conversation.ask([line.name for line in usable])
         return usable
 
-    def _ask(self, lines: Iterable[Line]) -> None:
+    def _ask(self, lines: Iterable[PortLine]) -> None:
         if self._profile.poll is not None:
             for line in lines:
                 line.port.write(self._profile.poll.request)
@@ -415,7 +415,7 @@ class Link:
         """Waits before the attempts to reopen [s]."""
         return self._back_off
 
-    def change(self, line: Line, state: LinkState, detail: str = "") -> None:
+    def change(self, line: PortLine, state: LinkState, detail: str = "") -> None:
         """Set a port's state and tell."""
         with self._lock:
             if (line.state, line.detail) == (state, detail):

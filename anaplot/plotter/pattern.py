@@ -54,14 +54,14 @@ def compile_pattern(text: str) -> re.Pattern[bytes]:
         text.encode("latin-1")
     except UnicodeEncodeError as error:
         raise PatternError(f"character {error.start + 1} is not a single byte") from None
-    source = _Parser(text[1:-1]).parse()
+    source = _PatternParser(text[1:-1]).parse()
     try:
         return re.compile(source.encode("latin-1"), re.DOTALL)
     except (re.error, OverflowError) as error:
         raise PatternError(str(error)) from None
 
 
-class _Parser:
+class _PatternParser:
     """Recursive descent over the pattern; writes the pattern that never goes back."""
 
     def __init__(self, text: str) -> None:

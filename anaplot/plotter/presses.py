@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 from anaplot.plotter.readings import Reading, Record, Refused
-from anaplot.plotter.readout import ReadOut
+from anaplot.plotter.readout import AxesReadOut
 from anaplot.plotter.schema import AxisFormat, Poll
 from anaplot.textfiles.wording import plain
 
@@ -45,7 +45,7 @@ class _Candidate:
 
     record: Record
     values: Mapping[str, float]
-    before: ReadOut
+    before: AxesReadOut
     when: float
     held: bool = False
     own: bool = False
@@ -94,7 +94,7 @@ class Presses:
         self._candidates: list[_Candidate] = []
         self._cycle = 0
         self._heard = 0
-        self._last: ReadOut | None = None
+        self._last: AxesReadOut | None = None
         self._stalled = float("-inf")
 
     @property
@@ -113,7 +113,7 @@ class Presses:
         self._pending.append(_Press(switch, now, self._cycle, self._heard))
 
     def read(
-        self, readout: ReadOut, pressed: Collection[str], begun: Collection[str], held: set[str]
+        self, readout: AxesReadOut, pressed: Collection[str], begun: Collection[str], held: set[str]
     ) -> list[Reading]:
         """Take a read-out.
 
@@ -154,7 +154,7 @@ class Presses:
         self._last = readout
         return readings
 
-    def _taken(self, press: _Press, readout: ReadOut) -> list[Reading]:
+    def _taken(self, press: _Press, readout: AxesReadOut) -> list[Reading]:
         record = Record(readout.position, press.switch)
         if not self._confirm:
             return [record]
@@ -192,11 +192,11 @@ class Presses:
         self._candidates.append(_Candidate(record, values, before, now, own=True))
         return []
 
-    def _before(self, now: float) -> ReadOut | None:
+    def _before(self, now: float) -> AxesReadOut | None:
         last = self._last
         return last if last is not None and now - last.when <= self._around else None
 
-    def _judged(self, candidate: _Candidate, after: ReadOut, held: set[str]) -> list[Reading]:
+    def _judged(self, candidate: _Candidate, after: AxesReadOut, held: set[str]) -> list[Reading]:
         record = candidate.record
         if candidate.held and record.switch not in held:
             return [_not_recorded(record.switch, "it was let go too early")]
@@ -220,7 +220,7 @@ class Presses:
                 ]
         return [record]
 
-    def _counts(self, press: _Press, readout: ReadOut) -> bool:
+    def _counts(self, press: _Press, readout: AxesReadOut) -> bool:
         if self._asked:
             return readout.cycle is not None and readout.cycle > press.cycle
         return self._heard > press.heard

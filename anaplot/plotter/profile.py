@@ -15,7 +15,7 @@ from anaplot.plotter.linear import SingularError, inverse
 from anaplot.plotter.schema import (
     AxisFormat,
     Checksum,
-    Drive,
+    DriveFormat,
     Example,
     Footswitch,
     Framing,
@@ -33,12 +33,12 @@ from anaplot.textfiles.kinds import (
     NUMBER,
     Fields,
     Keys,
+    KnownName,
     MapOf,
     Number,
     Numbers,
     Octets,
     OneOrMore,
-    Reference,
     Text,
     Whole,
     Word,
@@ -213,7 +213,7 @@ class _Loader:
             name: LineSettings(name, **table.take({}, keys.LINK))
             for name, table in self._named("link")
         }
-        self._link = Reference("link", self._links)
+        self._link = KnownName("link", self._links)
         self._framing = self._read_framing(root.table("framing"))
         checksum = self._read_checksum() if "checksum" in root else None
         poll = self._read_poll(root.table("poll")) if "poll" in root else None
@@ -310,7 +310,7 @@ class _Loader:
     def _read_record(self, name: str, table: TomlTable) -> RecordFormat:
         pattern = table.get("pattern", keys.PATTERN)
         groups = pattern.groupindex
-        group = Reference("group of the pattern", groups)
+        group = KnownName("group of the pattern", groups)
         most = self._framing.max_bytes
         given = table.take(
             {
@@ -358,7 +358,7 @@ class _Loader:
             raise table.fail(
                 f"no record has the group {quoted(group)}{hint(group, every)}", "group"
             )
-        record = Reference("record", self._records)
+        record = KnownName("record", self._records)
         given = table.take(
             {"range": keys.RANGE},
             {**keys.AXIS, "link": self._link, "group": Text(), "record": OneOrMore(record)},
@@ -395,7 +395,7 @@ class _Loader:
         rows: list[Mapping[str, float]]
         if mono or any(key in table for key in _LEFT_RIGHT):
             sides = ("x", "y") if mono else _LEFT_RIGHT
-            row = MapOf(Reference("axis", (*names, "offset")), Number(-1e6, 1e6))
+            row = MapOf(KnownName("axis", (*names, "offset")), Number(-1e6, 1e6))
             given = table.take(dict.fromkeys(sides, row), keys.WITHIN)
             rows = [given[side] for side in sides]
             if len(names) != len(rows):
@@ -425,12 +425,12 @@ class _Loader:
             return Footswitch(name, **{**given, "link": link})
         if source != "record":
             return Footswitch(name, **table.take(required))
-        format_ = self._records[table.get("record", Reference("record", self._records))]
+        format_ = self._records[table.get("record", KnownName("record", self._records))]
         if format_.kind not in ("record", "position"):
             raise table.fail("must be a record of kind record or position", "record")
         required = {**required, "record": Text()}
         if "group" in table:
-            group = Reference("group of the record", format_.groups)
+            group = KnownName("group of the record", format_.groups)
             required = {**required, "group": group, "value": Octets()}
         elif format_.kind == "position":
             raise table.fail("no key 'group': the position's group that tells the key")
@@ -461,14 +461,14 @@ class _Loader:
                 "confirm",
             )
 
-    def _read_drive(self, table: TomlTable) -> Drive:
+    def _read_drive(self, table: TomlTable) -> DriveFormat:
         link = self._one_link(table)
-        limits = MapOf(Reference("axis", self._axes), keys.RANGE)
+        limits = MapOf(KnownName("axis", self._axes), keys.RANGE)
         given = table.take(
             {
                 "command": keys.template(self._axes),
                 "stop": keys.template(()),
-                "in_position": Reference("record", self._records),
+                "in_position": KnownName("record", self._records),
             },
             {"link": self._link, "limits": limits, "terminator": Octets(4)},
         )
@@ -481,7 +481,7 @@ class _Loader:
             if not bounds[name][0] <= low < high <= bounds[name][1]:
                 raise table.fail("must lie within the axis' range", "limits", name)
         usual = {"link": link, "terminator": self._framing.terminator}
-        return Drive(**{**usual, **given, "limits": {**bounds, **given.get("limits", {})}})
+        return DriveFormat(**{**usual, **given, "limits": {**bounds, **given.get("limits", {})}})
 
     def _read_simulate(self, poll: Poll | None, switches: Mapping[str, Footswitch]) -> Simulate:
         pressed = any(
@@ -517,7 +517,7 @@ class _Loader:
             "in_position": keys.PlaceOrTrue(count, keys.BOUND),
             "fault": Text(),
             "refused": Text(),
-            "axes": MapOf(Reference("axis", self._axes), keys.BOUND),
+            "axes": MapOf(KnownName("axis", self._axes), keys.BOUND),
         }
         found = [key for key in kinds if key in table]
         if len(found) != 1:

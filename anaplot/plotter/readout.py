@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from anaplot.plotter.readings import Position
 
-__all__ = ["Gatherer", "ReadOut"]
+__all__ = ["AxesReadOut", "Gatherer"]
 
 
 @dataclass(frozen=True, slots=True)
-class ReadOut:
+class AxesReadOut:
     """All axes at once.
 
     Attributes

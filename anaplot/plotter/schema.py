@@ -13,7 +13,7 @@ from anaplot.plotter.template import Template
 __all__ = [
     "AxisFormat",
     "Checksum",
-    "Drive",
+    "DriveFormat",
     "Encoding",
     "Example",
     "Footswitch",
@@ -348,7 +348,7 @@ class Footswitch:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class DriveFormat:
     """How the plates are driven: ``[drive]``; without it they are moved by hand.
 
     Attributes
@@ -489,7 +489,7 @@ class Profile:
     axes: Mapping[str, AxisFormat]
     stage: Stage
     footswitches: Mapping[str, Footswitch]
-    drive: Drive | None
+    drive: DriveFormat | None
     simulate: Simulate
     confirm: bool
     examples: tuple[Example, ...]

@@ -52,7 +52,7 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
             draft.redirect(drive_target=None, setting="")
             if draft.desk.abilities is not None and draft.desk.abilities.drives:
                 draft.ask(StopDrive())
-        case commands.Record():
+        case commands.RecordPoint():
             _record(draft)
         case commands.Switch(point, axis, on):
             mode = draft.desk.mode

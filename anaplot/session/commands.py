@@ -14,7 +14,7 @@ __all__ = [
     "KeepCounters",
     "NextModel",
     "OtherPhoto",
-    "Record",
+    "RecordPoint",
     "Reference",
     "Resume",
     "Stop",
@@ -43,7 +43,7 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class RecordPoint:
     """Record the point or fiducial at which the plates stand, with the next position coming in."""
 
 
@@ -124,7 +124,7 @@ class TakeOver:
 Command = (
     Drive
     | Stop
-    | Record
+    | RecordPoint
     | Switch
     | Undo
     | Accept

@@ -9,7 +9,7 @@ from anaplot.errors import InputError
 from anaplot.photogrammetry.readings import UNREFERENCED, Position
 from anaplot.session.draft import Draft
 from anaplot.session.referencing import (
-    Reference,
+    KnownPlace,
     Referencing,
     in_words,
     references,
@@ -62,7 +62,7 @@ def refer(draft: Draft, point: str | None) -> None:
 def _pointed(
     draft: Draft,
     referencing: Referencing,
-    at: Reference,
+    at: KnownPlace,
     here: Position,
     needed: tuple[Side, ...],
 ) -> None:

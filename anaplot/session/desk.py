@@ -16,7 +16,7 @@ from anaplot.planning.modelplan import Candidates
 from anaplot.session.events import Event
 from anaplot.session.heard import Abilities
 from anaplot.session.modes import Mode, mode_of
-from anaplot.session.referencing import Reference, Referencing, asked_for, references
+from anaplot.session.referencing import KnownPlace, Referencing, asked_for, references
 from anaplot.session.requests import Lay
 from anaplot.session.state import SessionState, apply
 from anaplot.session.workflow import Outlook, outlook
@@ -131,7 +131,7 @@ class Desk:
         return None if self.reference is None else self.reference.name
 
     @property
-    def reference(self) -> Reference | None:
+    def reference(self) -> KnownPlace | None:
         """What counters without reference are to be referred to now, or None."""
         if self.referencing is None:
             return None

@@ -9,7 +9,7 @@ from anaplot.aliases import Axis, Side
 from anaplot.session.events import PlannedPoint
 from anaplot.session.innerstate import InnerState
 
-__all__ = ["Measured", "ModelState", "Seen"]
+__all__ = ["Measured", "ModelState", "Sighting"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class Sighting:
     """A point's latest measurement in one photo of a model: image coordinates [mm].
 
     `times` counts how often it was recorded there; one that was taken over counts as once.
@@ -83,7 +83,7 @@ class ModelState:
     off: frozenset[tuple[str, Axis]] = frozenset()
     inner: tuple[InnerState, ...] = ()
     mono: bool = False
-    seen: tuple[Seen, ...] = ()
+    seen: tuple[Sighting, ...] = ()
     laid: Side | None = None
     laying: int = 0
 
@@ -149,7 +149,7 @@ class ModelState:
         """Return the name of a side's photo."""
         return self.left if side == "left" else self.right
 
-    def sighting(self, side: Side, point: str) -> Seen | None:
+    def sighting(self, side: Side, point: str) -> Sighting | None:
         """Return a mono model's latest measurement of a point in one photo, or None."""
         return next((s for s in self.seen if (s.side, s.point) == (side, point)), None)
 
@@ -158,7 +158,7 @@ class ModelState:
         done = {s.point for s in self.seen if s.side == side}
         return tuple(p for p in self.plan if p.point not in done)
 
-    def with_sighting(self, sighting: Seen) -> Self:
+    def with_sighting(self, sighting: Sighting) -> Self:
         """Return the mono model after a point was measured in one photo."""
         found = {(s.side, s.point): s for s in self.seen}
         found[sighting.side, sighting.point] = sighting

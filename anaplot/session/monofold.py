@@ -7,7 +7,7 @@ from dataclasses import replace
 from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
 from anaplot.session.events import MonoMeasured, PhotoLaid
-from anaplot.session.modelstate import ModelState, Seen
+from anaplot.session.modelstate import ModelState, Sighting
 from anaplot.session.pointcheck import check_place
 from anaplot.session.refusal import EventRefusedError
 
@@ -56,7 +56,7 @@ def measured_in_photo(block: Block, model: ModelState, event: MonoMeasured) -> M
     check_place(block, photo, event.point, event.x, event.y)
     old = model.sighting(event.side, event.point)
     times = 1 if old is None else old.times + 1
-    return model.with_sighting(Seen(event.point, event.side, event.x, event.y, times))
+    return model.with_sighting(Sighting(event.point, event.side, event.x, event.y, times))
 
 
 def taken_over(model: ModelState, preceding: ModelState, *, lies: bool) -> ModelState:
@@ -68,7 +68,7 @@ def taken_over(model: ModelState, preceding: ModelState, *, lies: bool) -> Model
     for planned in model.plan:
         known = next((m for m in preceding.used if m.point == planned.point), None)
         if known is not None and model.sighting("left", planned.point) is None:
-            model = model.with_sighting(Seen(known.point, "left", known.xr, known.yr, 1))
+            model = model.with_sighting(Sighting(known.point, "left", known.xr, known.yr, 1))
     if not (lies and preceding.laid == "right"):
         return model
     before = preceding.inner_of("right")

@@ -19,8 +19,8 @@ from anaplot.session.plates import plate_of, plates_of_model
 from anaplot.session.state import SessionState
 
 __all__ = [
+    "KnownPlace",
     "Offset",
-    "Reference",
     "Referencing",
     "asked_for",
     "in_words",
@@ -36,7 +36,7 @@ Place = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class KnownPlace:
     """Something on the plates whose plate coordinates are known from its measurement.
 
     Attributes
@@ -71,7 +71,7 @@ def tolerance_mm(image_um: float) -> float:
 
 def references(
     state: SessionState, last: str | None = None
-) -> tuple[tuple[Side, ...], tuple[Reference, ...]]:
+) -> tuple[tuple[Side, ...], tuple[KnownPlace, ...]]:
     """Return the carriages whose counters matter, and what there is to refer them to.
 
     Parameters
@@ -86,7 +86,7 @@ def references(
     tuple of Side
         Carriages on whose counters something measured depends. A photo that still needs its
         inner orientation from the beginning does not.
-    tuple of Reference
+    tuple of KnownPlace
         The one proposed first.
     """
     model = state.current
@@ -112,7 +112,7 @@ def _matters(state: SessionState, model: ModelState, side: Side, *, over: bool) 
     return bool(inner.measured)
 
 
-def _points(state: SessionState, model: ModelState, needed: tuple[Side, ...]) -> list[Reference]:
+def _points(state: SessionState, model: ModelState, needed: tuple[Side, ...]) -> list[KnownPlace]:
     plates = plates_of_model(state, model)
     oriented = {"left": plates.left.oriented, "right": plates.right.oriented}
     if not needed or not all(oriented[side] for side in needed):
@@ -129,17 +129,17 @@ def _points(state: SessionState, model: ModelState, needed: tuple[Side, ...]) ->
         except NotComputableError:
             continue
         both: dict[Side, Place] = {"left": (at.xl, at.yl), "right": (at.xr, at.yr)}
-        found.append(Reference(point, f"point {point}", {side: both[side] for side in needed}))
+        found.append(KnownPlace(point, f"point {point}", {side: both[side] for side in needed}))
     return found
 
 
-def _fiducials(model: ModelState, needed: tuple[Side, ...]) -> list[Reference]:
+def _fiducials(model: ModelState, needed: tuple[Side, ...]) -> list[KnownPlace]:
     found = []
     for inner in reversed(model.inner):
         if inner.side not in needed:
             continue
         found += [
-            Reference(
+            KnownPlace(
                 m.fiducial,
                 f"fiducial {m.fiducial} of {inner.name}",
                 {inner.side: (m.x, m.y)},
@@ -172,14 +172,16 @@ class Referencing:
         """Return the carriages whose offset is not agreed upon yet."""
         return tuple(side for side in needed if side not in self.agreed)
 
-    def proposed(self, needed: tuple[Side, ...], known: tuple[Reference, ...]) -> Reference | None:
+    def proposed(
+        self, needed: tuple[Side, ...], known: tuple[KnownPlace, ...]
+    ) -> KnownPlace | None:
         """Return what to point at now: the chosen one, or the first that helps."""
         to_go = self.open_sides(needed)
         useful = [r for r in known if any(side in r.places for side in to_go)]
         chosen = (r for r in useful if r.name == self.chosen)
         return next(chosen, useful[0] if useful else None)
 
-    def pointed(self, reference: Reference, here: Position, tolerance: float) -> Referencing:
+    def pointed(self, reference: KnownPlace, here: Position, tolerance: float) -> Referencing:
         """Return how far it has come after the mark was set on a reference.
 
         Parameters
@@ -242,7 +244,7 @@ class Referencing:
         return Position(*left, *right)
 
 
-def asked_for(referencing: Referencing, at: Reference | None, needed: tuple[Side, ...]) -> str:
+def asked_for(referencing: Referencing, at: KnownPlace | None, needed: tuple[Side, ...]) -> str:
     """Return what is to be done about the reference before anything else, one sentence.
 
     Parameters

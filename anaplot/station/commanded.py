@@ -63,7 +63,7 @@ class Commanded(ABC):
 
     def record(self) -> None:
         """Record the point at which the plates stand."""
-        self.give(commands.Record())
+        self.give(commands.RecordPoint())
 
     def switch(self, point: str, axis: Axis | None, on: bool) -> None:
         """Switch a row, or the whole point (axis None), off or on."""

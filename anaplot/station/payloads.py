@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.exchange.journal import Record
+from anaplot.exchange.journal import JournalRecord
 from anaplot.plotter.readings import Position
 from anaplot.textfiles.kinds import (
     FLAG,
@@ -140,7 +140,7 @@ class RecordedInnerTable:
     rows: tuple[tuple[Value, ...], ...]
 
 
-def refusal(record: Record, message: str) -> InputError:
+def refusal(record: JournalRecord, message: str) -> InputError:
     """Return the error about a record: its file, its line, its kind."""
     return InputError(f"{record.file} line {record.line}: {record.kind}: {message}")
 
@@ -181,7 +181,7 @@ _INNER: Fields = {"photo": _TEXT, "side": _TEXT, "transformation": _TEXT, "rows"
 _SIGMA0: Fields = {"sigma0_um": Blank(NUMBER)}
 
 
-def opened_by(record: Record) -> Opened:
+def opened_by(record: JournalRecord) -> Opened:
     """Return what a header or "opened" record says.
 
     Raises
@@ -202,7 +202,7 @@ def opened_by(record: Record) -> Opened:
     )
 
 
-def heard_in(record: Record) -> tuple[Heard, ...]:
+def heard_in(record: JournalRecord) -> tuple[Heard, ...]:
     """Return the traffic of a record, in order.
 
     Raises
@@ -214,7 +214,7 @@ def heard_in(record: Record) -> tuple[Heard, ...]:
     return items
 
 
-def table_of(record: Record) -> RecordedTable:
+def table_of(record: JournalRecord) -> RecordedTable:
     """Return the table of a model.
 
     Raises
@@ -225,7 +225,7 @@ def table_of(record: Record) -> RecordedTable:
     return RecordedTable(**{"sigma0_um": None, **_read(record, _TABLE, _SIGMA0)})
 
 
-def inner_table_of(record: Record) -> RecordedInnerTable:
+def inner_table_of(record: JournalRecord) -> RecordedInnerTable:
     """Return the table of an inner orientation.
 
     Raises
@@ -236,7 +236,9 @@ def inner_table_of(record: Record) -> RecordedInnerTable:
     return RecordedInnerTable(**{"sigma0_um": None, **_read(record, _INNER, _SIGMA0)})
 
 
-def _read(record: Record, required: Fields, optional: Fields | None = None) -> dict[str, Any]:
+def _read(
+    record: JournalRecord, required: Fields, optional: Fields | None = None
+) -> dict[str, Any]:
     """Return the declared keys of a record; others are for other readers."""
     try:
         return Keys(required, optional, also=record.payload).of(record.payload)

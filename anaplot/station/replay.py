@@ -17,12 +17,11 @@ import numpy as np
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blocktoml import parse_block_toml
-from anaplot.exchange.journal import Record, event_of, read_journal
+from anaplot.exchange.journal import JournalRecord, event_of, read_journal
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.profile import recorded_profile
-from anaplot.plotter.readings import Position
-from anaplot.plotter.readings import Record as PlotterRecord
+from anaplot.plotter.readings import Position, Record
 from anaplot.session.desk import Desk
 from anaplot.session.events import (
     EVENT_KINDS,
@@ -86,7 +85,7 @@ class Step:
         What came out differently, or None.
     """
 
-    record: Record
+    record: JournalRecord
     desk: Desk
     event: Event | None
     position: Position | None
@@ -117,7 +116,7 @@ class Replayed:
     differences: tuple[Difference, ...]
 
 
-def recorded_block(session: Path, records: Iterable[Record]) -> Block:
+def recorded_block(session: Path, records: Iterable[JournalRecord]) -> Block:
     """Return the block as declared when the session was recorded: from the journal's first header.
 
     Journals without one belong to a folder whose block.toml still says it.
@@ -173,8 +172,8 @@ def replay_session(session: Path) -> Replayed:
 
 def replay(
     block: Block,
-    records: Iterable[Record],
-    pace: Callable[[Record], None] | None = None,
+    records: Iterable[JournalRecord],
+    pace: Callable[[JournalRecord], None] | None = None,
 ) -> Iterator[Step]:
     """Replay records one after another.
 
@@ -198,7 +197,7 @@ def replay(
         An event does not fit the state: the journal is not of this block.
     """
     desk = Desk.at(start(block))
-    line = _Line()
+    line = _Decoding()
     for record in records:
         if pace is not None:
             pace(record)
@@ -243,12 +242,12 @@ def replay(
         )
 
 
-class _Line:
+class _Decoding:
     """The decoder's side of a replay."""
 
     def __init__(self) -> None:
         self._decoder: Decoder | None = None
-        self._records: deque[PlotterRecord] = deque(maxlen=_REMEMBERED)
+        self._records: deque[Record] = deque(maxlen=_REMEMBERED)
         self.position: Position | None = None
 
     def opened(self, said: Opened) -> str | None:
@@ -267,7 +266,7 @@ class _Line:
             return f"profile {name} is not the one that the session was recorded with"
         return None
 
-    def traffic(self, record: Record) -> None:
+    def traffic(self, record: JournalRecord) -> None:
         """Feed recorded bytes to the decoder; raises InputError for what no line has said."""
         heard = heard_in(record)
         decoder = self._decoder
@@ -285,14 +284,14 @@ class _Line:
 
     def _hear(self, decoder: Decoder, item: Heard) -> None:
         for reading in decoder.feed(item.data, item.when, item.name):
-            if isinstance(reading, PlotterRecord):
+            if isinstance(reading, Record):
                 self._records.append(reading)
                 self.position = reading.position
             elif isinstance(reading, Position):
                 self.position = reading
 
     @staticmethod
-    def _tell(decoder: Decoder, item: Heard, record: Record) -> None:
+    def _tell(decoder: Decoder, item: Heard, record: JournalRecord) -> None:
         if item.name == "press":
             decoder.press(item.text, item.when)
         elif item.name == "reopen":
@@ -325,7 +324,7 @@ class _Line:
         return f"{name}: the recorded bytes do not say what was measured"
 
 
-def _check_link(decoder: Decoder, link: str, record: Record) -> None:
+def _check_link(decoder: Decoder, link: str, record: JournalRecord) -> None:
     if link not in decoder.profile.links:
         raise refusal(record, f"profile {decoder.profile.id} has no link {quoted(link)}")
 

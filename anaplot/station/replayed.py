@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TextIO
 
 from anaplot.errors import AnaplotError, InputError
-from anaplot.exchange.journal import Record, read_journal
+from anaplot.exchange.journal import JournalRecord, read_journal
 from anaplot.session.commands import Command
 from anaplot.session.desk import Desk
 from anaplot.session.events import (
@@ -100,7 +100,7 @@ class ReplayStation(Commanded):
                 return
             yield step
 
-    def _pace(self, record: Record) -> None:
+    def _pace(self, record: JournalRecord) -> None:
         now = datetime.fromisoformat(record.time)
         before, self._before = self._before, now
         if before is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from anaplot.errors import InputError
-from anaplot.exchange.journal import Record, event_of
+from anaplot.exchange.journal import JournalRecord, event_of
 from anaplot.photogrammetry.block import Block
 from anaplot.session.events import Event
 from anaplot.session.state import EventRefusedError, SessionState, apply, start
@@ -13,7 +13,9 @@ from anaplot.session.state import EventRefusedError, SessionState, apply, start
 __all__ = ["restored"]
 
 
-def restored(block: Block, records: Iterable[Record]) -> tuple[tuple[Event, ...], SessionState]:
+def restored(
+    block: Block, records: Iterable[JournalRecord]
+) -> tuple[tuple[Event, ...], SessionState]:
     """Return what happened in the sessions before, and the state that it led to.
 
     Raises

@@ -14,7 +14,7 @@ from typing import Any
 
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_to_payload
-from anaplot.exchange.journal import Record, event_of
+from anaplot.exchange.journal import JournalRecord, event_of
 from anaplot.exchange.journalread import SESSIONS
 from anaplot.exchange.recordline import JOURNAL_FORMAT, encode_line
 from anaplot.exchange.salvage import Gap, read_what_can_be_read
@@ -132,7 +132,7 @@ class _Fold:
             "block": state.block.name,
         }
 
-    def file(self, records: Iterable[Record]) -> bytes:
+    def file(self, records: Iterable[JournalRecord]) -> bytes:
         """Return the lines of a new file from the records of an old one."""
         lines: list[bytes] = []
         for record in records:
@@ -149,7 +149,7 @@ class _Fold:
         self._seq += 1
         return line
 
-    def _taken(self, record: Record, *, first: bool) -> list[bytes]:
+    def _taken(self, record: JournalRecord, *, first: bool) -> list[bytes]:
         """Return the lines that a record becomes."""
         try:
             if record.kind in EVENT_KINDS:
@@ -169,7 +169,7 @@ class _Fold:
         self.brought += 1
         return lines
 
-    def _happened(self, record: Record, event: Event) -> list[Event]:
+    def _happened(self, record: JournalRecord, event: Event) -> list[Event]:
         """Let an event happen; return it, and before it what had to be assumed."""
         where = f"{record.file} line {record.line}"
         if isinstance(event, Undone) and self._lost:

@@ -27,6 +27,7 @@ __all__ = [
     "Items",
     "Keys",
     "Kind",
+    "KnownName",
     "ListOf",
     "Made",
     "MapOf",
@@ -35,7 +36,6 @@ __all__ = [
     "Numbers",
     "Octets",
     "OneOrMore",
-    "Reference",
     "Text",
     "Whole",
     "Word",
@@ -251,7 +251,7 @@ def _name(value: Any) -> str:
     return value
 
 
-class Reference(Kind[str]):
+class KnownName(Kind[str]):
     """The name of something that is stated elsewhere.
 
     Parameters
@@ -289,7 +289,7 @@ class Name(Kind[str]):
         return name
 
 
-class Table(Kind[dict[str, Any]]):
+class AnyTable(Kind[dict[str, Any]]):
     """A table, whatever it holds."""
 
     def of(self, value: Any) -> dict[str, Any]:
@@ -477,4 +477,4 @@ FRACTION = Number(0.0, 1.0, inside=True)
 FLAG = Flag()
 NAME = Name()
 PHOTO = Name(photo=True)
-TABLE = Table()
+TABLE = AnyTable()

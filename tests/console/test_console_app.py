@@ -163,8 +163,8 @@ async def test_resizing_shows_more_and_less():
 @pytest.mark.parametrize(
     ("key", "call"),
     [
-        ("space", ("record",)),
-        ("f1", ("record",)),
+        ("space", ("record_point",)),
+        ("f1", ("record_point",)),
         ("enter", ("drive", "103")),
         ("n", ("drive", "103")),
         ("g", ("next_model",)),
@@ -437,7 +437,7 @@ async def test_a_fault_is_one_line_and_the_work_goes_on():
             assert "Traceback" not in text(app)
         station.calls.clear()
         await pilot.press("space")
-        await came(station, "record")
+        await came(station, "record_point")
 
 
 async def test_messages_too_long_are_read_on_their_page():
@@ -634,12 +634,12 @@ async def test_the_users_keys_replace_the_defaults():
     app = console(station, {"record": "n,f9", "next_point": "space", "undo": "ctrl+z"})
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("n")
-        await came(station, "record")
+        await came(station, "record_point")
         await pilot.press("space")
         await came(station, "drive", "103")
         await pilot.press("u", "f1", "ctrl+z")
         await came(station, "undo")
-        assert station.calls == [("record",), ("drive", "103"), ("undo",)]
+        assert station.calls == [("record_point",), ("drive", "103"), ("undo",)]
         assert "n Record" in text(app)
         assert "^z Undo" in text(app)
 

@@ -154,7 +154,7 @@ async def test_the_same_keys():
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         await pilot.press("space")
-        await came(station, "record")
+        await came(station, "record_point")
         await pilot.press("enter")
         await came(station, "drive", "3")
         await pilot.press("x")

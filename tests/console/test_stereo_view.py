@@ -231,8 +231,8 @@ async def test_a_key_turns_a_wheel(key, turned):
         # and nothing once the view is gone
         await pilot.press("v", key)
         await pilot.press("space")
-        await came(station, "record")
-        assert station.calls[1:] == [("record",)]
+        await came(station, "record_point")
+        assert station.calls[1:] == [("record_point",)]
 
 
 async def test_zoom_and_step_are_shown_and_used():
@@ -259,7 +259,7 @@ async def test_rows_are_selected_and_driven_to_while_the_arrows_turn():
         await pilot.press("v", "j", "j", "k", "enter")
         await came(station, "drive", "104")
         await pilot.press("space")
-        await came(station, "record")
+        await came(station, "record_point")
         await pilot.press("home")
         assert selected(app).key == ("102", "y")
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
-from anaplot.exchange.journal import Journal, Record, events_of, read_journal
+from anaplot.exchange.journal import Journal, JournalRecord, events_of, read_journal
 from anaplot.exchange.recordline import encode_line
 
 STAMP = "2026-01-01T00:00:00.000Z"
@@ -25,7 +25,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
-def plain(records: tuple[Record, ...]) -> list[tuple[int, str, str, dict]]:
+def plain(records: tuple[JournalRecord, ...]) -> list[tuple[int, str, str, dict]]:
     return [(r.seq, r.time, r.kind, dict(r.payload)) for r in records]
 
 

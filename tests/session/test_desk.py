@@ -31,6 +31,7 @@ from anaplot.session.commands import (
     KeepCounters,
     NextModel,
     OtherPhoto,
+    RecordPoint,
     Reference,
     Resume,
     Stop,
@@ -40,7 +41,6 @@ from anaplot.session.commands import (
     TurnWheels,
     Undo,
 )
-from anaplot.session.commands import Record as RecordKey
 from anaplot.session.desk import Desk
 from anaplot.session.events import (
     FiducialMeasured,
@@ -180,7 +180,7 @@ def test_without_an_instrument_one_looks_on(scene: Scene) -> None:
     bench.give(NextModel())
     assert bench.desk.laid is None
     assert {Lay, DriveTo} & set(kinds(bench)) == set()
-    assert refusal(bench.desk, RecordKey(), bench.seen) == (
+    assert refusal(bench.desk, RecordPoint(), bench.seen) == (
         "no plotter is connected: nothing to record"
     )
     bench.give(Stop())
@@ -204,7 +204,7 @@ def test_plates_under_way_record_nothing(bench: Bench) -> None:
     bench.give(NextModel())
     assert not bench.desk.standing
     with pytest.raises(InputError, match="the plates are still under way"):
-        bench.give(RecordKey())
+        bench.give(RecordPoint())
     bench.press()
     assert bench.told[-1] == "not recorded: the plates are still under way"
     assert bench.notes[-1] == ("record-refused", {"reason": "the plates are still under way"})
@@ -259,7 +259,7 @@ def test_the_key_asks_for_a_record(bench: Bench) -> None:
     bench.give(NextModel())
     bench.arrive()
     before = bench.desk
-    bench.give(RecordKey())
+    bench.give(RecordPoint())
     assert bench.requests[-1] == TakeRecord()
     assert bench.desk.state is before.state
     assert bench.desk.target == before.target
@@ -381,7 +381,7 @@ def test_a_reference_is_measured_twice(scene: Scene) -> None:
     again = bench.hear(ReferenceLost())
     assert again.requests == ()
     with pytest.raises(InputError, match="measure a reference again"):
-        bench.give(RecordKey())
+        bench.give(RecordPoint())
     point_at(bench, 3.0)
     assert "again" in bench.desk.expected
     point_at(bench, 3.0)
@@ -481,7 +481,7 @@ def nothing(bench: Bench) -> None:
 
 REFUSED: list[tuple[Callable[[Bench], None], Command, str]] = [
     (nothing, Drive("1"), "no model is in the instrument: choose the next model"),
-    (nothing, RecordKey(), "no model is in the instrument"),
+    (nothing, RecordPoint(), "no model is in the instrument"),
     (nothing, Accept(), "no model is in the instrument"),
     (nothing, OtherPhoto(), "no model is in the instrument"),
     (nothing, AddPoint("1"), "no model is in the instrument"),
@@ -494,7 +494,7 @@ REFUSED: list[tuple[Callable[[Bench], None], Command, str]] = [
     (chosen, Accept(), "model 101/102 is not determined yet"),
     (chosen, OtherPhoto(), "was begun in an instrument that holds both photos"),
     (chosen, Drive("no-such"), "point no-such is not in model 101/102"),
-    (chosen, RecordKey(), "the plates are still under way"),
+    (chosen, RecordPoint(), "the plates are still under way"),
     (chosen, TurnWheels(), "the plates are still under way"),
     (chosen, Switch("no-such", "y", False), "point no-such is not measured"),
     (chosen, AddPoint(" "), "a point needs a printable name of at most 100 characters"),
@@ -502,10 +502,10 @@ REFUSED: list[tuple[Callable[[Bench], None], Command, str]] = [
     (chosen, AddPoint("x" * 101), "a point needs a printable name"),
     (chosen, AddPoint("new"), "there is no read-out: drive the plates to the new point first"),
     (suspended, Drive("101-1"), "work is suspended: resume first"),
-    (suspended, RecordKey(), "work is suspended: resume first"),
+    (suspended, RecordPoint(), "work is suspended: resume first"),
     (suspended, Undo(), "work is suspended: resume first"),
     (suspended, Suspend(), "work is suspended: resume first"),
-    (unreferenced, RecordKey(), "the counters are unreferenced"),
+    (unreferenced, RecordPoint(), "the counters are unreferenced"),
     (unreferenced, Drive("no-such"), "no-such is not measured or helps no further"),
     (unreferenced, Reference(), "the counters have not been read since: try again"),
     (off_line, Reference(), "the plotter's line is lost"),
@@ -548,7 +548,7 @@ def test_a_model_begun_in_another_kind_of_instrument(bench: Bench, scene: Scene)
     begun = Bench.of(scene.block, MONO, truth=scene.made.truth)
     begun.give(NextModel())
     paired = replace(begun.desk, abilities=DRIVEN)
-    for command in (Drive(target), RecordKey()):
+    for command in (Drive(target), RecordPoint()):
         assert "begun in a mono comparator" in (refusal(paired, command, Seen()) or "")
     begun.give(Undo())
     assert refusal(begun.desk, Drive(target), Seen()) == (
@@ -586,7 +586,7 @@ COMMANDS = st.sampled_from(
         Accept(),
         Undo(),
         Stop(),
-        RecordKey(),
+        RecordPoint(),
         Suspend(),
         Resume(),
         OtherPhoto(),
@@ -714,19 +714,19 @@ def test_a_record_asked_for_by_key_belongs_to_where_the_key_was_pressed(scene: S
     by_hand.give(NextModel())
     first, second = (point.point for point in by_hand.desk.state.current.plan[:2])
     by_hand.give(Drive(first))
-    by_hand.give(RecordKey())
+    by_hand.give(RecordPoint())
     by_hand.give(Drive(second))
     # the read-out that the key waited for comes only now: it is neither's
     decision = by_hand.hear(Record(here, KEY))
     assert decision.events == ()
     assert "since the key was pressed" in by_hand.told[-1]
     # a press after that is the second point's
-    by_hand.give(RecordKey())
+    by_hand.give(RecordPoint())
     (event,) = by_hand.hear(Record(here, KEY)).events
     assert isinstance(event, PointMeasured)
     assert event.point == second
     # what a pedal says was pressed when it came
     by_hand.give(Drive(first))
-    by_hand.give(RecordKey())
+    by_hand.give(RecordPoint())
     by_hand.give(Drive(second))
     assert by_hand.hear(Record(here, "pedal")).events

@@ -8,19 +8,19 @@ from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.plotter.readings import Position
-from anaplot.session.referencing import Reference, Referencing, in_words, tolerance_mm
+from anaplot.session.referencing import KnownPlace, Referencing, in_words, tolerance_mm
 
 ZERO = Position(0.0, 0.0, 0.0, 0.0)
 TOLERANCE = 0.05
 BOTH = ("left", "right")
-POINT = Reference("7", "point 7", {"left": (10.0, 20.0), "right": (-80.0, 21.0)})
-MARK = Reference("1", "fiducial 1 of photo 101 (left)", {"left": (-106.0, 106.0)})
+POINT = KnownPlace("7", "point 7", {"left": (10.0, 20.0), "right": (-80.0, 21.0)})
+MARK = KnownPlace("1", "fiducial 1 of photo 101 (left)", {"left": (-106.0, 106.0)})
 
 offsets = st.floats(-200.0, 200.0)
 errors = st.floats(-0.02, 0.02)
 
 
-def counted(reference: Reference, x: float, y: float, e: float = 0.0) -> Position:
+def counted(reference: KnownPlace, x: float, y: float, e: float = 0.0) -> Position:
     """What counters say that are off by (x, y), with an error of pointing."""
     left = reference.places.get("left", (0.0, 0.0))
     right = reference.places.get("right", (0.0, 0.0))

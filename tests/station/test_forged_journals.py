@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 
 from anaplot.errors import InputError
-from anaplot.exchange.journal import Record, event_of, read_journal
+from anaplot.exchange.journal import JournalRecord, event_of, read_journal
 from anaplot.session.events import EVENT_KINDS
 from anaplot.station.payloads import heard_in, inner_table_of, opened_by, table_of
 from anaplot.station.rebuild import session_solutions
@@ -80,7 +80,7 @@ def changed(value: Any) -> Iterator[Any]:
             yield after
 
 
-def forgeries(records: tuple[Record, ...]) -> Iterator[list[bytes]]:
+def forgeries(records: tuple[JournalRecord, ...]) -> Iterator[list[bytes]]:
     """Yield journals, each with one record changed that is the first of its kind and shape."""
     lines = [forged_line(r.seq, r.kind, r.payload) for r in records]
     seen: set[str] = set()

@@ -364,7 +364,7 @@ def test_a_replay_finds_every_digit(bench: Bench, tmp_path: Path) -> None:
 )
 def test_a_replay_finds_what_was_changed(bench: Bench, kind: str, key: str, words: str) -> None:
     from anaplot.exchange.journal import read_journal
-    from anaplot.exchange.recordline import Record
+    from anaplot.exchange.recordline import JournalRecord
     from anaplot.station.replay import recorded_block, replay
 
     station, watch = bench.open()
@@ -373,7 +373,7 @@ def test_a_replay_finds_what_was_changed(bench: Bench, kind: str, key: str, word
     for view in station.snapshot().points[:2]:
         measure(station, watch, view.point)
     station.close()
-    changed: list[Record] = []
+    changed: list[JournalRecord] = []
     done = False
     for record in read_journal(bench.folder).records:
         if record.kind == kind and not done:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from anaplot.errors import InputError
 from anaplot.plotter.device.motion import Carriages
 from anaplot.plotter.device.outgoing import Outgoing
-from anaplot.plotter.device.protocol import Ask, DeviceProtocol, DriveTo, NotUnderstood, Stop
+from anaplot.plotter.device.protocol import Ask, DeviceProtocol, Halt, MoveTo, NotUnderstood
 from anaplot.plotter.schema import Footswitch, Profile, RecordFormat
 from anaplot.plotter.template import Value
 
@@ -196,10 +196,10 @@ class Machine:
             match command:
                 case Ask(link):
                     self._answer(link)
-                case DriveTo(counts):
+                case MoveTo(counts):
                     origin = self._carriages.origin
                     self._drive_to(tuple(a + b for a, b in zip(counts, origin, strict=True)))
-                case Stop():
+                case Halt():
                     self.halt()
                 case NotUnderstood():
                     self._fault("4", "command not understood")

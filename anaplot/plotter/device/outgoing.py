@@ -23,7 +23,7 @@ SLOWER = 50.0
 
 
 @dataclass(slots=True)
-class _Line:
+class _Outbox:
     """Bytes waiting for their time on one link."""
 
     waiting: list[tuple[float, bytes]] = field(default_factory=list)
@@ -59,7 +59,7 @@ class Outgoing:
         self._profile = profile
         self._seed = seed
         self._fault_seconds = fault_seconds
-        self._lines = {name: _Line() for name in profile.links}
+        self._lines = {name: _Outbox() for name in profile.links}
         self._cuts: list[tuple[str, float]] = []
         self._rates: dict[str, float] = {}
         self.set_fault_rates(fault_rates)

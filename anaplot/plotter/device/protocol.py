@@ -9,7 +9,7 @@ from anaplot.plotter.encoding import encode_value
 from anaplot.plotter.schema import Footswitch, Profile, RecordFormat
 from anaplot.plotter.template import Value
 
-__all__ = ["Ask", "Command", "DeviceProtocol", "DriveTo", "NotUnderstood", "Stop"]
+__all__ = ["Ask", "Command", "DeviceProtocol", "Halt", "MoveTo", "NotUnderstood"]
 
 _MAX_COMMAND = 256
 _TOLERANCE = 1e-9
@@ -23,13 +23,13 @@ class Ask:
 
 
 @dataclass(frozen=True, slots=True)
-class DriveTo:
+class MoveTo:
     """The host wants the plates driven; `counts` are axis values [mm] as the device counts."""
 
     counts: tuple[float, ...]
 
 
-class Stop:
+class Halt:
     """The host stops a drive."""
 
 
@@ -37,7 +37,7 @@ class NotUnderstood:
     """A line that is no command."""
 
 
-Command = Ask | DriveTo | Stop | NotUnderstood
+Command = Ask | MoveTo | Halt | NotUnderstood
 
 
 class DeviceProtocol:
@@ -167,11 +167,11 @@ class DeviceProtocol:
                 return NotUnderstood()
             payload = bare
         if payload == self._stop_payload:
-            return Stop()
+            return Halt()
         match = self._command.fullmatch(payload)
         if match is None:
             return NotUnderstood()
-        return DriveTo(
+        return MoveTo(
             tuple(
                 float(match.group(name)) * axis.scale * axis.direction
                 for name, axis in self._profile.axes.items()
