@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import json
 import signal
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.report.adjustarguments import (
@@ -30,10 +27,6 @@ from anaplot.report.planarguments import (
 )
 from anaplot.report.plotterarguments import add_plotter_commands
 from anaplot.version import __version__
-
-if TYPE_CHECKING:
-    from anaplot.simulation.automatic import ModelRecord
-    from anaplot.simulation.demo import Demo
 
 __all__ = ["main"]
 
@@ -60,42 +53,17 @@ def _adjust(options: argparse.Namespace) -> int:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from anaplot.simulation.demo import Demo
+    from anaplot.report.democommand import demo_block, run_demo_auto
+    from anaplot.report.output import Output
 
-    if options.json and not options.auto:
-        raise InputError("--json goes with --auto")
-    demo = Demo.make(options.models, options.seed, fiducials=options.fiducials)
-    with contextlib.ExitStack() as stack:
-        if options.keep is not None:
-            folder = options.keep
-        else:
-            name = stack.enter_context(tempfile.TemporaryDirectory(prefix="anaplot-demo-"))
-            folder = Path(name) / "demo"
-        demo.write(folder)
+    with demo_block(options) as (demo, folder):
         if options.auto:
-            return _demo_auto(demo, folder, options.json)
+            return run_demo_auto(demo, folder, Output.of(options))
         from anaplot.console.app import run_console
         from anaplot.simulation.controls import controls_of
 
         station = demo.open(folder, time_scale=2.0)
         return run_console(station, controls=controls_of(station))
-
-
-def _demo_auto(demo: Demo, folder: Path, as_json: bool) -> int:
-    from anaplot.report.contract import demo_json
-    from anaplot.report.demotext import model_story, outcome_text
-    from anaplot.simulation.demo import run_demo
-
-    def tell(record: ModelRecord) -> None:
-        if not as_json:
-            print(model_story(record), end="\n\n", flush=True)
-
-    outcome = run_demo(demo, folder, on_accepted=tell)
-    if as_json:
-        print(json.dumps(demo_json(demo.seed, outcome), indent=1, allow_nan=False))
-    else:
-        print(outcome_text(demo.seed, outcome))
-    return 0
 
 
 def _open(options: argparse.Namespace) -> int:
@@ -279,8 +247,13 @@ def _parser() -> _Parser:
         "serial line, in the console",
         "anaplot demo --auto --seed 7",
     )
-    demo.add_argument("--auto", action="store_true", help="a simulated operator does the job")
-    demo.add_argument("--json", action="store_true", help="with --auto: print JSON for programs")
+    demo.add_argument(
+        "--auto",
+        action="store_true",
+        help="a simulated operator does the job; what became of the mistakes goes where --json, "
+        "--all, --csv and --to say",
+    )
+    add_output(demo, "the planted mistakes")
     demo.add_argument("--seed", type=whole(0, 2**31), default=1, metavar="N", help="default 1")
     demo.add_argument(
         "--models",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import signal
@@ -36,6 +37,27 @@ def test_json_is_the_same_twice() -> None:
         *("seed", "planted", "found", "repaired", "missed", "false_flags", "models")
     }
     assert answer["seed"] == 5
+
+
+def test_csv(tmp_path: Path) -> None:
+    table, folder = tmp_path / "planted.csv", tmp_path / "tables"
+    command = ("demo", "--auto", "--json", "--models", "2", "--csv", table, "--to", folder)
+    result = anaplot(*command)
+    assert (result.returncode, result.stderr) == (0, "")
+    answer = json.loads(result.stdout)
+    with table.open(newline="") as file:
+        planted = list(csv.DictReader(file))
+    assert [row["point"] for row in planted] == [one["point"] for one in answer["planted"]] != []
+    assert [list(row) for row in planted] == [list(one) for one in answer["planted"]]
+    with (folder / "rows.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    told = [row for m in answer["models"] for when in ("before", "after") for row in m[when]]
+    assert [float(row["parx_um"]) for row in rows] == [row["parx_um"] for row in told]
+    assert {row["when"] for row in rows} == {"before", "after"}
+    names = {one.name for one in folder.iterdir()}
+    tables = ("planted", "found", "repaired", "missed", "false_flags", "rows")
+    assert names == {"summary.json", *(f"{name}.csv" for name in tables)}
+    one_line(anaplot("demo", "--csv", table), 2, "--csv goes with --auto")
 
 
 def test_keep(tmp_path: Path) -> None:

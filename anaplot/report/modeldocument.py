@@ -25,9 +25,9 @@ from anaplot.report.document import (
     table,
 )
 
-__all__ = ["OF_MODEL", "model_document", "model_rows", "model_tables"]
+__all__ = ["OF_MODEL", "ROWS", "model_document", "model_rows", "model_tables"]
 
-_ROWS = (
+ROWS = (
     name("point", "POINT", 5),
     name("axis", head="  "),
     number("redn", "RED-N", 3, 8),
@@ -37,6 +37,7 @@ _ROWS = (
     *for_programs("flagged"),
     name("", "verdict", head=""),
 )
+"""Columns of a model's table."""
 _POINTS = for_programs("point", "X", "Y", "Z")
 _ODDS = for_programs("point", "axis", "probability")
 _PER_LINE = 6
@@ -141,7 +142,7 @@ def model_rows(model: Iterable[Observation[Row]], suspects: Sequence[Row] = ()) 
         (row.point, row.axis, row.r, row.residual, row.expected, row.size, row.flagged, verdict)
         for row, verdict in pairs
     )
-    return table("rows", _ROWS, rows, look=(bool(verdict) for _, verdict in pairs), units="^")
+    return table("rows", ROWS, rows, look=(bool(verdict) for _, verdict in pairs), units="^")
 
 
 def _verdict(row: Observation[Row], suspect: Row | None) -> str:
@@ -170,6 +171,6 @@ def model_tables(models: Iterable[tuple[str, Document]]) -> tuple[Table, ...]:
         ((strip, *map(one.answer.get, ("left", "right"))), one.tables) for strip, one in models
     ]
     return (
-        stacked("rows", OF_MODEL, _ROWS, ((of, tables[0]) for of, tables in parts)),
+        stacked("rows", OF_MODEL, ROWS, ((of, tables[0]) for of, tables in parts)),
         stacked("points", OF_MODEL, _POINTS, ((of, tables[1]) for of, tables in parts)),
     )

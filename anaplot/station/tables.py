@@ -25,6 +25,10 @@ class _Table(NamedTuple):
     rows: Sequence[dict[str, Value]]
 
 
+# Apart from the columns of the documents (report/modeldocument, report/innerdocument) on purpose:
+# JSON may gain keys, while the order of a journal's values belongs to the version of its format.
+
+
 def _model_row(row: Observation[Row]) -> dict[str, Value]:
     """Return the columns of a model's table in the order in which the journal has them."""
     return {

@@ -15,8 +15,8 @@ from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.planning.synthetic import SyntheticStrip
 from anaplot.plotter.device.hand import Offsets, fiducial_name
-from anaplot.report.contract import demo_json
-from anaplot.report.demotext import model_story, outcome_text
+from anaplot.report.astext import page_text
+from anaplot.report.democommand import demo_document, model_story
 from anaplot.simulation.automatic import AutomaticOperator
 from anaplot.simulation.demo import Demo
 from anaplot.simulation.mistakes import SMALLEST
@@ -115,7 +115,7 @@ def test_the_same_seed_tells_the_same_whatever_the_speed(tmp_path: Path) -> None
     texts, files = [], set()
     for k, scale in enumerate((500.0, 20000.0)):
         outcome = run(Demo.make(2, 6, fiducials=True), tmp_path / str(k), scale)
-        texts.append(json.dumps(demo_json(6, outcome), allow_nan=False))
+        texts.append(json.dumps(demo_document(6, outcome).to_dict(), allow_nan=False))
         files.add((tmp_path / str(k) / "image_points.csv").read_bytes())
     assert texts[0] == texts[1]
     assert len(files) == 1
@@ -132,11 +132,13 @@ def test_it_is_told(tmp_path: Path) -> None:
     demo = Demo.make(1, 1, fiducials=True)
     outcome = run(demo, tmp_path / "demo")
     wrong = wrong_of(demo)
-    story = model_story(outcome.models[0])
+    document = demo_document(1, outcome)
+    story = page_text(model_story(outcome.models[0]))
     assert f"fiducial {wrong.point} ({wrong.axis}) measured again" in story
     assert story.count("the bilinear transformation accepted") == 2
     assert "RESID" in story
-    assert f"wrong fiducial of photo {wrong.photo}" in outcome_text(1, outcome)
+    assert page_text(document.page).startswith(story)
+    assert f"wrong fiducial of photo {wrong.photo}" in page_text(document.page)
 
 
 def test_a_fiducial_missed_again_and_again_is_switched_off_and_reported(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from anaplot.orientation.model import orient
 from anaplot.orientation.patterns import pattern
 from anaplot.orientation.strip import stereopair
 from anaplot.planning.modelplan import plan_positions
-from anaplot.report.contract import demo_json
+from anaplot.report.democommand import demo_document
 from anaplot.simulation.demo import DEFAULT_MODELS, DEFAULT_SEED, Demo, Outcome, run_demo
 from anaplot.simulation.mistakes import SMALLEST, Planted
 
@@ -146,10 +146,10 @@ def test_the_same_seed_tells_the_same_whatever_the_speed(tmp_path: Path) -> None
     texts = []
     for k, scale in enumerate((300.0, 3000.0, 30000.0)):
         outcome = run(Demo.make(2, 6), tmp_path / str(k), scale)
-        texts.append(json.dumps(demo_json(6, outcome), allow_nan=False))
+        texts.append(json.dumps(demo_document(6, outcome).to_dict(), allow_nan=False))
     assert texts[0] == texts[1] == texts[2]
     other = run(Demo.make(2, 7), tmp_path / "other")
-    assert json.dumps(demo_json(7, other), allow_nan=False) != texts[0]
+    assert json.dumps(demo_document(7, other).to_dict(), allow_nan=False) != texts[0]
     contents = {(tmp_path / str(k) / "image_points.csv").read_bytes() for k in range(3)}
     assert len(contents) == 1
 
@@ -157,7 +157,7 @@ def test_the_same_seed_tells_the_same_whatever_the_speed(tmp_path: Path) -> None
 def test_the_json_is_what_the_contract_says(tmp_path: Path) -> None:
     demo = Demo.make(2, 3)
     outcome = run(demo, tmp_path / "demo")
-    answer = json.loads(json.dumps(demo_json(3, outcome), allow_nan=False))
+    answer = json.loads(json.dumps(demo_document(3, outcome).to_dict(), allow_nan=False))
     assert answer["seed"] == 3
     for key in ("planted", "found", "repaired", "missed", "false_flags"):
         for entry in answer[key]:
