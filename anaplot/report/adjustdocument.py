@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from anaplot.report.adjusttables import (
     point_table,
     prior_table,
     ray_table,
+    with_rejected_control,
+    with_rejected_priors,
 )
 from anaplot.report.columns import counted
 from anaplot.report.document import (
@@ -70,13 +72,17 @@ def adjust_document(
     axes: dict[int, list[str]] | None = None
     if rejected is not None:
         gone = list(rejected)
-        all_control = control_table(block, external, _rejected(gone, "control"))
-        all_priors = prior_table(block, external, _rejected(gone, "prior"))
+        all_control = with_rejected_control(control, _rejected(gone, "control"))
+        all_priors = with_rejected_priors(priors, _rejected(gone, "prior"))
         axes = {}
         for ray, axis in np.argwhere(block.rejected).tolist():
             axes.setdefault(int(block.problem.source[ray]), []).append("xy"[axis])
     image_points = image_point_table(block, external, axes)
     suspects = likeliest_suspects(block)
+    accused = {
+        point: suspect_rays(block, point)
+        for point in dict.fromkeys(point for _, _, point, _ in block.suspects())
+    }
     answer = {
         **_figures(block),
         "photos": photos,
@@ -90,10 +96,7 @@ def adjust_document(
             {"photo": photo, "point": point, "axis": axis} for photo, point, axis in block.spurs()
         ],
         "suspects": [_suspect(one) for one in suspects],
-        "accused": {
-            point: [ray._asdict() for ray in suspect_rays(block, point)]
-            for point in dict.fromkeys(point for _, _, point, _ in block.suspects())
-        },
+        "accused": {point: [ray._asdict() for ray in rays] for point, rays in accused.items()},
         "left_out": [one._asdict() for one in block.problem.left_out],
         "remarks": list(block.remarks),
     }
@@ -108,7 +111,7 @@ def adjust_document(
                 for first, second, rho in block.parameter_correlations()
             ],
         }
-    page: list[Block] = [*_summary(block, answer, suspects), BLANK]
+    page: list[Block] = [*_summary(block, answer, suspects, accused), BLANK]
     page += [photos, BLANK]
     page += _if_any(control)
     page += _if_any(check)
@@ -182,7 +185,12 @@ def _suspect(one: Suspect) -> Answer:
     }
 
 
-def _summary(block: AdjustedBlock, answer: Answer, suspects: tuple[Suspect, ...]) -> list[Block]:
+def _summary(
+    block: AdjustedBlock,
+    answer: Answer,
+    suspects: tuple[Suspect, ...],
+    accused: Mapping[str, tuple[SuspectRay, ...]],
+) -> list[Block]:
     problem = block.problem
     image_um = problem.block.precision.image_um
     sigma0 = say("none")
@@ -224,7 +232,7 @@ def _summary(block: AdjustedBlock, answer: Answer, suspects: tuple[Suspect, ...]
         lines.append(say(f"  {{}} image coordinate{'s are' if out > 1 else ' is'} rejected", out))
     lines += [say("  note: {}", remark).of("remark") for remark in block.remarks]
     if suspects:
-        lines += _suspects(block, suspects)
+        lines += _suspects(block, suspects, accused)
     elif block.critical is not None:
         lines.append(say("  no image coordinate is flagged"))
     return lines + _spurs(block)
@@ -255,7 +263,11 @@ def _global_test(block: AdjustedBlock) -> list[Line]:
     ]
 
 
-def _suspects(block: AdjustedBlock, suspects: tuple[Suspect, ...]) -> list[Block]:
+def _suspects(
+    block: AdjustedBlock,
+    suspects: tuple[Suspect, ...],
+    accused: Mapping[str, tuple[SuspectRay, ...]],
+) -> list[Block]:
     """Say what is flagged, what to remeasure first, and which ray of a point is the wrong one."""
     first = suspects[0]
     lines = [
@@ -275,16 +287,13 @@ def _suspects(block: AdjustedBlock, suspects: tuple[Suspect, ...]) -> list[Block
         ).of("look"),
         Listed(tuple(lines), _MOST, "    and {} more in the table"),
         say("  which ray of the point is wrong, if one is:"),
-        Listed(tuple(_accused(block, point) for point in points), _MOST, ""),
+        Listed(tuple(_accused(point, accused[point]) for point in points), _MOST, ""),
     ]
 
 
-def _accused(block: AdjustedBlock, point: str) -> Line:
-    rays = [
-        say("{} {:.0f} %", _photo(ray), 100.0 * ray.probability)
-        for ray in suspect_rays(block, point)
-    ]
-    return say("    point {}: {}", point, named(rays[:4]))
+def _accused(point: str, rays: tuple[SuspectRay, ...]) -> Line:
+    some = [say("{} {:.0f} %", _photo(ray), 100.0 * ray.probability) for ray in rays[:4]]
+    return say("    point {}: {}", point, named(some))
 
 
 def _photo(where: ImageCoordinate | SuspectRay) -> Line:

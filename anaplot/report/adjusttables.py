@@ -6,9 +6,9 @@ angles in degrees and effects on the ground in millimetres.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import hypot, pi
-from typing import Any
+from typing import Any, TypeAlias
 
 from anaplot.adjustment.tested import Observation
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -26,6 +26,8 @@ __all__ = [
     "point_table",
     "prior_table",
     "ray_table",
+    "with_rejected_control",
+    "with_rejected_priors",
 ]
 
 _DEGREES = 180.0 / pi
@@ -51,8 +53,7 @@ _EFFECT = (
     name("largest_effect_at", "AT"),
     number("standardized_effect", "LENGTH", 2, 8),
 )
-_FLAGGED = name("flagged", form=_mark("<< CHECK"))
-_REJECTED = for_programs("rejected")
+_FLAGGED = name("flagged", form=_mark("<< CHECK"), look=bool)
 
 
 def _effect(row: Observation[ObservationName], found: LargestEffect | None) -> tuple[Any, ...]:
@@ -116,42 +117,37 @@ _CONTROL = (
 )
 
 
-def control_table(
-    block: AdjustedBlock,
-    external: ExternalReliability,
-    rejected: Iterable[tuple[str, str, float | None]] | None = None,
-) -> Table:
-    """Return the weighted control coordinates.
-
-    Parameters
-    ----------
-    block, external
-        The block, and what its undetected errors do.
-    rejected
-        Point, axis and residual of those that are no observations any more; None: none are looked
-        for.
-    """
-    rows = [
+def control_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
+    """Return the weighted control coordinates, and what their undetected errors do."""
+    rows = (
         (row.point, row.axis, row.residual, row.r, row.w, row.mdb, row.ground,
          *_effect(row, effect), row.flagged)
         for row, effect in zip(block.control_rows(), external.control, strict=True)
-    ]  # fmt: skip
-    return _with_rejected("control", _CONTROL, rows, rejected)
+    )  # fmt: skip
+    return table("control", _CONTROL, rows)
 
 
-def _with_rejected(
-    key: str,
-    columns: tuple[Column, ...],
-    rows: list[tuple[Any, ...]],
-    rejected: Iterable[tuple[Any, ...]] | None,
-) -> Table:
-    """Return a table of what was weighted, and of what is rejected after it."""
-    look = [bool(row[-1]) for row in rows]
-    if rejected is None:
-        return table(key, columns, rows, look=look)
-    gone = [(*one, *(None,) * (len(columns) - 1 - len(one)), False, True) for one in rejected]
-    kept = [(*row, False) for row in rows]
-    return table(key, (*columns, *_REJECTED), kept + gone, look=look + [True] * len(gone))
+Rejected: TypeAlias = tuple[str, str, float | None]
+"""Owner, axis or unknown, and residual of what is no observation any more."""
+
+
+def with_rejected_control(control: Table, rejected: Iterable[Rejected]) -> Table:
+    """Return weighted control, and after it what of it was rejected."""
+    return _with_rejected(control, rejected)
+
+
+def with_rejected_priors(priors: Table, rejected: Iterable[Rejected]) -> Table:
+    """Return the priors, and after them what of them was rejected."""
+    units = ((owner, axis, _UNITS.get(axis, "mm"), v) for owner, axis, v in rejected)
+    return _with_rejected(priors, units)
+
+
+def _with_rejected(kept: Table, rejected: Iterable[tuple[Any, ...]]) -> Table:
+    nothing = (None,) * (len(kept.columns) - 1)
+    gone = [(*one, *nothing[len(one) :], False, True) for one in rejected]
+    rows = [(*row, False) for row in zip(*kept.values, strict=True)]
+    columns = (*kept.columns, Column("rejected", look=bool))
+    return table(kept.key, columns, rows + gone)
 
 
 _PRIORS = (
@@ -167,21 +163,14 @@ _PRIORS = (
 )
 
 
-def prior_table(
-    block: AdjustedBlock,
-    external: ExternalReliability,
-    rejected: Iterable[tuple[str, str, float | None]] | None = None,
-) -> Table:
-    """Return the priors [m, rad, mm]; parameters as `control_table` has them."""
-    rows = [
+def prior_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
+    """Return the priors [m, rad, mm], and what their undetected errors do."""
+    rows = (
         (row.point, row.axis, row.unit, row.residual, row.r, row.w, row.mdb, *_effect(row, effect),
          row.flagged)
         for row, effect in zip(block.prior_rows(), external.priors, strict=True)
-    ]  # fmt: skip
-    gone = None
-    if rejected is not None:
-        gone = [(owner, unknown, _UNITS.get(unknown, "mm"), v) for owner, unknown, v in rejected]
-    return _with_rejected("priors", _PRIORS, rows, gone)
+    )  # fmt: skip
+    return table("priors", _PRIORS, rows)
 
 
 _CHECK = (
@@ -242,12 +231,20 @@ def image_point_table(
     rejected
         Axes that are rejected, by row of the file; None: none are looked for.
     """
+    columns = _IMAGE_POINTS
+    if rejected is not None:
+        columns = (*columns, *for_programs("rejected", "rejected_axes"))
+    return table("image_points", columns, lambda: _image_points(block, external, rejected))
+
+
+def _image_points(
+    block: AdjustedBlock, external: ExternalReliability, rejected: dict[int, list[str]] | None
+) -> Iterator[tuple[Any, ...]]:
     found = {
         row.row: (row, effects)
         for row, effects in zip(block.ray_rows(), external.rays, strict=True)
     }
     nothing = (None,) * (len(_IMAGE_POINTS) - 4)
-    rows = []
     for k, one in enumerate(block.problem.block.image_points):
         cells: tuple[Any, ...] = (*nothing, False)
         if k in found:
@@ -260,11 +257,7 @@ def image_point_table(
             )  # fmt: skip
         if rejected is not None:
             cells = (*cells, k in rejected, rejected.get(k, []))
-        rows.append((one.photo, one.point, one.model, *cells))
-    columns = _IMAGE_POINTS
-    if rejected is not None:
-        columns = (*columns, *for_programs("rejected", "rejected_axes"))
-    return table("image_points", columns, rows)
+        yield one.photo, one.point, one.model, *cells
 
 
 _RAYS = (
@@ -277,13 +270,16 @@ _RAYS = (
     number("mdb_um", "MDB [um]", 1, 10, unit="um"),
     _vector("effect", "EFFECT [mm]", 13),
     *_EFFECT,
-    name("verdict"),
+    name("verdict", look=bool),
 )
 
 
 def ray_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
     """Return the image coordinates that take part, for people: a row each."""
-    rows, look = [], []
+    return table("rays", _RAYS, lambda: _rays(block, external))
+
+
+def _rays(block: AdjustedBlock, external: ExternalReliability) -> Iterator[tuple[Any, ...]]:
     for row, effects in zip(block.ray_rows(), external.rays, strict=True):
         for one, effect in zip(row.xy, effects, strict=True):
             verdict = "not testable" if one.mdb is None else ""
@@ -291,9 +287,7 @@ def ray_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
                 verdict = "<< REMEASURE"
             if not one.use:
                 verdict = "rejected"
-            rows.append(
-                (row.photo, row.point, one.axis, one.residual, one.r if one.use else None, one.w,
-                 one.mdb, one.ground, *_effect(one, effect), verdict)
+            yield (
+                row.photo, row.point, one.axis, one.residual, one.r if one.use else None, one.w,
+                one.mdb, one.ground, *_effect(one, effect), verdict,
             )  # fmt: skip
-            look.append(verdict != "")
-    return table("rays", _RAYS, rows, look=look)

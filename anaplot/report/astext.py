@@ -163,9 +163,9 @@ def _chosen(table: Table, everything: bool) -> Index:
         return np.arange(n)
     if table.most is not None:
         return np.arange(min(n, table.most))
-    if n <= MOST_ROWS or table.look is None:
-        return np.arange(n if n <= MOST_ROWS else 0)
-    return np.nonzero(table.look)[0][:MOST_ROWS]
+    if n <= MOST_ROWS:
+        return np.arange(n)
+    return np.nonzero(table.marked())[0][:MOST_ROWS]
 
 
 def _left_out(table: Table, shown: int) -> str:

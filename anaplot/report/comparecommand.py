@@ -203,23 +203,21 @@ _POINTS = (
     number("s_length", "s", 2, 9, unit="m", scale=1e3),
     Column("P", "P", 9, form=probability),
     *for_programs("moved_bonferroni", "moved_scheffe"),
-    name("", "marks", head=""),
+    name("", "marks", head="", look=bool),
 )
 
 
 def _point_table(found: EpochTests) -> Table:
-    rows, look = [], []
+    rows = []
     for p in found.points:
         test = None if p.verdict is None else p.verdict.decisive
-        marks = _marks(p)
         rows.append(
             (p.point, *p.place, *(c.d for c in p.coordinates),
              *("given" if c.given else c.d for c in p.coordinates), *(c.s for c in p.coordinates),
              p.length, p.s_length, None if test is None else test.significance, _moved(p.verdict),
-             p.scheffe, marks)
+             p.scheffe, _marks(p))
         )  # fmt: skip
-        look.append(bool(marks))
-    return table("displacements", _POINTS, rows, look=look)
+    return table("displacements", _POINTS, rows)
 
 
 def compare_document(found: EpochTests) -> Document:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import string
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import count
 from typing import Any, Literal, TypeAlias
 
@@ -178,6 +179,9 @@ class Column:
         The heading where it does not stand above its cells as others do.
     parts
         Names of the components where every value is a vector.
+    look
+        Says of a value whether its row needs a look: such rows are shown also where a table is too
+        long to be shown.
     """
 
     key: str
@@ -192,6 +196,7 @@ class Column:
     none: str = "-"
     head: str | None = None
     parts: tuple[str, ...] = ()
+    look: Callable[[Any], bool] | None = None
 
 
 def name(
@@ -203,9 +208,10 @@ def name(
     form: Callable[[Any], str] | None = None,
     none: str = "-",
     head: str | None = None,
+    look: Callable[[Any], bool] | None = None,
 ) -> Column:
     """Return a column of names or words, as wide as the longest, at the left."""
-    return Column(key, title, least, form=form, align="<", gap=gap, none=none, head=head)
+    return Column(key, title, least, form=form, align="<", gap=gap, none=none, head=head, look=look)
 
 
 def number(
@@ -225,7 +231,7 @@ def for_programs(*keys: str, unit: str = "", parts: tuple[str, ...] = ()) -> tup
     return tuple(Column(key, unit=unit, parts=parts) for key in keys)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Table:
     """A table: declared columns and their values, column by column.
 
@@ -235,11 +241,9 @@ class Table:
         Its name, and that of its CSV file.
     columns
         In the order of JSON and CSV.
-    values
+    source
         Of each column n values: an array (n,) or (n, k), or a sequence. NaN and None: it does not
-        exist.
-    look
-        (n,) rows that need a look; they are shown also where a table is too long to be shown.
+        exist. Or a function that returns them: it is called where they are shown, once.
     shown
         Keys (or titles, of columns for people only) of what a person reads, in this order; None:
         every column that has a width.
@@ -247,8 +251,8 @@ class Table:
         How units stand in a line of their own under the titles: ">" at their right, "^" in their
         middle; empty: not at all.
     most
-        How many rows a person reads, unless all are asked for, where it is not for `look` to say:
-        the first are the most important.
+        How many rows a person reads, unless all are asked for, where it is not for their columns
+        to say: the first are the most important.
     more
         What is said of the others then, with their number in place of {}; empty: nothing.
     group
@@ -257,8 +261,7 @@ class Table:
 
     key: str
     columns: tuple[Column, ...]
-    values: tuple[Values, ...]
-    look: NDArray[np.bool_] | None = None
+    source: tuple[Values, ...] | Callable[[], tuple[Values, ...]]
     shown: tuple[str, ...] | None = None
     units: Literal["", ">", "^"] = ""
     most: int | None = None
@@ -266,9 +269,17 @@ class Table:
     group: str = ""
 
     def __post_init__(self) -> None:
-        lengths = {len(values) for values in self.values}
-        if len(self.values) != len(self.columns) or len(lengths) > 1:
+        if not callable(self.source):
+            _ = self.values
+
+    @cached_property
+    def values(self) -> tuple[Values, ...]:
+        """The values of each column."""
+        values = self.source() if callable(self.source) else self.source
+        lengths = {len(each) for each in values}
+        if len(values) != len(self.columns) or len(lengths) > 1:
             raise ValueError(f"table {self.key}: {len(self.columns)} columns, values {lengths}")
+        return values
 
     def __len__(self) -> int:
         return len(self.values[0])
@@ -280,6 +291,12 @@ class Table:
             return [pair for pair in pairs if pair[0].width is not None]
         by_name = {pair[0].key or pair[0].title: pair for pair in pairs}
         return [by_name[key] for key in self.shown]
+
+    def marked(self) -> NDArray[np.bool_]:
+        """Return (n,) which rows need a look."""
+        pairs = zip(self.columns, self.values, strict=True)
+        looks = [map(column.look, values) for column, values in pairs if column.look is not None]
+        return np.array([any(row) for row in zip(*looks, strict=True)], dtype=bool)
 
     def for_programs(self) -> list[tuple[Column, Values]]:
         """Return the columns of JSON and CSV."""
@@ -305,20 +322,22 @@ class Table:
 def table(
     key: str,
     columns: Iterable[Column],
-    rows: Iterable[Sequence[Any]],
+    rows: Iterable[Sequence[Any]] | Callable[[], Iterable[Sequence[Any]]],
     *,
-    look: Iterable[bool] | None = None,
     shown: tuple[str, ...] | None = None,
     units: Literal["", ">", "^"] = "",
     most: int | None = None,
     more: str = "    and {} more",
     group: str = "",
 ) -> Table:
-    """Return a table of rows: each has a value for every column."""
+    """Return a table of rows, or of what makes them: each has a value for every column."""
     declared = tuple(columns)
-    values = tuple(zip(*rows, strict=True)) or ((),) * len(declared)
-    marked = None if look is None else np.array(list(look), dtype=bool)
-    return Table(key, declared, values, marked, shown, units, most, more, group)
+
+    def transposed(rows: Iterable[Sequence[Any]]) -> tuple[Values, ...]:
+        return tuple(zip(*rows, strict=True)) or ((),) * len(declared)
+
+    values = (lambda: transposed(rows())) if callable(rows) else transposed(rows)
+    return Table(key, declared, values, shown, units, most, more, group)
 
 
 def stacked(
@@ -340,7 +359,12 @@ def stacked(
     parts
         Of each table the values of the leading columns, and the table.
     """
-    rows = ((*of, *cells) for of, one in parts for cells in zip(*one.values, strict=True))
+    several = tuple(parts)
+
+    def rows() -> Iterator[tuple[Any, ...]]:
+        for of, one in several:
+            yield from ((*of, *cells) for cells in zip(*one.values, strict=True))
+
     return table(key, (*leading, *columns), rows)
 
 

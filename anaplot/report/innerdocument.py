@@ -38,7 +38,7 @@ _FIDUCIALS = (
     *for_programs("flagged"),
     number("mdb_um", "MDB", 1, 8, unit="um"),
     *for_programs("probability"),
-    name("", "verdict", head=""),
+    name("", "verdict", head="", look=bool),
 )
 _DISTANCES = for_programs("first", "second", "mm", "difference_um")
 _PHOTO = for_programs("photo")
@@ -140,13 +140,12 @@ def fiducial_table(inner: InnerOrientation) -> Table:
     deviation, SIGF their ratio, MDB smallest detectable error; all but RED-N and SIGF in um.
     """
     suspect = inner.flagged[0].key if inner.flagged and inner.locatable else None
-    verdicts = [_verdict(row, suspect) for row in inner.rows]
     rows = (
         (row.point, row.axis, row.r, row.residual, row.expected, row.size, row.flagged, row.mdb,
-         row.probability, verdict)
-        for row, verdict in zip(inner.rows, verdicts, strict=True)
+         row.probability, _verdict(row, suspect))
+        for row in inner.rows
     )  # fmt: skip
-    return table("fiducials", _FIDUCIALS, rows, look=map(bool, verdicts), units=">")
+    return table("fiducials", _FIDUCIALS, rows, units=">")
 
 
 def _verdict(row: Observation[Fiducial], suspect: Fiducial | None) -> str:

@@ -24,10 +24,15 @@ def _xy(value: tuple[float, float] | None) -> str:
     return "" if value is None else f"{value[0]:.4f} {value[1]:.4f}"
 
 
+def _again(what: str) -> bool:
+    # a first measurement is no change of anything: a long log shows what was done again
+    return what not in ("measured", "oriented")
+
+
 _CHANGES = (
     name("time", "TIME", 25, form=_local, gap=0),
     name("who", "WHO", 3, none=""),
-    name("what", "WHAT", 10),
+    name("what", "WHAT", 10, look=_again),
     name("model", "MODEL", 5, none=""),
     name("photo", "PHOTO", 5, none=""),
     name("point", "POINT", 5, none=""),
@@ -73,9 +78,7 @@ def log_document(changes: Sequence[Change]) -> Document:
         )
         for one in changes
     ]
-    # a first measurement is no change of anything: a long log shows what was done again
-    look = [one.what not in ("measured", "oriented") for one in changes]
-    found = table("changes", _CHANGES, rows, look=look)
+    found = table("changes", _CHANGES, rows)
     if not rows:
         return Document({"changes": found}, (say("nothing is journalled yet"),), (found,))
     return Document({"changes": found}, (found,), (found,))

@@ -35,7 +35,7 @@ ROWS = (
     number("expd_um", "EXPD", 1, 8, unit="um"),
     number("sigf", "SIGF", 2, 8),
     *for_programs("flagged"),
-    name("", "verdict", head=""),
+    name("", "verdict", head="", look=bool),
 )
 """Columns of a model's table."""
 _POINTS = for_programs("point", "X", "Y", "Z")
@@ -137,12 +137,12 @@ def model_rows(model: Iterable[Observation[Row]], suspects: Sequence[Row] = ()) 
         Rows to doubt, the most probably wrong first.
     """
     suspect = suspects[0] if suspects else None
-    pairs = [(row, _verdict(row, suspect)) for row in model]
     rows = (
-        (row.point, row.axis, row.r, row.residual, row.expected, row.size, row.flagged, verdict)
-        for row, verdict in pairs
-    )
-    return table("rows", ROWS, rows, look=(bool(verdict) for _, verdict in pairs), units="^")
+        (row.point, row.axis, row.r, row.residual, row.expected, row.size, row.flagged,
+         _verdict(row, suspect))
+        for row in model
+    )  # fmt: skip
+    return table("rows", ROWS, rows, units="^")
 
 
 def _verdict(row: Observation[Row], suspect: Row | None) -> str:

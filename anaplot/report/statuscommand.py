@@ -40,7 +40,7 @@ _MODELS = (
     name("strip", "STRIP", 5, gap=0),
     name("left", "LEFT", 5),
     name("right", "RIGHT", 5),
-    name("state", "STATE", 8),
+    name("state", "STATE", 8, look=lambda state: state == "look"),
     number("sigma0_um", "SIGMA0 um", 2, 11),
     whole("redundancy", "REDUND", 8),
     whole("flagged", "FLAGGED", 9),
@@ -120,7 +120,7 @@ def status_document(folder: str, status: BlockStatus, remarks: tuple[str, ...] =
         for strip in status.strips
         for m in strip.models
     ]
-    models = table("models", _MODELS, rows, look=[row[3] == "look" for row in rows])
+    models = table("models", _MODELS, rows)
     suspects = table("suspects", _SUSPECTS, _suspects(status.block))
     answer: Answer = {
         "strips": [

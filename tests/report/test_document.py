@@ -41,14 +41,14 @@ COLUMNS = (
     number("v", "v [mm]", 2, 9, unit="m", scale=1e3),
     whole("rays", "RAYS", 6),
     *for_programs("effect", unit="m", parts=("X", "Y")),
-    name("flagged", form=lambda flagged: "<< LOOK" if flagged else ""),
+    name("flagged", form=lambda flagged: "<< LOOK" if flagged else "", look=bool),
     name("", "seen", gap=1, head=""),
 )
 
 
 def made(n: int, *, flagged: tuple[int, ...] = ()) -> Table:
     rows = ((f"p{k}", k / 7, k, (0.5, float(k)), k in flagged, "twice") for k in range(n))
-    return table("points", COLUMNS, rows, look=(k in flagged for k in range(n)))
+    return table("points", COLUMNS, rows)
 
 
 def test_one_declaration_is_three_renderings() -> None:
@@ -94,6 +94,32 @@ def test_rows_of_a_group_stand_under_its_line() -> None:
     assert found.records()[0] == {"case": "6\x1b", "method": "a", "n": 1}
     first = page_text((replace(found, most=2, more=""),))
     assert first.splitlines() == lines[:4]
+
+
+def test_a_table_that_nobody_looks_at_is_not_made() -> None:
+    asked: list[int] = []
+
+    def rows() -> list[tuple[str, float]]:
+        asked.append(1)
+        return [("7", 0.5), ("8", 1.5)]
+
+    later = table("points", (name("point"), number("v", "v", 1, 6)), rows)
+    document = Document({"count": 2}, (say("TWO"),), (later,))
+    assert json_text(document.answer) == '{\n "count": 2\n}'
+    assert not asked
+    assert later.records() == [{"point": "7", "v": 0.5}, {"point": "8", "v": 1.5}]
+    assert csv_text(later).splitlines() == ["point,v", "7,0.5", "8,1.5"]
+    assert len(asked) == 1
+    wrong = Table("t", for_programs("a", "b"), lambda: ([1],))
+    with pytest.raises(ValueError, match="table t"):
+        len(wrong)
+
+
+def test_what_marks_a_row_may_stand_in_several_columns() -> None:
+    columns = (name("point"), *(Column(key, look=bool) for key in ("flagged", "rejected")))
+    rows = [("1", False, None), ("2", True, False), ("3", False, True), ("4", None, False)]
+    found = table("control", columns, rows)
+    assert found.marked().tolist() == [False, True, True, False]
 
 
 def test_arrays_are_columns() -> None:
