@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from anaplot.cli import main
-from anaplot.exchange.blockfolder import write_block_toml, write_image_points
+from anaplot.exchange.blockfolder import write_image_points, write_new_block
 from anaplot.photogrammetry.block import ImagePoint, TestSettings
 from anaplot.planning.synthetic import synthetic_strip
 
@@ -78,7 +78,7 @@ def one_line(result: subprocess.CompletedProcess[str], code: int, *words: str) -
 def make_block(folder: Path, *, photos: int = 3, dy: float = 0.0, kind: str = "baarda") -> Path:
     """Write a measured strip with 3 um noise; `dy` [mm] is a mistake at the point 102-2."""
     made = synthetic_strip(photos, seed=21, image_um=3.0)
-    write_block_toml(folder, replace(made.block, test=TestSettings(kind=kind, alpha=1e-6)))
+    write_new_block(folder, replace(made.block, test=TestSettings(kind=kind, alpha=1e-6)))
     rng = np.random.default_rng(21)
     points = [
         ImagePoint(photo, point, x + rng.normal(0, 0.003), y + rng.normal(0, 0.003))

@@ -34,7 +34,6 @@ __all__ = [
     "check_for_bridge",
     "clear_image_points",
     "read_block",
-    "write_block_toml",
     "write_control",
     "write_image_points",
     "write_new_block",
@@ -117,28 +116,6 @@ def write_control(folder: Path, control: Iterable[ControlPoint]) -> None:
     create_whole(path, _bounded(path, format_control(control).encode(), MAX_CSV_BYTES))
 
 
-def write_block_toml(folder: Path, block: Block) -> None:
-    """Write the block.toml of a new block; image points and control are not written.
-
-    Parameters
-    ----------
-    folder
-        The block folder, made when it does not exist.
-    block
-        The block.
-
-    Raises
-    ------
-    InputError
-        The block could not be read again, there is a block.toml already, or it cannot be written.
-    """
-    path = folder / BLOCK_TOML
-    text = format_block_toml(block)
-    parse_block_toml(text, path)
-    make_folder(folder)
-    create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
-
-
 def block_files(folder: Path) -> tuple[Path, ...]:
     """Return the files by which a folder is a block, whether they exist or not."""
     return folder / BLOCK_TOML, folder / IMAGE_POINTS_CSV, folder / CONTROL_CSV
@@ -157,12 +134,14 @@ def write_new_block(folder: Path, block: Block) -> None:
     Raises
     ------
     InputError
-        As `write_block_toml`, or there is a camera file of that name that says something else.
+        The block could not be read again, there is a block.toml already, or a camera file of that
+        name that says something else, or it cannot be written.
     """
     path = folder / BLOCK_TOML
     if os.path.lexists(path):
         raise InputError(f"{place(path)}: exists already and is not overwritten")
-    parse_block_toml(format_block_toml(block), path, camera_texts(block))
+    text = format_block_toml(block)
+    parse_block_toml(text, path, camera_texts(block))
     make_folder(folder)
     for camera in block.cameras:
         if camera.file is None or camera.calibration is None or Path(camera.file).is_absolute():
@@ -173,7 +152,8 @@ def write_new_block(folder: Path, block: Block) -> None:
             write_camera(target, camera.calibration)
         elif read_camera(target) != camera.calibration:
             raise InputError(f"{place(target)}: exists already and says something else")
-    write_block_toml(folder, block)
+    parse_block_toml(text, path)  # now with the camera files, those named by absolute paths too
+    create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
 
 
 def _bounded(path: Path, data: bytes, max_bytes: int) -> bytes:

@@ -24,22 +24,19 @@ from anaplot.exchange.blocktoml import read_test
 from anaplot.exchange.camerafile import camera_path, read_camera
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
-from anaplot.textfiles.inputfile import read_text
 from anaplot.textfiles.kinds import PHOTO, POSITIVE, KnownName, Made, MapOf, Number, Numbers, Text
-from anaplot.textfiles.tomltable import parse_toml
+from anaplot.textfiles.tomltable import read_toml
 from anaplot.textfiles.wording import quoted
 
 __all__ = [
     "FIDUCIALS_FORMAT",
-    "MAX_FIDUCIALS_BYTES",
     "FiducialMeasurements",
     "PhotoFiducials",
-    "parse_fiducials",
     "read_fiducials",
 ]
 
 FIDUCIALS_FORMAT = 1
-MAX_FIDUCIALS_BYTES = 16_000_000
+_MAX_BYTES = 16_000_000
 
 _PLATE = Number(-10_000.0, 10_000.0)  # mm; no plate carrier travels ten metres
 
@@ -91,27 +88,9 @@ def read_fiducials(path: Path) -> FiducialMeasurements:
     Raises
     ------
     InputError
-        The first thing that is wrong, with file, line and key.
-    """
-    return parse_fiducials(read_text(path, MAX_FIDUCIALS_BYTES), path)
-
-
-def parse_fiducials(text: str, path: Path) -> FiducialMeasurements:
-    """Return the measurements that a text holds.
-
-    Parameters
-    ----------
-    text
-        Content of the file.
-    path
-        Its name, for messages, and where the camera file is looked for.
-
-    Raises
-    ------
-    InputError
         Anything but complete measurements of format 1, with file, line and key.
     """
-    root = parse_toml(text, path)
+    root = read_toml(path, _MAX_BYTES)
     root.version(FIDUCIALS_FORMAT)
     camera_file = Made(Text(), partial(camera_path, path.parent))
     stated = root.take(

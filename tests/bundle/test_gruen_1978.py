@@ -12,7 +12,7 @@ from bundleblocks import cube
 from anaplot.adjustment.significance import critical_normal, noncentrality
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.solve.problem import make_problem
-from anaplot.exchange.blockfolder import read_block, write_block_toml, write_image_points
+from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.photogrammetry.block import Strip, TestSettings
 from anaplot.planning.networkplan import CUBE_VERSIONS
 from anaplot.report.adjustdocument import adjust_document
@@ -118,7 +118,7 @@ def test_spurs_of_version_a_are_the_x_coordinates_of_new_points() -> None:
 def test_through_a_block_folder(tmp_path, version) -> None:
     block = cube(version, sigma_um=1.0, noise_um=0.0).block
     block = replace(block, strips=(Strip("1", tuple(p.id for p in block.photos)),))
-    write_block_toml(tmp_path / "cube", block)
+    write_new_block(tmp_path / "cube", block)
     write_image_points(tmp_path / "cube", block.image_points)
     lines = ["point,X,Y,Z,sX,sY,sZ,use"]
     lines += [f"{c.point},{c.xyz[0]},{c.xyz[1]},{c.xyz[2]},0,0,0,control" for c in block.control]

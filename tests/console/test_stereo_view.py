@@ -17,7 +17,7 @@ from anaplot.console.stereodrawing import StereoLayer, draw_patch, patch_size
 from anaplot.console.stereoview import StereoView
 from anaplot.console.tableview import TableView
 from anaplot.console.wheels import FIELDS, Wheels
-from anaplot.exchange.blockfolder import write_block_toml
+from anaplot.exchange.blockfolder import write_new_block
 from anaplot.photogrammetry.block import TestSettings as Settings
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.plotter.readings import Position
@@ -365,7 +365,7 @@ async def test_a_light_theme_is_drawn_in_its_own_colours():
 def station(tmp_path):
     made = synthetic_strip(3, seed=5, image_um=5.0, test=Settings(kind="baarda"))
     folder = tmp_path / "block"
-    write_block_toml(folder, made.block)
+    write_new_block(folder, made.block)
     with Station(
         folder,
         plotter=SimulationSetup(made.truth, seed=5, noise_um=5.0, time_scale=1000.0),

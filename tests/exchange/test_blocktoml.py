@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import read_block, write_block_toml
+from anaplot.exchange.blockfolder import read_block, write_new_block
 from anaplot.exchange.blocktoml import format_block_toml, parse_block_toml
 from anaplot.photogrammetry.block import (
     Block,
@@ -378,11 +378,11 @@ def test_a_written_block_is_read_back_equal(block):
 def test_a_new_block_is_written_once(tmp_path, block_toml):
     block = parse_block_toml(block_toml, Path("block.toml"))
     folder = tmp_path / "deep" / "block"
-    write_block_toml(folder, block)
+    write_new_block(folder, block)
     assert read_block(folder) == block
     before = (folder / "block.toml").read_bytes()
     with pytest.raises(InputError, match=r"block\.toml: exists already"):
-        write_block_toml(folder, block)
+        write_new_block(folder, block)
     assert (folder / "block.toml").read_bytes() == before
     assert [entry.name for entry in folder.iterdir()] == ["block.toml"]
 
@@ -392,6 +392,6 @@ def test_a_block_that_could_not_be_read_again_is_not_written(tmp_path, block_tom
     block = parse_block_toml(block_toml, Path("block.toml"))
     bad = Block(name, block.precision, block.test, block.cameras, block.photos, block.strips)
     with pytest.raises(InputError) as caught:
-        write_block_toml(tmp_path / "new", bad)
+        write_new_block(tmp_path / "new", bad)
     assert str(caught.value).isprintable()
     assert not (tmp_path / "new").exists()

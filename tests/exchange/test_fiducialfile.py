@@ -12,7 +12,6 @@ from anaplot.errors import InputError
 from anaplot.exchange.fiducialfile import (
     FiducialMeasurements,
     PhotoFiducials,
-    parse_fiducials,
     read_fiducials,
 )
 from anaplot.photogrammetry.block import TestSettings
@@ -69,7 +68,7 @@ def test_everything_the_example_states_is_read(folder):
 
 def test_what_may_be_left_out_has_the_documented_defaults(folder):
     text = 'format = 1\ncamera = "rmk.toml"\n[photo.a]\nupper = [1, 2]\n'
-    file = parse_fiducials(text, folder / "fid.toml")
+    file = parsed(text, folder / "fid.toml")
     assert (file.sigma_um, file.test) == (5.0, TestSettings())
 
 
@@ -110,7 +109,7 @@ def test_what_is_wrong_is_named_with_its_line(folder, old, new, line, words):
     assert old in FILE
     path = folder / "fid.toml"
     with pytest.raises(InputError) as caught:
-        parse_fiducials(FILE.replace(old, new, 1), path)
+        parsed(FILE.replace(old, new, 1), path)
     message = str(caught.value)
     assert message.isprintable()
     assert message.startswith(f"{path}: " if line is None else f"{path} line {line}: ")
@@ -121,14 +120,14 @@ def test_what_is_wrong_is_named_with_its_line(folder, old, new, line, words):
 def test_no_photo_and_no_camera(folder):
     head = 'format = 1\ncamera = "rmk.toml"\n'
     with pytest.raises(InputError, match=r"no photo: tables \[photo\.NAME\]"):
-        parse_fiducials(head, folder / "fid.toml")
+        parsed(head, folder / "fid.toml")
     with pytest.raises(InputError, match="no photo"):
-        parse_fiducials(head + "[photo]\n", folder / "fid.toml")
+        parsed(head + "[photo]\n", folder / "fid.toml")
     with pytest.raises(InputError, match=r"none\.toml: file not found"):
-        parse_fiducials(FILE.replace("rmk.toml", "none.toml"), folder / "fid.toml")
+        parsed(FILE.replace("rmk.toml", "none.toml"), folder / "fid.toml")
     (folder / "bare.toml").write_text('format = 1\n[camera]\nid = "bare"\nc = 50\n')
     with pytest.raises(InputError, match="camera 'bare' states no fiducials"):
-        parse_fiducials(FILE.replace("rmk.toml", "bare.toml"), folder / "fid.toml")
+        parsed(FILE.replace("rmk.toml", "bare.toml"), folder / "fid.toml")
     with pytest.raises(InputError, match="file not found"):
         read_fiducials(folder / "missing.toml")
 
@@ -151,6 +150,11 @@ def test_damage_is_an_input_error_or_a_file(folder, at, length, put):
 
 def outcome(text: str, path: Path) -> tuple[str, FiducialMeasurements | None]:
     try:
-        return "", parse_fiducials(text, path)
+        return "", parsed(text, path)
     except InputError as error:
         return str(error), None
+
+
+def parsed(text: str, path: Path) -> FiducialMeasurements:
+    path.write_text(text, encoding="utf-8", errors="surrogatepass")
+    return read_fiducials(path)

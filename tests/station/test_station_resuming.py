@@ -19,7 +19,7 @@ from processes import ROOT, running
 from stationbench import Bench, measure, measure_all
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import read_block, write_block_toml
+from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.journal import events_of, read_journal
 from anaplot.plotter.device.hand import Offsets
 from anaplot.session.events import FiducialMeasured, PointMeasured
@@ -270,5 +270,3 @@ def test_a_demo_is_not_written_over_another(tmp_path: Path) -> None:
     demo.write(tmp_path)
     with pytest.raises(InputError, match="exists already"):
         demo.write(tmp_path)
-    with pytest.raises(InputError, match="exists already"):
-        write_block_toml(tmp_path, demo.strip.block)

@@ -455,6 +455,16 @@ class NormalEquations:
         out: Index = group[:, None] * q + np.arange(q)
         return out
 
+    def seen(self, photos: Array, points: Array, shared: Array) -> Array:
+        """Return (m, 2, k) what k changes of the unknowns, as `solve` has them, do to the rays."""
+        problem, linear = self.problem, self.linear
+        out: Array = np.matmul(linear.a, photos[problem.photo])
+        out += np.matmul(linear.b, points[problem.point])
+        if len(shared):
+            columns = self.border_columns(problem.additional_group)
+            out += np.matmul(linear.h, shared[columns])
+        return out
+
     def _border_of_rays(self, at: Array, h: Array) -> None:
         """Add sum A'H and sum H'H."""
         problem = self.problem

@@ -197,13 +197,7 @@ def cofactor_column(normal: NormalEquations, factor: Factor, ray: int, axis: int
     if len(shared):
         columns = normal.border_columns(problem.additional_group[[ray]])[0]
         shared[columns, 0] = linear.h[ray, axis]
-    x, p, s = normal.solve(factor, photos, points, shared)
-    adjusted = np.einsum("mij,mj->mi", linear.a, x[problem.photo, :, 0])
-    adjusted += np.einsum("mij,mj->mi", linear.b, p[problem.point, :, 0])
-    if len(shared):
-        columns = normal.border_columns(problem.additional_group)
-        adjusted += np.einsum("mij,mj->mi", linear.h, s[columns, 0])
-    out: Array = -adjusted
+    out = -normal.seen(*normal.solve(factor, photos, points, shared))[:, :, 0]
     out[ray, axis] += _weighted(problem)[ray, axis]
     return out
 
@@ -358,7 +352,7 @@ def _changed(
     Also S times the response of a point to its rays. The datum moves no additional parameter:
     their rows of G are zero.
     """
-    problem, linear = normal.problem, normal.linear
+    problem = normal.problem
     shared = np.zeros((len(normal.corner), 7))
     e_photo, e_point, e_shared = normal.solve(
         factor, change.held_photos, change.held_points, shared
@@ -375,11 +369,7 @@ def _changed(
         free = np.einsum("nii->ni", out) > _ROUNDING * whole
         return np.where(free[:, :, None] & free[:, None, :], out, 0.0)
 
-    seen = np.matmul(linear.a, e_photo[problem.photo])
-    seen += np.matmul(linear.b, e_point[problem.point])
-    if len(shared):
-        columns = normal.border_columns(problem.additional_group)
-        seen += np.matmul(linear.h, e_shared[columns])
+    seen = normal.seen(e_photo, e_point, e_shared)
     shift = np.einsum("nik,kl,njl->nij", change.null_points[problem.point], middle, seen)
     new_photos = transformed(photos, change.null_photos, e_photo)
     new_border = border - np.einsum("nik,kl,gl->nig", change.null_photos, middle, e_shared)

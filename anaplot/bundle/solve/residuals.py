@@ -167,11 +167,7 @@ def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
     k = x.shape[2]
     first, second, third = system.rows.starts
     out = np.empty((len(system.names), k))
-    image = np.matmul(linear.a, x[problem.photo])
-    image += np.matmul(linear.b, p[problem.point])
-    if len(s):
-        image += np.matmul(linear.h, s[normal.border_columns(problem.additional_group)])
-    out[:first] = image.reshape(first, k)
+    out[:first] = normal.seen(x, p, s).reshape(first, k)
     point, axis = system.rows.control.T
     out[first:second] = np.sqrt(linear.point_weight[point, axis])[:, None] * p[point, axis]
     photo, unknown = system.rows.priors.T
