@@ -8,10 +8,10 @@ from anaplot.aliases import Side
 from anaplot.session.events import PlannedPoint
 from anaplot.session.modelstate import ModelState
 
-__all__ = ["NextStep", "next_step", "remeasured_side"]
+__all__ = ["Expectation", "next_step", "remeasured_side"]
 
 
-class NextStep(NamedTuple):
+class Expectation(NamedTuple):
     """What is expected: the point to measure, the sentence, and which photo to lay in first."""
 
     point: str | None
@@ -19,7 +19,7 @@ class NextStep(NamedTuple):
     lay: Side | None = None
 
 
-def next_step(model: ModelState, suspects: tuple[str, ...], *, solved: bool) -> NextStep:
+def next_step(model: ModelState, suspects: tuple[str, ...], *, solved: bool) -> Expectation:
     """Say what comes next in a model.
 
     Parameters
@@ -35,23 +35,23 @@ def next_step(model: ModelState, suspects: tuple[str, ...], *, solved: bool) -> 
     if step is not None:
         return step
     if solved:
-        return NextStep(None, "accept the model")
-    return NextStep(None, "add or re-measure points: the model is not determined")
+        return Expectation(None, "accept the model")
+    return Expectation(None, "add or re-measure points: the model is not determined")
 
 
-def _pair(model: ModelState, suspects: tuple[str, ...]) -> NextStep | None:
+def _pair(model: ModelState, suspects: tuple[str, ...]) -> Expectation | None:
     """Return what to measure in both photos; None when all is done."""
     pending = model.pending
     if not pending:
         if not suspects:
             return None
-        return NextStep(suspects[0], f"remeasure {suspects[0]}, or switch it off, or accept")
+        return Expectation(suspects[0], f"remeasure {suspects[0]}, or switch it off, or accept")
     again = f"remeasure {suspects[0]}, or " if suspects else ""
     to_go = f"{len(pending)} of {len(model.plan)} points to go"
-    return NextStep(pending[0].point, f"{again}measure {_named(pending[0])}: {to_go}")
+    return Expectation(pending[0].point, f"{again}measure {_named(pending[0])}: {to_go}")
 
 
-def _single(model: ModelState, suspects: tuple[str, ...]) -> NextStep | None:
+def _single(model: ModelState, suspects: tuple[str, ...]) -> Expectation | None:
     """Return what to measure in a mono comparator; None when all is done.
 
     All points of the photo in the comparator, then those of the other; then what is flagged.
@@ -64,9 +64,9 @@ def _single(model: ModelState, suspects: tuple[str, ...]) -> NextStep | None:
         if side == model.laid:
             to_go = f"{len(pending)} of {len(model.plan)} points to go"
             words = f"measure {_named(pending[0])} in photo {model.photo(side)}: {to_go}"
-            return NextStep(pending[0].point, words)
+            return Expectation(pending[0].point, words)
         words = f"lay photo {model.photo(side)} into the comparator: {len(pending)} points to go"
-        return NextStep(None, words, side)
+        return Expectation(None, words, side)
     if not suspects:
         return None
     again = suspects[0]
@@ -74,8 +74,8 @@ def _single(model: ModelState, suspects: tuple[str, ...]) -> NextStep | None:
     photo = model.photo(side)
     other = f"switch {again} off, or accept"
     if side == model.laid:
-        return NextStep(again, f"remeasure {again} in photo {photo}, or {other}")
-    return NextStep(
+        return Expectation(again, f"remeasure {again} in photo {photo}, or {other}")
+    return Expectation(
         again, f"lay photo {photo} in again to remeasure {again} there, or {other}", side
     )
 

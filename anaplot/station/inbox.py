@@ -38,7 +38,7 @@ class End:
     """Ends the station thread."""
 
 
-Item = Heard | Traffic | Told | WarmUp | End
+Item = Heard | Traffic | Told | WarmUp
 
 
 _CROWDED = 200  # items waiting, from which on positions are left out: others will follow
@@ -53,7 +53,7 @@ class Inbox:
     """
 
     def __init__(self) -> None:
-        self.items: queue.SimpleQueue[Item] = queue.SimpleQueue()
+        self.items: queue.SimpleQueue[Item | End] = queue.SimpleQueue()
         # the time that the decoder was given: a journal that keeps it replays to the same readings
         self.time: Callable[[], float] = time.monotonic
 

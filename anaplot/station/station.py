@@ -60,12 +60,13 @@ from anaplot.station.audience import News
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.commanded import Commanded
 from anaplot.station.header import session_header
-from anaplot.station.inbox import End, Inbox, Item, Told, Traffic
+from anaplot.station.inbox import Inbox, Item, Told, Traffic
 from anaplot.station.instrument import Instrument, Setup
 from anaplot.station.journaling import Recorder
 from anaplot.station.pointsfile import PointsFile
 from anaplot.station.restored import restored
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
+from anaplot.station.worker import Worker
 
 __all__ = ["DEFAULT_PATTERN", "Severity", "Station"]
 
@@ -161,8 +162,8 @@ class Station(Commanded):
         self._tell_watch()
         self._snapshot = self._picture()
         self._audience.tell(self._news.take()[1])
-        self._thread = threading.Thread(target=self._work, name="station", daemon=True)
-        self._thread.start()
+        self._worker = Worker(self._inbox, self._take, self._refused, self._fail)
+        self._worker.thread.start()
 
     def _open(self, instrument: Instrument, events: tuple[Event, ...]) -> None:
         self._link = LinkView(
@@ -273,9 +274,7 @@ class Station(Commanded):
                 self._instrument.close()
         finally:
             self._watch.close()
-            self._inbox.items.put(End())
-            if self._thread is not threading.current_thread():
-                self._thread.join()
+            self._worker.end()
             try:
                 with contextlib.suppress(JournalError):
                     self._recorder.flush()
@@ -313,24 +312,9 @@ class Station(Commanded):
         for action in after:
             action()
 
-    def _work(self) -> None:
-        """Take what was heard out of the queue, one after another, until the end."""
-        ended = False
-        try:
-            while True:
-                item = self._inbox.items.get()
-                if isinstance(item, End):
-                    ended = True
-                    return
-                try:
-                    self._take(item)
-                except AnaplotError as error:
-                    with contextlib.suppress(AnaplotError), self._change():
-                        self._news.tell("error", str(error))
-        finally:
-            # an error of the program ends this thread: the station must not look alive then
-            if not ended:
-                self._fail()
+    def _refused(self, text: str) -> None:
+        with contextlib.suppress(AnaplotError), self._change():
+            self._news.tell("error", text)
 
     def _fail(self) -> None:
         with contextlib.suppress(Exception), self._change():
@@ -348,8 +332,6 @@ class Station(Commanded):
                     self._recorder.told(item.kind, item.text, item.when)
             case WarmUp():
                 warm_up()
-            case End():
-                pass
             case _:
                 self._hear(item)
         if self._unreferenced():

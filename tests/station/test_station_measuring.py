@@ -427,8 +427,8 @@ def test_a_failing_listener_does_not_pass_for_a_station_at_work(bench: Bench) ->
     try:
         end = station.subscribe(_fails)
         station._inbox.on_link_state("live", "again")
-        station._thread.join(60.0)
-        assert not station._thread.is_alive()
+        station._worker.thread.join(60.0)
+        assert not station._worker.thread.is_alive()
         end()
         with pytest.raises(InputError, match="the station has failed"):
             station.undo()
