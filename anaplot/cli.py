@@ -15,6 +15,7 @@ from anaplot.report.adjustarguments import (
     add_adjust_arguments,
     add_bridge_arguments,
     add_compare_arguments,
+    add_fit_arguments,
 )
 from anaplot.report.arguments import add_output, positive, whole
 from anaplot.report.innerarguments import add_inner_arguments
@@ -115,6 +116,12 @@ def _unpack(options: argparse.Namespace) -> int:
     from anaplot.report.packcommand import run_unpack
 
     return run_unpack(options)
+
+
+def _fit(options: argparse.Namespace) -> int:
+    from anaplot.report.fitcommand import run_fit
+
+    return run_fit(options)
 
 
 def _status(options: argparse.Namespace) -> int:
@@ -339,6 +346,13 @@ def _parser() -> _Parser:
     log.add_argument("session", type=Path, metavar="BLOCK", help="a block, or a recorded session")
     add_output(log, "the changes")
 
+    fit = command(
+        "fit",
+        _fit,
+        "the strips on the control measured so far: similarity, polynomials, discrepancies",
+        "anaplot fit myblock --degree 2 --without 7,12",
+    )
+    add_fit_arguments(fit)
     pack = command(
         "pack",
         _pack,

@@ -166,6 +166,30 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
     )
 
 
+def add_fit_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `fit` takes."""
+    parser.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
+    parser.add_argument(
+        "--degree",
+        type=int,
+        choices=(1, 2, 3),
+        default=1,
+        help="1: spatial similarity (default); 2, 3: with polynomials along the strip",
+    )
+    parser.add_argument(
+        "--without",
+        type=lambda text: tuple(part.strip() for part in text.split(",")),
+        default=(),
+        metavar="POINTS",
+        help="control points, separated by commas, that are compared and do not take part",
+    )
+    parser.add_argument("--strip", metavar="NAME", help="only this strip")
+    parser.add_argument(
+        "--fail-on-flag", action="store_true", help="exit with 1 when a point is flagged"
+    )
+    add_output(parser, "the discrepancies")
+
+
 def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what `compare` takes."""
     parser.add_argument("first", type=Path, metavar="EPOCH1", help="the earlier block's folder")

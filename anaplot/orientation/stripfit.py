@@ -1,0 +1,305 @@
+"""A strip on its control: similarity, then conformal polynomials along the strip.
+
+The measurements stay as they are: model coordinates of the bridged strip are transformed as a
+whole. Degree 1 is the spatial similarity. Degree 2 and 3 add, with u along the strip's axis and v
+across it, both scaled to half the strip's length, (a_k + i b_k) (u + iv)^k in plan, which keeps
+angles (Schut 1961), and c_k u^k + t_k u^(k-1) v in height: bend and twist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from anaplot.adjustment.leastsquares import RankDefectError, adjust
+from anaplot.adjustment.tested import Tested, examine
+from anaplot.aliases import Array
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.block import Block, ControlPoint
+from anaplot.photogrammetry.collinearity import turns
+from anaplot.photogrammetry.similarity import (
+    Similarity,
+    fit_to_partial,
+    robust_similarity,
+    similarity_effects,
+)
+
+__all__ = ["Degree", "FittedPoint", "StripFit", "fit_strip"]
+
+Degree = Literal[1, 2, 3]
+_AXES = ("X", "Y", "Z")
+_SEVEN = ("X0", "Y0", "Z0", "omega", "phi", "kappa", "scale")
+_STEPS = 30
+_SMALL = 1e-6  # of a standard deviation
+
+
+@dataclass(frozen=True, slots=True)
+class FittedPoint:
+    """A control or check point on the strip.
+
+    Attributes
+    ----------
+    point
+        Name.
+    used
+        Whether it took part.
+    difference
+        Transformed minus given X, Y, Z [m]; None where a coordinate is not known.
+    r
+        Mean redundancy number of its coordinates; None where it took no part.
+    w
+        That of its coordinates with the largest abs(w); None where none can be tested.
+    flagged
+        Whether one of them is flagged.
+    """
+
+    point: str
+    used: bool
+    difference: tuple[float | None, float | None, float | None]
+    r: float | None
+    w: float | None
+    flagged: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StripFit:
+    """A strip transformed to the ground.
+
+    Attributes
+    ----------
+    strip
+        Name.
+    degree
+        Of the polynomials; 1 is the similarity alone.
+    similarity
+        Strip system [mm] to ground [m].
+    polynomials
+        Coefficients [m] by name, for u and v scaled to half the strip's length.
+    tested
+        The control coordinates that took part [m]: residuals are transformed minus given.
+    points
+        Control and check points of the strip.
+    ground
+        Every point of the strip with its ground coordinates [m].
+    """
+
+    strip: str
+    degree: Degree
+    similarity: Similarity
+    polynomials: Mapping[str, float]
+    tested: Tested[tuple[str, str]]
+    points: tuple[FittedPoint, ...]
+    ground: tuple[tuple[str, float, float, float], ...]
+
+    @property
+    def rms(self) -> tuple[float | None, float | None, float | None]:
+        """Root mean square of the differences of used points in X, Y, Z [m]."""
+        x, y, z = (
+            _rms([p.difference[k] for p in self.points if p.used]) for k in range(len(_AXES))
+        )
+        return x, y, z
+
+
+def fit_strip(
+    block: Block,
+    strip: str,
+    points: Mapping[str, tuple[float, float, float]],
+    base: float,
+    *,
+    degree: Degree = 1,
+    without: Collection[str] = (),
+) -> StripFit:
+    """Fit a strip to its control.
+
+    Parameters
+    ----------
+    block
+        Its control, precision and test.
+    strip
+        Its name.
+    points
+        Model coordinates [mm] in the strip system by point.
+    base
+        Base of its models at photo scale [mm]: heights are worse by c / base.
+    degree
+        Of the polynomials.
+    without
+        Control points that are compared and do not take part.
+
+    Raises
+    ------
+    NotComputableError
+        The control does not determine the transformation.
+    """
+    control = [c for c in block.control if c.point in points and c.use != "off"]
+    source = np.array([points[c.point] for c in control]).reshape(-1, 3)
+    target = np.array([[np.nan if v is None else v for v in c.xyz] for c in control]).reshape(-1, 3)
+    used = np.array([c.use == "control" and c.point not in without for c in control], dtype=bool)
+    known = np.isfinite(target) & used[:, None]
+    count = int(known.sum())
+    names = _SEVEN + tuple(
+        f"{what}{k}" for k in range(2, degree + 1) for what in ("a", "b", "c", "t")
+    )
+    if count < len(names):
+        raise NotComputableError(
+            f"strip {strip}: {count} control coordinates are measured, degree {degree} needs "
+            f"{len(names)}"
+        )
+    start = _start(strip, source[used], target[used])
+    everything = np.array(list(points.values()))
+    shape = _Shape(start, everything, degree)
+    sigma = _sigmas(block, control, base, start.scale)[known]
+    row_names = [(c.point, axis) for c in control for axis in _AXES]
+    keys = [row_names[k] for k in np.flatnonzero(known.ravel()).tolist()]
+    now, free = start, np.zeros(len(names) - len(_SEVEN))
+    for _ in range(_STEPS):
+        computed = now.apply(source) + shape.bend(now.apply(source)) @ free
+        design = np.concatenate(
+            [similarity_effects(now.apply(source) - shape.middle), shape.bend(now.apply(source))],
+            axis=2,
+        )[known]
+        try:
+            adjusted = adjust(
+                design / sigma[:, None],
+                (computed - target)[known] / sigma,
+                np.ones(count),
+                unknowns=names,
+            )
+        except RankDefectError as error:
+            raise NotComputableError(f"strip {strip}: {error}") from error
+        now, free = _moved(now, shape.middle, adjusted.x), free + adjusted.x[len(_SEVEN) :]
+        if float(np.abs(adjusted.x / np.sqrt(np.diag(adjusted.q_xx))).max()) < _SMALL:
+            break
+    else:
+        raise NotComputableError(f"strip {strip}: the fit to the control does not converge")
+    transformed = now.apply(source) + shape.bend(now.apply(source)) @ free
+    residual = (transformed - target)[known]
+    tested = examine(
+        keys,
+        ["m"] * count,
+        residual,
+        adjusted.r,
+        sigma,
+        vtpv=float(((residual / sigma) ** 2).sum()),
+        redundancy=count - len(names),
+        test=block.test,
+        rounding=1e-9,
+    )
+    ground = now.apply(everything) + shape.bend(now.apply(everything)) @ free
+    return StripFit(
+        strip=strip,
+        degree=degree,
+        similarity=now,
+        polynomials=dict(zip(names[len(_SEVEN) :], free.tolist(), strict=True)),
+        tested=tested,
+        points=_points(control, used.tolist(), transformed - target, tested),
+        ground=tuple((name, *at) for name, at in zip(points, ground.tolist(), strict=True)),
+    )
+
+
+class _Shape:
+    """The polynomials of a strip: how each of their coefficients moves points on the ground."""
+
+    def __init__(self, similarity: Similarity, points: Array, degree: int) -> None:
+        ground = similarity.apply(points)
+        self.middle = ground.mean(axis=0)
+        plan = ground[:, :2] - self.middle[:2]
+        along = np.linalg.svd(plan, full_matrices=False)[2][0]
+        self._along = along
+        self._half = max(float(np.abs(plan @ along).max()), 1e-12)
+        self._degree = degree
+
+    def bend(self, ground: Array) -> Array:
+        """Return (n, 3, 4 (degree - 1)): effects of the coefficients a, b, c, t of each degree."""
+        (ex, ey), plan = self._along, (ground[:, :2] - self.middle[:2]) / self._half
+        u, v = plan @ self._along, plan @ np.array([-ey, ex])
+        out = np.zeros((len(ground), 3, 4 * (self._degree - 1)))
+        for k in range(2, self._degree + 1):
+            power = (u + 1j * v) ** k
+            at = 4 * (k - 2)
+            # a: real part along, imaginary part across; b: turned by a right angle
+            for column, (du, dv) in enumerate(
+                ((power.real, power.imag), (-power.imag, power.real))
+            ):
+                out[:, 0, at + column] = ex * du - ey * dv
+                out[:, 1, at + column] = ey * du + ex * dv
+            out[:, 2, at + 2] = u**k
+            out[:, 2, at + 3] = u ** (k - 1) * v
+        return out
+
+
+def _start(strip: str, source: Array, target: Array) -> Similarity:
+    """Return a similarity to begin with: from whole points, or from plan and heights apart."""
+    whole = np.isfinite(target).all(axis=1)
+    robust = robust_similarity(source[whole], target[whole])
+    if robust is not None:
+        return robust[0]
+    plan = np.isfinite(target[:, :2]).all(axis=1)
+    heights = np.isfinite(target[:, 2])
+    one, other = (values[plan, :2] @ np.array([1.0, 1j]) for values in (source, target))
+    if len(one) >= 2 and float(np.ptp(source[plan, :2], axis=0).max()) > 0.0 and heights.any():
+        centred = one - one.mean()
+        factor = np.vdot(centred, other - other.mean()) / np.vdot(centred, centred)
+        scale, kappa = float(abs(factor)), float(np.angle(factor))
+        rotation = turns(np.array([[0.0, 0.0, kappa]]))[0]
+        shift = other.mean() - factor * one.mean()
+        height = float(np.mean((target - scale * source)[heights, 2]))
+        level = Similarity(scale, rotation, np.array([shift.real, shift.imag, height]))
+        found = fit_to_partial(source, target, level)
+        if found is not None:
+            return found
+    raise NotComputableError(
+        f"strip {strip}: its control does not determine scale, place and inclination (two points "
+        "in plan and three heights that are not on one line)"
+    )
+
+
+def _sigmas(block: Block, control: Sequence[ControlPoint], base: float, scale: float) -> Array:
+    """(n, 3) standard deviations [m] of control against the strip."""
+    given = np.array([block.sigma_of(point) for point in control])
+    c = block.cameras[0].c
+    plan = scale * block.precision.image_um * 1e-3
+    sigmas: Array = np.hypot(given, np.array([plan, plan, plan * c / abs(base)]))
+    return sigmas
+
+
+def _moved(now: Similarity, middle: Array, step: Array) -> Similarity:
+    """Return a similarity after shift, turn and change of scale about a place on the ground."""
+    rotation = turns(step[None, 3:6])[0]
+    scale = now.scale * (1.0 + float(step[6]))
+    shift = middle + step[:3] + (1.0 + float(step[6])) * rotation @ (now.shift - middle)
+    return Similarity(scale, rotation @ now.rotation, shift)
+
+
+def _points(
+    control: Sequence[ControlPoint],
+    used: Sequence[bool],
+    difference: Array,
+    tested: Tested[tuple[str, str]],
+) -> tuple[FittedPoint, ...]:
+    of_point: dict[str, list[tuple[float, float | None, bool]]] = {}
+    for row in tested:
+        of_point.setdefault(row.point, []).append((row.r, row.w, row.flagged))
+    out = []
+    for point, takes_part, d in zip(control, used, difference.tolist(), strict=True):
+        rows = of_point.get(point.point, [])
+        x, y, z = (None if value != value else value for value in d)
+        out.append(
+            FittedPoint(
+                point.point,
+                takes_part,
+                (x, y, z),
+                sum(r for r, _, _ in rows) / len(rows) if rows else None,
+                max((w for _, w, _ in rows if w is not None), key=abs, default=None),
+                any(flagged for _, _, flagged in rows),
+            )
+        )
+    return tuple(out)
+
+
+def _rms(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.sqrt(np.mean(np.square(known)))) if known else None

@@ -1,0 +1,179 @@
+"""A strip on its control."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anaplot.errors import NotComputableError
+from anaplot.orientation.stripfit import StripFit, fit_strip
+from anaplot.photogrammetry.block import Block, ControlPoint, Precision, TestSettings
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.planning.synthetic import synthetic_strip
+
+SCALE = 12.5  # m per mm
+SHIFT = np.array([681_234.5, 5_412_345.25, 1_900.0])
+ROTATION = rotation_matrix(0.03, -0.04, 2.1)
+
+
+@pytest.fixture(scope="module")
+def block() -> Block:
+    made = synthetic_strip(6, seed=1).block
+    return replace(made, test=TestSettings(kind="baarda"), precision=Precision(control_m=0.05))
+
+
+def model_points(seed: int = 1) -> dict[str, tuple[float, float, float]]:
+    rng = np.random.default_rng(seed)
+    at = np.column_stack(
+        [rng.uniform(-90, 450, 40), rng.uniform(-90, 90, 40), rng.uniform(-160, -145, 40)]
+    )
+    return {f"p{k}": tuple(row) for k, row in enumerate(at.tolist())}
+
+
+def ground_of(points: dict[str, tuple[float, float, float]]) -> np.ndarray:
+    return SCALE * np.array(list(points.values())) @ ROTATION.T + SHIFT
+
+
+def controlled(block: Block, ground: np.ndarray, names: list[str], **more: object) -> Block:
+    at = dict(zip(model_points(), ground.tolist(), strict=True))
+    return replace(
+        block, control=tuple(ControlPoint(name, tuple(at[name]), **more) for name in names)
+    )
+
+
+NAMES = [f"p{k}" for k in range(0, 40, 4)]
+
+
+def fitted(block: Block, **options: object) -> StripFit:
+    return fit_strip(block, "1", model_points(), 92.0, **options)
+
+
+def test_an_errorless_strip_is_found_again(block: Block) -> None:
+    points = model_points()
+    found = fitted(controlled(block, ground_of(points), NAMES))
+    assert found.similarity.scale == pytest.approx(SCALE, rel=1e-10)
+    assert found.similarity.rotation == pytest.approx(ROTATION, abs=1e-9)
+    assert np.array([row[1:] for row in found.ground]) == pytest.approx(ground_of(points), abs=1e-5)
+    assert found.rms == pytest.approx((0.0, 0.0, 0.0), abs=1e-5)
+    assert found.tested.redundancy == 30 - 7
+    assert sum(found.tested.r) == pytest.approx(23.0)
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_a_bent_and_twisted_strip(block: Block, degree: int) -> None:
+    points = model_points()
+    straight = fitted(controlled(block, ground_of(points), NAMES))
+    ground = ground_of(points)
+    # a cubic bend along the strip in height, a conformal quadratic one in plan
+    middle = ground.mean(axis=0)
+    plan = (ground - middle)[:, :2] @ np.array([1.0, 1j])
+    axis = ROTATION[:2, 0] @ np.array([1.0, 1j])
+    z = plan / axis / 3000.0
+    bent = ground.copy()
+    shift = (0.8 - 0.5j) * z**2 * axis
+    bent[:, 0] += shift.real
+    bent[:, 1] += shift.imag
+    bent[:, 2] += 1.5 * z.real**2 + 0.6 * z.real * z.imag + (degree == 3) * 0.9 * z.real**3
+    found = fitted(controlled(block, bent, NAMES), degree=degree)
+    assert found.tested.redundancy == 30 - 7 - 4 * (degree - 1)
+    # the strip's axis is found from its points: not quite the one of the bend
+    assert max(found.rms) < 0.05
+    assert max(fitted(controlled(block, bent, NAMES)).rms) > 0.2
+    unbent = np.array([row[1:] for row in found.ground]) - np.array(
+        [row[1:] for row in straight.ground]
+    )
+    assert unbent == pytest.approx(bent - ground, abs=0.15)
+
+
+def test_an_error_shows_by_its_redundancy_number(block: Block) -> None:
+    ground = ground_of(model_points())
+    right = fitted(controlled(block, ground, NAMES))
+    wrong = controlled(block, ground, NAMES)
+    x, y, z = wrong.control[3].xyz
+    wrong = replace(
+        wrong,
+        control=tuple(
+            replace(c, xyz=(x, y, z + 2.0)) if c.point == NAMES[3] else c for c in wrong.control
+        ),
+    )
+    found = fitted(wrong)
+    at = list(found.tested.keys).index((NAMES[3], "Z"))
+    change = found.tested.residual[at] - right.tested.residual[at]
+    assert change == pytest.approx(-2.0 * right.tested.r[at], rel=1e-4)
+    named = {point.point for point in found.points if point.flagged}
+    assert NAMES[3] in named
+    point = next(p for p in found.points if p.point == NAMES[3])
+    assert point.w is not None
+    assert point.w < -3.29
+    assert point.r == pytest.approx(np.mean(right.tested.r[at - 2 : at + 1]), rel=1e-6)
+    # put aside, it is compared all the same
+    aside = fitted(wrong, without=[NAMES[3]])
+    point = next(p for p in aside.points if p.point == NAMES[3])
+    assert (point.used, point.r, point.w, point.flagged) == (False, None, None, False)
+    assert point.difference == pytest.approx((0.0, 0.0, -2.0), abs=1e-4)
+
+
+def test_points_in_plan_and_heights_apart(block: Block) -> None:
+    points = model_points()
+    ground = dict(zip(points, ground_of(points).tolist(), strict=True))
+    level = rotation_matrix(0.002, -0.003, 2.1)
+    ground = dict(
+        zip(
+            points,
+            (SCALE * np.array(list(points.values())) @ level.T + SHIFT).tolist(),
+            strict=True,
+        )
+    )
+    control = [ControlPoint(n, (*ground[n][:2], None)) for n in ("p1", "p2", "p3")]
+    control += [ControlPoint(n, (None, None, ground[n][2])) for n in ("p5", "p6", "p7", "p8")]
+    found = fitted(replace(block, control=tuple(control)))
+    assert found.tested.redundancy == 3
+    at = {name: place for name, *place in found.ground}
+    assert at["p20"] == pytest.approx(ground["p20"], abs=1e-4)
+    assert found.points[0].difference[2] is None
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        ([], "0 control coordinates are measured, degree 1 needs 7"),
+        (["p0", "p1"], "6 control coordinates"),
+        (["nowhere"], "0 control coordinates"),
+    ],
+)
+def test_too_little_control(block: Block, names: list[str], words: str) -> None:
+    ground = dict(zip(model_points(), ground_of(model_points()).tolist(), strict=True))
+    control = tuple(ControlPoint(n, tuple(ground.get(n, (0.0, 0.0, 0.0)))) for n in names)
+    with pytest.raises(NotComputableError, match=words):
+        fitted(replace(block, control=control))
+
+
+def test_control_on_a_line_determines_no_inclination(block: Block) -> None:
+    points = {f"p{k}": (20.0 * k, 0.0, -150.0) for k in range(12)}
+    ground = SCALE * np.array(list(points.values())) @ ROTATION.T + SHIFT
+    control = tuple(
+        ControlPoint(name, tuple(at)) for name, at in zip(points, ground.tolist(), strict=True)
+    )
+    with pytest.raises(NotComputableError, match="strip 1: "):
+        fit_strip(replace(block, control=control), "1", points, 92.0)
+
+
+def test_noise_keeps_the_size_of_its_test(block: Block) -> None:
+    # 200 strips of 30 rows at alpha .001: 6 expected, more than 16 once in 3000 times
+    ground = ground_of(model_points())
+    sigma = np.hypot(
+        0.05,
+        SCALE * block.precision.image_um * 1e-3 * np.array([1.0, 1.0, block.cameras[0].c / 92.0]),
+    )
+    rng = np.random.default_rng(5)
+    flagged = sum(
+        int(
+            fitted(
+                controlled(block, ground + rng.normal(0.0, sigma, ground.shape), NAMES)
+            ).tested.flagged.sum()
+        )
+        for _ in range(200)
+    )
+    assert flagged <= 16

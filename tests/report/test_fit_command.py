@@ -1,0 +1,78 @@
+"""`anaplot fit`."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deskless import write_measured
+
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import read_block, write_control
+from anaplot.orientation.strip import bridge_strip
+from anaplot.photogrammetry.block import ControlPoint
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A strip of three models whose control is its own model coordinates at 1 : 10 000."""
+    folder = tmp_path / "b"
+    write_measured(folder, models=3, measured=3)
+    block = read_block(folder)
+    bridged = bridge_strip(block, block.strips[0])
+    at = {p.point: np.array([p.X, p.Y, p.Z]) * 10.0 for m in bridged.models for p in m.points}
+    rng = np.random.default_rng(1)
+    points = [
+        ControlPoint(name, tuple((xyz + rng.normal(0.0, 0.02, 3)).round(3).tolist()))
+        for name, xyz in at.items()
+    ]
+    write_control(folder, points[::2])
+    return folder
+
+
+def test_text_json_and_csv(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fit", str(folder), "--json", "--csv", str(tmp_path / "x.csv")]) == 0
+    (strip,) = json.loads(capsys.readouterr().out)["strips"]
+    assert strip["strip"] == "1"
+    assert strip["degree"] == 1
+    assert strip["transformation"]["scale"] == pytest.approx(10.0, rel=1e-3)
+    assert len(strip["rms_m"]) == 3
+    assert list(strip["points"][0]) == ["point", "used", "dX", "dY", "dZ", "r", "w", "flagged"]
+    with (tmp_path / "x.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["point"] for row in rows] == [point["point"] for point in strip["points"]]
+    assert rows[0]["strip"] == "1"
+    name = strip["points"][0]["point"]
+    assert main(["fit", str(folder), "--degree", "2", "--without", name]) == 0
+    out = capsys.readouterr().out
+    assert "STRIP 1  similarity and polynomials of degree 2" in out
+    assert "scale 1 : 10000" in out
+    assert "no" in next(line for line in out.splitlines() if line.split()[:1] == [name]).split()
+
+
+def test_what_cannot_be_fitted(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fit", str(folder), "--without", "nobody"]) == 2
+    assert "no control point 'nobody'" in capsys.readouterr().err
+    assert main(["fit", str(folder), "--strip", "9"]) == 2
+    assert "no strip '9'" in capsys.readouterr().err
+    (folder / "control.csv").write_text("point,X,Y,Z\n101-1,1,2,3\n")
+    assert main(["fit", str(folder), "--json"]) == 4
+    captured = capsys.readouterr()
+    assert "3 control coordinates are measured" in captured.err
+    assert "error" in json.loads(captured.out)["strips"][0]
+
+
+def test_a_flagged_point_can_fail(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = (folder / "control.csv").read_text().splitlines()
+    cells = lines[3].split(",")
+    cells[3] = str(float(cells[3]) + 3.0)
+    lines[3] = ",".join(cells)
+    (folder / "control.csv").write_text("\n".join(lines) + "\n")
+    assert main(["fit", str(folder), "--fail-on-flag"]) == 1
+    out = capsys.readouterr().out
+    assert "< flagged" in next(line for line in out.splitlines() if line.split()[:1] == cells[:1])
