@@ -13,7 +13,12 @@ from anaplot.report.arguments import (
     significance,
 )
 
-__all__ = ["add_adjust_arguments", "add_bridge_arguments", "add_compare_arguments"]
+__all__ = [
+    "add_adjust_arguments",
+    "add_bridge_arguments",
+    "add_compare_arguments",
+    "add_fit_arguments",
+]
 
 
 def add_bridge_arguments(bridge: argparse.ArgumentParser) -> None:
