@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from anaplot.orientation.pair import Stereopair
-from anaplot.orientation.patterns import pattern
+from anaplot.orientation.patterns import Pattern, ideal_model, pattern
+from anaplot.photogrammetry.block import TieVariance
 
 
 def ideal_pair(name, base=60.0, d=66.0, c=100.0):
@@ -34,3 +35,8 @@ def spoiled(pair, point, axis, size_mm):
     xr = pair.xr.copy()
     xr[pair.points.index(point), "xy".index(axis)] += size_mm
     return replace(pair, xr=xr)
+
+
+def ideal(of: Pattern, base: float, d: float, c: float, form: TieVariance = "paper"):
+    """Orient the ideal model of a pattern: vertical photos, equal bases, flat ground [mm]."""
+    return ideal_model(of.positions(base, d), of.ties, base, c, form)

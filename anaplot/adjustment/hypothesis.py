@@ -264,7 +264,6 @@ def quadratic_form(difference: Array, cofactors: Array) -> float:
         The cofactors are not of full rank: conditions repeat each other.
     """
     scale, rho = _correlation(cofactors)
-    _full_rank(rho)
     z = np.asarray(difference, dtype=np.float64) / scale
     y = np.linalg.solve(np.linalg.cholesky(rho), z)
     return float(y @ y)
@@ -317,7 +316,6 @@ def variance_inflation(cofactors: Array) -> Array:
         The cofactors are not of full rank.
     """
     _, rho = _correlation(cofactors)
-    _full_rank(rho)
     out: Array = np.diag(np.linalg.inv(rho)).copy()
     return out
 
@@ -336,7 +334,6 @@ def sequential_components(difference: Array, cofactors: Array) -> list[Component
         The cofactors are not of full rank.
     """
     scale, rho = _correlation(cofactors)
-    _full_rank(rho)
     p = len(scale)
     left = rho.copy()
     # holding parameters leaves the inverse of the others' cofactors as it is
@@ -372,7 +369,6 @@ def principal_components(difference: Array, cofactors: Array) -> list[Component]
         The cofactors are not of full rank.
     """
     scale, rho = _correlation(cofactors)
-    _full_rank(rho)
     values, vectors = np.linalg.eigh(rho)
     z = np.asarray(difference, dtype=np.float64) / scale
     out = []
@@ -411,7 +407,6 @@ def removable(
         No such test.
     """
     scale, rho = _correlation(cofactors)
-    _full_rank(rho)
     p = len(scale)
     limit = p * critical_f(alpha, p, redundancy) * sigma * sigma
     left = rho.copy()
@@ -451,9 +446,7 @@ def _correlation(cofactors: Array) -> tuple[Array, Array]:
         raise DependentConditionsError
     scale = np.sqrt(diagonal)
     rho = q / scale[:, None] / scale
-    return scale, 0.5 * (rho + rho.T)
-
-
-def _full_rank(rho: Array) -> None:
+    rho = 0.5 * (rho + rho.T)
     if not float(np.linalg.eigvalsh(rho)[0]) > _RANK:
         raise DependentConditionsError
+    return scale, rho

@@ -75,33 +75,6 @@ class Pattern:
             out[label] = (x, y)
         return out
 
-    def ideal(
-        self,
-        base: float,
-        d: float,
-        c: float,
-        tie_variance: TieVariance = "paper",
-    ) -> ModelSolution:
-        """Orient the ideal model: vertical photos, equal bases, flat ground, coincident twins.
-
-        Parameters
-        ----------
-        base, d
-            As in `positions`, both positive [mm].
-        c
-            Camera constant [mm].
-        tie_variance
-            Cofactor of the x rows: "paper", "propagated" or "exact".
-
-        Raises
-        ------
-        ValueError
-            A length is not positive.
-        """
-        if not min(base, d, c) > 0.0:
-            raise ValueError(f"base {base}, d {d} and c {c} must be positive")
-        return ideal_model(self.positions(base, d), self.ties, base, c, tie_variance)
-
 
 def ideal_model(
     positions: Mapping[str, tuple[float, float]],

@@ -277,26 +277,6 @@ class Link:
         """Where the carriages stand as the device counts [mm]."""
         return self._conversation.decoder.unreferenced_position
 
-    def reference(self, known: Position) -> Position:
-        """Tell where the carriages stand after the counters lost their origin.
-
-        Parameters
-        ----------
-        known
-            Plate coordinates of the reference pointed at [mm].
-
-        Returns
-        -------
-        Position
-            By how much the counters were moved [mm].
-
-        Raises
-        ------
-        InputError
-            When nothing was heard yet.
-        """
-        return self._conversation.referred(known)
-
     @property
     def mark(self) -> tuple[int, int]:
         """What was asked and heard until now, for `read_since`."""

@@ -68,12 +68,6 @@ class Field:
             text = format(0.0, self.layout + "f")
         return _latin(text)
 
-    def decimals(self) -> int:
-        """Return how many decimals are written."""
-        if self.kind != "f":
-            return 0
-        return int(self.layout.partition(".")[2] or 6)
-
 
 @dataclass(frozen=True, slots=True)
 class Template:

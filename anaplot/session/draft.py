@@ -43,11 +43,6 @@ class Decision:
     requests: tuple[Request, ...] = ()
     refusal: AnaplotError | None = None
 
-    @property
-    def notices(self) -> tuple[Tell, ...]:
-        """The lines to be told."""
-        return tuple(request for request in self.requests if isinstance(request, Tell))
-
 
 class Draft:
     """A decision in the making, of one command or of one thing heard.

@@ -14,7 +14,7 @@ from flightscene import (
     fly,
     pair_of,
 )
-from idealmodel import ideal_pair, spoiled
+from idealmodel import ideal, ideal_pair, spoiled
 
 from anaplot.adjustment.significance import noncentrality
 from anaplot.orientation.diagnosis import diagnose
@@ -248,8 +248,8 @@ def test_an_undetected_error_moves_no_function_of_the_unknowns_further_than_its_
 def test_correlated_ties_make_x_rows_vary_more_than_their_weights_say():
     """The reason for the choice: with three ties by more than a quarter of the variance."""
     for name, most in (("6/3", 1.29), ("9/3", 1.27), ("13/5", 1.12)):
-        exact = pattern(name).ideal(90.0, 100.0, 152.0, "exact")
-        plain = pattern(name).ideal(90.0, 100.0, 152.0, "propagated")
+        exact = ideal(pattern(name), 90.0, 100.0, 152.0, "exact")
+        plain = ideal(pattern(name), 90.0, 100.0, 152.0, "propagated")
         ratio = np.diag(exact.q_vv) / np.diag(plain.q_vv)
         assert ratio.min() == pytest.approx(1.0, abs=0.01)
         assert ratio.max() == pytest.approx(most, abs=0.01)
@@ -258,7 +258,7 @@ def test_correlated_ties_make_x_rows_vary_more_than_their_weights_say():
 @pytest.mark.parametrize("name", ["6/3", "9/3", "10/5", "13/3", "15/5"])
 def test_the_stationary_state_is_that_of_a_long_strip(name):
     model, pair = level_strip(name, 12)
-    found = pattern(name).ideal(90.0, 100.0, pair.c_left, "exact")
+    found = ideal(pattern(name), 90.0, 100.0, pair.c_left, "exact")
     assert found.q_vv == pytest.approx(model.q_vv, abs=1e-8)
 
 

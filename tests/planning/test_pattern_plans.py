@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from idealmodel import ideal
 
 from anaplot.orientation.patterns import PATTERNS, pattern
 from anaplot.planning.patternplan import advise_point_sets, advise_points, from_pattern, grid, solve
@@ -13,8 +14,8 @@ GEOMETRY = (90.0, 100.0, 152.0)
 @pytest.mark.parametrize("name", sorted(PATTERNS))
 def test_a_planned_pattern_has_the_numbers_of_the_named_one(name):
     planned = {r.key: r.r for r in solve(from_pattern(pattern(name), *GEOMETRY)).table}
-    ideal = {row.key: row.r for row in pattern(name).ideal(*GEOMETRY).table}
-    assert planned == pytest.approx(ideal)
+    named = {row.key: row.r for row in ideal(pattern(name), *GEOMETRY).table}
+    assert planned == pytest.approx(named)
 
 
 @pytest.mark.parametrize("name", ["6", "6/3", "9/3", "13/5"])

@@ -222,7 +222,8 @@ def test_counters_are_unreferenced_after_a_lost_line(photographs, heard):
             )
             assert not link.referenced
             assert link.unreferenced_position == Position(0.0, 0.0, 0.0, 0.0)
-            assert link.reference(here) == here
+            link.reference_by(here)
+            assert link.shift == here
             start = len(heard.readings)
             heard.wait(lambda: here in heard.readings[start:])
             assert ("reference", "3.0 4.0 5.0 6.0") in heard.told
