@@ -3,9 +3,11 @@
 The library, each name loaded when it is first used (docs/library.md):
 
 - `read_block`: a block folder as frozen dataclasses
-- `adjust`, `find_gross_errors`, `compare`: what the commands compute, with their options as
-  keywords; each returns a `Computed`
+- `bridge`, `adjust`, `find_gross_errors`, `compare`: what the commands compute, with their options
+  as keywords; each returns a `Computed`
+- `orient`: one model, from arrays
 - `plan.pattern`, `plan.block`, `plan.network`, `simulate`: the same for what is not yet measured
+- `replay`: a recorded session through the same code
 - `load_profile`, `Decoder`: an instrument's profile, and the readings in its bytes
 
 Lengths are in mm in the image, in m on the ground; angles in rad; residuals in um. What a person
@@ -27,8 +29,10 @@ if TYPE_CHECKING:
     from anaplot.plotter.profile import load_profile
     from anaplot.report import plan
     from anaplot.report.adjustcommand import adjust, find_gross_errors
+    from anaplot.report.bridgecommand import bridge, orient
     from anaplot.report.comparecommand import compare
     from anaplot.report.computed import Computed
+    from anaplot.report.replaycommand import replay
     from anaplot.report.simulatecommand import simulate
 
 __all__ = [
@@ -42,11 +46,14 @@ __all__ = [
     "NotComputableError",
     "__version__",
     "adjust",
+    "bridge",
     "compare",
     "find_gross_errors",
     "load_profile",
+    "orient",
     "plan",
     "read_block",
+    "replay",
     "simulate",
 ]
 
@@ -59,8 +66,10 @@ _HOMES = {
     "anaplot.plotter.profile": ("load_profile",),
     "anaplot.report": ("plan",),
     "anaplot.report.adjustcommand": ("adjust", "find_gross_errors"),
+    "anaplot.report.bridgecommand": ("bridge", "orient"),
     "anaplot.report.comparecommand": ("compare",),
     "anaplot.report.computed": ("Computed",),
+    "anaplot.report.replaycommand": ("replay",),
     "anaplot.report.simulatecommand": ("simulate",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

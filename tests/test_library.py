@@ -22,7 +22,11 @@ import pytest
 import anaplot
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import write_image_points
-from anaplot.report.adjustarguments import add_adjust_arguments, add_compare_arguments
+from anaplot.report.adjustarguments import (
+    add_adjust_arguments,
+    add_bridge_arguments,
+    add_compare_arguments,
+)
 from anaplot.report.keywords import declared_options
 from anaplot.report.planarguments import (
     add_block_arguments,
@@ -114,6 +118,7 @@ def test_nothing_is_loaded_before_it_is_used() -> None:
 
 SHOWN = {"json", "all", "csv", "tables", "fail_on_flag", "list"}
 COMMANDS: dict[str, tuple[Callable[..., Any], Callable[[ArgumentParser], None], set[str]]] = {
+    "bridge": (anaplot.bridge, add_bridge_arguments, SHOWN),
     "adjust": (anaplot.adjust, add_adjust_arguments, SHOWN),
     "compare": (anaplot.compare, add_compare_arguments, SHOWN),
     "plan pattern": (anaplot.plan.pattern, add_pattern_arguments, SHOWN),
@@ -195,6 +200,11 @@ def test_what_cannot_be_searched_with_is_said_before_the_block_is_read() -> None
                 components="kinds", correlations=0.5,
             ),
             marks=pytest.mark.slow,
+        ),
+        (["bridge", "myblock"], lambda: anaplot.bridge("myblock")),
+        (
+            ["bridge", "spring", "--errors", "tau", "--pairs", "--partner", "0.8"],
+            lambda: anaplot.bridge("spring", errors="tau", pairs=True, partner=0.8),
         ),
         (
             ["compare", "spring", "autumn", "--separate", "--points", "02-02,02-03"],
@@ -280,6 +290,88 @@ def test_a_search_ends_when_its_watch_is_stopped(here: Path) -> None:
     found = anaplot.find_gross_errors("myblock", "search", progress=watch)
     assert told
     assert [remark for remark in found.result.remarks if "interrupt" in remark]
+
+
+def test_a_model_from_arrays_is_that_of_the_bridge(here: Path) -> None:
+    block = anaplot.read_block("spring")
+    bridged = anaplot.bridge(block)
+    models = bridged.result.strips[0].models
+    assert bridged.result.cleaned is None
+    preceding = None
+    for k, model in enumerate(models):
+        left, right = (
+            {row.point: (row.x, row.y) for row in block.image_points
+             if (row.photo, row.model) == (photo, model.name)}
+            for photo in (model.left, model.right)
+        )  # fmt: skip
+        names = [name for name in left if name in right]
+        found = anaplot.orient(
+            np.array([left[name] for name in names]),
+            [right[name] for name in names],
+            c=150.0,
+            names=names,
+            photos=(model.left, model.right),
+            base=block.strips[0].base,
+            preceding=preceding,
+            test="baarda",
+        )
+        preceding = found.result
+        np.testing.assert_allclose(preceding.base, model.base, rtol=1e-9)
+        expected = bridged.to_dict()["strips"][0]["models"][k]
+        assert found.to_dict().keys() == expected.keys()
+        for key in ("redn", "parx_um", "expd_um", "sigf"):
+            wanted = np.array([row[key] for row in expected["table"]], dtype=float)
+            np.testing.assert_allclose(found.to_columns()[key], wanted, rtol=1e-6, atol=1e-9)
+    assert len(models) == 3
+    assert preceding is not None
+    assert preceding.ties
+
+
+POINTS = [[x, y] for x in (0.0, 90.0) for y in (-90.0, 0.0, 90.0)]
+
+
+@pytest.mark.parametrize(
+    ("keywords", "words"),
+    [
+        ({"right": [[0.0, 0.0]]}, "left and right: shapes (6, 2) and (1, 2), not (n, 2)"),
+        ({"left": [1.0, 2.0]}, "shapes (2,) and (6, 2)"),
+        ({"left": 1.0}, "shapes () and (6, 2)"),
+        ({"names": ["1"]}, "names: 1 (1 different) of 6 points"),
+        ({"names": ["1"] * 6}, "names: 6 (1 different) of 6 points"),
+        ({"c": -150.0}, "c: -150 is no positive number"),
+        ({"c": (150.0, float("nan"))}, "c: nan is no positive number"),
+        ({"image_um": 0.0}, "image_um: 0 is no positive number"),
+        ({"test": "bardaa"}, "test: no 'bardaa' (did you mean 'baarda'?)"),
+        ({"alpha": 0.9}, "alpha 0.9, power 0.8"),
+    ],
+)
+def test_arrays_that_are_no_model_are_refused(keywords: dict[str, Any], words: str) -> None:
+    given = {"left": POINTS, "right": POINTS, "c": 150.0, **keywords}
+    with pytest.raises(anaplot.InputError, match=re.escape(words)):
+        anaplot.orient(**given)
+
+
+def test_a_strip_that_ends_early_says_why(here: Path) -> None:
+    block = anaplot.read_block("spring")
+    few = [row for row in block.image_points if row.model != "102/103" or row.point < "02"]
+    found = anaplot.bridge(replace(block, image_points=tuple(few)))
+    first, second = found.result.strips
+    assert first.error is not None
+    assert "102/103" in first.error
+    assert len(first.models) == 1
+    assert second.error is None
+
+
+def test_a_replay_gives_the_models_of_the_session(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["demo", "--auto", "--models", "1", "--keep", "session"]) == 0
+    capsys.readouterr()
+    found = anaplot.replay("session")
+    assert not found.flagged
+    assert found.result.measurements > 0
+    assert main(["replay", "session", "--json"]) == 0
+    assert found.to_dict() == json.loads(capsys.readouterr().out)
 
 
 # --- the page -------------------------------------------------------------------------------

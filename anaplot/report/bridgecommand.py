@@ -1,31 +1,64 @@
-"""The command `anaplot bridge`: a block folder in, the models of its strips out."""
+"""`anaplot bridge` and its calls: the models of a block, or a single one, and their document."""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
-import sys
+import math
 from collections.abc import Sequence
-from typing import TypeAlias
+from contextlib import nullcontext
+from typing import NamedTuple, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Progress, Strategy, TestKind
 from anaplot.errors import InputError, NotComputableError
-from anaplot.exchange.blockfolder import block_files, check_for_bridge, read_block
+from anaplot.exchange.blockfolder import block_files, check_for_bridge
 from anaplot.orientation.grosserrors import CleanedModel, CleanedStrip, strip_gross_errors
-from anaplot.orientation.strip import BridgedStrip, bridge, pooled_sigma_um
+from anaplot.orientation.model import orient as orient_pair
+from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.strip import BridgedStrip, pooled_sigma_um, stereopair
+from anaplot.orientation.strip import bridge as bridge_strips
 from anaplot.photogrammetry import block as photogrammetry
+from anaplot.photogrammetry.block import Camera, Precision, TestSettings, TieVariance
+from anaplot.report.adjustarguments import add_bridge_arguments
+from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Block, Document
-from anaplot.report.interrupts import ending_early
+from anaplot.report.keywords import takes_options
 from anaplot.report.modeldocument import model_document, model_tables
 from anaplot.report.modelerrors import model_errors_document, rejected_table
 from anaplot.report.output import Output
-from anaplot.report.progress import ProgressLine
+from anaplot.report.running import BlockOrFolder, block_of, computed
 from anaplot.report.searchoptions import search_settings
 from anaplot.report.streams import complain
+from anaplot.textfiles.wording import hint, quoted
 
-__all__ = ["bridge_block", "bridge_document", "run_bridge"]
+__all__ = [
+    "BridgedBlock",
+    "bridge",
+    "bridge_block",
+    "bridge_document",
+    "orient",
+    "run_bridge",
+]
 
 Strips: TypeAlias = Sequence[BridgedStrip] | Sequence[CleanedStrip]
+
+
+class BridgedBlock(NamedTuple):
+    """The models of a block.
+
+    Attributes
+    ----------
+    strips
+        In file order, each as far as it could be bridged.
+    cleaned
+        The same with what the strategy for gross errors found in each model; None without one.
+    """
+
+    strips: tuple[BridgedStrip, ...]
+    cleaned: tuple[CleanedStrip, ...] | None = None
 
 
 def run_bridge(options: argparse.Namespace) -> int:
@@ -42,37 +75,158 @@ def run_bridge(options: argparse.Namespace) -> int:
     InputError
         Bad input; nothing is printed then.
     """
-    if options.errors is None and (
-        options.partner is not None or options.pairs or options.as_given
-    ):
-        raise InputError("--partner, --pairs and --as-given go with --errors")
     output = Output.of(options)
     output.check({"is read": block_files(options.block)})
-    block = read_block(options.block)
-    check_for_bridge(block)
-    with contextlib.ExitStack() as stack:
-        watch = None
-        if options.errors is not None:
-            progress = stack.enter_context(ProgressLine(sys.stderr))
-            watch = stack.enter_context(ending_early(Watch(progress), sys.stderr))
-        strips = bridge_block(
-            block,
-            options.errors,
-            partner=options.partner,
-            pairs=options.pairs,
-            as_given=options.as_given,
-            watch=watch,
-        )
-    output.show(bridge_document(block, strips))
-    parts = [_parts(strip) for strip in strips]
-    errors = [strip.error for strip, _ in parts if strip.error is not None]
+    found = computed(options, bridge)
+    output.show(found.document)
+    errors = [strip.error for strip in found.result.strips if strip.error is not None]
     for error in errors:
         complain(error)
     if errors:
         return NotComputableError.exit_code
-    wrong = any(model.flagged for strip, _ in parts for model in strip.models)
-    wrong = wrong or any(model.rejected for _, cleaned in parts for model in cleaned)
-    return 1 if options.fail_on_flag and wrong else 0
+    return 1 if options.fail_on_flag and found.flagged else 0
+
+
+@takes_options(add_bridge_arguments)
+def bridge(
+    block: BlockOrFolder,
+    *,
+    errors: Strategy | None = None,
+    partner: float | None = None,
+    as_given: bool = False,
+    pairs: bool = False,
+    progress: Progress | None = None,
+) -> Computed[BridgedBlock]:
+    """Form the models of every strip, one after another, as the operator would.
+
+    Parameters
+    ----------
+    block
+        A block, or its folder; it is only read.
+    errors
+        Name of a strategy for gross errors: every model loses the rows that it rejects before the
+        next is tied to it.
+    partner
+        Residual correlation from which it calls two rows hard to tell apart; None: 0.9.
+    as_given
+        Whether it cleans also where the a-priori sigma0 cannot be right.
+    pairs
+        Whether it adds the odds over two gross errors.
+    progress
+        Called with what is being done and the fraction of it (0 to 1); a `Watch` also ends the
+        search for gross errors early when it is stopped.
+
+    Returns
+    -------
+    Computed of BridgedBlock
+        Angles in rad, base and points in mm, residuals in um. A strip of which a model cannot be
+        computed has an `error` beside the models before it.
+
+    Raises
+    ------
+    InputError
+        Bad input; the block cannot be bridged at all.
+    """
+    if errors is None and (partner is not None or pairs or as_given):
+        raise InputError("--partner, --pairs and --as-given go with --errors")
+    given, _ = block_of(block)
+    check_for_bridge(given)
+    watch = progress if isinstance(progress, Watch) else Watch(progress)
+    with watch.searching() if errors is not None else nullcontext():
+        strips = bridge_block(
+            given, errors, partner=partner, pairs=pairs, as_given=as_given, watch=watch
+        )
+    parts = [_parts(strip) for strip in strips]
+    flagged = any(model.flagged for strip, _ in parts for model in strip.models)
+    flagged = flagged or any(model.rejected for _, cleaned in parts for model in cleaned)
+    found = BridgedBlock(
+        tuple(strip for strip, _ in parts),
+        tuple(strip for strip in strips if isinstance(strip, CleanedStrip)) if errors else None,
+    )
+    return Computed(found, bridge_document(given, strips), flagged)
+
+
+def orient(
+    left: ArrayLike,
+    right: ArrayLike,
+    *,
+    c: float | tuple[float, float],
+    names: Sequence[str] | None = None,
+    photos: tuple[str, str] = ("left", "right"),
+    base: float | None = None,
+    preceding: ModelSolution | None = None,
+    image_um: float = 5.0,
+    tie_variance: TieVariance = "exact",
+    test: TestKind = "tau",
+    alpha: float = 0.001,
+    power: float = 0.80,
+) -> Computed[ModelSolution]:
+    """Orient two photos to each other, and to the model before (Kratky and El-Hakim 1983).
+
+    Parameters
+    ----------
+    left, right
+        (n, 2) image coordinates [mm] of the same n points, origin in the principal point.
+    c
+        Camera constant [mm], or those of the two photos.
+    names
+        Of the points; None: "1" to "n". Points of `preceding` with the same names are ties.
+    photos
+        Names of the photos.
+    base
+        Magnitude of a first model's bx [mm]; None: the mean x-parallax.
+    preceding
+        The model whose right photo is now the left one; None: a strip's first model.
+    image_um
+        A-priori sigma0 [um].
+    tie_variance
+        How the errors of ties count.
+    test, alpha, power
+        The test of a single row, its significance, and the power of detectable errors.
+
+    Returns
+    -------
+    Computed of ModelSolution
+        Base, rotation, the tested rows and the model coordinates.
+
+    Raises
+    ------
+    InputError
+        Shapes, names or settings that do not fit.
+    NotComputableError
+        The points do not determine the model.
+    """
+    xy = [np.asarray(each, dtype=np.float64) for each in (left, right)]
+    n = len(xy[0]) if xy[0].ndim else 0
+    if any(each.shape != (n, 2) for each in xy):
+        raise InputError(f"left and right: shapes {xy[0].shape} and {xy[1].shape}, not (n, 2)")
+    labels = [str(k + 1) for k in range(n)] if names is None else list(names)
+    if len(labels) != n or len(set(labels)) != n:
+        raise InputError(f"names: {len(labels)} ({len(set(labels))} different) of {n} points")
+    constants = c if isinstance(c, tuple) else (c, c)
+    for what, value in (*(("c", one) for one in constants), ("image_um", image_um)):
+        if not 0.0 < value < math.inf:
+            raise InputError(f"{what}: {value:g} is no positive number")
+    for what, word, known in (
+        ("test", test, get_args(TestKind)),
+        ("tie_variance", tie_variance, get_args(TieVariance)),
+    ):
+        if word not in known:
+            raise InputError(f"{what}: no {quoted(str(word))}{hint(str(word), known)}")
+    if not 0.0 < alpha < power < 1.0:
+        raise InputError(f"alpha {alpha:g}, power {power:g}: 0 < alpha < power < 1")
+    seen = [{p: (x, y) for p, (x, y) in zip(labels, each.tolist(), strict=True)} for each in xy]
+    pair = stereopair(
+        photos,
+        seen[0],
+        seen[1],
+        (Camera(photos[0], constants[0]), Camera(photos[1], constants[1])),
+        preceding=preceding,
+        base=base,
+    )
+    model = orient_pair(pair, Precision(image_um, tie_variance), TestSettings(test, alpha, power))
+    document = model_document(model, strip="1", number=1, count=1)
+    return Computed(model, document, len(model.flagged) > 0)
 
 
 def bridge_block(
@@ -103,7 +257,7 @@ def bridge_block(
         Sees the search, and may end it.
     """
     if errors is None:
-        return bridge(block)
+        return bridge_strips(block)
     settings = search_settings(block.test, partner, pairs=pairs)
     return [
         strip_gross_errors(block, strip, errors, settings, as_given=as_given, watch=watch)

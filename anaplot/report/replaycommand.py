@@ -1,17 +1,20 @@
-"""The command `anaplot replay`: a recorded session played through the same code."""
+"""`anaplot replay` and its call: a recorded session played through the same code."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files
 from anaplot.exchange.journalread import journal_files
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block
+from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Document
 from anaplot.report.modeldocument import model_document, model_tables
 from anaplot.report.output import Output
@@ -20,7 +23,31 @@ from anaplot.station.rebuild import rebuild, session_solutions
 from anaplot.station.replay import Replayed, replay_session
 from anaplot.station.replayed import ReplayStation
 
-__all__ = ["replay_document", "replay_station", "run_replay"]
+__all__ = ["replay", "replay_document", "replay_station", "run_replay"]
+
+
+def replay(session: str | os.PathLike[str]) -> Computed[Replayed]:
+    """Play a recorded session to its end, as fast as it goes.
+
+    Parameters
+    ----------
+    session
+        A journal file, or the block's folder.
+
+    Returns
+    -------
+    Computed of Replayed
+        The final state, and what came out differently from what was recorded; flagged when
+        something did. The document has the session's models.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, is damaged, or does not fit its block.
+    """
+    found = replay_session(Path(session))
+    document = replay_document(found.block, session_solutions(found.state))
+    return Computed(found, document, len(found.differences) > 0)
 
 
 def run_replay(options: argparse.Namespace) -> int:
