@@ -92,9 +92,9 @@ def test_the_lines_bytes_do_not_flood_a_full_disks_operator(
         recorder._since = float("-inf")  # a second has gone by
         station._inbox.on_traffic("in", "main", b"\xff" * 100 + bytes([k % 256]))
     done = threading.Event()
-    station._inbox.items.put(_Call(done))  # type: ignore[arg-type]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(station, "_take", _taking(station, station._take))
+        patch.setattr(station._worker, "_take", _taking(station, station._take))
+        station._inbox.items.put(_Call(done))  # type: ignore[arg-type]
         assert done.wait(WAIT)
     refused = [text for _, text in watch.notices[start:] if "record refused" in text]
     assert len(refused) == 1
