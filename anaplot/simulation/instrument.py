@@ -20,7 +20,8 @@ from anaplot.session.heard import MarkSet
 from anaplot.session.state import apply, start
 from anaplot.simulation.laidplates import Placements, laid_photographs
 from anaplot.simulation.stereo import StereoGround, StereoPair
-from anaplot.station.instrument import Instrument, Listener
+from anaplot.station.inbox import Inbox
+from anaplot.station.instrument import Instrument
 
 __all__ = ["PROFILE_OF_SIMULATION", "SimulatedInstrument", "SimulationSetup"]
 
@@ -61,7 +62,7 @@ class SimulationSetup:
     placements: Placements = field(default_factory=dict)
     profile: str = PROFILE_OF_SIMULATION
 
-    def connect(self, listener: Listener, block: Block) -> SimulatedInstrument:
+    def connect(self, listener: Inbox, block: Block) -> SimulatedInstrument:
         """Start the device and return the instrument; see `anaplot.station.instrument.Setup`."""
         return SimulatedInstrument(self, listener, block)
 
@@ -88,7 +89,7 @@ class SimulatedInstrument(Instrument):
 
     simulated = True
 
-    def __init__(self, setup: SimulationSetup, listener: Listener, block: Block) -> None:
+    def __init__(self, setup: SimulationSetup, listener: Inbox, block: Block) -> None:
         profile = load_profile(setup.profile)
         self._block = block
         self._listener = listener

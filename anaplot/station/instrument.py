@@ -5,17 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.link import Link
 from anaplot.plotter.ports import parse_ports
 from anaplot.plotter.profile import load_profile
-from anaplot.plotter.readings import Position, Reading
+from anaplot.plotter.readings import Position
 from anaplot.plotter.schema import Profile
 from anaplot.session.events import Event
-from anaplot.session.heard import Abilities, MarkSet, Seen
+from anaplot.session.heard import Abilities, Seen
 from anaplot.session.requests import (
     DriveTo,
     Lay,
@@ -25,32 +25,11 @@ from anaplot.session.requests import (
     StopDrive,
     TakeRecord,
 )
+from anaplot.station.inbox import Inbox
 
-__all__ = ["Instrument", "InstrumentSetup", "Listener", "Setup"]
+__all__ = ["Instrument", "InstrumentSetup", "Setup"]
 
 _STALE = 2.0  # s after which a read-out is no longer shown
-
-
-class Listener(Protocol):
-    """What a station hears; every call may come from any thread and must return at once."""
-
-    def on_reading(self, reading: Reading) -> None:
-        """Take a decoded reading."""
-
-    def room(self) -> bool:
-        """Whether more can be taken; while not, the line is not read."""
-
-    def on_link_state(self, state: str, detail: str) -> None:
-        """Take the new state of the link."""
-
-    def on_traffic(self, direction: Literal["in", "out"], link: str, data: bytes) -> None:
-        """Bytes came in or were sent."""
-
-    def on_decoder(self, kind: str, text: str) -> None:
-        """Take what the decoder was told besides bytes."""
-
-    def on_mark_set(self, mark: MarkSet) -> None:
-        """Take it that the instrument has set the mark."""
 
 
 class Instrument:
@@ -86,7 +65,7 @@ class Instrument:
         profile: Profile,
         addresses: Mapping[str, str],
         port: str,
-        listener: Listener,
+        listener: Inbox,
         *,
         speed_limits: bool = True,
     ) -> None:
@@ -269,7 +248,7 @@ class Instrument:
 class Setup(Protocol):
     """What an instrument is to be, before a station connects it."""
 
-    def connect(self, listener: Listener, block: Block) -> Instrument:
+    def connect(self, listener: Inbox, block: Block) -> Instrument:
         """Return the instrument, not opened yet.
 
         Parameters
@@ -303,7 +282,7 @@ class InstrumentSetup:
     profile: str
     port: str
 
-    def connect(self, listener: Listener, block: Block) -> Instrument:
+    def connect(self, listener: Inbox, block: Block) -> Instrument:
         """Return the instrument, not opened yet; see `Setup.connect`."""
         profile = load_profile(self.profile)
         return Instrument(profile, parse_ports(profile, [self.port]), self.port, listener)

@@ -8,7 +8,6 @@ import selectors
 import socket
 import sys
 from pathlib import Path
-from typing import Protocol
 
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import plain
@@ -17,32 +16,6 @@ __all__ = ["CHUNK", "Connection", "PseudoTerminal", "TcpPort"]
 
 CHUNK = 4096
 """Bytes read at once."""
-
-
-class Connection(Protocol):
-    """One end of a line."""
-
-    @property
-    def port(self) -> str:
-        """What a `Link` opens."""
-
-    def register(self, selector: selectors.BaseSelector, name: str) -> None:
-        """Have the selector watch the line."""
-
-    def receive(self, selector: selectors.BaseSelector, name: str) -> bytes:
-        """Return what the host has sent."""
-
-    def send(self, data: bytes) -> int:
-        """Send and return how many bytes the line took."""
-
-    def cut(self, selector: selectors.BaseSelector) -> None:
-        """Break the line."""
-
-    def restore(self, selector: selectors.BaseSelector, name: str) -> None:
-        """Mend the line under its old name."""
-
-    def close(self) -> None:
-        """Give everything back."""
 
 
 class PseudoTerminal:
@@ -251,3 +224,7 @@ class TcpPort:
             if end is not None:
                 end.close()
         self._client = self._listener = None
+
+
+Connection = PseudoTerminal | TcpPort
+"""One end of a line: both kinds have the same methods."""
