@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from consolefake import FakeStation, picture
+
+from anaplot.console.choices import Choices
+from anaplot.console.intent import Leave, PointName, Question, Read, Say, Toggle, Turn, intended
+from anaplot.console.rows import shown_rows
+from anaplot.console.situation import Situation
+from anaplot.session.commands import (
+    Accept,
+    Drive,
+    KeepCounters,
+    RecordPoint,
+    Reference,
+    Resume,
+    Suspend,
+    Switch,
+)
+
+pytestmark = pytest.mark.smoke
+
+STEREO = Choices(stereo_on=True)
+
+
+def now(row: int | None = 1, **changes: object) -> Situation:
+    snapshot = changes.pop("snapshot", picture())
+    rows = shown_rows(snapshot)
+    found = Situation(
+        snapshot, None if row is None else rows[row], False, len(rows), Choices(), FakeStation()
+    )
+    return replace(found, **changes)
+
+
+@pytest.mark.parametrize(
+    ("action", "situation", "meaning"),
+    [
+        ("record", now(), RecordPoint()),
+        ("drive", now(), Drive("103")),
+        ("drive", now(None), Say("warning", "no row is selected")),
+        ("details", now(), Read("details")),
+        ("details", now(None), Say("warning", "no row is selected")),
+        ("next_point", now(), Drive("103")),
+        (
+            "next_point",
+            now(snapshot=picture(next_point=None)),
+            Say("warning", "no point is expected next"),
+        ),
+        ("accept", now(snapshot=picture(gross=False)), Accept()),
+        (
+            "accept",
+            now(snapshot=picture(measured=4)),
+            Say(
+                "warning",
+                "the model cannot be accepted now: "
+                "six points are needed, four of them ties or well spread",
+            ),
+        ),
+        ("switch_row", now(), Switch("103", "y", False)),
+        ("switch_point", now(), Switch("103", None, False)),
+        ("reference", now(), Reference(None)),
+        ("reference", now(by_hand=True), Reference("103")),
+        ("reference", now(9, snapshot=picture(measured=4), by_hand=True), Reference(None)),
+        ("keep_counters", now(), Say("info", "the counters have their reference")),
+        ("suspend", now(), Suspend()),
+        ("suspend", now(snapshot=picture(suspended=True)), Resume()),
+        ("add_point", now(), PointName()),
+        ("automatic", now(), Toggle("automatic")),
+        ("hand", now(), Toggle("hand")),
+        ("left", now(choices=STEREO), Turn(-0.02, 0.0, 0.0, 0.0)),
+        ("far_py_less", now(choices=STEREO), Turn(0.0, 0.0, 0.0, -0.2)),
+        ("help", now(), Read("help")),
+        ("leave", now(snapshot=picture(measured=0)), Leave()),
+    ],
+)
+def test_what_a_key_means(action: str, situation: Situation, meaning: object) -> None:
+    assert intended(action, situation) == meaning
+
+
+@pytest.mark.parametrize(
+    ("action", "situation", "then", "words"),
+    [
+        ("accept", now(), Accept(), "1 row is still flagged in model 102 / 103. Accept it?"),
+        ("leave", now(), Leave(), "Model 102 / 103 is not accepted yet."),
+        (
+            "keep_counters",
+            now(snapshot=picture(unreferenced=True)),
+            KeepCounters(),
+            "Did the counters keep their origin",
+        ),
+    ],
+)
+def test_what_is_asked_first(action: str, situation: Situation, then: object, words: str) -> None:
+    question = intended(action, situation)
+    assert isinstance(question, Question)
+    assert question.then == then
+    assert question.text.startswith(words)
+
+
+@pytest.mark.parametrize("action", ["left", "py_more", "automatic", "hand"])
+def test_only_a_simulated_plotter_is_worked_from_here(action: str) -> None:
+    assert isinstance(intended(action, now(controls=None, choices=STEREO)), Say)
+    assert isinstance(intended(action, now(choices=STEREO)), Turn | Toggle)
+
+
+def test_the_stereo_view_takes_the_place_of_a_map_that_is_shown() -> None:
+    choices = Choices()
+    for action, panes, stereo in (
+        ("stereo", "both", True),
+        ("layout", "map", True),
+        ("layout", "table", False),
+        ("stereo", "both", True),
+        ("stereo", "both", False),
+        ("layout", "map", False),
+    ):
+        after = choices.after(action)
+        assert after is not None
+        assert (after.panes, after.stereo) == (panes, stereo)
+        choices = after
+    assert choices.after("record") is None
