@@ -12,8 +12,10 @@ from typing import Generic, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 
+from anaplot.adjustment.elimination import NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
-from anaplot.adjustment.residualsystem import ResidualSystem
+from anaplot.adjustment.pairodds import pair_odds
+from anaplot.adjustment.residualsystem import MeasuredSystem, ResidualSystem
 from anaplot.adjustment.scale import AprioriSigma, check_scale
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import find_gross_errors, findings_at, sigma_of
@@ -22,10 +24,19 @@ from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
 
-__all__ = ["Cleaning", "CleaningEnd", "RefusedRow", "Relinearised", "SolvedWithout", "best_of"]
+__all__ = [
+    "Attempts",
+    "Cleaning",
+    "CleaningEnd",
+    "Refused",
+    "Relinearised",
+    "SolvedWithout",
+    "best_of",
+]
 
 S = TypeVar("S")
 K = TypeVar("K", bound=Hashable)
+R = TypeVar("R", bound=MeasuredSystem)
 
 MOST_PASSES = 30
 """Passes after which the best set that was met is kept."""
@@ -35,7 +46,7 @@ _INTERRUPTED = "the search was interrupted: the best found so far is kept"
 _MOST_ASTRAY = 5  # sets without which the iteration found no end either
 
 
-class RefusedRow(NamedTuple, Generic[K]):
+class Refused(NamedTuple, Generic[K]):
     """A row that a strategy would reject, but without which there is no solution.
 
     Attributes
@@ -68,15 +79,18 @@ class SolvedWithout(NamedTuple, Generic[S, K]):
     also: tuple[K, ...] = ()
 
 
-class Relinearised(Protocol[S, K]):
-    """What is cleaned: a model, a block."""
+class Relinearised(Protocol[S, K, R]):
+    """What is cleaned: a model, a block.
+
+    S is where it lies (a solution), K the name of a row, R the rows linearised somewhere.
+    """
 
     @property
     def apriori(self) -> AprioriSigma:
         """The a-priori sigma that all rows are weighted by."""
         ...
 
-    def residuals(self, at: S, number: int) -> ResidualSystem:
+    def residuals(self, at: S, number: int) -> R:
         """Return all rows, linearised at a solution.
 
         Parameters
@@ -103,11 +117,11 @@ class Relinearised(Protocol[S, K]):
         """
         ...
 
-    def suspects(self, system: ResidualSystem) -> Bools:
+    def suspects(self, system: R) -> Bools:
         """Return (n,) which rows may be rejected."""
         ...
 
-    def model_values(self, system: ResidualSystem, at: S) -> Array:
+    def model_values(self, system: R, at: S) -> Array:
         """Return (n,) model values of sqrt(q_vv), see `find_gross_errors`."""
         ...
 
@@ -117,7 +131,7 @@ class Relinearised(Protocol[S, K]):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CleaningEnd(Generic[S, K]):
+class CleaningEnd(Generic[S, K, R]):
     """Where the passes ended.
 
     Attributes
@@ -143,18 +157,23 @@ class CleaningEnd(Generic[S, K]):
     """
 
     solved: SolvedWithout[S, K]
-    system: ResidualSystem = field(repr=False)
+    system: R = field(repr=False)
     out: frozenset[K]
     passes: tuple[Findings, ...] = field(repr=False)
-    refused: tuple[RefusedRow[K], ...]
+    refused: tuple[Refused[K], ...]
     score: float
     held: frozenset[K]
     settled: bool
     remarks: tuple[str, ...] = ()
 
+    @property
+    def findings(self) -> Findings:
+        """The findings that hold."""
+        return self.passes[-1]
+
 
 @dataclass(frozen=True, slots=True)
-class Cleaning(Generic[S, K]):
+class Cleaning(Generic[S, K, R]):
     """Passes of one strategy.
 
     Attributes
@@ -171,7 +190,7 @@ class Cleaning(Generic[S, K]):
         Clean also where the a-priori sigma cannot be right.
     """
 
-    subject: Relinearised[S, K]
+    subject: Relinearised[S, K, R]
     strategy: str
     settings: SearchSettings
     watch: Watch
@@ -182,7 +201,7 @@ class Cleaning(Generic[S, K]):
         start: S,
         known: SolvedWithout[S, K] | None,
         held: frozenset[K] = frozenset(),
-    ) -> CleaningEnd[S, K]:
+    ) -> CleaningEnd[S, K, R]:
         """Go on from a solution until a set comes again.
 
         Parameters
@@ -202,7 +221,7 @@ class Cleaning(Generic[S, K]):
             There is no solution without any of the sets that were proposed.
         """
         solved: dict[frozenset[K], SolvedWithout[S, K]] = {} if known is None else {held: known}
-        proposals: dict[frozenset[K], tuple[ResidualSystem, Findings]] = {}
+        proposals: dict[frozenset[K], tuple[R, Findings]] = {}
         passes: list[Findings] = []
         barred: dict[K, str] = {}
         at, place, astray = (None if known is None else held), start, 0
@@ -230,16 +249,21 @@ class Cleaning(Generic[S, K]):
                     least = min(found.rejected, key=lambda one: one.r, default=None)
                     if least is None or astray > _MOST_ASTRAY:
                         raise
-                    barred[names[least.row]] = str(error)
+                    barred[cast("K", least.name)] = str(error)
                     if not self.watch.stopped:
                         continue
             if self.watch.stopped:
                 return self._best(solved, proposals, passes, barred, held, _INTERRUPTED)
             at, place = proposed, solved[proposed].solution
 
+    @property
+    def by_apriori(self) -> bool:
+        """Whether the a-priori sigma matters: the strategy tests by it, and it is doubted."""
+        return not self.as_given and sigma0_known(sigma_of(self.strategy))
+
     def _pass(
         self,
-        system: ResidualSystem,
+        system: R,
         place: S,
         barred: Collection[K],
         held: frozenset[K],
@@ -251,7 +275,7 @@ class Cleaning(Generic[S, K]):
         return find_gross_errors(
             system,
             self.strategy,
-            self.settings,
+            replace(self.settings, pairs=False),  # those of the end are wanted alone
             models=self.subject.model_values(system, place) if modified else None,
             suspects=suspects,
             left_out=_rows(system, held),
@@ -260,18 +284,18 @@ class Cleaning(Generic[S, K]):
 
     def _check_scale(self, system: ResidualSystem, found: Findings | None) -> None:
         """Complain where the a-priori sigma cannot be right and the strategy tests by it."""
-        if not self.as_given and sigma0_known(sigma_of(self.strategy)):
+        if self.by_apriori:
             check_scale(system, found, self.settings.alpha, self.subject.apriori)
 
     def _best(
         self,
         solved: dict[frozenset[K], SolvedWithout[S, K]],
-        proposals: dict[frozenset[K], tuple[ResidualSystem, Findings]],
+        proposals: dict[frozenset[K], tuple[R, Findings]],
         passes: list[Findings],
         barred: dict[K, str],
         held: frozenset[K],
         why: str,
-    ) -> CleaningEnd[S, K]:
+    ) -> CleaningEnd[S, K, R]:
         """Return the best of the sets that were met, seen from its own solution."""
         cost = critical_normal(self.settings.alpha) ** 2
         known = {out: one for out, one in solved.items() if out in proposals}
@@ -300,13 +324,13 @@ class Cleaning(Generic[S, K]):
         self,
         one: SolvedWithout[S, K],
         out: frozenset[K],
-        system: ResidualSystem,
+        system: R,
         passes: list[Findings],
         barred: dict[K, str],
         held: frozenset[K],
-    ) -> CleaningEnd[S, K]:
+    ) -> CleaningEnd[S, K, R]:
         score = one.vtpv + critical_normal(self.settings.alpha) ** 2 * _count(out, one)
-        refused = tuple(RefusedRow(name, reason) for name, reason in barred.items())
+        refused = tuple(Refused(name, reason) for name, reason in barred.items())
         stopped = self.watch.stopped
         remarks = (_INTERRUPTED,) if stopped else ()
         return CleaningEnd(
@@ -314,7 +338,63 @@ class Cleaning(Generic[S, K]):
         )
 
 
-def best_of(ends: Collection[CleaningEnd[S, K]]) -> CleaningEnd[S, K]:
+class Attempts(Generic[S, K, R]):
+    """Passes from several places to begin at: the best end counts.
+
+    Parameters
+    ----------
+    cleaning
+        The passes.
+
+    Attributes
+    ----------
+    ends
+        Where they ended.
+    """
+
+    def __init__(self, cleaning: Cleaning[S, K, R]) -> None:
+        self.ends: list[CleaningEnd[S, K, R]] = []
+        self._cleaning = cleaning
+        self._failures: list[NotComputableError | NotSeparableError] = []
+
+    @property
+    def ended(self) -> bool:
+        """Whether the end was asked for and there is one: nothing more is tried."""
+        return self._cleaning.watch.stopped and bool(self.ends)
+
+    def begin(
+        self,
+        start: S,
+        known: SolvedWithout[S, K] | None,
+        held: frozenset[K] = frozenset(),
+    ) -> None:
+        """Go on from a place, as `Cleaning.run` has it; where nothing comes of it, remember why."""
+        if self.ended:
+            return
+        try:
+            self.ends.append(self._cleaning.run(start, known, held))
+        except (NotComputableError, NotSeparableError) as error:
+            self._failures.append(error)
+
+    def best(self) -> CleaningEnd[S, K, R]:
+        """Return the best end, with the odds over pairs where they are asked for.
+
+        Raises
+        ------
+        NotComputableError, NotSeparableError
+            There is none: why the first of them failed.
+        """
+        if not self.ends:
+            raise self._failures[0]
+        end = best_of(self.ends)
+        if not self._cleaning.settings.pairs:
+            return end
+        kind, held = sigma_of(self._cleaning.strategy), _rows(end.system, end.held)
+        odds = pair_odds(end.system, kind=kind, left_out=held)
+        return replace(end, passes=(*end.passes[:-1], replace(end.findings, pair_odds=odds)))
+
+
+def best_of(ends: Collection[CleaningEnd[S, K, R]]) -> CleaningEnd[S, K, R]:
     """Return the end of the smallest score, of equal ones the first."""
     return min(ends, key=lambda end: round(end.score, 6))
 

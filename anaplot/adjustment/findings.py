@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Generic, Literal, NamedTuple, TypeVar
 
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.tested import Odds
@@ -21,6 +21,8 @@ __all__ = [
     "SearchStep",
 ]
 
+
+K = TypeVar("K", bound=Hashable)
 
 Action = Literal["add", "drop", "swap", "reject", "reweight"]
 
@@ -100,32 +102,66 @@ class SearchStep(NamedTuple):
     after: float
 
 
-class Rejection(NamedTuple):
-    """A row that is rejected at the end.
+class Rejection(NamedTuple, Generic[K]):
+    """A row that is rejected at the end, or left out for another reason.
 
     Attributes
     ----------
     row, name
-        Index and identity.
+        Index (None: no row of the system in which the search ended) and identity.
     order
         Place among the actions that took it out finally, from 1; rows taken out together share it.
+        0: the strategy did not reject it, but no good solution is found with it.
     statistic, critical
-        As in the step that took it out.
+        As in the step that took it out; None without one.
     error, sigma
-        Estimated gross error and its a-priori standard deviation, all other rejected rows left
-        out as well, in a-priori sigmas of the row; None when the remaining rows cannot tell.
+        Estimated gross error of the row and its a-priori standard deviation, all others that are
+        out left out as well; None when the remaining rows cannot tell.
     r
-        Its redundancy number when it was rejected (before it was taken out).
+        Its redundancy number when it was rejected (before it was taken out); zero without a row.
+    weight
+        Factor of its weight at the end of a re-weighting; None without one.
+    partners
+        Rows that are kept and were hard to tell apart from it when it went.
+    unit, apriori
+        Of error and sigma ("" for a-priori sigmas of the row), and the a-priori standard deviation
+        of the row in it.
     """
 
-    row: int
-    name: Hashable
+    row: int | None
+    name: K
     order: int
     statistic: float | None
     critical: float | None
     error: float | None
     sigma: float | None
     r: float
+    weight: float | None = None
+    partners: tuple[K, ...] = ()
+    unit: str = ""
+    apriori: float = 1.0
+
+    @property
+    def w(self) -> float | None:
+        """Standardized residual that it has when it alone comes back, a-priori sigma."""
+        return None if self.error is None or self.sigma is None else self.error / self.sigma
+
+    @property
+    def r_back(self) -> float | None:
+        """Redundancy number that it has when it alone comes back."""
+        return None if self.sigma is None else (self.apriori / self.sigma) ** 2
+
+    @property
+    def residual(self) -> float | None:
+        """What it then shows of its error."""
+        share = self.r_back
+        return None if self.error is None or share is None else share * self.error
+
+    def measured(self, sigma: float, unit: str) -> Rejection[K]:
+        """Return it in the unit of the row, given the row's a-priori standard deviation in it."""
+        error = None if self.error is None else self.error * sigma
+        deviation = None if self.sigma is None else self.sigma * sigma
+        return self._replace(error=error, sigma=deviation, unit=unit, apriori=sigma)
 
 
 class HardToTell(NamedTuple):
@@ -244,7 +280,7 @@ class Findings:
 
     strategy: str
     steps: tuple[SearchStep, ...]
-    rejected: tuple[Rejection, ...]
+    rejected: tuple[Rejection[Hashable], ...]
     hard_to_tell: tuple[HardToTell, ...]
     untestable: tuple[int, ...]
     at_end: FinalStatistics
@@ -256,7 +292,7 @@ class Findings:
     @property
     def rows(self) -> tuple[int, ...]:
         """Indices of the rejected rows."""
-        return tuple(rejection.row for rejection in self.rejected)
+        return tuple(one.row for one in self.rejected if one.row is not None)
 
     @property
     def taken_out(self) -> tuple[int, ...]:

@@ -20,7 +20,7 @@ from scipy.sparse import csr_array, dia_array
 
 from anaplot.aliases import Array, Index
 
-__all__ = ["DenseResiduals", "Designed", "ResidualSystem", "diagonal"]
+__all__ = ["DenseResiduals", "Designed", "MeasuredSystem", "ResidualSystem", "diagonal"]
 
 
 class ResidualSystem(Protocol):
@@ -56,6 +56,20 @@ class ResidualSystem(Protocol):
 
         They are asked for again and again: a system that has to compute them keeps them.
         """
+        ...
+
+
+class MeasuredSystem(ResidualSystem, Protocol):
+    """A residual system whose rows have units."""
+
+    @property
+    def units(self) -> Sequence[str]:
+        """Units of the n rows."""
+        ...
+
+    @property
+    def sigma(self) -> Array:
+        """(n,) a-priori standard deviations of the rows in their units."""
         ...
 
 

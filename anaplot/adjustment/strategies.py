@@ -26,7 +26,7 @@ all. None rejects more rows than half of the redundancy.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import sqrt
@@ -199,9 +199,9 @@ def findings_at(
     if left_out:
         system = ReducedSystem(system, left_out)
     state = Elimination(system)
-    for rejected in findings.rejected:
+    for row in findings.rows:
         with suppress(NotSeparableError):  # nothing is said of what nothing checks any more
-            state.add(rejected.row)
+            state.add(row)
     there = _End(
         state,
         list(findings.steps),
@@ -455,7 +455,7 @@ def _findings(end: _End, strategy: str, settings: SearchSettings, rows: Index) -
     at_end = FinalStatistics(
         w, at_end_r, sqrt(state.vtpv / f) if f > 0 else None, f, state.vtpv, end.weights
     )
-    rejected, partners = _retrace(state, end.steps, settings.partner, estimated)
+    rejected, partners = _retrace(end, settings.partner, estimated)
     size = np.full(len(e), np.nan)
     size[testable] = np.abs(e[testable]) / np.sqrt(r[testable])
     kind = sigma_of(strategy)
@@ -478,20 +478,18 @@ def _findings(end: _End, strategy: str, settings: SearchSettings, rows: Index) -
 
 
 def _retrace(
-    state: Elimination,
-    steps: list[SearchStep],
-    limit: float,
-    estimated: dict[int, tuple[float, float]],
-) -> tuple[tuple[Rejection, ...], tuple[HardToTell, ...]]:
+    end: _End, limit: float, estimated: dict[int, tuple[float, float]]
+) -> tuple[tuple[Rejection[Hashable], ...], tuple[HardToTell, ...]]:
     """Find the step that took out each row, and how the residuals were correlated just before."""
+    state, weights = end.state, end.weights
     last: dict[int, tuple[int, SearchStep]] = {}
-    for number, step in enumerate(steps):
+    for number, step in enumerate(end.steps):
         if step.action in ("add", "reject"):
             last.update((row, (number, step)) for row in step.rows)
         elif step.action == "swap":
             last[step.rows[0]] = (number, step)
     names = state.system.names
-    out: list[Rejection] = []
+    out: list[Rejection[Hashable]] = []
     partners: list[HardToTell] = []
     ordered = sorted(state.rows, key=lambda row: (last[row][0], last[row][1].rows.index(row)))
     numbers = sorted({last[row][0] for row in ordered})
@@ -501,21 +499,19 @@ def _retrace(
     for row in ordered:
         number, step = last[row]
         rho = before.correlations(row)
-        for other in np.flatnonzero(np.abs(np.nan_to_num(rho)) >= limit).tolist():
-            if not chosen[other]:
-                partners.append(HardToTell(row, other, float(rho[other])))
-        value, deviation = estimated[row]
-        order = numbers.index(number) + 1
+        alike = np.flatnonzero((np.abs(np.nan_to_num(rho)) >= limit) & ~chosen).tolist()
+        partners += [HardToTell(row, other, float(rho[other])) for other in alike]
         out.append(
             Rejection(
                 row,
                 names[row],
-                order,
+                numbers.index(number) + 1,
                 step.statistic,
                 step.critical,
-                value,
-                deviation,
-                float(before.r[row]),
+                *estimated[row],
+                r=float(before.r[row]),
+                weight=None if weights is None else float(weights[row]),
+                partners=tuple(names[other] for other in alike),
             )
         )
         before.add(row)

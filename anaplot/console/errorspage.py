@@ -114,22 +114,19 @@ def _rejected(solution: ModelSolution, found: Findings, width: int) -> list[Cont
         return [Content("No row is rejected.")]
     head = f"{'REJECTED':<{_ROW}}{'W':>8}{'ERROR µm':>11}{'± µm':>8}{'RED-N':>7}"
     lines = [Content.styled(fit(head, width), "bold $foreground-muted")]
-    for gone in found.rejected:
-        unit = solution.apriori_um * float(solution.q_l[gone.row]) ** 0.5
-        w = error = sigma = None
-        if gone.error is not None and gone.sigma is not None:
-            w, error, sigma = gone.error / gone.sigma, gone.error * unit, gone.sigma * unit
+    for row, one in zip(found.rows, found.rejected, strict=True):
+        gone = one.measured(solution.apriori_um * float(solution.q_l[row]) ** 0.5, "um")
         text = (
-            fit_end(_name(solution, gone.row), _ROW - 1)
+            fit_end(_name(solution, row), _ROW - 1)
             + " "
-            + number(w, 8, 2)
-            + cell(error, 11, 1)
-            + cell(sigma, 8, 1)
+            + number(gone.w, 8, 2)
+            + cell(gone.error, 11, 1)
+            + cell(gone.sigma, 8, 1)
             + cell(gone.r, 7, 3)
         )
         lines.append(Content.styled(fit(text, width), "bold $text-error"))
         for pair in found.hard_to_tell:
-            if pair.rejected == gone.row:
+            if pair.rejected == row:
                 other = f"  or {_name(solution, pair.kept)} (correlation {pair.correlation:.2f})"
                 lines.append(Content(fit(other, width)))
     return lines

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.cleaning import Cleaning, CleaningEnd, SolvedWithout, best_of
-from anaplot.adjustment.elimination import Elimination, NotSeparableError
+from anaplot.adjustment.cleaned import Cleaned
+from anaplot.adjustment.cleaning import Attempts, Cleaning, SolvedWithout
+from anaplot.adjustment.elimination import NotSeparableError
 from anaplot.adjustment.findings import Findings, SearchSettings
-from anaplot.adjustment.residualsystem import ResidualSystem
 from anaplot.adjustment.scale import AprioriSigma, ScaleError, check_scale
 from anaplot.adjustment.strategies import find_gross_errors, sigma_of
 from anaplot.adjustment.tested import sigma0_known
@@ -31,7 +30,6 @@ from anaplot.photogrammetry.pointchange import PointChange, point_change
 __all__ = [
     "CleanedModel",
     "CleanedStrip",
-    "RejectedRow",
     "model_gross_errors",
     "strategy_findings",
     "strip_gross_errors",
@@ -41,76 +39,37 @@ __all__ = [
 _TORN = 4.0  # sigma0 from which a cleaned orientation is a second place to begin
 
 
-class RejectedRow(NamedTuple):
-    """A row that is left out of a model.
-
-    Attributes
-    ----------
-    point, axis
-        The row.
-    w
-        Standardized residual it has when it alone comes back, a-priori sigma; None when the other
-        rows cannot test it.
-    residual
-        Parallax at the row when it alone is back [um]; None likewise.
-    r
-        Its redundancy number then; None likewise.
-    order
-        Place among the actions that took it out, from 1; 0 for a row that the strategy did not
-        reject but that pulls the orientation away, or allows none.
-    statistic, critical
-        What decided, see `Step`; None without such a value.
-    error_um
-        Estimated gross error of the row [um]; None when the other rows cannot tell.
-    """
-
-    point: str
-    axis: str
-    w: float | None
-    residual: float | None
-    r: float | None
-    order: int
-    statistic: float | None
-    critical: float | None
-    error_um: float | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CleanedModel:
+@dataclass(frozen=True, eq=False)
+class CleanedModel(Cleaned[ModelSolution, RowKey, ModelResiduals]):
     """A model without the rows that a strategy rejects.
 
     Attributes
     ----------
-    solution
-        Oriented without them.
-    residuals
-        All rows, linearised at that orientation.
-    passes
-        What the strategy found in every pass among all rows; the last holds.
-    rejected
-        Rows left out, in the order of their rejection.
-    begun_without
-        Rows that had to be left out to find an orientation at all, or one that shows which rows
-        are wrong.
-    refused
-        Rows that it would have rejected, but without which there is no orientation, and why.
-    remarks
-        What limited the search.
-    held
-        Rows that were left out to begin with and not looked at: the strategy cannot cope with them.
-    first
-        Oriented with all rows; None where there is no such orientation, or a torn one.
+    begun
+        What the search began with: oriented with all rows that allow an orientation.
     """
 
-    solution: ModelSolution
-    residuals: ModelResiduals = field(repr=False)
-    passes: tuple[Findings, ...] = field(repr=False)
-    rejected: tuple[RejectedRow, ...]
-    begun_without: tuple[RowKey, ...] = ()
-    refused: tuple[tuple[RowKey, str], ...] = ()
-    remarks: tuple[str, ...] = ()
-    held: frozenset[RowKey] = frozenset()
-    first: ModelSolution | None = field(default=None, repr=False)
+    begun: SolvedWithout[ModelSolution, RowKey] = field(repr=False)
+
+    @property
+    def solution(self) -> ModelSolution:
+        """Oriented without the rejected rows."""
+        return self.end.solved.solution
+
+    @property
+    def begun_without(self) -> tuple[RowKey, ...]:
+        """Rows that are left out to find an orientation at all, or one that shows wrong ones."""
+        return self.begun.also
+
+    @property
+    def held(self) -> frozenset[RowKey]:
+        """Rows of these that were not looked at: the strategy cannot cope with them."""
+        return self.end.held
+
+    @property
+    def first(self) -> ModelSolution | None:
+        """Oriented with all rows; None where there is no such orientation, or a torn one."""
+        return None if self.begun_without else self.begun.solution
 
     @property
     def point_change(self) -> PointChange | None:
@@ -132,27 +91,11 @@ class CleanedModel:
         )
 
     @property
-    def findings(self) -> Findings:
-        """The findings that hold."""
-        return self.passes[-1]
-
-    @property
     def came_back(self) -> tuple[RowKey, ...]:
         """Rows that were left out at the beginning, in some pass or step, and are in at the end."""
-        keys = self.residuals.keys
-        rows = dict.fromkeys(self.begun_without)
-        for found in self.passes:
-            rows.update(dict.fromkeys(keys[row] for row in found.taken_out))
-        out = {(row.point, row.axis) for row in self.rejected}.union(key for key, _ in self.refused)
+        out = {*self.out, *(refused.name for refused in self.refused)}
+        rows = dict.fromkeys((*self.begun_without, *self.taken_back))
         return tuple(key for key in rows if key not in out)
-
-    @property
-    def hard_to_tell(self) -> tuple[tuple[RowKey, RowKey, float], ...]:
-        """Rejected row, kept row, and the correlation of their residuals when the first went."""
-        keys = self.residuals.keys
-        out = {(row.point, row.axis) for row in self.rejected}
-        pairs = ((keys[a], keys[b], rho) for a, b, rho in self.findings.hard_to_tell)
-        return tuple(pair for pair in pairs if pair[1] not in out)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -245,14 +188,13 @@ class _ModelRows:
                     return SolvedWithout(solution, residual_system(solution).vtpv, tuple(also))
             also += new
 
-    def suspects(self, system: ResidualSystem) -> Bools:
+    def suspects(self, system: ModelResiduals) -> Bools:
         """Return which rows may be rejected: all."""
         return np.ones(len(system.names), dtype=bool)
 
-    def model_values(self, system: ResidualSystem, at: ModelSolution) -> Array:
+    def model_values(self, system: ModelResiduals, at: ModelSolution) -> Array:
         """Return model values of the ideal model with the same points."""
-        assert isinstance(system, ModelResiduals)
-        return ideal_roots(at, system.keys)
+        return ideal_roots(at, system.names)
 
     def astray(self, error: NotComputableError) -> bool:
         """Whether the iteration has lost its way: one that has none tries the next set."""
@@ -301,46 +243,20 @@ def model_gross_errors(
     """
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
     subject = _ModelRows(pair, precision, test)
-    watch = Watch() if watch is None else watch
-    cleaning = Cleaning(subject, strategy, used, watch, as_given)
+    cleaning = Cleaning(subject, strategy, used, Watch() if watch is None else watch, as_given)
+    attempts = Attempts(cleaning)
     begun = subject.without(frozenset(), None)
-    wild = begun.also
-    starts: list[
-        tuple[ModelSolution, SolvedWithout[ModelSolution, RowKey] | None, frozenset[RowKey]]
-    ]
-    starts = [(begun.solution, begun, frozenset())]
+    attempts.begin(begun.solution, begun)
     sigma0 = begun.solution.sigma0_um
-    if strategy != "search" and sigma0 is not None and sigma0 > _TORN * precision.image_um:
+    torn = sigma0 is not None and sigma0 > _TORN * precision.image_um
+    if strategy != "search" and torn and not attempts.ended:
         with suppress(NotComputableError, NotSeparableError):
             clean = replace(cleaning, strategy="search").run(begun.solution, begun)
-            starts.append((clean.solved.solution, None, frozenset()))
-    if wild:
-        starts.append((begun.solution, begun._replace(also=()), frozenset(wild)))
-    ends: list[CleaningEnd[ModelSolution, RowKey]] = []
-    failures: list[NotComputableError | NotSeparableError] = []
-    for start, known, held in starts:
-        try:
-            ends.append(cleaning.run(start, known, held))
-        except (NotComputableError, NotSeparableError) as error:
-            failures.append(error)
-        if watch.stopped and ends:
-            break
-    if not ends:
-        raise failures[0]
-    end = best_of(ends)
-    system, solution = end.system, end.solved.solution
-    assert isinstance(system, ModelResiduals)
-    return CleanedModel(
-        solution,
-        system,
-        end.passes,
-        _rejected(system, end.passes[-1], (*sorted(end.out), *end.solved.also)),
-        wild,
-        tuple((refused.name, refused.reason) for refused in end.refused),
-        (*end.passes[-1].remarks, *end.remarks),
-        end.held,
-        None if wild else begun.solution,
-    )
+            attempts.begin(clean.solved.solution, None)
+    if begun.also:
+        attempts.begin(begun.solution, begun._replace(also=()), frozenset(begun.also))
+    end = attempts.best()
+    return CleanedModel(end, (*sorted(end.out), *end.solved.also), begun)
 
 
 def strip_gross_errors(
@@ -377,39 +293,6 @@ def strip_gross_errors(
         return model.solution
 
     return CleanedStrip(bridge_strip(block, strip, form=form), tuple(cleaned))
-
-
-def _rejected(
-    residuals: ModelResiduals, found: Findings, out: tuple[RowKey, ...]
-) -> tuple[RejectedRow, ...]:
-    """Say of every row that is out why it went and what it shows when it alone comes back."""
-    keys = residuals.keys
-    known = {keys[row.row]: row for row in found.rejected}
-    ordered = sorted(out, key=lambda key: known[key].order if key in known else 0)
-    state = Elimination(residuals.system)
-    for key in reversed(ordered):  # those that nobody asked to reject give way
-        if key in keys:
-            with suppress(NotSeparableError):
-                state.add(keys.index(key))
-    error, sigma = state.estimates()
-    estimated = dict(zip(state.rows, zip(error.tolist(), sigma.tolist(), strict=True), strict=True))
-    rows = []
-    for key in ordered:
-        because = known.get(key)
-        order, statistic, critical = (
-            (0, None, None)
-            if because is None
-            else (because.order, because.statistic, because.critical)
-        )
-        w = parallax = r = size = None
-        at = keys.index(key) if key in keys else -1
-        if at in estimated:
-            value, deviation = estimated[at]
-            unit = float(residuals.unit_um[at])
-            w, r, size = value / deviation, deviation**-2, value * unit
-            parallax = r * size
-        rows.append(RejectedRow(*key, w, parallax, r, order, statistic, critical, size))
-    return tuple(rows)
 
 
 def _rows_of(pair: Stereopair, points: tuple[str, ...], out: list[RowKey]) -> list[RowKey]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from anaplot.adjustment.residualsystem import DenseResiduals
-from anaplot.aliases import Array, Index, RowKey
+from anaplot.aliases import Array, RowKey
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
@@ -19,54 +19,25 @@ __all__ = ["ModelResiduals", "correlated_units", "residual_system", "residuals_a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ModelResiduals:
-    """Rows of a model, linearised at an orientation; a `ResidualSystem`.
+class ModelResiduals(DenseResiduals):
+    """Rows (point, axis) of a model, linearised at an orientation.
 
     Attributes
     ----------
-    keys
-        n rows (point, axis).
-    system
-        Their residual system.
-    unit_um
+    sigma
         (n,) a-priori standard deviation of each row [um]; of correlated rows, given the others.
     """
 
-    keys: tuple[RowKey, ...]
-    system: DenseResiduals = field(repr=False)
-    unit_um: Array = field(repr=False)
+    names: tuple[RowKey, ...]
+    sigma: Array = field(repr=False, kw_only=True)
 
     @property
-    def names(self) -> tuple[RowKey, ...]:
-        """The keys."""
-        return self.keys
-
-    @property
-    def e(self) -> Array:
-        """(n,) misclosures left, in a-priori sigmas."""
-        return self.system.e
-
-    @property
-    def r(self) -> Array:
-        """(n,) redundancy numbers."""
-        return self.system.r
-
-    @property
-    def vtpv(self) -> float:
-        """The v'Pv of all rows."""
-        return self.system.vtpv
-
-    @property
-    def redundancy(self) -> int:
-        """Number of rows minus number of unknowns."""
-        return self.system.redundancy
-
-    def columns(self, rows: Index) -> Array:
-        """Return (n, k): the columns of R that belong to k rows."""
-        return self.system.columns(rows)
+    def units(self) -> tuple[str, ...]:
+        """Units of the rows."""
+        return ("um",) * len(self.names)
 
 
-def residual_system(solution: ModelSolution) -> DenseResiduals:
+def residual_system(solution: ModelSolution) -> ModelResiduals:
     """See an oriented model, with the rows that it has, from the side of its residuals.
 
     By the weights of its solution; under "exact" by the weight Sigma_F^-1, which makes the most
@@ -79,16 +50,18 @@ def residual_system(solution: ModelSolution) -> DenseResiduals:
             solution.exact.weight,
             solution.redundancy,
             correlated_units(solution.exact.misclosures),
+            solution.apriori_um,
         )
     root = np.sqrt(solution.q_l)
     e = solution.tested.residual / (solution.apriori_um * root)
-    return DenseResiduals(
+    return ModelResiduals(
         tuple(solution.tested.keys),
         e,
         solution.tested.r,
         float(e @ e),
         solution.redundancy,
         solution.q_vv / root[:, None] / root,
+        sigma=solution.apriori_um * root,
     )
 
 
@@ -124,27 +97,27 @@ def residuals_at(pair: Stereopair, precision: Precision, solution: ModelSolution
     if precision.tie_variance == "exact":
         sigma = misclosure_covariance(pair, conditions, state)[np.ix_(usable, usable)]
         unit = correlated_units(sigma)
-        system = _correlated(
+        return _correlated(
             kept,
             rows[6] * root / (precision.image_um * 1e-3),
             residual_weight(sigma, (design * root).T),
             rows.shape[1] - len(design),
             unit,
+            precision.image_um,
         )
-        return ModelResiduals(kept, system, precision.image_um * unit)
     design = design / np.linalg.norm(design, axis=1, keepdims=True)
     q, _ = np.linalg.qr(design.T)
     matrix = np.eye(rows.shape[1]) - q @ q.T
     e = matrix @ (rows[6] / (precision.image_um * 1e-3))
-    system = DenseResiduals(
+    return ModelResiduals(
         kept,
         e,
         np.maximum(np.diag(matrix), 0.0),
         float(e @ e),
         rows.shape[1] - len(design),
         matrix,
+        sigma=precision.image_um * root,
     )
-    return ModelResiduals(kept, system, precision.image_um * root)
 
 
 def correlated_units(sigma: Array) -> Array:
@@ -157,8 +130,13 @@ def correlated_units(sigma: Array) -> Array:
 
 
 def _correlated(
-    keys: tuple[RowKey, ...], misclosures: Array, weight: Array, redundancy: int, unit: Array
-) -> DenseResiduals:
+    keys: tuple[RowKey, ...],
+    misclosures: Array,
+    weight: Array,
+    redundancy: int,
+    unit: Array,
+    sigma0_um: float,
+) -> ModelResiduals:
     """Return the residual system of rows with W = Sigma^-1 - Sigma^-1 B N^-1 B' Sigma^-1.
 
     Parameters
@@ -173,14 +151,17 @@ def _correlated(
         Its rank.
     unit
         (n,) unit of each row, in units of sigma0.
+    sigma0_um
+        sigma0 [um].
     """
     left = weight @ misclosures
     matrix = weight * (unit[:, None] * unit)
-    return DenseResiduals(
+    return ModelResiduals(
         keys,
         left * unit,
         np.maximum(np.diag(matrix), 0.0),
         float(misclosures @ left),
         redundancy,
         matrix,
+        sigma=sigma0_um * unit,
     )

@@ -6,17 +6,19 @@ import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from anaplot.adjustment.findings import Rejection
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Progress, Strategy
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import ControlLast
-from anaplot.bundle.errors.grosserrors import BlockFindings, RejectedObservation
+from anaplot.bundle.errors.grosserrors import BlockFindings
 from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses, block_hypotheses
 from anaplot.bundle.hypotheses.components import BlockComponents, Grouping, block_components
 from anaplot.bundle.hypotheses.priorknowledge import BlockPrior, PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.additional import AdditionalParameters, additional_parameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import InputError
 from anaplot.exchange.operatorscsv import read_operators
@@ -71,7 +73,7 @@ class BlockAdjustment:
     correlations: tuple[RayPair, ...] | None = field(default=None, repr=False)
 
     @property
-    def rejected(self) -> tuple[RejectedObservation, ...]:
+    def rejected(self) -> tuple[Rejection[ObservationName], ...]:
         """What the strategy rejected, in its order."""
         first = self.errors_without_control
         images = () if first is None else first.images.rejected

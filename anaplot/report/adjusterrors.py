@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from anaplot.adjustment.findings import SearchStep
+from anaplot.adjustment.findings import Rejection, SearchStep
 from anaplot.adjustment.strategies import deciding_critical, sigma_of
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
 from anaplot.bundle.errors.controllast import ControlLast, clean_control_last
-from anaplot.bundle.errors.grosserrors import BlockFindings, RejectedObservation, block_gross_errors
+from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
@@ -134,7 +134,7 @@ def errors_document(cleaned: BlockFindings) -> Document:
     For programs errors and sigmas in the unit that stands beside them; people read micrometres
     (image), millimetres (control) or microradians (priors).
     """
-    found, names, settings = cleaned.findings, cleaned.system.names, cleaned.settings
+    found, settings = cleaned.findings, cleaned.settings
     rejected = cleaned.rejected
     many = "1 observation is" if len(rejected) == 1 else f"{len(rejected)} observations are"
     page: list[Block] = [
@@ -163,9 +163,8 @@ def errors_document(cleaned: BlockFindings) -> Document:
     page += _listed(
         f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
         [
-            say("{} is rejected, {} is kept (correlation {:.2f})", _named(names[a]),
-                _named(names[b]), rho)
-            for a, b, rho in found.hard_to_tell
+            say("{} is rejected, {} is kept (correlation {:.2f})", _named(gone), _named(kept), rho)
+            for gone, kept, rho in cleaned.hard_to_tell
         ],
     )  # fmt: skip
     page += _listed(
@@ -188,13 +187,13 @@ _REJECTED = for_programs(
 )
 
 
-def _rejected_table(rejected: Sequence[RejectedObservation]) -> Table:
+def _rejected_table(rejected: Sequence[Rejection[ObservationName]]) -> Table:
     rows = []
     for row in rejected:
         name = _name_json(row.name)
         rows.append(
             (*(name.get(column.key) for column in _REJECTED[:7]), row.order, row.statistic,
-             row.critical, row.error, row.sigma, row.unit, row.w, row.r, row.r_rejected,
+             row.critical, row.error, row.sigma, row.unit, row.w, row.r_back, row.r,
              row.weight)
         )  # fmt: skip
     return table("rejected", _REJECTED, rows)
@@ -234,7 +233,7 @@ def _before_and_after(cleaned: BlockFindings) -> list[Block]:
     ]
 
 
-def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> Line:
+def _rejected_line(row: Rejection[ObservationName], width: int, strategy: str) -> Line:
     scale, unit = _DIGITS[row.unit]
     error = None if row.error is None else row.error * scale
     sigma = None if row.sigma is None else row.sigma * scale
@@ -257,7 +256,7 @@ def _rejected_line(row: RejectedObservation, width: int, strategy: str) -> Line:
     blank = " " * (width - len(line_text(name)))
     line = say(
         "  {:5c}  {}{}  {:10.1c}{:10.1c} {}{:{wide}.2c}{:8.3c}",
-        *(row.order, name, blank, error, sigma, unit, row.w, row.r_rejected),
+        *(row.order, name, blank, error, sigma, unit, row.w, row.r),
         wide=11 - len(unit),
     )
     return sum(ends, line + "  ") if ends else line
@@ -268,7 +267,7 @@ def _measure(strategy: str) -> str:
 
 
 def _odds(cleaned: BlockFindings) -> list[Block]:
-    found, names = cleaned.findings, cleaned.system.names
+    found, names = cleaned.findings, cleaned.names
     sigma0 = sigma0_in_words(found.strategy)
     weighed = f"all observations in{_but(cleaned)}, by the {sigma0} sigma0"
     page = _listed(
@@ -332,7 +331,7 @@ def _json(cleaned: BlockFindings) -> Answer:
 
     Errors and sigmas in the unit that stands beside them.
     """
-    found, names, settings = cleaned.findings, cleaned.system.names, cleaned.settings
+    found, names, settings = cleaned.findings, cleaned.names, cleaned.settings
     out: Answer = {
         "strategy": found.strategy,
         "alpha": settings.alpha,
@@ -354,8 +353,8 @@ def _json(cleaned: BlockFindings) -> Answer:
                 "sigma": row.sigma,
                 "unit": row.unit,
                 "w": row.w,
-                "r": row.r,
-                "redundancy_number": row.r_rejected,
+                "r": row.r_back,
+                "redundancy_number": row.r,
                 "weight": row.weight,
                 "partners": [_name_json(name) for name in row.partners],
             }
@@ -364,8 +363,8 @@ def _json(cleaned: BlockFindings) -> Answer:
         "ground": change_json(cleaned.point_change, "m"),
         "came_back": [_name_json(name) for name in cleaned.came_back],
         "hard_to_tell": [
-            {"rejected": _name_json(names[a]), "kept": _name_json(names[b]), "correlation": rho}
-            for a, b, rho in found.hard_to_tell
+            {"rejected": _name_json(gone), "kept": _name_json(kept), "correlation": rho}
+            for gone, kept, rho in cleaned.hard_to_tell
         ],
         "untestable": [_name_json(name) for name in cleaned.untestable],
         "refused": [{**_name_json(r.name), "reason": r.reason} for r in cleaned.refused],

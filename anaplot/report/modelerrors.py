@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from anaplot.adjustment.advice import hard_to_tell_apart
+from anaplot.adjustment.findings import Rejection
 from anaplot.aliases import Array, RowKey
-from anaplot.orientation.grosserrors import CleanedModel, RejectedRow
+from anaplot.orientation.grosserrors import CleanedModel
 from anaplot.report.document import (
     Answer,
     Block,
@@ -70,7 +71,12 @@ def model_errors_document(cleaned: CleanedModel) -> Document:
         page.append(say("    {}", model_values_line(found.model_values)))
     page += _odds_lines(cleaned)
     page += [say("    note: {}", remark).of("remark") for remark in cleaned.remarks]
-    rejected = table("rejected", _REJECTED, cleaned.rejected)
+    rows_out = (
+        (*row.name, row.w, row.residual, row.r_back, row.order, row.statistic, row.critical,
+         row.error)
+        for row in cleaned.rejected
+    )  # fmt: skip
+    rejected = table("rejected", _REJECTED, rows_out)
     answer = {
         "strategy": found.strategy,
         "begun_without": _keys_json(cleaned.begun_without),
@@ -94,7 +100,7 @@ def model_errors_document(cleaned: CleanedModel) -> Document:
         "remarks": list(cleaned.remarks),
     }
     if found.model_values is not None:
-        keys = cleaned.residuals.keys
+        keys = cleaned.names
         answer["model_values"] = model_values_json(
             found.model_values, lambda row: _key_json(keys[row])
         )
@@ -117,14 +123,14 @@ def _keys_json(keys: Iterable[RowKey]) -> list[Answer]:
     return [_key_json(key) for key in keys]
 
 
-def _rejected_line(row: RejectedRow, strategy: str) -> Line:
+def _rejected_line(row: Rejection[RowKey], strategy: str) -> Line:
     """Return what a row shows, when it went and what decided."""
-    line = say("    {} {}  rejected", row.point, row.axis)
+    line = say("    {} {}  rejected", *row.name)
     if row.w is None:
         line += ": with it the orientation goes astray, and the others cannot test it"
     else:
         line += say(
-            "  RED-N {:.3f}  PARX {:.1f} um  w {:.2f} with it in", row.r, row.residual, row.w
+            "  RED-N {:.3f}  PARX {:.1f} um  w {:.2f} with it in", row.r_back, row.residual, row.w
         )
     if row.order == 0:
         return line if row.w is None else line + "; with it the orientation goes astray"
@@ -138,7 +144,7 @@ def _rejected_line(row: RejectedRow, strategy: str) -> Line:
 
 def _odds_lines(cleaned: CleanedModel) -> list[Line]:
     """Return the odds over single errors, all rows in, and over pairs where asked for."""
-    found, keys = cleaned.findings, cleaned.residuals.keys
+    found, keys = cleaned.findings, cleaned.names
     single, odds = found.odds, found.pair_odds
     but = " but those far off" if cleaned.held else ""
     weighed = f"all rows in{but}, by the {sigma0_in_words(found.strategy)} sigma0"
@@ -171,11 +177,11 @@ def _odds_lines(cleaned: CleanedModel) -> list[Line]:
 
 
 def _evidence(cleaned: CleanedModel) -> Table:
-    keys = cleaned.residuals.keys
+    keys = cleaned.names
     rows = (
-        (number, *keys[gone.row], gone.order, gone.statistic, gone.critical, gone.r)
+        (number, *keys[row], gone.order, gone.statistic, gone.critical, gone.r)
         for number, one in enumerate(cleaned.passes, 1)
-        for gone in one.rejected
+        for row, gone in zip(one.rows, one.rejected, strict=True)
     )
     return table("evidence", _EVIDENCE, rows)
 
@@ -184,14 +190,14 @@ def _probabilities(cleaned: CleanedModel, values: Array) -> Table:
     """Return the probability of every row that was weighed."""
     rows = (
         (*key, value)
-        for key, value in zip(cleaned.residuals.keys, values.tolist(), strict=True)
+        for key, value in zip(cleaned.names, values.tolist(), strict=True)
         if key not in cleaned.held
     )
     return table("odds", _PROBABILITY, rows)
 
 
 def _pair_odds_json(cleaned: CleanedModel) -> Answer | None:
-    odds, keys = cleaned.findings.pair_odds, cleaned.residuals.keys
+    odds, keys = cleaned.findings.pair_odds, cleaned.names
     if odds is None:
         return None
     pairs = zip(odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True)

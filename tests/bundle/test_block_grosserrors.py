@@ -14,7 +14,8 @@ from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.errors import grosserrors
-from anaplot.bundle.errors.grosserrors import block_gross_errors, without
+from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.residuals import block_residuals

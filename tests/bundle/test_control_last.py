@@ -201,7 +201,7 @@ def test_the_odds_of_the_second_step_weigh_what_the_first_has_left(tmp_path: Pat
     rows[at] = replace(rows[at], y=rows[at].y - 0.15)
     block = replace(block, image_points=tuple(rows))
     found = clean_control_last(block, "search", SearchSettings(pairs=True)).control
-    held = sorted(found.held)
+    held = sorted(found.names.index(name) for name in found.held)
     assert len(held) == 2
     odds = found.findings.pair_odds
     named = {found.system.names[k] for k in (odds.rows[0], odds.others[0])}

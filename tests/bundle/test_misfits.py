@@ -148,10 +148,9 @@ def test_where_nothing_settles_the_wild_ones_stay_out() -> None:
             assert row.statistic is None
             assert row.w == pytest.approx(row.error / row.sigma)
     if found.kept_out:
-        assert found.kept_out.isdisjoint(found.findings.rows)
-        named = {found.system.names[k] for k in found.kept_out}
-        assert named.isdisjoint(found.untestable)
-        assert named.isdisjoint(found.came_back)
+        assert found.kept_out.isdisjoint(found.names[k] for k in found.findings.rows)
+        assert found.kept_out.isdisjoint(found.untestable)
+        assert found.kept_out.isdisjoint(found.came_back)
 
 
 def test_the_command_says_how_it_began(tmp_path: Path, capsys) -> None:

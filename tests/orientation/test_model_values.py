@@ -75,5 +75,5 @@ def test_modified_snooping_of_a_model_computes_exactly_only_in_doubt() -> None:
     wrong = spoiled(pair, "0c", "y", 0.3)
     exact = model_gross_errors(wrong, PROPAGATED, BAARDA, "baarda")
     modified = model_gross_errors(wrong, PROPAGATED, BAARDA, "modified")
-    assert [row[:2] for row in modified.rejected] == [row[:2] for row in exact.rejected]
-    assert modified.rejected[0][:2] == ("0c", "y")
+    assert [row.name for row in modified.rejected] == [row.name for row in exact.rejected]
+    assert modified.rejected[0].name == ("0c", "y")

@@ -223,9 +223,9 @@ def test_a_rejected_prior_stands_in_the_rows_of_priors() -> None:
 def test_columns_never_touch() -> None:
     row = clean_block(make_problem(make()), "search").rejected[0]
     for unit in ("um", "m", "rad"):
-        usual = row._replace(w=-12.3, error=1e-5, unit=unit)
+        usual = row._replace(error=-1.23e-4, sigma=1e-5, unit=unit)
         for size in (-99.99, -123.45, 1e12):
-            large = usual._replace(order=123456, error=-size, sigma=-size, w=size)
+            large = usual._replace(order=123456, error=-(size**2), sigma=-size)
             lines = [line_text(_rejected_line(one, 30, "search")) for one in (usual, large)]
             assert words(lines[0]) == words(lines[1])
 

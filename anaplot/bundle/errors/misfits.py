@@ -14,12 +14,13 @@ import numpy as np
 
 from anaplot.aliases import Array, Progress
 from anaplot.bundle.adjust import adjust_problem, calibrated, evaluate
+from anaplot.bundle.errors.leftout import missing
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import Structure, linearise, make_structure
-from anaplot.bundle.solve.observations import ORIENTATION, ObservationName
+from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.start.robust import FarOff, far_off
 from anaplot.errors import NotComputableError
@@ -87,7 +88,7 @@ def adjust_without_misfits(
             block = calibrated(reduced, found.state, progress=progress)
     except np.linalg.LinAlgError:
         raise failure from None
-    return PartialAdjustment(block, _names(problem, reduced), str(failure))
+    return PartialAdjustment(block, missing(problem, reduced), str(failure))
 
 
 def _like(problem: Problem, reduced: Problem) -> Problem:
@@ -190,20 +191,3 @@ def _weakest(b: Array, weight: Array) -> float:
     if len(weight) == 0:
         return 0.0
     return float(np.linalg.eigvalsh(b.T @ b + weight)[0])
-
-
-def _names(problem: Problem, reduced: Problem) -> tuple[ObservationName, ...]:
-    """Return the identities of what is missing in the smaller bundle."""
-    names: list[ObservationName] = []
-    if reduced.rejected is not None:
-        new = reduced.rejected.copy()
-        if problem.rejected is not None:
-            new &= ~problem.rejected
-        for ray, axis in np.argwhere(new).tolist():
-            row = problem.block.image_points[int(problem.source[ray])]
-            names.append(("image", row.photo, row.point, row.model, "xy"[axis]))
-    gone = np.isfinite(problem.known_sigma) & ~np.isfinite(reduced.known_sigma)
-    names += [("control", problem.points[k], "XYZ"[axis]) for k, axis in np.argwhere(gone).tolist()]
-    gone = np.isfinite(problem.prior_sigma) & ~np.isfinite(reduced.prior_sigma)
-    names += [("prior", problem.photos[k], ORIENTATION[i]) for k, i in np.argwhere(gone).tolist()]
-    return tuple(names)

@@ -66,6 +66,16 @@ class BlockResiduals:
         """Identities of the n rows."""
         return self.rows.names
 
+    @property
+    def units(self) -> Sequence[str]:
+        """Units of the n rows."""
+        return self.rows.units
+
+    @property
+    def sigma(self) -> Array:
+        """(n,) a-priori standard deviations in the units."""
+        return self.rows.sigma
+
     def columns(self, rows: Index) -> Array:
         """Return (n, k): the columns of R that belong to k rows; each is solved for once."""
         wanted = np.asarray(rows, dtype=np.intp)

@@ -1,0 +1,62 @@
+"""Bundles without some of their observations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from anaplot.bundle.solve.observations import ORIENTATION, ObservationName
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.residuals import BlockResiduals
+
+__all__ = ["missing", "without"]
+
+
+def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
+    """Return the bundle without some rows: image coordinates of weight zero, unknown control.
+
+    Raises
+    ------
+    ValueError
+        A prior on an additional parameter, which is no measurement.
+    """
+    problem = system.problem
+    first, second, third = system.rows.starts
+    rejected = np.zeros((len(problem.photo), 2), dtype=bool)
+    control = problem.known_sigma.copy()
+    position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
+    for row in sorted(rows):
+        if row < first:
+            rejected[divmod(row, 2)] = True
+        elif row < second:
+            control[tuple(system.rows.control[row - first])] = np.nan
+        elif row < third:
+            photo, unknown = system.rows.priors[row - second].tolist()
+            (position if unknown < 3 else rotation)[photo, unknown % 3] = np.nan
+        else:
+            raise ValueError("a prior on an additional parameter cannot be rejected")
+    return replace(
+        problem,
+        known_sigma=control,
+        position_sigma=position,
+        rotation_sigma=rotation,
+        rejected=rejected if rejected.any() else None,
+    )
+
+
+def missing(problem: Problem, reduced: Problem) -> tuple[ObservationName, ...]:
+    """Return the names of what a smaller bundle lacks, in the order of the rows."""
+    names: list[ObservationName] = []
+    if reduced.rejected is not None:
+        new = reduced.rejected.copy()
+        if problem.rejected is not None:
+            new &= ~problem.rejected
+        for ray, axis in np.argwhere(new).tolist():
+            row = problem.block.image_points[int(problem.source[ray])]
+            names.append(("image", row.photo, row.point, row.model, "xy"[axis]))
+    gone = np.isfinite(problem.known_sigma) & ~np.isfinite(reduced.known_sigma)
+    names += [("control", problem.points[k], "XYZ"[axis]) for k, axis in np.argwhere(gone).tolist()]
+    gone = np.isfinite(problem.prior_sigma) & ~np.isfinite(reduced.prior_sigma)
+    names += [("prior", problem.photos[k], ORIENTATION[i]) for k, i in np.argwhere(gone).tolist()]
+    return tuple(names)
