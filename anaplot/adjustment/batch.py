@@ -16,7 +16,7 @@ from anaplot.adjustment.partners import likeliest
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.aliases import Array, Bools, Index
 
-__all__ = ["BATCH_TESTS", "BatchRejections", "reject_stepwise", "standardized", "tau_statistics"]
+__all__ = ["BATCH_TESTS", "BatchRejections", "batch_test", "reject_stepwise", "standardized"]
 
 
 BATCH_TESTS = ("baarda", "tau")
@@ -54,12 +54,19 @@ def standardized(e: Array, r: Array) -> Array:
     return statistic
 
 
-def tau_statistics(e: Array, r: Array, redundancy: int) -> Array:
-    """Return (m, n): Pope's tau of e (m, n) over all rows, with r (n,)."""
+def batch_test(
+    test: str, e: Array, r: Array, redundancy: int, alpha: float
+) -> tuple[Array, float | None]:
+    """Return (m, n) statistics of e (m, n) with r (n,), all rows there, and their critical value.
+
+    "baarda" goes by the a-priori sigma, "tau" by that of all rows of a run, and has no critical
+    value where nothing can be located.
+    """
+    if test == "baarda":
+        return standardized(e, r), critical_normal(alpha)
     vtpv = np.einsum("mn,mn->m", e, e)
     sigma0 = np.sqrt(np.maximum(vtpv, np.finfo(float).tiny) / redundancy)
-    statistic: Array = standardized(e, r) / sigma0[:, None]
-    return statistic
+    return standardized(e, r) / sigma0[:, None], critical_tau(alpha, redundancy)
 
 
 def reject_stepwise(

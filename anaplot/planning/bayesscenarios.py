@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from functools import partial
 
 import numpy as np
 
-from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
-from anaplot.aliases import Array
-from anaplot.planning.bayesblock import BayesBlock, bayes_block
-from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
-from anaplot.planning.quantities import COUNT, Quantity, out_of
+from anaplot.adjustment.reliability import HARD_TO_TELL
+from anaplot.aliases import Array, Bools
+from anaplot.planning.bayesblock import bayes_block
+from anaplot.planning.montecarlo import QuantityKey, Scenario
+from anaplot.planning.plantederrors import (
+    FATES,
+    PARTNERS,
+    Case,
+    ErrorsScenario,
+    case_of,
+    hard_to_tell,
+    plant,
+    run_by_run,
+)
 from anaplot.planning.rejections import SURE, rejected_rows
-from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
-__all__ = ["BayesScenario", "noise_within_three", "scenarios"]
+__all__ = ["noise_within_three", "scenarios"]
 
 
 METHODS = ("rms", "tau", "baarda", "l1", "search", "odds", "sure")
-_QUANTITIES = ("right", "wrong", "missed", "wrong beside a partner")
 
 # group: errors' size [um], prior variance [m^2], and of A, B, C the paper's counts C, E, F
 _GROUPS = {
@@ -32,93 +39,30 @@ _NUMBERS = {"A": 2, "B": 6, "C": 10}
 _SIGMA_UM = 5
 
 
-@dataclass(frozen=True, slots=True)
-class BayesScenario:
-    """One group: some errors of one size, anywhere in the block, of either sign.
+class _BayesGeometry:
+    def __init__(self, prior_variance: float) -> None:
+        self._block = bayes_block(prior_variance)
+        self.near = hard_to_tell(self._block.matrix)
 
-    Attributes
-    ----------
-    name, about, methods, runs, chunk, references
-        See `Scenario`. "rms" is the paper's rule with its n - u = 21, "odds" the most probable
-        set and "sure" the rows that more probably than not hold an error.
-    errors
-        Number of gross errors.
-    size
-        Their size [sigma].
-    prior_variance
-        Of every unknown [m^2].
-    alpha
-        Significance of a single row.
-    """
-
-    name: str
-    about: str
-    errors: int
-    size: float
-    prior_variance: float
-    references: Mapping[QuantityKey, float] = field(default_factory=dict)
-    methods: tuple[str, ...] = METHODS
-    runs: int = 100
-    chunk: int = 10
-    alpha: float = PAPER_ALPHA
-
-    @property
-    def case(self) -> str:
-        """How the figures are headed."""
-        return f"{self.errors} of {self.size:g} sigma" if self.errors else "no gross error"
-
-    def prepare(self) -> _BayesTrial:
-        """Linearise the block."""
-        return _BayesTrial(self, bayes_block(self.prior_variance))
-
-
-class _BayesTrial:
-    def __init__(self, scenario: BayesScenario, block: BayesBlock) -> None:
-        self._scenario, self._block = scenario, block
-        rho = residual_correlations(block.matrix, np.diag(block.matrix))
-        self._partners = np.abs(np.nan_to_num(rho)) >= HARD_TO_TELL
-
-    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
-        """Say what is counted."""
-        case, number = self._scenario.case, self._scenario.errors
-        return {
-            (case, method, what): out_of(number) if what in ("right", "missed") else COUNT
-            for method in methods
-            for what in _QUANTITIES
-        }
-
-    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
-        """Place the errors, search, count."""
-        of = self._scenario
+    def planted(self, rng: np.random.Generator, runs: int, case: Case) -> tuple[Array, Bools]:
         n = len(self._block.rows)
         errors = noise_within_three(rng, runs, n)
-        planted = np.zeros((runs, n), dtype=bool)
-        for one in range(runs):
-            rows = rng.choice(n, of.errors, replace=False)
-            errors[one, rows] += of.size * rng.choice((-1.0, 1.0), of.errors)
-            planted[one, rows] = True
-        rejected = {method: np.zeros((runs, n), dtype=bool) for method in methods}
-        for one in range(runs):
-            for method, rows_of in self._found(errors[one], methods).items():
-                rejected[method][one, list(rows_of)] = True
-        tally: Tally = {}
-        for method in methods:
-            right = rejected[method] & planted
-            wrong = rejected[method] & ~planted
-            beside = wrong & ((planted & ~rejected[method]) @ self._partners)
-            counts = (right, wrong, planted & ~right, beside)
-            for quantity, rows_of_quantity in zip(_QUANTITIES, counts, strict=True):
-                tally[of.case, method, quantity] = sums(rows_of_quantity.sum(axis=1))
-        return tally
+        return errors, plant(rng, errors, np.arange(n), case, np.ones(n))
 
-    def _found(self, errors: Array, methods: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
+    def rejected(
+        self, errors: Array, methods: tuple[str, ...], alpha: float
+    ) -> Iterable[tuple[str, Bools]]:
+        n, u = self._block.design.shape
         rest = [method for method in methods if method != "rms"]
-        alpha = self._scenario.alpha
-        found = rejected_rows(self._block.residuals(errors), rest, alpha)
-        if "rms" in methods:
-            n, u = self._block.design.shape
-            found |= rejected_rows(self._block.residuals(errors, n - u), ["rms"], alpha)
-        return found
+        of_paper = ["rms"] if "rms" in methods else []
+
+        def reject(one: Array) -> dict[str, tuple[int, ...]]:
+            # "rms" is the paper's rule with its n - u = 21
+            return rejected_rows(self._block.residuals(one), rest, alpha) | rejected_rows(
+                self._block.residuals(one, n - u), of_paper, alpha
+            )
+
+        return run_by_run(errors, methods, reject)
 
     def remarks(self) -> tuple[str, ...]:
         """Say what limits every method."""
@@ -144,32 +88,42 @@ def noise_within_three(rng: np.random.Generator, runs: int, n: int) -> Array:
     return noise
 
 
+def _group(
+    name: str,
+    about: str,
+    prior: float,
+    case: Case,
+    references: Mapping[QuantityKey, float] | None = None,
+) -> ErrorsScenario:
+    return ErrorsScenario(
+        f"bayes-{name}",
+        f"The Bayesian paper's block{about}",
+        partial(_BayesGeometry, prior),
+        (case,),
+        METHODS,
+        runs=100,
+        chunk=10,
+        counted=(*FATES, PARTNERS),
+        references=references or {},
+    )
+
+
 def scenarios() -> tuple[Scenario, ...]:
     """Return the fourteen groups."""
+    none = Case("no gross error", 0, 0.0)
     out = [
-        BayesScenario(
-            f"bayes-G0{letter}",
-            f"The Bayesian paper's block without gross errors, priors of {prior:g} m^2.",
-            0,
-            0.0,
-            prior,
-        )
+        _group(f"G0{letter}", f" without gross errors, priors of {prior:g} m^2.", prior, none)
         for letter, prior in (("A", 10.0), ("B", 100.0))
     ]
     for group, (size_um, prior, printed) in _GROUPS.items():
         for (letter, number), (right, wrong, missed) in zip(_NUMBERS.items(), printed, strict=True):
-            out.append(
-                BayesScenario(
-                    f"bayes-{group}{letter}",
-                    f"The Bayesian paper's block, {number} gross errors of {size_um} um, priors "
-                    f"of {prior:g} m^2; its one experiment: {right} right, {wrong} wrong, "
-                    f"{missed} missed.",
-                    number,
-                    size_um / _SIGMA_UM,
-                    prior,
-                    _INDEPENDENT if (group, letter) == ("G3", "C") else {},
-                )
+            about = (
+                f", {number} gross errors of {size_um} um, priors of {prior:g} m^2; its one "
+                f"experiment: {right} right, {wrong} wrong, {missed} missed."
             )
+            known = _INDEPENDENT if (group, letter) == ("G3", "C") else None
+            case = case_of(number, size_um / _SIGMA_UM)
+            out.append(_group(group + letter, about, prior, case, known))
     return tuple(out)
 
 

@@ -6,31 +6,28 @@ rays measured in two models, full control on the perimeter every second base, he
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from anaplot.adjustment.batch import standardized, tau_statistics
+from anaplot.adjustment.batch import batch_test
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import (
     TESTABLE,
-    critical_normal,
-    critical_tau,
     noncentrality,
     tau_power,
 )
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Bools
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.linearrows import image_design, residual_matrix
 from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
-from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of, share
+from anaplot.planning.plantederrors import Case, ErrorsScenario, case_of, hard_to_tell, run_by_run
+from anaplot.planning.quantities import YES_OR_NO, Quantity, share
 from anaplot.planning.rejections import SURE, rejected_rows
-from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
 __all__ = [
-    "BlockErrorsScenario",
     "BlockSizeScenario",
     "gruen_design",
     "gruen_matrix",
@@ -46,7 +43,6 @@ _POWER = 0.80
 _REDUNDANCY = 170
 _TILT_DEG = 3.0
 _SHAPE = 4  # of the generator: the one realisation of the tilts
-_FATES = ("right", "wrong", "missed")
 _STRATEGIES = ("rms", "tau", "baarda", "huber", "danish", "l1", "search", "odds", "sure")
 
 
@@ -140,8 +136,9 @@ class _BlockSizeTrial:
             least = noncentrality(alpha, _POWER) / np.sqrt(np.maximum(r, TESTABLE))
             wrong = noise + (signs * least[rows])[:, None] * self._matrix[rows]
             for method in methods:
-                clean, hit = (_statistics(method, e, r, redundancy) for e in (noise, wrong))
-                critical = _critical(method, alpha, redundancy)
+                clean, critical = batch_test(method, noise, r, redundancy, alpha)
+                hit, _ = batch_test(method, wrong, r, redundancy, alpha)
+                assert critical is not None
                 flagged = (clean[:, self._testable] > critical).mean(axis=1)
                 largest = (np.argmax(hit, axis=1) == rows) & (hit[one, rows] > critical)
                 tally[_clean(alpha), method, "share of rows flagged"] = sums(flagged)
@@ -172,86 +169,31 @@ def _facts(matrix: Array) -> tuple[str, ...]:
     )
 
 
-def _statistics(method: str, e: Array, r: Array, redundancy: int) -> Array:
-    return standardized(e, r) if method == "baarda" else tau_statistics(e, r, redundancy)
+class _TiltedGeometry:
+    """The block, tilted."""
 
-
-def _critical(method: str, alpha: float, redundancy: int) -> float:
-    if method == "baarda":
-        return critical_normal(alpha)
-    critical = critical_tau(alpha, redundancy)
-    if critical is None:
-        raise ValueError(f"tau has no critical value for {redundancy} redundancies")
-    return critical
-
-
-@dataclass(frozen=True, slots=True)
-class BlockErrorsScenario:
-    """One, five and ten errors of one size anywhere in the block, tilted; every strategy.
-
-    Attributes
-    ----------
-    name, about, methods, runs, chunk, references
-        See `Scenario`.
-    size
-        Size of the errors [sigma].
-    numbers
-        How many are planted, one case each.
-    alpha
-        Significance of a single row.
-    """
-
-    name: str
-    about: str
-    size: float
-    numbers: tuple[int, ...] = (1, 5, 10)
-    references: Mapping[QuantityKey, float] = field(default_factory=dict)
-    methods: tuple[str, ...] = _STRATEGIES
-    runs: int = 50
-    chunk: int = 5
-    alpha: float = PAPER_ALPHA
-
-    def prepare(self) -> _ErrorsTrial:
-        """Linearise the block."""
-        return _ErrorsTrial(self, gruen_design(_TILT_DEG))
-
-
-class _ErrorsTrial:
-    def __init__(self, scenario: BlockErrorsScenario, design: Array) -> None:
-        self._scenario = scenario
+    def __init__(self) -> None:
+        design = gruen_design(_TILT_DEG)
         self._design, self._matrix = csr_array(design), residual_matrix(design)
+        self.near = hard_to_tell(self._matrix)
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
-        """Say what is counted."""
-        return {
-            (self._case(number), method, what): COUNT if what == "wrong" else out_of(number)
-            for number in self._scenario.numbers
-            for method in methods
-            for what in _FATES
-        }
+    def planted(self, rng: np.random.Generator, runs: int, case: Case) -> tuple[Array, Bools]:
+        errors = np.zeros((runs, len(self._matrix)))
+        planted = np.zeros(errors.shape, dtype=bool)
+        for one in range(runs):
+            errors[one] = rng.normal(size=len(self._matrix))
+            # in the order of a set: so the figures of a seed were made
+            at = list(set(rng.choice(len(self._matrix), case.number, replace=False).tolist()))
+            errors[one, at] += case.size * rng.choice((-1.0, 1.0), case.number)
+            planted[one, at] = True
+        return errors, planted
 
-    def _case(self, number: int) -> str:
-        return f"{number} of {self._scenario.size:g} sigma"
-
-    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
-        """Place the errors, search, count."""
-        tally: Tally = {}
-        n = len(self._matrix)
-        for number in self._scenario.numbers:
-            counts = {method: np.zeros((3, runs)) for method in methods}
-            for one in range(runs):
-                errors = rng.normal(size=n)
-                planted = set(rng.choice(n, number, replace=False).tolist())
-                errors[list(planted)] += self._scenario.size * rng.choice((-1.0, 1.0), number)
-                rejected = rejected_rows(self._system(errors), methods, self._scenario.alpha)
-                for method, rows in rejected.items():
-                    found = set(rows)
-                    right = len(planted & found)
-                    counts[method][:, one] = right, len(found) - right, number - right
-            for method in methods:
-                for quantity, values in zip(_FATES, counts[method], strict=True):
-                    tally[self._case(number), method, quantity] = sums(values)
-        return tally
+    def rejected(
+        self, errors: Array, methods: tuple[str, ...], alpha: float
+    ) -> Iterable[tuple[str, Bools]]:
+        return run_by_run(
+            errors, methods, lambda one: rejected_rows(self._system(one), methods, alpha)
+        )
 
     def _system(self, errors: Array) -> DenseResiduals:
         matrix = self._matrix
@@ -284,11 +226,15 @@ def scenarios() -> tuple[Scenario, ...]:
             references,
         ),
         *(
-            BlockErrorsScenario(
+            ErrorsScenario(
                 f"block-errors-{size}",
                 f"An aerial block, tilted by up to {_TILT_DEG:g} degrees, with 1, 5 and 10 gross "
                 f"errors of {size} sigma: all strategies.",
-                float(size),
+                _TiltedGeometry,
+                tuple(case_of(number, size) for number in (1, 5, 10)),
+                _STRATEGIES,
+                runs=50,
+                chunk=5,
             )
             for size in (10, 20)
         ),

@@ -11,12 +11,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from anaplot.adjustment.batch import standardized, tau_statistics
-from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
+from anaplot.adjustment.batch import BATCH_TESTS, batch_test
+from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.significance import (
     TESTABLE,
-    critical_normal,
-    critical_tau,
     noncentrality,
     tau_power,
 )
@@ -24,6 +22,7 @@ from anaplot.aliases import Array, Bools
 from anaplot.orientation.patterns import pattern
 from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.patternplan import from_pattern, solve
+from anaplot.planning.plantederrors import hard_to_tell
 from anaplot.planning.quantities import YES_OR_NO, Quantity, share
 from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
@@ -86,24 +85,22 @@ def _as_measured(name: str) -> tuple[_IdealRows, ...]:
     )
 
 
-def _critical(rows: _IdealRows, methods: tuple[str, ...], alpha: float) -> dict[str, float]:
-    """Return the critical value of every test asked that has one."""
-    values = {"baarda": critical_normal(alpha), "tau": critical_tau(alpha, rows.redundancy)}
-    return {name: v for name, v in values.items() if name in methods and v is not None}
-
-
 def _tests(
     rows: _IdealRows, e: Array, methods: tuple[str, ...], alpha: float
 ) -> dict[str, tuple[Array, float]]:
-    """Return (m, n) statistics and their critical value for every test asked."""
+    """Return (m, n) statistics and their critical value for every test asked that has one."""
     found: dict[str, tuple[Array, float]] = {}
-    for name, critical in _critical(rows, methods, alpha).items():
-        if name == "baarda":
-            statistic = standardized(e, rows.r)
-        else:
-            statistic = tau_statistics(e, rows.r, rows.redundancy)
-        found[name] = np.where(rows.testable, statistic, 0.0), critical
+    for name in BATCH_TESTS:
+        if name in methods:
+            statistic, critical = batch_test(name, e, rows.r, rows.redundancy, alpha)
+            if critical is not None:
+                found[name] = np.where(rows.testable, statistic, 0.0), critical
     return found
+
+
+def _there(rows: _IdealRows, methods: tuple[str, ...], alpha: float) -> tuple[str, ...]:
+    """Return the tests asked that there are."""
+    return tuple(_tests(rows, np.zeros((1, len(rows.r))), methods, alpha))
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +133,7 @@ class _OneErrorTrial:
     alpha: float
 
     def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
-        tests = _critical(self.models[0], methods, self.alpha)
+        tests = _there(self.models[0], methods, self.alpha)
         found = [(name, what) for name in tests for what in _FATES]
         if "largest parallax" in methods:
             found.append(("largest parallax", "right"))
@@ -146,7 +143,7 @@ class _OneErrorTrial:
         low = min(float(rows.r.min()) for rows in self.models)
         high = max(float(rows.r.max()) for rows in self.models)
         n = len(self.models[0].r)
-        partners = np.mean([(_near(rows) & ~np.eye(n, dtype=bool)).any() for rows in self.models])
+        partners = np.mean([hard_to_tell(rows.matrix).any() for rows in self.models])
         return (
             f"{n} rows, redundancy {self.models[0].redundancy}, redundancy numbers {low:.3f} to "
             f"{high:.3f}; {_MODELS} models, their points {_SCATTER_MM} mm (1 sigma) from the "
@@ -171,13 +168,6 @@ class _OneErrorTrial:
         return tally
 
 
-def _near(rows: _IdealRows) -> Bools:
-    """Return (n, n) which rows are hard to tell apart, each one from itself included."""
-    rho = np.abs(np.nan_to_num(residual_correlations(rows.matrix, rows.r)))
-    np.fill_diagonal(rho, 1.0)
-    return np.asarray(rho >= HARD_TO_TELL)
-
-
 def _with_one_error(
     rows: _IdealRows,
     rng: np.random.Generator,
@@ -187,7 +177,7 @@ def _with_one_error(
     alpha: float,
 ) -> dict[tuple[str, str], Bools]:
     """Return what became of (runs,) single errors, by method and quantity."""
-    n, at, near = len(rows.r), np.arange(runs), _near(rows)
+    n, at, near = len(rows.r), np.arange(runs), hard_to_tell(rows.matrix)
     wrong = rng.integers(n, size=runs)
     errors = rng.standard_normal((runs, n))
     errors[at, wrong] += size * rng.choice((-1.0, 1.0), runs)
@@ -197,7 +187,7 @@ def _with_one_error(
         largest = statistic.argmax(axis=1)
         found = statistic[at, largest] > critical
         right = found & (largest == wrong)
-        fates = (found, right, found & near[largest, wrong], found & ~right, ~found)
+        fates = (found, right, right | (found & near[largest, wrong]), found & ~right, ~found)
         out |= {(method, what): fate for what, fate in zip(_FATES, fates, strict=True)}
     if "largest parallax" in methods:
         out["largest parallax", "right"] = np.abs(e * rows.root).argmax(axis=1) == wrong
@@ -249,7 +239,7 @@ class _ModelSizeTrial:
             (rows.name, method, what): share(int(rows.testable.sum())) if k == 0 else YES_OR_NO
             for rows in self.models
             for k, what in enumerate(("size", "power"))
-            for method in _critical(rows, methods, self.alpha)
+            for method in _there(rows, methods, self.alpha)
         }
 
     def remarks(self) -> tuple[str, ...]:

@@ -1,11 +1,8 @@
-"""Gross errors of any sizes, numbers and places in any geometry that is linearised once.
-
-Errors and noise are counted in a-priori sigmas of their row; every run leaves e = R l.
-"""
+"""Gross errors of any sizes, numbers and places in any geometry that is linearised once."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -16,19 +13,25 @@ from anaplot.adjustment.batch import BATCH_TESTS, reject_stepwise
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.leastabsolute import design_of
 from anaplot.adjustment.modelvalues import MODEL_TOLERANCE
-from anaplot.adjustment.reliability import HARD_TO_TELL, residual_correlations
+from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.residualsystem import DenseResiduals
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors
 from anaplot.aliases import Array, Bools
 from anaplot.errors import InputError
-from anaplot.planning.montecarlo import QuantityKey, Tally, sums
-from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
+from anaplot.planning.montecarlo import QuantityKey
+from anaplot.planning.plantederrors import (
+    FATES,
+    PARTNERS,
+    SAME,
+    Case,
+    PlantedTrial,
+    case_of,
+    hard_to_tell,
+    plant,
+)
 
 __all__ = ["Correlated", "OwnErrors"]
-
-
-_QUANTITIES = ("right", "wrong", "missed", "wrong beside a partner", "exactly the errors")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +97,7 @@ class OwnErrors:
     settings: Mapping[str, float | str] = field(default_factory=dict)
     correlated: Correlated | None = field(default=None, repr=False)
 
-    def prepare(self) -> _OwnTrial:
+    def prepare(self) -> PlantedTrial:
         """Check that the errors have room.
 
         Raises
@@ -105,34 +108,28 @@ class OwnErrors:
         room = int(self.places.sum())
         if max(self.numbers) > room:
             raise InputError(f"{max(self.numbers)} errors, but only {_rows(room)} to put them in")
-        return _OwnTrial(self)
+        counted = (*FATES, PARTNERS, SAME)
+        return PlantedTrial(_OwnGeometry(self), self.cases(), counted, self.alpha)
 
-    def cases(self) -> tuple[tuple[int, float], ...]:
-        """Return number and size of the errors of every case; no error comes first, and once."""
+    def cases(self) -> tuple[Case, ...]:
+        """Return what is planted; no error comes first, and once."""
         numbers, sizes = dict.fromkeys(self.numbers), dict.fromkeys(self.sizes)
-        planted = tuple((k, size) for k in numbers if k for size in sizes)
-        return ((0, 0.0), *planted) if 0 in numbers else planted
+        planted = tuple(case_of(k, size) for k in numbers if k for size in sizes)
+        return (Case("no error", 0, 0.0), *planted) if 0 in numbers else planted
 
 
 def _rows(number: int) -> str:
     return "1 row" if number == 1 else f"{number} rows"
 
 
-def _case(number: int, size: float) -> str:
-    return f"{number} of {size:g} sigma" if number else "no error"
-
-
-class _OwnTrial:
+class _OwnGeometry:
     def __init__(self, scenario: OwnErrors) -> None:
-        self._of = scenario
-        r = np.diag(scenario.matrix)
-        rho = np.abs(np.nan_to_num(residual_correlations(scenario.matrix, r)))
-        np.fill_diagonal(rho, 0.0)
-        self._near = rho >= HARD_TO_TELL
-        self._r = r
+        self._of, self._r = scenario, np.diag(scenario.matrix)
+        self.near = hard_to_tell(scenario.matrix)
         known = scenario.correlated
-        self._unit = np.ones(len(r)) if known is None else known.unit
-        self._redundancy = max(round(float(r.sum())), 0) if known is None else known.redundancy
+        self._unit = np.ones(len(self._r)) if known is None else known.unit
+        redundancy = max(round(float(self._r.sum())), 0)
+        self._redundancy = redundancy if known is None else known.redundancy
 
     @cached_property
     def _design(self) -> csr_array | None:
@@ -144,56 +141,29 @@ class _OwnTrial:
             f"{n} rows, redundancy {self._redundancy:.1f}, "
             f"{_rows(int(self._of.places.sum()))} in which errors are planted",
             f"{_rows(int((self._r < TESTABLE).sum()))} cannot be tested, "
-            f"{int(self._near.any(axis=1).sum())} have a partner with residual correlation of "
+            f"{int(self.near.any(axis=1).sum())} have a partner with residual correlation of "
             f"{HARD_TO_TELL:g} or more",
             "right, wrong and missed are numbers of rows in a run",
         )
 
-    def quantities(self, methods: tuple[str, ...]) -> dict[QuantityKey, Quantity]:
-        out: dict[QuantityKey, Quantity] = {}
-        for number, size in self._of.cases():
-            found = (out_of(number), COUNT, out_of(number), COUNT, YES_OR_NO)
-            for method in methods:
-                for what, quantity in zip(_QUANTITIES, found, strict=True):
-                    out[_case(number, size), method, what] = quantity
-        return out
+    def planted(self, rng: np.random.Generator, runs: int, case: Case) -> tuple[Array, Bools]:
+        errors = rng.standard_normal((runs, len(self._r)))
+        if self._of.correlated is not None:
+            errors = errors @ self._of.correlated.factor.T
+        return errors, plant(rng, errors, np.flatnonzero(self._of.places), case, self._unit)
 
-    def run(self, rng: np.random.Generator, runs: int, methods: tuple[str, ...]) -> Tally:
-        tally: Tally = {}
-        n = len(self._r)
-        rows = np.flatnonzero(self._of.places)
-        for number, size in self._of.cases():
-            errors = rng.standard_normal((runs, n))
-            if self._of.correlated is not None:
-                errors = errors @ self._of.correlated.factor.T
-            planted = np.zeros((runs, n), dtype=bool)
-            for one in range(runs):
-                at = rng.choice(rows, number, replace=False)
-                planted[one, at] = True
-                errors[one, at] += size * self._unit[at] * rng.choice((-1.0, 1.0), number)
-            case = _case(number, size)
-            for method in methods:
-                found = self._rejected(errors, method)
-                for quantity, values in zip(
-                    _QUANTITIES, self._counted(found, planted), strict=True
-                ):
-                    tally[case, method, quantity] = sums(values)
-        return tally
+    def rejected(
+        self, errors: Array, methods: tuple[str, ...], alpha: float
+    ) -> Iterable[tuple[str, Bools]]:
+        return ((method, self._rejected(errors, method, alpha)) for method in methods)
 
-    def _counted(self, found: Bools, planted: Bools) -> tuple[Array, ...]:
-        wrong, missed = found & ~planted, planted & ~found
-        near = wrong & ((missed @ self._near) > 0)
-        counts = (found & planted, wrong, missed, near)
-        same = (found == planted).all(axis=1)
-        return (*(rows.sum(axis=1).astype(float) for rows in counts), same.astype(float))
-
-    def _rejected(self, errors: Array, method: str) -> Bools:
+    def _rejected(self, errors: Array, method: str, alpha: float) -> Bools:
         matrix, r = self._of.matrix, self._r
         if method in BATCH_TESTS:
             return reject_stepwise(
-                matrix, errors, method, self._of.alpha, redundancy=self._redundancy
+                matrix, errors, method, alpha, redundancy=self._redundancy
             ).rejected
-        settings = SearchSettings(alpha=self._of.alpha)
+        settings = SearchSettings(alpha=alpha)
         out = np.zeros(errors.shape, dtype=bool)
         left = errors @ matrix
         for one, e in enumerate(left):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anaplot.adjustment.batch import reject_stepwise, standardized, tau_statistics
+from anaplot.adjustment.batch import BATCH_TESTS, batch_test, reject_stepwise, standardized
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.planning.rates import score_interval
 
@@ -57,11 +57,9 @@ def test_sizes_equal_alpha_under_no_error():
     matrix = residual_matrix(design())
     e = np.random.default_rng(11).normal(size=(20_000, N)) @ matrix
     r = np.diag(matrix)
-    exceeds = {
-        "w": standardized(e, r) > critical_normal(0.01),
-        "tau": tau_statistics(e, r, N - U) > critical_tau(0.01, N - U),
-    }
-    for hits in exceeds.values():
+    for test in BATCH_TESTS:
+        statistic, critical = batch_test(test, e, r, N - U, 0.01)
+        hits = statistic > critical
         # one row: its runs are independent; 0.9999 because two rates are looked at
         low, high = score_interval(float(hits[:, 0].mean()), len(hits), 0.9999)
         assert low <= 0.01 <= high
