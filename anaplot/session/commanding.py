@@ -9,7 +9,7 @@ from anaplot.photogrammetry.readings import UNREFERENCED
 from anaplot.session import commands
 from anaplot.session.commands import Command
 from anaplot.session.counters import aim_at_reference, keep_counters, refer
-from anaplot.session.desk import Desk
+from anaplot.session.desk import NO_ERRAND, Desk
 from anaplot.session.draft import Decision, Draft
 from anaplot.session.events import (
     ModelAccepted,
@@ -103,7 +103,9 @@ def _record(draft: Draft) -> None:
     if draft.desk.referencing is not None:
         raise InputError(UNREFERENCED)
     draft.recordable()
-    draft.change(pressed=draft.desk.errand)
+    errand, before = draft.desk.errand, draft.desk.pressed
+    # a press elsewhere still waits: whose record comes next is not known
+    draft.change(pressed=errand if before in (None, errand) else NO_ERRAND)
     draft.ask(TakeRecord())
 
 

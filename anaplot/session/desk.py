@@ -21,9 +21,11 @@ from anaplot.session.requests import Lay
 from anaplot.session.state import SessionState, apply
 from anaplot.session.workflow import Outlook, outlook
 
-__all__ = ["DEFAULT_PATTERN", "Desk"]
+__all__ = ["DEFAULT_PATTERN", "NO_ERRAND", "Desk"]
 
 DEFAULT_PATTERN = "13"
+NO_ERRAND = -1
+"""What is neither the errand of today nor one to come."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +60,8 @@ class Desk:
         Counts every change of where the plates are to go, and every measurement: what was asked
         of the instrument before the last of them is not done any more.
     pressed
-        The errand during which the key was pressed; None once its record has come.
+        The errand during which the key was pressed; None once its record has come or cannot come,
+        `NO_ERRAND` when it was pressed in two of them meanwhile.
     refusal_told
         When bytes that are no reading were last told of [s].
     """

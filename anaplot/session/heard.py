@@ -11,6 +11,7 @@ __all__ = [
     "DriveBegun",
     "DriveFailed",
     "Heard",
+    "KeyFailed",
     "LinkChanged",
     "MarkSet",
     "ReferenceLost",
@@ -93,7 +94,16 @@ class DriveBegun:
 
 @dataclass(frozen=True, slots=True)
 class DriveFailed:
-    """The drive last asked for could not be commanded."""
+    """A drive could not be commanded; `errand` is the desk's when it was asked for."""
+
+    errand: int
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFailed:
+    """A record asked for by key cannot come; `errand` is the desk's when it was asked for."""
+
+    errand: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,4 +119,4 @@ class ReferenceLost:
     """The counters have lost their reference."""
 
 
-Heard = Reading | MarkSet | DriveBegun | DriveFailed | LinkChanged | ReferenceLost
+Heard = Reading | MarkSet | DriveBegun | DriveFailed | KeyFailed | LinkChanged | ReferenceLost

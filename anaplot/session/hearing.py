@@ -21,6 +21,7 @@ from anaplot.session.heard import (
     DriveBegun,
     DriveFailed,
     Heard,
+    KeyFailed,
     LinkChanged,
     MarkSet,
     ReferenceLost,
@@ -48,8 +49,12 @@ def hear(desk: Desk, heard: Heard, seen: Seen) -> Decision:
             _passed(draft, position, _SAME_DRIVE_MM)
         case DriveBegun(before):
             draft.change(settles_after=before)
-        case DriveFailed():
-            draft.interrupt()
+        case DriveFailed(errand):
+            if errand == desk.errand:
+                draft.interrupt()
+        case KeyFailed(errand):
+            if errand == desk.pressed:
+                draft.change(pressed=None)
         case MarkSet(drive, remark):
             if desk.settles_after is not None and drive > desk.settles_after:
                 draft.change(setting="")
@@ -67,6 +72,7 @@ def hear(desk: Desk, heard: Heard, seen: Seen) -> Decision:
         case LinkChanged(line, detail):
             if line in ("lost", "reconnecting"):
                 draft.interrupt()
+                draft.change(pressed=None)
             if line == "lost":
                 draft.tell("error", f"link lost: {detail}" if detail else "link lost")
         case ReferenceLost():
@@ -113,6 +119,8 @@ def _recorded(draft: Draft, record: Record) -> None:
 def _refused(draft: Draft, reason: str) -> None:
     if reason == UNREFERENCED:
         return  # every reading, until the reference is measured: told once, and on the screen
+    if reason.startswith(f"{KEY} was not recorded"):
+        draft.change(pressed=None)
     draft.note("refused", {"reason": reason})
     if draft.seen.time - draft.desk.refusal_told >= _REFUSALS_TOLD:
         draft.change(refusal_told=draft.seen.time)

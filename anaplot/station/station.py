@@ -33,6 +33,7 @@ from anaplot.session.heard import (
     DriveBegun,
     DriveFailed,
     Heard,
+    KeyFailed,
     LinkChanged,
     ReferenceLost,
     Seen,
@@ -117,6 +118,7 @@ class Station(Commanded):
         self._turn = (
             threading.Lock()
         )  # who asks the instrument; taken before the other, never in it
+        self._driven = 0  # the errand of the last drive that was begun
         self._inbox = Inbox()
         self._closed = False
         self._link = LinkView("none")
@@ -419,18 +421,24 @@ class Station(Commanded):
         try:
             with self._turn:
                 with self._lock:
-                    if self._desk.errand != errand and not isinstance(request, StopDrive):
+                    stopping = isinstance(request, StopDrive)
+                    if stopping and self._driven > errand:
+                        return  # what was to be stopped has given way to another drive
+                    if self._desk.errand != errand and not stopping:
                         if isinstance(request, TakeRecord):
                             raise InputError("not recorded: the plates are to go elsewhere")
                         return
                     if driving:
+                        self._driven = errand
                         begun = DriveBegun(instrument.drives_begun)
                         self._desk = hear(self._desk, begun, self._seen()).after
                 instrument.do(request)
         except AnaplotError:
-            if driving and self._desk.errand == errand:
-                with contextlib.suppress(InputError):
-                    self._hear(DriveFailed())
+            with contextlib.suppress(InputError):
+                if driving:
+                    self._hear(DriveFailed(errand))
+                elif isinstance(request, TakeRecord):
+                    self._hear(KeyFailed(errand))
             raise
 
     # -- showing -------------------------------------------------------------------------------

@@ -51,7 +51,7 @@ from anaplot.session.events import (
     PlannedPoint,
     PointMeasured,
 )
-from anaplot.session.heard import DriveFailed, LinkChanged, MarkSet, ReferenceLost, Seen
+from anaplot.session.heard import DriveFailed, KeyFailed, LinkChanged, MarkSet, ReferenceLost, Seen
 from anaplot.session.hearing import hear
 from anaplot.session.modes import Fiducials, Pairs, Singles
 from anaplot.session.requests import (
@@ -275,10 +275,15 @@ def test_a_second_press_is_not_another_point(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    "heard", [Fault("3", "lost counts"), LinkChanged("lost", "gone"), DriveFailed()]
+    "heard", [Fault("3", "lost counts"), LinkChanged("lost", "gone"), DriveFailed(0)]
 )
 def test_what_interrupts_a_drive_leads_nowhere(bench: Bench, heard: Fault) -> None:
     bench.give(NextModel())
+    if isinstance(heard, DriveFailed):
+        # one that another has followed is of no concern
+        bench.hear(heard)
+        assert not bench.desk.standing
+        heard = DriveFailed(bench.desk.errand)
     bench.hear(heard)
     assert bench.desk.target is None
     assert bench.desk.standing
@@ -609,7 +614,7 @@ HEARD = st.sampled_from(
         LinkChanged("lost"),
         LinkChanged("live"),
         Fault("1", "x"),
-        DriveFailed(),
+        "fail",
         InPosition(),
         InPosition(FAR),
         FAR,
@@ -650,9 +655,11 @@ def test_whatever_is_commanded_and_heard(abilities, steps: list, hand: bool) -> 
     bench.seen = replace(bench.seen, position=Position(1.0, 2.0, -90.0, 2.0), read=True)
     for step in steps:
         before, count = bench.desk, len(bench.events)
-        if step in ("arrive", "press", "stale"):
+        if step in ("arrive", "press", "stale", "fail"):
             if step == "arrive":
                 bench.arrive()
+            elif step == "fail":
+                bench.hear(DriveFailed(bench.desk.errand))
             elif step == "stale":
                 bench.hear(MarkSet(bench.begun - 1))
             else:
@@ -730,3 +737,37 @@ def test_a_record_asked_for_by_key_belongs_to_where_the_key_was_pressed(scene: S
     by_hand.give(RecordPoint())
     by_hand.give(Drive(second))
     assert by_hand.hear(Record(here, "pedal")).events
+
+
+def test_of_two_presses_in_different_places_the_first_record_is_nobodys(scene: Scene) -> None:
+    here = Position(1.2, 3.4, -90.1, 2.9)
+
+    def pressed_twice() -> tuple[Bench, str]:
+        by_hand = Bench.of(scene.block, UNDRIVEN)
+        by_hand.give(NextModel())
+        first, second = (point.point for point in by_hand.desk.state.current.plan[:2])
+        for point in (first, second):
+            by_hand.give(Drive(point))
+            by_hand.give(RecordPoint())
+        return by_hand, second
+
+    # the first press's record was under way while the second was made
+    by_hand, second = pressed_twice()
+    assert by_hand.hear(Record(here, KEY)).events == ()
+    (event,) = by_hand.hear(Record(here, KEY)).events
+    assert isinstance(event, PointMeasured)
+    assert event.point == second
+    # or it will never come: then the next is the second's
+    refused = Refused(b"", "key was not recorded: no position came after it")
+    for end in (refused, LinkChanged("lost", "unplugged"), LinkChanged("reconnecting")):
+        by_hand, second = pressed_twice()
+        by_hand.hear(end)
+        (event,) = by_hand.hear(Record(here, KEY)).events
+        assert isinstance(event, PointMeasured)
+        assert event.point == second
+    # a press that could not be passed on is none
+    by_hand, second = pressed_twice()
+    by_hand.hear(LinkChanged("lost"))
+    by_hand.give(RecordPoint())
+    by_hand.hear(KeyFailed(by_hand.desk.errand))
+    assert by_hand.desk.pressed is None

@@ -489,3 +489,30 @@ def test_the_plates_go_where_the_later_of_two_threads_sends_them(bench: Bench) -
     )
     assert abs(position.xl - bench.made.truth["101"][later][0]) < 0.1
     assert planned.point == later
+
+
+def test_a_stop_stops_nothing_that_was_begun_after_it(bench: Bench) -> None:
+    station, watch = bench.open()
+    station.next_model()
+    settled(watch)
+    instrument = station.instrument
+    assert instrument is not None
+    later = station.snapshot().points[2].point
+    stopped = []
+    plain = instrument.link.stop
+    instrument.link.stop = lambda: (stopped.append(1), plain())  # type: ignore[method-assign]
+    overtaking = iter([later])
+
+    def overtake(picture: Snapshot) -> None:
+        # decided after the stop, before the instrument was asked for that
+        if (point := next(overtaking, None)) is not None:
+            station.drive(point)
+
+    station.subscribe(overtake)
+    station.stop()
+    assert stopped == []
+    settled(watch)
+    station.record()
+    watch.until(lambda p: p.points[2].times == 1)
+    station.stop()
+    assert stopped == [1]
