@@ -203,9 +203,8 @@ class _Descent:
         None where nothing has a w^2 above `least`, or where the row is the likelier one of both.
         """
         w, r = state.given_back(back, root)
-        size = np.where(self.suspects & (r >= WEAK), w * w, -1.0)
-        size[row] = -1.0
-        size[np.isnan(size)] = -1.0
+        size = np.nan_to_num(np.where(self.suspects & (r >= WEAK), w * w, 0.0))
+        size[row] = 0.0  # less than any `least`
         while size.max() > least:
             other = int(np.argmax(size >= size.max() * (1.0 - EQUAL)))
             column = state.column(other) + back * back[other]
@@ -215,7 +214,7 @@ class _Descent:
             chosen = int(likeliest(allowed[None], r[None], column[None], at)[0])
             if chosen != row and size[chosen] > least and self._separable(state, row, chosen):
                 return chosen, float(size[chosen])
-            size[other] = -1.0
+            size[other] = 0.0
         return None
 
     def _separable(self, state: Elimination, row: int, instead: int) -> bool:

@@ -105,7 +105,6 @@ def residuals_at(pair: Stereopair, precision: Precision, solution: ModelSolution
             unit,
             precision.image_um,
         )
-    design = design / np.linalg.norm(design, axis=1, keepdims=True)
     q, _ = np.linalg.qr(design.T)
     matrix = np.eye(rows.shape[1]) - q @ q.T
     e = matrix @ (rows[6] / (precision.image_um * 1e-3))

@@ -40,6 +40,16 @@ def test_the_middle_of_many_numbers_is_their_median() -> None:
         np.testing.assert_allclose(found.residuals, numbers - np.median(numbers), atol=1e-8)
 
 
+@pytest.mark.parametrize("most_rows", [100, 0])
+def test_units_of_the_unknowns_and_those_that_no_row_has_do_not_matter(most_rows: int) -> None:
+    rng = np.random.default_rng(3)
+    design, e = rng.normal(size=(24, 3)), rng.normal(size=24)
+    expected = least_absolute(csr_array(design), e, most_rows).residuals
+    other = np.column_stack((np.zeros(24), design * (1e-3, 1e-6, 1e6)))
+    found = least_absolute(csr_array(other), e, most_rows).residuals
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
 def test_no_other_set_of_rows_is_met_with_a_smaller_sum() -> None:
     rng = np.random.default_rng(2)
     design, e = rng.normal(size=(9, 3)), rng.normal(size=9)

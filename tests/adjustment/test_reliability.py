@@ -38,4 +38,17 @@ def test_correlations_are_symmetric_with_unit_diagonal():
     rho = residual_correlations(a.q_vv, a.r)
     assert np.diag(rho) == pytest.approx(np.ones(12))
     assert rho == pytest.approx(rho.T)
-    assert np.abs(rho).max() <= 1.0 + 1e-12
+    assert np.abs(rho).max() <= 1.0
+
+
+def test_correlations_of_copies_are_one_whatever_the_rounding():
+    beyond = 0
+    for seed in range(20):
+        v = np.random.default_rng(seed).normal(size=9)
+        q_vv = np.outer(v, v)
+        root = np.sqrt(np.diag(q_vv))
+        beyond += int((np.abs(q_vv / root[:, None] / root) > 1.0).sum())
+        rho = residual_correlations(q_vv, np.full(9, 0.5))
+        assert np.abs(rho).max() <= 1.0
+        assert np.abs(rho) == pytest.approx(np.ones((9, 9)), abs=1e-14)
+    assert beyond > 0

@@ -114,6 +114,9 @@ def test_the_same_answer_every_time_and_limits() -> None:
     assert found.width in WIDTHS
     one, two = (set_odds(of, CRITICAL, found, steps=300) for _ in range(2))
     np.testing.assert_array_equal(one.rows, two.rows)
+    assert one.sure == found.rows
+    assert one.rows.max() <= 1.0
+    assert one.rows[list(found.rows)] == pytest.approx([1.0, 1.0], abs=0.01)
     suspects = np.ones(N, dtype=bool)
     suspects[2] = False
     assert 2 not in most_probable_set(of, CRITICAL, suspects=suspects).rows

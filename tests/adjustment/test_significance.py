@@ -8,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate, special, stats
 
+from anaplot.adjustment import significance
 from anaplot.adjustment.significance import (
     critical_normal,
     critical_tau,
+    noncentral_f_power,
     noncentrality,
     normal_power,
     tau_power,
@@ -96,6 +98,20 @@ def test_tau_power_is_finite_and_grows_with_the_error(f):
         for delta in (0.0, 0.7, 2.0, 4.1, 6.7, 11.0, 17.0, 30.0, 60.0):
             expected = tau_power_over_the_tested_row(delta, alpha, f)
             assert tau_power(delta, alpha, f) == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize("dimension", [1, 3])
+@pytest.mark.parametrize("redundancy", [None, 8])
+def test_the_power_of_very_large_errors_goes_on_where_the_sum_ends(
+    dimension, redundancy, monkeypatch
+):
+    size = 1.5 * significance._LARGE
+    limits = [factor * size / dimension for factor in (0.998, 1.0, 1.002)]
+    found = [noncentral_f_power(size, limit, dimension, redundancy) for limit in limits]
+    monkeypatch.setattr(significance, "_LARGE", np.inf)
+    summed = [noncentral_f_power(size, limit, dimension, redundancy) for limit in limits]
+    assert 0.05 < found[2] < found[0] < 0.95
+    assert found == pytest.approx(summed, abs=1e-6)
 
 
 def test_tau_power_by_simulation():

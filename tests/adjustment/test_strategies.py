@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 from anaplot.adjustment.elimination import Elimination, NotSeparableError
 from anaplot.adjustment.findings import SearchSettings
@@ -13,7 +14,7 @@ from anaplot.adjustment.leastsquares import adjust
 from anaplot.adjustment.leftout import ReducedSystem
 from anaplot.adjustment.modelvalues import beyond_model
 from anaplot.adjustment.residualsystem import DenseResiduals
-from anaplot.adjustment.reweighting import weighted_misclosures
+from anaplot.adjustment.reweighting import HUBER_LIMIT, reweight, weighted_misclosures
 from anaplot.adjustment.significance import critical_normal, critical_tau
 from anaplot.adjustment.strategies import STRATEGIES, find_gross_errors, pair_odds, sigma_of
 
@@ -364,6 +365,30 @@ def test_single_and_pair_odds_go_by_the_same_sigma(strategy: str) -> None:
     assert pairs.single / pairs.none == pytest.approx(expected, rel=1e-9)
     assert sigma_of(strategy) == ("tau" if strategy in ("tau", "rms") else "baarda")
     assert (single.rows[4] > 0.5) == (strategy in ("tau", "rms"))
+
+
+def test_huber_weights_at_the_end_and_their_efficiency() -> None:
+    system = random_system(8, errors={4: 14.0, 30: -15.0})[2]
+    found = reweight(system, "huber", np.ones(40, dtype=bool))
+    assert found.converged
+    size = np.abs(found.misclosures)
+    assert found.weights == pytest.approx(np.minimum(1.0, HUBER_LIMIT / size), abs=1e-2)
+    assert 0 < (found.weights < 1.0).sum() < 40
+    # 95 % under the normal distribution: (mean of psi')^2 / mean of psi^2 (Huber 1964)
+    k = HUBER_LIMIT
+    inside = 2.0 * stats.norm.cdf(k) - 1.0
+    square = inside - 2.0 * k * stats.norm.pdf(k) + 2.0 * k * k * stats.norm.sf(k)
+    assert inside**2 / square == pytest.approx(0.95, abs=5e-4)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_odds_by_the_estimated_sigma_do_not_ask_for_the_unit(scale: float) -> None:
+    design, misclosures, system = random_system(8, errors={4: 14.0, 30: -15.0})
+    odds = pair_odds(system, kind="tau")
+    other = pair_odds(system_of(design, scale * misclosures), kind="tau")
+    assert other.none == pytest.approx(odds.none, rel=1e-6)
+    assert other.single == pytest.approx(odds.single, rel=1e-6)
+    assert other.pairs == pytest.approx(odds.pairs, rel=1e-6)
 
 
 def test_pair_odds_where_there_is_no_sigma_are_the_priors() -> None:

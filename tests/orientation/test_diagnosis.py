@@ -15,6 +15,7 @@ from flightscene import (
 )
 from idealmodel import ideal_pair, spoiled
 
+from anaplot.adjustment.advice import odds_in_words, remeasure
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.adjustment.significance import noncentrality, tau_power
 from anaplot.orientation.diagnosis import diagnose
@@ -130,6 +131,45 @@ def test_suspects_are_the_flagged_rows_the_most_probable_first():
         (chance[key] for key in d.suspects), reverse=True
     )
     assert d.suspects[0] == ("4", "y")
+
+
+def test_suspects_of_uncorrelated_rows_go_by_the_odds_of_their_points_whatever_their_size():
+    otherwise = 0
+    for name in ("6/3", "9/3", "13/5"):
+        pair = ideal_pair(name)
+        for point in pair.points:
+            model = orient(spoiled(pair, point, "y", 0.3), PAPER, BAARDA)
+            d, odds = diagnose(model), model.tested.point_odds()
+            chances = [odds[key[0]] for key in d.suspects]
+            assert chances == sorted(chances, reverse=True)
+            size = {row.key: row.size for row in model.table}
+            sizes = [size[key] for key in d.suspects]
+            otherwise += sizes != sorted(sizes, reverse=True)
+    assert otherwise > 0
+
+
+def test_the_odds_in_words_are_those_of_the_table_however_large_the_error():
+    model = orient(spoiled(ideal_pair("6/3"), "1", "y", 0.5), PAPER, BAARDA)
+    assert max(row.size or 0.0 for row in model.table) > 20.0  # beyond the width of the prior
+    d = diagnose(model)
+    point, axis = d.suspects[0]
+    rival = d.advice[0].split(" over ")[1].split(",")[0]
+    words = odds_in_words(model.tested.point_odds(), point, rival)
+    assert d.advice[0] == remeasure(point, axis, words)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_point_that_pulls_the_orientation_far_away_is_named(number):
+    f = fly(0, 3, noise=0.005, kappa=5.0)
+    first = orient(pair_of(f, 0), PAPER, BAARDA)
+    pair = pair_of(f, 1, first) if number else pair_of(f, 0)
+    clean, point = orient(pair, PAPER, BAARDA), pair.points[0]
+    near, away = (orient(spoiled(pair, point, "y", size), PAPER, BAARDA) for size in (3.0, 40.0))
+    assert (clean.outliers, near.outliers, away.outliers) == ((), (), (point,))
+    moved = [np.linalg.norm(np.subtract(m.base, clean.base)[1:] / m.base[0]) for m in (near, away)]
+    assert moved[0] < 0.05 < 0.15 < moved[1]
+    assert diagnose(away).advice[0].startswith(f"remeasure {point} (")
+    assert diagnose(away).advice[0].endswith(": without it all other points agree")
 
 
 def test_errors_that_hide_behind_an_estimated_sigma_are_not_called_good():

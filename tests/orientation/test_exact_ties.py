@@ -148,6 +148,29 @@ def test_covariances_are_those_of_the_whole_chain(chain):
     agree(by_unknowns @ model.q_gg[:3, :3] @ by_unknowns, length @ length)
 
 
+def test_covariances_of_one_model_are_those_of_its_measurements():
+    chain = CHAINS[0]
+    measured = chain.measured()[0]
+
+    def first(values) -> ModelSolution:
+        left, right = (dict(zip(chain.points[0], values[:, j : j + 2].tolist(), strict=True))
+                       for j in (0, 2))  # fmt: skip
+        cameras = (chain.flight.cameras[0], chain.flight.cameras[1])
+        pair = stereopair(("0", "1"), left, right, cameras, preceding=None, base=70.0)
+        return orient(pair, EXACT, BAARDA)
+
+    columns, step = [], 0.002
+    for at in np.ndindex(*measured.shape):
+        further, nearer = measured.copy(), measured.copy()
+        further[at] += step
+        nearer[at] -= step
+        change = seen_from_right(first(further)) - seen_from_right(first(nearer))
+        columns.append(change / (2.0 * step))
+    expected = np.array(columns).T @ np.array(columns)
+    found = first(measured).exact.ties.covariance
+    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+
+
 def noisy_models(columns="acd", *, seed=5, precision=EXACT, test=BAARDA):
     """Three models of a tilted strip with noise, and the pair of the last."""
     flight = fly(seed, photos=4, tilt=4.0, kappa=10.0, noise=0.005)
@@ -280,11 +303,11 @@ def test_by_the_weight_of_the_misclosures_an_error_shows_largest_in_its_own_row(
     assert elsewhere >= 8  # in the table it does not: about one in five
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.15, 1.0])
-def test_the_advice_names_the_erroneous_row_where_the_largest_sigf_stands_elsewhere(size):
+@pytest.mark.parametrize("seeds", [(4,), pytest.param(range(6), marks=pytest.mark.slow)])
+def test_the_advice_names_the_erroneous_row_where_the_largest_sigf_stands_elsewhere(size, seeds):
     elsewhere = 0
-    for seed in range(6):
+    for seed in seeds:
         flight = fly(seed, photos=4, tilt=2.0, kappa=0.0)
         before = None
         for k in range(3):
@@ -299,8 +322,11 @@ def test_the_advice_names_the_erroneous_row_where_the_largest_sigf_stands_elsewh
             largest = max(wrong.table, key=lambda one: one.size or 0.0)
             elsewhere += largest.key != row.key
             assert suspects[0] == row.key
-            assert diagnose(wrong).advice[0].startswith(f"remeasure {row.point} ({row.axis})")
-    assert elsewhere >= 6
+            first, words = diagnose(wrong).advice[0].split(": ")
+            assert first == f"remeasure {row.point} ({row.axis})"
+            # the odds do not contradict it
+            assert not words.startswith("1 to ")
+    assert elsewhere >= len(seeds)
 
 
 @pytest.mark.parametrize("again", [False, True])

@@ -127,13 +127,15 @@ def test_a_later_model_with_too_few_rows():
     refused(pair_of(f, 1, first, points=["1a", "2a", "2c"]), "3 points and 1 ties give 4 rows")
 
 
-def test_ties_that_do_not_determine_the_base():
+@pytest.mark.parametrize("points", [None, ["1a", "1c", "1d", "2a", "2c"]])
+def test_ties_that_do_not_determine_the_base(points):
     f = flight()
     first = bridge_flight(f)[0]
     # every tie at the new projection centre: no ray from there can be wrong
     x, _, z = first.base
     at_centre = tuple(p._replace(X=x, Z=z) for p in first.points)
-    refused(pair_of(f, 1, replace(first, points=at_centre)), "ties do not determine the base")
+    pair = pair_of(f, 1, replace(first, points=at_centre), points=points)
+    refused(pair, "ties do not determine the base")
 
 
 def test_rows_that_leave_an_unknown_without_any_hold():
