@@ -218,7 +218,7 @@ def test_a_line_is_read_back_exactly(seq, payload, durable):
     assert line.count(b"\n") == 1
     record, wanted = recordline.decode_line(line[:-1], "f", 3)
     assert wanted
-    assert record == recordline.Record(
+    assert record == recordline.JournalRecord(
         seq, "2026-01-01T00:00:00.000Z", "a-1", payload, "f", 3, durable
     )
 
