@@ -13,12 +13,11 @@ from anaplot.errors import InputError
 from anaplot.report.ascsv import csv_text
 from anaplot.report.asjson import json_text
 from anaplot.report.astext import page_text
-from anaplot.report.csvoutput import check_csv, write_table
 from anaplot.report.document import Document, Table
 from anaplot.textfiles.wholefile import make_folder, replace_whole
 from anaplot.textfiles.wording import place, reason
 
-__all__ = ["PRINTED", "Output"]
+__all__ = ["Output"]
 
 _SUMMARY = "summary.json"
 
@@ -55,8 +54,23 @@ class Output(NamedTuple):
     def check(
         self, taken: Mapping[str, Iterable[Path]] | None = None, made: Path | None = None
     ) -> None:
-        """Refuse files that could not be written; parameters and errors as `check_csv` has them."""
-        check_csv(self.csv, taken, made)
+        """Refuse files that could not be written, before anything is computed or written.
+
+        Parameters
+        ----------
+        taken
+            Files that the command uses otherwise, by what becomes of them: "is read".
+        made
+            A folder that the command makes before the table's file is written.
+
+        Raises
+        ------
+        InputError
+            The file's folder does not exist or is read-only; or it is a folder, taken, or the
+            standard output itself; or the folder for all tables holds something else.
+        """
+        if self.csv is not None:
+            _check_csv(self.csv, taken or {}, made)
         if self.to is not None:
             _check_folder(self.to)
 
@@ -66,9 +80,15 @@ class Output(NamedTuple):
         self.print(document)
 
     def write(self, document: Document) -> None:
-        """Write the files that were asked for."""
+        """Write the files that were asked for, each whole or not at all.
+
+        Raises
+        ------
+        InputError
+            One could not be written; an old file is as it was.
+        """
         if self.csv is not None:
-            write_table(self.csv, document.tables[0])
+            _write_csv(self.csv, document.tables[0])
         if self.to is not None:
             _write_folder(self.to, document)
 
@@ -83,8 +103,36 @@ class Output(NamedTuple):
         print(text, file=sys.stdout if self.stream is None else self.stream)
 
 
-PRINTED = Output()
-"""As a page on standard output."""
+def _check_csv(path: Path, taken: Mapping[str, Iterable[Path]], made: Path | None) -> None:
+    where = f"{place(path)}: cannot be written"
+    try:
+        # as it will be written: in place of what a link leads to
+        target = path.resolve()
+        parent = target.parent
+        if target.is_dir():
+            raise InputError(f"{where}: it is a folder")
+        if path.is_file() or not path.exists():
+            if parent.is_dir():
+                if not os.access(parent, os.W_OK):
+                    raise InputError(f"{where}: the folder is read-only")
+            elif made is None or parent != made.resolve():
+                raise InputError(f"{where}: there is no folder {place(parent)}")
+        uses = {**taken, "becomes a folder": () if made is None else (made,)}
+        for use, files in uses.items():
+            if any(target == file.resolve() for file in files):
+                raise InputError(f"{where}: it {use}; name another file for the table")
+        if path.is_file() and _is_output(path):
+            raise InputError(f"{where}: the report goes there")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{where}: {reason(error)}") from error
+
+
+def _is_output(path: Path) -> bool:
+    try:
+        return os.path.samestat(path.stat(), os.fstat(sys.__stdout__.fileno()))  # type: ignore[union-attr]
+    except (AttributeError, OSError, ValueError):
+        # there is no standard output, or it is no file
+        return False
 
 
 def _check_folder(folder: Path) -> None:
@@ -102,6 +150,19 @@ def _check_folder(folder: Path) -> None:
             raise InputError(f"{where}: it is neither new nor empty")
     except (OSError, ValueError) as error:
         raise InputError(f"{where}: {reason(error)}") from error
+
+
+def _write_csv(path: Path, table: Table) -> None:
+    data = csv_text(table).encode()
+    try:
+        # a pipe or a device is no file that could be replaced
+        if path.exists() and not path.is_file():
+            path.write_bytes(data)
+            return
+        target = path.resolve()
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place(path)}: cannot be written: {reason(error)}") from error
+    replace_whole(target, data)
 
 
 def _write_folder(folder: Path, document: Document) -> None:

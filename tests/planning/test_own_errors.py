@@ -14,7 +14,7 @@ from anaplot.errors import InputError
 from anaplot.planning.modelscenarios import model_rows
 from anaplot.planning.montecarlo import simulate
 from anaplot.planning.ownerrors import OwnErrors
-from anaplot.report import csvoutput
+from anaplot.report import output
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.ownplaces import RowName, rows_in
 
@@ -271,7 +271,7 @@ def test_the_report_is_not_lost_with_the_table(tmp_path: Path, capsys, monkeypat
     def full(path: Path, data: bytes) -> None:
         raise InputError(f"{path}: cannot be written: no space left")
 
-    monkeypatch.setattr(csvoutput, "replace_whole", full)
+    monkeypatch.setattr(output, "replace_whole", full)
     table = tmp_path / "t.csv"
     call = ["plan", "simulate", "13/5", "--strategy", "baarda", *QUICK, "--csv", str(table)]
     assert main(call) == 2
