@@ -252,7 +252,8 @@ def test_contradictory_control_is_accused(scene) -> None:
 
 @pytest.mark.parametrize("sigma", [0.0, 0.05])
 def test_swapped_control_ids_are_accused(sigma: float) -> None:
-    scene = aerial(2, 4, per_base=2, noise_um=5.0, control_sigma=sigma)
+    # small: every way to approximate values is tried to its end
+    scene = aerial(1, 3, per_base=2, noise_um=5.0, control_sigma=sigma)
     control = list(scene.block.control)
     first, second = control[0], control[1]
     control[0] = replace(first, xyz=second.xyz)

@@ -24,23 +24,34 @@ def summed(text: bytes) -> bytes:
     return text + PROFILE.checksum.digits(text) + b"\n"
 
 
+class Flood:
+    """A terminal server that sends junk, positions and a press now and then, without end.
+
+    `held_up` is set whenever the line takes no more, and is to be cleared by whoever waits for it.
+    """
+
+    def __init__(self, port: str) -> None:
+        self.port = port
+        self.held_up = threading.Event()
+
+
 @pytest.fixture
-def flood() -> Iterator[str]:
-    """A terminal server that sends junk, positions and a press now and then, without end."""
+def flood() -> Iterator[Flood]:
     listener = socket.create_server(("127.0.0.1", 0))
+    flood = Flood(f"socket://127.0.0.1:{listener.getsockname()[1]}")
     ended = threading.Event()
 
     def serve() -> None:
         client, _ = listener.accept()
         client.settimeout(0.05)
-        junk = b"junk\n" * 400 + summed(b"P " + PLACE) * 5
+        junk = (b"junk" * 10 + b"\n") * 40 + summed(b"P " + PLACE) * 5
         for number in itertools.count(1):
             data = junk + summed(b"R %d 1 " % number + PLACE)
             while data:
                 try:
                     data = data[client.send(data) :]
                 except TimeoutError:
-                    pass
+                    flood.held_up.set()
                 except OSError:
                     data = b""
                     ended.set()
@@ -50,23 +61,30 @@ def flood() -> Iterator[str]:
 
     thread = threading.Thread(target=serve)
     thread.start()
-    yield f"socket://127.0.0.1:{listener.getsockname()[1]}"
+    yield flood
     ended.set()
     thread.join()
     listener.close()
 
 
-def test_a_flood_is_bounded_and_loses_no_record(flood: str) -> None:
+def test_a_flood_is_bounded_and_loses_no_record(flood: Flood) -> None:
+    full = threading.Event()
+
+    def room() -> bool:
+        if not ear.room():
+            full.set()
+        return ear.room()
+
     ear = Inbox()
-    link = Link(PROFILE, flood, on_reading=ear.on_reading, on_traffic=ear.on_traffic, room=ear.room)
+    link = Link(
+        PROFILE, flood.port, on_reading=ear.on_reading, on_traffic=ear.on_traffic, room=room
+    )
     with link:
-        for _ in range(600):
-            if not ear.room():
-                break
-            threading.Event().wait(0.05)
-        assert not ear.room()
-        # nobody takes anything out: what waits grows no further than by what was read last
-        threading.Event().wait(0.3)
+        assert full.wait(60)
+        # nobody takes anything out: what waits grows no further than by what was read last, for
+        # the line itself is full now
+        flood.held_up.clear()
+        assert flood.held_up.wait(60)
         assert ear.items.qsize() < _FULL + 200
         items = []
         while ear.items.qsize():
