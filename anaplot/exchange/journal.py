@@ -14,13 +14,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from anaplot.errors import InputError
-from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journalread import (
     SESSIONS,
     FileScan,
     Recovered,
     event_of,
-    events_of,
     numbered_files,
     read_journal,
     scan_folder,
@@ -33,7 +31,6 @@ from anaplot.exchange.recordline import (
     Keep,
     encode_line,
 )
-from anaplot.session.events import Event
 from anaplot.textfiles.ownfile import check_own, is_same, open_own
 from anaplot.textfiles.wholefile import sync_folder, write_all
 from anaplot.textfiles.wording import place, quoted, reason
@@ -45,7 +42,6 @@ __all__ = [
     "JournalRecord",
     "Recovered",
     "event_of",
-    "events_of",
     "read_journal",
 ]
 
@@ -184,16 +180,6 @@ class Journal:
             It was refused; the journal is as it was before.
         """
         return self.append_many([(kind, payload)], durable=durable)
-
-    def append_event(self, event: Event, *, durable: bool = True) -> int:
-        """Write a session event; see `append`.
-
-        Raises
-        ------
-        InputError
-            The event holds what may not stand in a file, or was refused (`JournalError`).
-        """
-        return self.append(event.kind, event_to_payload(event), durable=durable)
 
     def append_many(
         self, records: Iterable[tuple[str, Mapping[str, Any]]], *, durable: bool

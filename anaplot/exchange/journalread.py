@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -21,7 +20,7 @@ from anaplot.exchange.recordline import (
     claimed_format,
     decode_line,
 )
-from anaplot.session.events import EVENT_KINDS, Event
+from anaplot.session.events import Event
 from anaplot.textfiles.inputfile import open_input
 from anaplot.textfiles.wording import place, plain, reason
 
@@ -34,7 +33,6 @@ __all__ = [
     "Tail",
     "check_format",
     "event_of",
-    "events_of",
     "folder_of",
     "journal_files",
     "numbered_files",
@@ -174,17 +172,6 @@ def event_of(record: JournalRecord) -> Event:
         return event_from_payload(record.kind, record.payload)
     except InputError as error:
         raise InputError(f"{record.file} line {record.line}: {error}") from None
-
-
-def events_of(records: Iterable[JournalRecord]) -> tuple[Event, ...]:
-    """Return the session events among records, in order; other kinds of records are passed over.
-
-    Raises
-    ------
-    InputError
-        A record of an event's kind that is no such event, with file and line.
-    """
-    return tuple(event_of(record) for record in records if record.kind in EVENT_KINDS)
 
 
 def folder_of(path: Path) -> Path | None:

@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from journaltools import events_of
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import check_for_bridge, read_block
-from anaplot.exchange.journal import Journal, events_of, read_journal
+from anaplot.exchange.journal import Journal, read_journal
 from anaplot.photogrammetry.block import Block
 
 TOML = b"""format = 1

@@ -14,11 +14,12 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from journaltools import append_event, events_of
 
 import anaplot
 from anaplot.errors import InputError
 from anaplot.exchange import recordline
-from anaplot.exchange.journal import Journal, JournalError, events_of, read_journal
+from anaplot.exchange.journal import Journal, JournalError, read_journal
 from anaplot.session.events import PointMeasured, RowSwitched, Undone
 
 HEADER = {"block": "demo", "profile": "simulated", "sha256": "ab", "operator": "me", "link": {}}
@@ -66,7 +67,7 @@ def test_every_line_carries_sequence_number_and_checksum(block):
         assert journal.append("traffic", {"in": "\x1b[2J\x7fé\u202e"}, durable=False) == 2
         assert journal.append_many([("a", {"n": 1}), ("b", {"n": 2})], durable=True) == 4
         assert journal.append_many([], durable=True) == 4
-        assert journal.append_event(measured(7)) == 5
+        assert append_event(journal, measured(7)) == 5
     raw = (block / "sessions" / "0001.jsonl").read_bytes()
     assert all(32 <= byte < 127 or byte == 10 for byte in raw)
     flags = [json.loads(line)["durable"] for line in raw.splitlines()]
@@ -87,7 +88,7 @@ def test_opened_again_it_goes_on_in_the_same_file(block):
     written = [measured(1), RowSwitched("1", "y", False), Undone()]
     for event in written:
         with Journal.open(block, HEADER)[0] as journal:
-            journal.append_event(event)
+            append_event(journal, event)
     journal, recovered = Journal.open(block, {"operator": "you"})
     journal.close()
     assert recovered.remarks == ()
@@ -103,7 +104,7 @@ def test_opened_again_it_goes_on_in_the_same_file(block):
 def test_the_sequence_runs_on_through_the_files(block):
     with Journal.open(block, HEADER, roll_bytes=600)[0] as journal:
         for n in range(20):
-            journal.append_event(measured(n), durable=False)
+            append_event(journal, measured(n), durable=False)
         last = journal.path
     names = sorted(path.name for path in (block / "sessions").glob("*.jsonl"))
     assert names == [f"{n:04d}.jsonl" for n in range(1, len(names) + 1)]
@@ -126,7 +127,7 @@ def test_the_sequence_runs_on_through_the_files(block):
 def test_only_the_wanted_kinds_are_kept(block):
     with Journal.open(block, HEADER)[0] as journal:
         journal.append("traffic", {"in": "00"}, durable=False)
-        journal.append_event(measured(1))
+        append_event(journal, measured(1))
     assert [r.kind for r in read_journal(block, keep=lambda k: k == "traffic").records] == [
         "traffic"
     ]
@@ -356,18 +357,18 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
 @pytest.mark.parametrize("room", [0, 1, 40, 100])
 def test_a_full_disk_refuses_the_record_and_keeps_what_was_before(block, disk, room):
     with Journal.open(block, HEADER)[0] as journal:
-        journal.append_event(measured(1))
+        append_event(journal, measured(1))
         before = journal.path.read_bytes()
         disk.write_room = room
         with pytest.raises(JournalError) as caught:
-            journal.append_event(measured(2))
+            append_event(journal, measured(2))
         assert "0001.jsonl: record refused: " in str(caught.value)
         assert ("No space left" if room == 0 else f"only {room} of") in str(caught.value)
         with pytest.raises(JournalError):
             journal.append_many([("a", {}), ("b", {"x": "y" * 200})], durable=False)
         assert journal.path.read_bytes() == before
         disk.write_room = None
-        assert journal.append_event(measured(3)) == 3
+        assert append_event(journal, measured(3)) == 3
     recovered = read_journal(block)
     assert recovered.remarks == ()
     assert events_of(recovered.records) == (measured(1), measured(3))
@@ -377,9 +378,9 @@ def test_a_disk_full_only_when_synced_refuses_the_record_too(block, disk):
     with Journal.open(block, HEADER)[0] as journal:
         disk.sync_error = errno.ENOSPC
         with pytest.raises(JournalError, match="No space left"):
-            journal.append_event(measured(1))
+            append_event(journal, measured(1))
         disk.sync_error = 0
-        assert journal.append_event(measured(2)) == 2
+        assert append_event(journal, measured(2)) == 2
     assert events_of(read_journal(block).records) == (measured(2),)
 
 
@@ -387,24 +388,24 @@ def test_after_a_failed_sync_nothing_is_trusted(block, disk):
     with Journal.open(block, HEADER)[0] as journal:
         disk.sync_error = errno.EIO
         with pytest.raises(JournalError, match="Input/output error"):
-            journal.append_event(measured(1))
+            append_event(journal, measured(1))
         disk.sync_error = 0
         with pytest.raises(JournalError, match="could not be brought to disk"):
-            journal.append_event(measured(2))
+            append_event(journal, measured(2))
     journal, recovered = Journal.open(block, HEADER)
     with journal:
         assert events_of(recovered.records) == ()
-        assert journal.append_event(measured(3)) == 3
+        assert append_event(journal, measured(3)) == 3
 
 
 def test_when_a_refused_record_cannot_be_removed_everything_after_is_refused(block, disk):
     with Journal.open(block, HEADER)[0] as journal:
         disk.write_room, disk.cut_error = 30, errno.EIO
         with pytest.raises(JournalError, match="only 30 of"):
-            journal.append_event(measured(1))
+            append_event(journal, measured(1))
         disk.write_room, disk.cut_error = None, 0
         with pytest.raises(JournalError, match="a refused record could not be removed"):
-            journal.append_event(measured(2))
+            append_event(journal, measured(2))
     journal, recovered = Journal.open(block, HEADER)
     journal.close()
     assert events_of(recovered.records) == ()
@@ -415,9 +416,9 @@ def test_an_interrupted_record_holds_no_sequence_number(block, disk):
     with Journal.open(block, HEADER)[0] as journal:
         disk.interrupt = True
         with pytest.raises(KeyboardInterrupt):
-            journal.append_event(measured(1))
+            append_event(journal, measured(1))
         disk.interrupt = False
-        assert journal.append_event(measured(2)) == 2
+        assert append_event(journal, measured(2)) == 2
     assert events_of(read_journal(block).records) == (measured(2),)
 
 
@@ -428,7 +429,7 @@ def test_a_full_disk_when_opening_leaves_the_block_free(block, disk):
     assert [path.name for path in (block / "sessions").iterdir()] == ["lock"]
     disk.write_room = None
     with Journal.open(block, HEADER)[0] as journal:
-        journal.append_event(measured(1))
+        append_event(journal, measured(1))
     before = (block / "sessions" / "0001.jsonl").read_bytes()
     disk.write_room = 20
     with pytest.raises(JournalError, match="only"):
@@ -445,10 +446,10 @@ def test_a_full_disk_at_the_beginning_of_a_new_file(block, disk):
     with Journal.open(block, HEADER, roll_bytes=10)[0] as journal:
         disk.write_room = 50
         with pytest.raises(JournalError, match=r"0002\.jsonl: cannot be written"):
-            journal.append_event(measured(1))
+            append_event(journal, measured(1))
         disk.write_room, disk.sync_error = None, errno.EIO
         with pytest.raises(JournalError, match=r"0001\.jsonl: record refused"):
-            journal.append_event(measured(1))
+            append_event(journal, measured(1))
         disk.sync_error = 0
     assert sorted(p.name for p in (block / "sessions").iterdir()) == ["0001.jsonl", "lock"]
 

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from journaltools import events_of
 
 from anaplot.errors import InputError
-from anaplot.exchange.journal import Journal, JournalRecord, events_of, read_journal
+from anaplot.exchange.journal import Journal, JournalRecord, read_journal
 from anaplot.exchange.recordline import encode_line
 
 STAMP = "2026-01-01T00:00:00.000Z"

@@ -10,10 +10,11 @@ from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import pytest
+from journaltools import events_of
 from processes import running
 
 from anaplot.errors import InputError
-from anaplot.exchange.journal import Journal, events_of, read_journal
+from anaplot.exchange.journal import Journal, read_journal
 
 HOST = platform.node()
 
@@ -31,12 +32,14 @@ print("released", flush=True)
 WRITE = """
 import itertools, sys
 from pathlib import Path
-from anaplot.exchange.journal import Journal, events_of
+from anaplot.exchange.eventcodec import event_to_payload
+from anaplot.exchange.journal import Journal
 from anaplot.session.events import PointMeasured
 journal, recovered = Journal.open(Path(sys.argv[1]), {}, roll_bytes=20_000)
-for n in itertools.count(len(events_of(recovered.records))):
+for n in itertools.count(sum(r.kind == PointMeasured.kind for r in recovered.records)):
     journal.append("traffic", {"in": "00" * 40}, durable=False)
-    journal.append_event(PointMeasured("101", "102", str(n), n / 3, 0.0, 0.0, 0.0, "pedal"))
+    event = PointMeasured("101", "102", str(n), n / 3, 0.0, 0.0, 0.0, "pedal")
+    journal.append(event.kind, event_to_payload(event), durable=True)
     print(n, flush=True)
 """
 

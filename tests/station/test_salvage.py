@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
+from journaltools import append_event, events_of
 
 from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
-from anaplot.exchange.journal import Journal, events_of, read_journal
+from anaplot.exchange.journal import Journal, read_journal
 from anaplot.exchange.recordline import encode_line
 from anaplot.session.events import (
     ModelAccepted,
@@ -81,7 +82,7 @@ class Session:
         (self.folder / "block.toml").write_text(BLOCK)
         with Journal.open(self.folder, {"block_toml": BLOCK})[0] as journal:
             for event in events:
-                journal.append_event(event)
+                append_event(journal, event)
         self.path = self.folder / "sessions" / "0001.jsonl"
         self.new = tmp_path / "new"
 
@@ -221,7 +222,7 @@ def test_a_point_whose_plan_is_lost_was_planned(tmp_path):
     session = Session(tmp_path, FIRST)
     with Journal.open(session.folder, {})[0] as journal:  # line 3: opened
         journal.append("point-added", {"planned": {"lost": True}}, durable=True)
-        journal.append_event(measured("101", "102", "7"))
+        append_event(journal, measured("101", "102", "7"))
     out = salvage(session.folder, session.new)
     assert out.state.current is not None
     assert [m.point for m in out.state.current.measured] == []
@@ -270,7 +271,7 @@ def test_a_missing_file_and_a_second_one_that_is_damaged(tmp_path):
     (folder / "block.toml").write_text(BLOCK)
     with Journal.open(folder, {"block_toml": BLOCK}, roll_bytes=1)[0] as journal:
         for event in (FIRST, *(measured("101", "102", name) for name in "123")):
-            journal.append_event(event)
+            append_event(journal, event)
     sessions = folder / "sessions"
     (sessions / "0003.jsonl").unlink()
     damaged = sessions / "0004.jsonl"

@@ -15,12 +15,13 @@ from pathlib import Path
 
 import automaticjob
 import pytest
+from journaltools import events_of
 from processes import ROOT, running
 from stationbench import Bench, measure, measure_all
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
-from anaplot.exchange.journal import events_of, read_journal
+from anaplot.exchange.journal import read_journal
 from anaplot.plotter.device.hand import Offsets
 from anaplot.session.events import FiducialMeasured, PointMeasured
 from anaplot.session.state import SessionState, fold, start
