@@ -17,8 +17,18 @@ from anaplot.planning.montecarlo import QuantityKey, Tally, sums
 from anaplot.planning.quantities import COUNT, YES_OR_NO, Quantity, out_of
 from anaplot.planning.scenarioalpha import PAPER_ALPHA
 
-__all__ = ["FATES", "PARTNERS", "SAME", "Case", "ErrorsScenario", "PlantedTrial", "case_of"]
-__all__ += ["hard_to_tell", "plant", "run_by_run"]
+__all__ = [
+    "FATES",
+    "PARTNERS",
+    "SAME",
+    "Case",
+    "ErrorsScenario",
+    "PlantedTrial",
+    "case_of",
+    "hard_to_tell",
+    "plant",
+    "run_by_run",
+]
 
 FATES = ("right", "wrong", "missed")
 PARTNERS, SAME = "wrong beside a partner", "exactly the errors"
