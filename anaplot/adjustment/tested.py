@@ -173,6 +173,11 @@ class Observation(NamedTuple, Generic[K]):
     probability: float
     ground: tuple[float, float, float] | None = None
 
+    @classmethod
+    def off(cls, key: K, unit: str, residual: float) -> Observation[K]:
+        """Return one that is switched off: nothing is said of it but what it is off."""
+        return cls(key, unit, False, residual, 0.0, None, None, None, None, False, 0.0)
+
     @property
     def point(self) -> str:
         """What was observed: the last but one element of the key."""

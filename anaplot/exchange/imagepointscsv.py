@@ -5,16 +5,46 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.selection import model_name
 from anaplot.textfiles.csvtable import CsvColumns, csv_text, read_csv
-from anaplot.textfiles.kinds import NAME, NUMBER, PHOTO, POSITIVE, Blank, KnownName, Text
+from anaplot.textfiles.kinds import (
+    NAME,
+    NUMBER,
+    PHOTO,
+    POSITIVE,
+    Blank,
+    KnownName,
+    Text,
+    Word,
+    WrongValueError,
+)
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["format_image_points", "parse_image_points"]
+
+_COLUMNS = ("photo", "point", "x", "y", "sigma_um", "model", "use", "reason")
+_USE = Word("xy", "x", "y", "off")
+
+
+class _Reason(Text):
+    """What a person says of a row: text of one line."""
+
+    def of(self, value: Any) -> str:
+        """Return the text."""
+        text = super().of(value)
+        if not text.isprintable():
+            raise WrongValueError("holds a character that cannot be printed")
+        if text != text.strip():
+            raise WrongValueError("begins or ends with a blank")
+        return text
+
+
+_REASON = _Reason(empty=False)
 
 
 def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
@@ -49,21 +79,27 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
             "x": NUMBER,
             "y": NUMBER,
         },
-        {"sigma_um": Blank(POSITIVE), "model": Blank(Text())},
+        {
+            "sigma_um": Blank(POSITIVE),
+            "model": Blank(Text()),
+            "use": Blank(_USE),
+            "reason": Blank(_REASON),
+        },
     )
     if named_here:
         of_photo.update(dict.fromkeys(table["photo"], block.cameras[0]))
     _check_inside(table, of_photo)
     _check_models(table, of_photo, block.strips)
     table.refuse_twice("point", "photo", "model")
-    columns = ("photo", "point", "x", "y", "sigma_um", "model")
-    return tuple(map(ImagePoint, *(table[name] for name in columns)))
+    table["use"][:] = [use or "xy" for use in table["use"]]
+    return tuple(map(ImagePoint, *(table[name] for name in _COLUMNS)))
 
 
 def format_image_points(points: Iterable[ImagePoint]) -> str:
     """Return the text of an image_points.csv.
 
-    Coordinates are written with the fewest digits that are read back as the same number.
+    Coordinates are written with the fewest digits that are read back as the same number; the
+    columns sigma_um, use and reason only where a row needs them.
 
     Raises
     ------
@@ -78,9 +114,12 @@ def format_image_points(points: Iterable[ImagePoint]) -> str:
         if key in seen:
             raise _unwritable(row, "stands twice")
         seen.add(key)
-    columns = ["photo", "point", "x", "y", "sigma_um", "model"]
-    if all(row.sigma_um is None for row in rows):
-        columns.remove("sigma_um")
+    usual = {"sigma_um": None, "use": "xy", "reason": None}
+    columns = [
+        name
+        for name in _COLUMNS
+        if name not in usual or any(getattr(row, name) != usual[name] for row in rows)
+    ]
     return csv_text(columns, ([getattr(row, name) for name in columns] for row in rows))
 
 
@@ -154,6 +193,11 @@ def _check_writable(row: ImagePoint) -> None:
         raise _unwritable(row, "its coordinates are not finite")
     if row.sigma_um is not None and not (math.isfinite(row.sigma_um) and row.sigma_um > 0.0):
         raise _unwritable(row, "its sigma_um is not a finite number greater than 0")
+    for what, kind in (("use", _USE), ("reason", Blank(_REASON))):
+        try:
+            kind.of(getattr(row, what))
+        except WrongValueError as error:
+            raise _unwritable(row, f"its {what} {error}") from None
 
 
 def _unwritable(row: ImagePoint, why: str) -> InputError:

@@ -7,10 +7,10 @@ from math import inf
 import numpy as np
 
 from anaplot.adjustment.leastsquares import Adjustment, RankDefectError, adjust
-from anaplot.adjustment.tested import Dense, Tested, examine
+from anaplot.adjustment.tested import Dense, Observation, Tested, examine
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
-from anaplot.orientation.conditionequations import ConditionEquations
+from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelPoint, ModelSolution, Row
 from anaplot.orientation.solver import (
@@ -22,7 +22,7 @@ from anaplot.orientation.solver import (
     vertical_start,
 )
 from anaplot.orientation.tieerrors import ExactStatistics, exact_statistics
-from anaplot.photogrammetry.block import Precision, TestSettings
+from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = ["BADLY_SPREAD", "UNKNOWNS", "WrongPointsError", "orient", "warm_up"]
@@ -132,7 +132,32 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         q_gg=adjusted.q_xx if exact is None else exact.unknowns,
         unknowns=unknowns,
         exact=exact,
+        off_rows=_off_rows(pair, state, precision.tie_variance),
+        measured=(pair.aside or pair).points,
     )
+
+
+def _off_rows(
+    pair: Stereopair, state: ModelUnknowns, tie_variance: TieVariance
+) -> tuple[Observation[Row], ...]:
+    """Return the rows that are switched off: F / a [um] at the solution of the others."""
+    if pair.aside is None:
+        return ()
+    conditions = ConditionEquations(pair.aside, tie_variance)
+    with np.errstate(all="ignore"):
+        misclosures = conditions.evaluate(state)[6] * np.sqrt(conditions.cofactors(state.bx))
+    parallaxes = np.where(np.isfinite(misclosures), 1e3 * misclosures, np.nan)
+    keys = _keys(pair.aside, conditions)
+    return tuple(
+        Observation.off(key, "um", value)
+        for key, value in zip(keys, parallaxes.tolist(), strict=True)
+    )
+
+
+def _keys(pair: Stereopair, conditions: ConditionEquations) -> list[Row]:
+    """Return the rows of a pair that count: all y, then all x."""
+    keys: list[Row] = [(pair.points[k], "y") for k in conditions.y_index]
+    return keys + [(pair.points[k], "x") for k in conditions.x_index]
 
 
 def _check_count(pair: Stereopair) -> None:
@@ -255,9 +280,7 @@ def _tested(
     precision: Precision,
     test: TestSettings,
 ) -> Tested[Row]:
-    points = pair.points
-    keys: list[Row] = [(points[k], "y") for k in conditions.y_index]
-    keys += [(points[k], "x") for k in conditions.x_index]
+    keys = _keys(pair, conditions)
     apriori = precision.image_um
     root = np.sqrt(adjusted.q_l)
     vtpv, q_vv, deviation, moved = adjusted.vtpv, adjusted.q_vv, None, None

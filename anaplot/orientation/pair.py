@@ -75,6 +75,9 @@ class Stereopair:
         How the preceding model's points err; None where it was not asked for.
     once
         Points whose left ray is the preceding model's right one: measured once for both.
+    aside
+        Every point measured in it, also those switched off altogether, with all rows off but those
+        that were switched off here; None where nothing was.
     """
 
     left: str
@@ -91,6 +94,7 @@ class Stereopair:
     off: frozenset[tuple[str, str]] = frozenset()
     tie_errors: TieErrors | None = None
     once: frozenset[str] = frozenset()
+    aside: Stereopair | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:

@@ -70,6 +70,11 @@ class ModelSolution(TestedInMicrometres[Row]):
         Names of the unknowns.
     exact
         What `tie_variance` "exact" adds; None otherwise. Q_vv is then S, and sigma0 by v'S+v.
+    off_rows
+        The rows that are switched off: the parallax that they would have with this orientation,
+        NaN where there is none.
+    measured
+        Names of all points measured, also of those switched off, in the order of the left photo.
     """
 
     left: str
@@ -90,6 +95,8 @@ class ModelSolution(TestedInMicrometres[Row]):
     q_gg: Array = field(repr=False)
     unknowns: tuple[str, ...]
     exact: ExactStatistics | None = field(default=None, repr=False)
+    off_rows: tuple[Observation[Row], ...] = ()
+    measured: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -100,6 +107,16 @@ class ModelSolution(TestedInMicrometres[Row]):
     def table(self) -> tuple[Observation[Row], ...]:
         """The tested rows."""
         return tuple(self.tested)
+
+    @cached_property
+    def listed(self) -> tuple[Observation[Row], ...]:
+        """The tested rows and, in their places, those that are switched off."""
+        if not self.off_rows:
+            return self.table
+        rows = {row.key: row for row in (*self.table, *self.off_rows)}
+        axes: tuple[Axis, ...] = ("y", "x")
+        keys = ((point, axis) for axis in axes for point in self.measured)
+        return tuple(rows[key] for key in keys if key in rows)
 
     @property
     def q_vv(self) -> Array:

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anaplot.aliases import RowKey
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import orient
 from anaplot.orientation.pair import LeftPhoto, Stereopair
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.photogrammetry.selection import measured_once, model_name, points_of, rows_by_photo
+from anaplot.photogrammetry.selection import (
+    measured_once,
+    model_name,
+    points_of,
+    rows_by_photo,
+    rows_off,
+)
 
 __all__ = ["BridgedStrip", "bridge", "bridge_strip", "pooled_sigma_um", "stereopair"]
 
@@ -47,7 +54,7 @@ def stereopair(
     *,
     preceding: ModelSolution | None,
     base: float | None = None,
-    off: frozenset[tuple[str, str]] = frozenset(),
+    off: frozenset[RowKey] = frozenset(),
     once: frozenset[str] = frozenset(),
 ) -> Stereopair:
     """Put together what a model is computed from.
@@ -58,7 +65,7 @@ def stereopair(
         Names of the left and the right photo.
     left, right
         Image coordinates [mm] by point; the model has the points common to both, in the order
-        of the left photo.
+        of the left photo, but those of which every row is switched off.
     cameras
         Of the left and the right photo.
     preceding
@@ -70,7 +77,12 @@ def stereopair(
     once
         Points whose left ray is the right one of the preceding model, measured once for both.
     """
-    common = tuple(point for point in left if point in right)
+    measured = tuple(point for point in left if point in right)
+    before = () if preceding is None else frozenset(p.point for p in preceding.points)
+    rows = [(point, "y") for point in measured]
+    rows += [(point, "x") for point in measured if point in before]
+    counting = [row for row in rows if row not in off]
+    used = frozenset(point for point, _ in counting)
     fixed = LeftPhoto()
     ties = None
     preceding_bx = None
@@ -81,22 +93,29 @@ def stereopair(
         ties = {p.point: (p.X, p.Y, p.Z) for p in preceding.points if np.isfinite(p.Z)}
         preceding_bx = preceding.base[0]
         tie_errors = None if preceding.exact is None else preceding.exact.ties
-    return Stereopair(
-        left=photos[0],
-        right=photos[1],
-        points=common,
-        xl=np.array([left[point] for point in common]).reshape(-1, 2),
-        xr=np.array([right[point] for point in common]).reshape(-1, 2),
-        c_left=cameras[0].c,
-        c_right=cameras[1].c,
-        fixed=fixed,
-        ties=ties,
-        preceding_bx=preceding_bx,
-        base=base,
-        off=off,
-        tie_errors=tie_errors,
-        once=once,
-    )
+
+    def pair(points: tuple[str, ...], off: frozenset[RowKey]) -> Stereopair:
+        return Stereopair(
+            left=photos[0],
+            right=photos[1],
+            points=points,
+            xl=np.array([left[point] for point in points]).reshape(-1, 2),
+            xr=np.array([right[point] for point in points]).reshape(-1, 2),
+            c_left=cameras[0].c,
+            c_right=cameras[1].c,
+            fixed=fixed,
+            ties=ties,
+            preceding_bx=preceding_bx,
+            base=base,
+            off=off,
+            tie_errors=tie_errors,
+            once=once,
+        )
+
+    counted = pair(tuple(point for point in measured if point in used), off)
+    if len(counting) == len(rows):
+        return counted
+    return replace(counted, aside=pair(measured, frozenset(counting)))
 
 
 def _centre_of(model: ModelSolution) -> tuple[float, float, float]:
@@ -129,6 +148,7 @@ def bridge_strip(
             (block.camera_of(photos[0]), block.camera_of(photos[1])),
             preceding=models[-1] if models else None,
             base=strip.base,
+            off=rows_off(left, right),
             once=measured_once(before, left),
         )
         before = right

@@ -19,7 +19,11 @@ __all__ = [
     "Strip",
     "TestSettings",
     "TieVariance",
+    "Use",
 ]
+
+Use = Literal["xy", "x", "y", "off"]
+"""Which coordinates of an image point count."""
 
 TieVariance = Literal["paper", "propagated", "exact"]
 
@@ -118,6 +122,10 @@ class ImagePoint:
         A-priori standard deviation [um] of either coordinate, or None for the block's default.
     model
         "left/right" of the model that lay in the instrument, or None.
+    use
+        Which of its coordinates count: "xy", "x", "y" or "off".
+    reason
+        Why, in the words of the person who decided; or None.
     """
 
     photo: str
@@ -126,6 +134,12 @@ class ImagePoint:
     y: float
     sigma_um: float | None = None
     model: str | None = None
+    use: Use = "xy"
+    reason: str | None = None
+
+    def counts(self, axis: str) -> bool:
+        """Return whether a coordinate, "x" or "y", counts."""
+        return self.use != "off" and axis in self.use
 
 
 @dataclass(frozen=True, slots=True)

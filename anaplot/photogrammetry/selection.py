@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from anaplot.aliases import RowKey
 from anaplot.photogrammetry.block import ImagePoint
 
-__all__ = ["measured_once", "model_name", "points_of", "rows_by_photo"]
+__all__ = ["measured_once", "model_name", "points_of", "rows_by_photo", "rows_off"]
 
 
 def model_name(left: str, right: str) -> str:
@@ -53,6 +54,24 @@ def points_of(image_points: Iterable[ImagePoint], photo: str, model: str) -> dic
         elif row.model is None and row.point not in selected:
             selected[row.point] = row
     return selected
+
+
+def rows_off(left: Mapping[str, ImagePoint], right: Mapping[str, ImagePoint]) -> frozenset[RowKey]:
+    """Return the rows (point, axis) of a model that are switched off.
+
+    The use of the right ray decides; the left one serves as given, unless it is off.
+
+    Parameters
+    ----------
+    left, right
+        Rows of its photos by point, as `points_of` selects them.
+    """
+    return frozenset(
+        (point, axis)
+        for point, row in right.items()
+        for axis in ("y", "x")
+        if not row.counts(axis) or (point in left and left[point].use == "off")
+    )
 
 
 def measured_once(

@@ -23,11 +23,10 @@ from anaplot.report.document import (
     Table,
     for_programs,
     say,
-    stacked,
     table,
 )
 from anaplot.report.innerdocument import fiducial_table, photo_document
-from anaplot.report.modeldocument import ROWS, model_rows
+from anaplot.report.modeldocument import model_rows, stacked_rows
 from anaplot.report.output import Output
 from anaplot.simulation.automatic import Handled, InnerRecord, ModelRecord
 from anaplot.simulation.demo import Demo, Outcome, run_demo
@@ -110,7 +109,7 @@ def demo_document(seed: int, outcome: Outcome) -> Document:
     told = [line for key in _TITLES for line in _told(_TITLES[key], getattr(outcome, key))]
     answer = {"seed": seed, **entries, "models": [_answer(record) for record in outcome.models]}
     parts = (
-        ((record.left, record.right, when), model_rows(solution.table))
+        ((record.left, record.right, when), model_rows(solution.listed))
         for record in outcome.models
         for when, solution in (("before", record.before), ("after", record.after))
         if solution is not None
@@ -118,7 +117,7 @@ def demo_document(seed: int, outcome: Outcome) -> Document:
     return Document(
         answer,
         (*stories, say("MISTAKES PLANTED WITH SEED {}", seed).of("heading"), *told),
-        (*entries.values(), stacked("rows", _OF_TABLE, ROWS, parts)),
+        (*entries.values(), stacked_rows(_OF_TABLE, parts)),
     )
 
 
@@ -148,8 +147,8 @@ def _answer(record: ModelRecord) -> Answer:
     answer: Answer = {
         "left": record.left,
         "right": record.right,
-        "before": [] if record.before is None else model_rows(record.before.table),
-        "after": [] if record.after is None else model_rows(record.after.table),
+        "before": [] if record.before is None else model_rows(record.before.listed),
+        "after": [] if record.after is None else model_rows(record.after.listed),
         "handled": _handled("point", (h for h in record.handled if not h.photo)),
     }
     if record.inners:
@@ -193,7 +192,7 @@ def model_story(record: ModelRecord) -> tuple[Block, ...]:
 
 
 def _state(what: str, model: ModelSolution) -> list[Block]:
-    rows = model_rows(model.table, diagnose(model).suspects)
+    rows = model_rows(model.listed, diagnose(model).suspects)
     return [say("  {}, {}", what, _sigma0(model.sigma0_um)), rows]
 
 

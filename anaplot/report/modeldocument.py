@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import degrees, isfinite
+from typing import Any
 
 from anaplot.adjustment.tested import Observation
 from anaplot.orientation.diagnosis import diagnose
@@ -13,6 +15,7 @@ from anaplot.report.document import (
     BLANK,
     Answer,
     Block,
+    Column,
     Document,
     Line,
     Table,
@@ -25,9 +28,9 @@ from anaplot.report.document import (
     table,
 )
 
-__all__ = ["OF_MODEL", "ROWS", "model_document", "model_rows", "model_tables"]
+__all__ = ["OF_MODEL", "model_document", "model_rows", "model_tables", "stacked_rows"]
 
-ROWS = (
+_ROWS = (
     name("point", "POINT", 5),
     name("axis", head="  "),
     number("redn", "RED-N", 3, 8),
@@ -37,7 +40,7 @@ ROWS = (
     *for_programs("flagged"),
     name("", "verdict", head="", look=bool),
 )
-"""Columns of a model's table."""
+_OFF = for_programs("off")
 _POINTS = for_programs("point", "X", "Y", "Z")
 _ODDS = for_programs("point", "axis", "probability")
 _PER_LINE = 6
@@ -63,7 +66,7 @@ def model_document(
         sigma0 pooled over the strip's models so far [um].
     """
     diagnosis = diagnose(model)
-    rows = model_rows(model.table, diagnosis.suspects)
+    rows = model_rows(model.listed, diagnosis.suspects)
     points = table("points", _POINTS, ((p.point, *map(_finite, p[1:])) for p in model.points))
     sigma0 = say(
         "  sigma0    {0.sigma0_um:.2f|um|none}, a priori {0.apriori_um:g} um, "
@@ -127,7 +130,7 @@ def _finite(value: float) -> float | None:
 
 
 def model_rows(model: Iterable[Observation[Row]], suspects: Sequence[Row] = ()) -> Table:
-    """Return the RED-N / PARX / EXPD / SIGF table.
+    """Return the RED-N / PARX / EXPD / SIGF table; where rows are switched off, every row says so.
 
     Parameters
     ----------
@@ -137,12 +140,30 @@ def model_rows(model: Iterable[Observation[Row]], suspects: Sequence[Row] = ()) 
         Rows to doubt, the most probably wrong first.
     """
     suspect = suspects[0] if suspects else None
+    listed = list(model)
     rows = (
-        (row.point, row.axis, row.r, row.residual, row.expected, row.size, row.flagged,
-         _verdict(row, suspect))
-        for row in model
+        (row.point, row.axis, row.r if row.use else None, _finite(row.residual), row.expected,
+         row.size, row.flagged, _verdict(row, suspect))
+        for row in listed
     )  # fmt: skip
-    return table("rows", ROWS, rows, units="^")
+    out = table("rows", _ROWS, rows, units="^")
+    off = [not row.use for row in listed]
+    return _with_off(out, off) if any(off) else out
+
+
+def _with_off(rows: Table, off: Sequence[bool]) -> Table:
+    return replace(rows, columns=(*rows.columns, *_OFF), source=(*rows.values, off))
+
+
+def stacked_rows(leading: Iterable[Column], parts: Iterable[tuple[Sequence[Any], Table]]) -> Table:
+    """Return one table of several models' rows; parameters as `stacked` has them."""
+    parts = list(parts)
+    columns = max((one.columns for _, one in parts), key=len, default=_ROWS)
+    alike = (
+        (of, one if one.columns == columns else _with_off(one, [False] * len(one)))
+        for of, one in parts
+    )
+    return stacked("rows", leading, columns, alike)
 
 
 def _verdict(row: Observation[Row], suspect: Row | None) -> str:
@@ -150,6 +171,8 @@ def _verdict(row: Observation[Row], suspect: Row | None) -> str:
         return "<< REMEASURE"
     if row.flagged:
         return "< flagged"
+    if not row.use:
+        return "off"
     return "not testable" if row.w is None else ""
 
 
@@ -171,6 +194,6 @@ def model_tables(models: Iterable[tuple[str, Document]]) -> tuple[Table, ...]:
         ((strip, *map(one.answer.get, ("left", "right"))), one.tables) for strip, one in models
     ]
     return (
-        stacked("rows", OF_MODEL, ROWS, ((of, tables[0]) for of, tables in parts)),
+        stacked_rows(OF_MODEL, ((of, tables[0]) for of, tables in parts)),
         stacked("points", OF_MODEL, _POINTS, ((of, tables[1]) for of, tables in parts)),
     )

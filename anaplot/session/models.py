@@ -70,15 +70,14 @@ def _solve(
     precision: Precision,
     test: TestSettings,
 ) -> ModelSolution:
-    used = model.used
     pair = stereopair(
         model.photos,
-        {m.point: (m.xl, m.yl) for m in used},
-        {m.point: (m.xr, m.yr) for m in used},
+        {m.point: (m.xl, m.yl) for m in model.measured},
+        {m.point: (m.xr, m.yr) for m in model.measured},
         cameras,
         preceding=preceding,
         base=base,
-        off=frozenset((point, axis) for point, axis in model.off),
+        off=model.off,
         once=once,
     )
     return orient(pair, precision, test)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 
-from anaplot.photogrammetry.block import ImagePoint
+from anaplot.photogrammetry.block import ImagePoint, Use
 from anaplot.session.state import ModelState
 
 __all__ = ["measured_here", "merged_rows", "rows_of"]
@@ -13,11 +14,11 @@ Key = tuple[str, str, float, float]
 
 
 def rows_of(models: Iterable[ModelState]) -> tuple[ImagePoint, ...]:
-    """Return the rows of accepted models: left photo, then right; points switched off left out.
+    """Return the rows of accepted models: left photo, then right.
 
-    A point of which only one row is switched off stays: the format knows points, not rows. What
-    a model in a mono comparator took over from the one before it was measured once: one row
-    serves both models, and names none.
+    Which of a point's rows count is the use of its right ray; the left one serves as it is. What a
+    model in a mono comparator took over from the one before it was measured once: one row serves
+    both models, and names none, unless the point is switched off altogether in the one before it.
     """
     models = tuple(models)
     once = _measured_once(models)
@@ -25,7 +26,7 @@ def rows_of(models: Iterable[ModelState]) -> tuple[ImagePoint, ...]:
     out: list[ImagePoint] = []
     for model in models:
         for photo, side in ((model.left, "left"), (model.right, "right")):
-            for m in model.used:
+            for m in model.measured:
                 x, y = (m.xl, m.yl) if side == "left" else (m.xr, m.yr)
                 key = (photo, m.point, x, y)
                 if key in written:
@@ -33,12 +34,22 @@ def rows_of(models: Iterable[ModelState]) -> tuple[ImagePoint, ...]:
                 shared = key in once
                 if shared:
                     written.add(key)
-                out.append(ImagePoint(photo, m.point, x, y, model=None if shared else model.name))
+                of = None if shared else model.name
+                use = _use(model, m.point) if side == "right" else "xy"
+                out.append(ImagePoint(photo, m.point, x, y, model=of, use=use))
     return tuple(out)
 
 
+def _use(model: ModelState, point: str) -> Use:
+    """Return which coordinates of a point's right ray count: x without a row of its own does."""
+    x, y = ((point, axis) not in model.off for axis in ("x", "y"))
+    if model.is_off(point):
+        return "off"
+    return "xy" if x and y else "x" if x else "y"
+
+
 def _measured_once(models: tuple[ModelState, ...]) -> set[Key]:
-    """Return the measurements that two models share."""
+    """Return the measurements that two models share, and that count in the first."""
     right = {
         (model.strip, model.right): {(model.right, m.point, m.xr, m.yr) for m in model.used}
         for model in models
@@ -46,7 +57,7 @@ def _measured_once(models: tuple[ModelState, ...]) -> set[Key]:
     out: set[Key] = set()
     for model in models:
         if model.mono:
-            left = {(model.left, m.point, m.xl, m.yl) for m in model.used}
+            left = {(model.left, m.point, m.xl, m.yl) for m in model.measured}
             out |= left & right.get((model.strip, model.left), set())
     return out
 
@@ -74,8 +85,10 @@ def merged_rows(
         Accepted models.
     of_session
         Names "left/right" of every model that the session has ever accepted: their rows in the
-        file are the session's own and are replaced.
+        file are the session's own and are replaced. One with a reason was switched by a person
+        outside the session: what he decided stays as long as the measurement does.
     """
+    existing = tuple(existing)
     models = tuple(models)
     own = measured_here(models)
     kept = tuple(
@@ -84,4 +97,12 @@ def merged_rows(
         if (row.model is None or row.model not in of_session)
         and (row.model is not None or (row.photo, row.point, row.x, row.y) not in own)
     )
-    return kept + rows_of(models)
+    decided = {_key(row): row for row in existing if row.reason is not None}
+    return kept + tuple(
+        replace(row, use=said.use, reason=said.reason) if (said := decided.get(_key(row))) else row
+        for row in rows_of(models)
+    )
+
+
+def _key(row: ImagePoint) -> tuple[str, str, str | None, float, float]:
+    return row.photo, row.point, row.model, row.x, row.y

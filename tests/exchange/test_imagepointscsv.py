@@ -12,8 +12,16 @@ from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points
-from anaplot.exchange.imagepointscsv import format_image_points
-from anaplot.photogrammetry.block import ControlPoint, ImagePoint
+from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    ControlPoint,
+    ImagePoint,
+    Photo,
+    Precision,
+    TestSettings,
+)
 from anaplot.textfiles import wholefile
 from anaplot.textfiles.names import name_fault
 
@@ -353,3 +361,86 @@ def test_a_link_to_another_folder_is_replaced_and_its_target_kept(make_block, tm
 def test_a_folder_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match=r"image_points\.csv: cannot be written: No such file"):
         write_image_points(tmp_path / "nowhere", [])
+
+
+def test_use_and_reason_are_read(make_block):
+    points = (
+        "photo,point,x,y,reason,use\n101,1,1,2,,\n101,2,1,2,a lorry,off\n"
+        '102,1,1,2,"dust, or a hair",y\n102,2,1,2,,xy\n'
+    )
+    rows = read_block(make_block(points=points)).image_points
+    assert [(row.use, row.reason) for row in rows] == [
+        ("xy", None),
+        ("off", "a lorry"),
+        ("y", "dust, or a hair"),
+        ("xy", None),
+    ]
+    assert [(row.counts("x"), row.counts("y")) for row in rows] == [
+        (True, True),
+        (False, False),
+        (False, True),
+        (True, True),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ("of,", ["use: must be", "not 'of'", "mean 'off'"]),
+        ("none,", ["use: must be", "not 'none'"]),
+        ("X,", ["use: must be", "not 'X'", "mean 'x'"]),
+        ("off,a\x07b", ["reason: holds a character that cannot be printed"]),
+        ("off," + "a" * 401, ["reason: is longer than 400 characters"]),
+    ],
+)
+def test_a_wrong_use_or_reason_is_named(make_block, fields, words):
+    folder = make_block(points=f"photo,point,x,y,use,reason\n101,1,1,2,xy,\n101,2,1,2,{fields}\n")
+    with pytest.raises(InputError) as caught:
+        read_block(folder)
+    message = str(caught.value)
+    assert "image_points.csv line 3: " in message
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("row", "what"),
+    [
+        (ImagePoint("101", "1", 1.0, 2.0, use="yx"), "its use must be"),  # type: ignore[arg-type]
+        (ImagePoint("101", "1", 1.0, 2.0, reason="two\nlines"), "its reason holds a character"),
+        (ImagePoint("101", "1", 1.0, 2.0, reason=" blank"), "its reason begins or ends"),
+        (ImagePoint("101", "1", 1.0, 2.0, reason=""), "its reason is empty"),
+    ],
+)
+def test_a_use_or_reason_that_could_not_be_read_again_is_not_written(row, what):
+    with pytest.raises(InputError, match=what):
+        format_image_points([row])
+
+
+USES = st.sampled_from(["xy", "x", "y", "off"])
+REASONS = st.none() | st.text(max_size=40).filter(
+    lambda text: bool(text) and text.isprintable() and text == text.strip()
+)
+
+
+@given(st.lists(st.tuples(USES, REASONS), max_size=12))
+def test_uses_and_reasons_come_back(tmp_path_factory, decided):
+    block = Block(
+        "b",
+        Precision(),
+        TestSettings(),
+        (Camera("rmk", 152.4),),
+        (Photo("101", "rmk"),),
+        (),
+    )
+    rows = tuple(
+        ImagePoint("101", str(k), 1.5 * k, -2.0, use=use, reason=reason)
+        for k, (use, reason) in enumerate(decided)
+    )
+    text = format_image_points(rows)
+    header = text.splitlines()[0].split(",")
+    assert ("use" in header) == any(row.use != "xy" for row in rows)
+    assert ("reason" in header) == any(row.reason is not None for row in rows)
+    path = tmp_path_factory.mktemp("points") / "image_points.csv"
+    path.write_text(text, encoding="utf-8")
+    assert parse_image_points(path, block) == rows

@@ -223,13 +223,15 @@ def test_undoing_an_accept_takes_the_rows_out_again(bench: Bench) -> None:
     assert bench.csv() == written
 
 
-def test_points_switched_off_are_not_written(bench: Bench) -> None:
+def test_points_switched_off_are_written_as_such(bench: Bench) -> None:
     station, watch = bench.open()
     station.next_model()
     measure_all(station, watch)
     station.switch("102-1", None, False)
     station.accept()
-    assert "102-1" not in {row.point for row in read_block(bench.folder).image_points}
+    uses = {(r.photo, r.point): r.use for r in read_block(bench.folder).image_points}
+    assert (uses["101", "102-1"], uses["102", "102-1"]) == ("xy", "off")
+    assert list(uses.values()).count("off") == 1
 
 
 def test_a_model_that_is_not_determined_is_not_accepted(bench: Bench) -> None:
