@@ -75,7 +75,7 @@ def adjust_document(
         all_control = with_rejected_control(control, _rejected(gone, "control"))
         all_priors = with_rejected_priors(priors, _rejected(gone, "prior"))
         axes = {}
-        for ray, axis in np.argwhere(block.rejected).tolist():
+        for ray, axis in np.argwhere(block.problem.newly_rejected).tolist():
             axes.setdefault(int(block.problem.source[ray]), []).append("xy"[axis])
     image_points = image_point_table(block, external, axes)
     suspects = likeliest_suspects(block)

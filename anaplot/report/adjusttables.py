@@ -54,6 +54,7 @@ _EFFECT = (
     number("standardized_effect", "LENGTH", 2, 8),
 )
 _FLAGGED = name("flagged", form=_mark("<< CHECK"), look=bool)
+_OFF = name("off", gap=1, form=_mark("off"), look=bool)
 
 
 def _effect(row: Observation[ObservationName], found: LargestEffect | None) -> tuple[Any, ...]:
@@ -118,13 +119,18 @@ _CONTROL = (
 
 
 def control_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
-    """Return the weighted control coordinates, and what their undetected errors do."""
+    """Return the weighted control coordinates, and what their undetected errors do.
+
+    Those that are switched off stand after them, where there are any.
+    """
     rows = (
         (row.point, row.axis, row.residual, row.r, row.w, row.mdb, row.ground,
          *_effect(row, effect), row.flagged)
         for row, effect in zip(block.control_rows(), external.control, strict=True)
     )  # fmt: skip
-    return table("control", _CONTROL, rows)
+    weighted = table("control", _CONTROL, rows)
+    off = block.off_control()
+    return _with_others(weighted, off, _OFF) if off else weighted
 
 
 Rejected: TypeAlias = tuple[str, str, float | None]
@@ -133,21 +139,24 @@ Rejected: TypeAlias = tuple[str, str, float | None]
 
 def with_rejected_control(control: Table, rejected: Iterable[Rejected]) -> Table:
     """Return weighted control, and after it what of it was rejected."""
-    return _with_rejected(control, rejected)
+    return _with_others(control, rejected, _REJECTED)
 
 
 def with_rejected_priors(priors: Table, rejected: Iterable[Rejected]) -> Table:
     """Return the priors, and after them what of them was rejected."""
     units = ((owner, axis, _UNITS.get(axis, "mm"), v) for owner, axis, v in rejected)
-    return _with_rejected(priors, units)
+    return _with_others(priors, units, _REJECTED)
 
 
-def _with_rejected(kept: Table, rejected: Iterable[tuple[Any, ...]]) -> Table:
-    nothing = (None,) * (len(kept.columns) - 1)
-    gone = [(*one, *nothing[len(one) :], False, True) for one in rejected]
+_REJECTED = Column("rejected", look=bool)
+
+
+def _with_others(kept: Table, others: Iterable[tuple[Any, ...]], mark: Column) -> Table:
+    """Return a table, and after its rows some of which no more is known; a column marks them."""
+    nothing = [None if column.look is None else False for column in kept.columns]
+    gone = [(*one, *nothing[len(one) :], True) for one in others]
     rows = [(*row, False) for row in zip(*kept.values, strict=True)]
-    columns = (*kept.columns, Column("rejected", look=bool))
-    return table(kept.key, columns, rows + gone)
+    return table(kept.key, (*kept.columns, mark), rows + gone)
 
 
 _PRIORS = (
@@ -224,6 +233,8 @@ def image_point_table(
 ) -> Table:
     """Return the image points of the file, for programs; one that takes no part has no numbers.
 
+    Where some are switched off, every one says which of its coordinates count.
+
     Parameters
     ----------
     block, external
@@ -234,7 +245,13 @@ def image_point_table(
     columns = _IMAGE_POINTS
     if rejected is not None:
         columns = (*columns, *for_programs("rejected", "rejected_axes"))
+    if _any_off(block):
+        columns = (*columns, *for_programs("use"))
     return table("image_points", columns, lambda: _image_points(block, external, rejected))
+
+
+def _any_off(block: AdjustedBlock) -> bool:
+    return any(one.use != "xy" for one in block.problem.block.image_points)
 
 
 def _image_points(
@@ -244,9 +261,10 @@ def _image_points(
         row.row: (row, effects)
         for row, effects in zip(block.ray_rows(), external.rays, strict=True)
     }
-    nothing = (None,) * (len(_IMAGE_POINTS) - 4)
+    nothing = (None,) * (len(_IMAGE_POINTS) - 6)
+    off, uses = block.off_rays(), _any_off(block)
     for k, one in enumerate(block.problem.block.image_points):
-        cells: tuple[Any, ...] = (*nothing, False)
+        cells: tuple[Any, ...] = (*off.get(k, (None, None)), *nothing, False)
         if k in found:
             row, effects = found[k]
             x, y = row.xy
@@ -257,6 +275,8 @@ def _image_points(
             )  # fmt: skip
         if rejected is not None:
             cells = (*cells, k in rejected, rejected.get(k, []))
+        if uses:
+            cells = (*cells, one.use)
         yield one.photo, one.point, one.model, *cells
 
 
@@ -275,18 +295,28 @@ _RAYS = (
 
 
 def ray_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
-    """Return the image coordinates that take part, for people: a row each."""
+    """Return the image coordinates that take part or are switched off, for people: a row each."""
     return table("rays", _RAYS, lambda: _rays(block, external))
 
 
 def _rays(block: AdjustedBlock, external: ExternalReliability) -> Iterator[tuple[Any, ...]]:
-    for row, effects in zip(block.ray_rows(), external.rays, strict=True):
+    rays = zip(block.ray_rows(), external.rays, strict=True)
+    following = next(rays, None)
+    off = block.off_rays()
+    for k, ray in enumerate(block.problem.block.image_points):
+        if ray.use == "off":
+            for axis, v in zip("xy", off.get(k, (None, None)), strict=True):
+                yield (ray.photo, ray.point, axis, v, *(None,) * 7, "off")
+        if following is None or following[0].row != k:
+            continue
+        row, effects = following
+        following = next(rays, None)
         for one, effect in zip(row.xy, effects, strict=True):
             verdict = "not testable" if one.mdb is None else ""
             if one.flagged:
                 verdict = "<< REMEASURE"
             if not one.use:
-                verdict = "rejected"
+                verdict = "rejected" if ray.counts(one.axis) else "off"
             yield (
                 row.photo, row.point, one.axis, one.residual, one.r if one.use else None, one.w,
                 one.mdb, one.ground, *_effect(one, effect), verdict,

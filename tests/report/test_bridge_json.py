@@ -21,6 +21,7 @@ from anaplot.photogrammetry.block import (
     TestSettings,
 )
 from anaplot.report.asjson import json_text
+from anaplot.report.astext import page_text
 from anaplot.report.bridgecommand import bridge_block, bridge_document
 from anaplot.report.modeldocument import model_document, model_rows
 
@@ -175,6 +176,54 @@ def test_sigma0_is_the_estimated_one_under_baarda_too():
 def test_rows_of_any_table():
     rows = model_rows(five_points().table).records()
     assert [row["point"] for row in rows] == ["1", "2", "3", "4", "6"]
+
+
+def switched_off():
+    """Return the block with two rows, a tie and a new point of its second model off."""
+    uses = {"1-1": "x", "1-2": "y", "1-3": "off", "2-1": "off"}
+    data = block()
+    rows = (
+        replace(row, use=uses.get(row.point, "xy")) if row.photo == "2" else row
+        for row in data.image_points
+    )
+    return replace(data, image_points=tuple(rows))
+
+
+def test_what_is_switched_off_stays_in_the_table_in_its_place():
+    data = switched_off()
+    (strip,) = parsed(data)["strips"]
+    (whole,) = parsed(block())["strips"]
+    first, second = strip["models"]
+    # nobody is told of it where nothing is off
+    assert first == whole["models"][0]
+    assert "off" not in first["table"][0]
+    rows = second["table"]
+    before = whole["models"][1]["table"]
+    assert [(row["point"], row["axis"]) for row in rows] == [
+        (row["point"], row["axis"]) for row in before
+    ]
+    off = [row for row in rows if row["off"]]
+    assert {(row["point"], row["axis"]) for row in off} == {
+        *(("1-1", "y"), ("1-2", "x"), ("1-3", "y"), ("1-3", "x"), ("2-1", "y"))
+    }
+    for row in off:
+        assert [row[key] for key in ("redn", "expd_um", "sigf", "flagged")] == [
+            *(None, None, None, False)
+        ]
+        assert isinstance(row["parx_um"], float)
+    assert second["redundancy"] == whole["models"][1]["redundancy"] - len(off)
+    assert sum(row["redn"] for row in rows if not row["off"]) == pytest.approx(second["redundancy"])
+    assert "1-3" not in {point["point"] for point in second["points"]}
+    assert len(second["odds"]["rows"]) == len(rows) - len(off)
+    document = bridge_document(data, bridge_block(data))
+    text = page_text(document.page)
+    lines = [line.split() for line in text.splitlines() if line.endswith("  off")]
+    assert [line[:3] for line in lines] == [[row["point"], row["axis"], "-"] for row in off]
+    assert all(line[4:] == ["-", "-", "off"] for line in lines)
+    # one file, one set of columns: the first model's rows say that they are on
+    table = document.tables[0].records()
+    assert [row["off"] for row in table].count(True) == len(off)
+    assert {row["off"] for row in table if row["right"] == "1"} == {False}
 
 
 def test_files_hold_the_tables_of_all_models_with_what_they_belong_to():

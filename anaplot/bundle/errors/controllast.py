@@ -103,6 +103,8 @@ def clean_control_last(
     rejected = np.array(
         [[(row, axis) in out for axis in (0, 1)] for row in problem.source.tolist()]
     )
+    if problem.off is not None:
+        rejected |= problem.off
     if rejected.any():
         problem = replace(problem, rejected=rejected)
     if datum == "priors":

@@ -8,7 +8,7 @@ the others. A single coordinate is rejected alone; the other coordinate of its r
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
 from typing import NamedTuple, cast
@@ -127,8 +127,12 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
     @property
     def untestable(self) -> tuple[ObservationName, ...]:
         """What nothing checks, with all observations in."""
-        blind = map(self.names.__getitem__, self.findings.untestable)
-        return tuple(name for name in blind if name not in self.end.held)
+        blind: set[int] = set(self.findings.untestable)
+        off = self.block.problem.off
+        if off is not None:
+            blind -= set(np.flatnonzero(off).tolist())
+        names = (self.names[row] for row in self.findings.untestable if row in blind)
+        return tuple(name for name in names if name not in self.end.held)
 
     @property
     def came_back(self) -> tuple[ObservationName, ...]:
@@ -194,7 +198,7 @@ def block_gross_errors(
         problem = block.problem
     else:
         problem = make_problem(block) if isinstance(block, Block) else block
-    every = replace(problem, rejected=None)
+    every = problem.every
     test = problem.test
     used = SearchSettings(alpha=test.alpha, power=test.power) if settings is None else settings
     n = every.observations
@@ -218,7 +222,7 @@ def block_gross_errors(
     watch = Watch() if watch is None else watch
     subject = _BlockRows(every, first.cofactors.normal.structure, watch, control_only=control_only)
     # the first adjustment is the minimum without what is held, unless it lacks something else
-    complete = not begun.left_out and (problem.rejected is None or control_only)
+    complete = not begun.left_out and (control_only or not problem.newly_rejected.any())
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
     end = _best_end(cleaning, subject, first, held, complete=complete)
     cleaned, found = first, end.solved.solution.found
@@ -285,6 +289,8 @@ class _BlockRows:
         allowed = np.ones(len(system.names), dtype=bool)
         allowed[system.rows.starts[2] :] = False
         allowed[: system.rows.image] &= not self._control_only
+        if self.problem.off is not None:
+            allowed[: system.rows.image] &= ~self.problem.off.ravel()
         return allowed
 
     def model_values(self, system: BlockResiduals, at: BlockPlace) -> Array:
@@ -326,7 +332,8 @@ def _check_scale_at(
     problem = subject.problem
     if problem.redundancy < LEAST_REDUNDANCY:
         return
-    e = np.abs(linearise(problem, state).e.ravel())
+    e = np.abs(linearise(problem, state).e)
+    e = e.ravel() if problem.off is None else e[~problem.off]
     # about what a row of the block keeps of its error
     root = sqrt(problem.redundancy / problem.observations)
     scale = robust_scale(e / root, np.ones(len(e)))

@@ -24,6 +24,8 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
     problem = system.problem
     first, second, third = system.rows.starts
     rejected = np.zeros((len(problem.photo), 2), dtype=bool)
+    if problem.off is not None:
+        rejected |= problem.off
     control = problem.known_sigma.copy()
     position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
     for row in sorted(rows):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
@@ -32,6 +32,7 @@ from anaplot.bundle.solve.rows import (
     PointRow,
     RayRow,
 )
+from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = ["AdjustedBlock"]
@@ -39,6 +40,8 @@ __all__ = ["AdjustedBlock"]
 
 _MOST_LEFT_OUT = 20  # that are named in the remarks
 _PORTION = 4096  # rays that are rows at a time
+
+_Difference = tuple[float | None, float | None, float | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +207,22 @@ class AdjustedBlock:
             return np.zeros(self.v.shape, dtype=bool)
         return self.problem.rejected
 
+    def off_rays(self) -> dict[int, tuple[float, float]]:
+        """Return the residuals [um] of rays that are switched off, by their row of the block.
+
+        Adjusted minus observed; of those whose photo and point the others determine.
+        """
+        aside = self.problem.aside
+        if aside is None:
+            return {}
+        with np.errstate(all="ignore"):
+            v = 1e3 * aside.sigma_xy * image_misclosures(aside, self.state)[0]
+        good = np.isfinite(v).all(axis=1)
+        return {
+            row: (x, y)
+            for row, (x, y) in zip(aside.source[good].tolist(), v[good].tolist(), strict=True)
+        }
+
     def ray_rows(self) -> Iterator[RayRow]:
         """Return the image points in file order."""
         problem = self.problem
@@ -220,6 +239,19 @@ class AdjustedBlock:
     def control_rows(self) -> list[Observation[ObservationName]]:
         """Return the weighted control coordinates in the order of the control file."""
         return self.tested.rows(self.observations.image + self.control_order())
+
+    def off_control(self) -> list[tuple[str, str, float | None]]:
+        """Return (point, axis, residual) of control that is switched off, in file order.
+
+        Adjusted minus given [m]; None where the others determine no such point.
+        """
+        rows = [row for row in self.problem.block.control if row.use == "off"]
+        return [
+            (row.point, axis, v)
+            for row, found in zip(rows, self._differences(rows), strict=True)
+            for axis, given, v in zip("XYZ", row.xyz, found, strict=True)
+            if given is not None
+        ]
 
     def control_order(self) -> Index:
         """Return which of the weighted control coordinates is the first of the file, and so on."""
@@ -274,25 +306,38 @@ class AdjustedBlock:
             for k in np.argsort(first).tolist()
         ]
 
-    def check_rows(self) -> list[tuple[str, tuple[float | None, float | None, float | None]]]:
+    def check_rows(self) -> list[tuple[str, _Difference]]:
         """Return adjusted minus given coordinates [m] of the check points.
 
         With a free or minimal datum the control points are check points too.
         """
         problem = self.problem
-        at = {name: k for k, name in enumerate(problem.points)}
-        rows = []
-        for name, row in problem.control_rows.items():
-            k = at.get(name)
-            if k is None or (row.use == "control" and problem.datum == "control"):
-                continue
-            found, origin = self.state.points[k], self.state.origin
-            difference = tuple(
-                None if value is None else float(found[axis] - (value - origin[axis]))
-                for axis, value in enumerate(row.xyz)
+        there = set(problem.points)
+        rows = [
+            row
+            for row in problem.control_rows.values()
+            if row.point in there and (row.use != "control" or problem.datum != "control")
+        ]
+        return [
+            (row.point, found) for row, found in zip(rows, self._differences(rows), strict=True)
+        ]
+
+    def _differences(self, rows: Iterable[ControlPoint]) -> list[_Difference]:
+        """Return adjusted minus given coordinates [m]; None where either does not exist."""
+        at = {name: k for k, name in enumerate(self.problem.points)}
+        origin = self.state.origin
+        out = []
+        for row in rows:
+            k = at.get(row.point)
+            out.append(
+                tuple(
+                    None
+                    if value is None or k is None
+                    else float(self.state.points[k][axis] - (value - origin[axis]))
+                    for axis, value in enumerate(row.xyz)
+                )
             )
-            rows.append((name, difference))
-        return rows  # type: ignore[return-value]
+        return out  # type: ignore[return-value]
 
     def parameter_rows(self) -> list[ParameterRow]:
         """Return the additional parameters."""

@@ -118,6 +118,11 @@ class Problem:
         Control and check points, by name.
     rejected
         (m, 2) image coordinates of weight zero, or None.
+    off
+        (m, 2) which of them were switched off by a person: they are no observations; or None.
+    aside
+        The rays switched off altogether whose photo and point the others determine, as if they
+        were its own; or None.
     axis_factor
         (m, 2) factors of `sigma` for x and y, where they are not both 1, or None.
     """
@@ -152,6 +157,8 @@ class Problem:
     control_rows: Mapping[str, ControlPoint] = field(repr=False)
     rejected: Bools | None = field(default=None, repr=False)
     axis_factor: Array | None = field(default=None, repr=False)
+    off: Bools | None = field(default=None, repr=False)
+    aside: Problem | None = field(default=None, repr=False)
 
     @property
     def bare(self) -> Problem:
@@ -166,7 +173,23 @@ class Problem:
             additional_group=np.zeros_like(self.additional_group),
             additional_groups=(),
             additional_sigma=np.empty(0),
+            aside=None if self.aside is None else self.aside.bare,
         )
+
+    @property
+    def every(self) -> Problem:
+        """The same with all its observations: nothing is rejected but what is off."""
+        return replace(self, rejected=self.off)
+
+    @property
+    def newly_rejected(self) -> Bools:
+        """(m, 2) which observations are rejected."""
+        out = np.zeros((len(self.photo), 2), dtype=bool)
+        if self.rejected is not None:
+            out |= self.rejected
+        if self.off is not None:
+            out &= ~self.off
+        return out
 
     @property
     def sigma_xy(self) -> Array:
@@ -263,6 +286,7 @@ def make_problem(
     -----
     A point with one ray and no known coordinate, and a photo with fewer than three points and no
     prior orientation, determine nothing; they are left out, together with their rays, and listed.
+    A coordinate that is switched off is no observation, and a ray without any is none.
     """
     held = datum == "control"
     control = _control(block)
@@ -284,8 +308,9 @@ def make_problem(
     names = list(point_names)
     known, known_sigma, fixed = _known(block, names, control, held)
     priors = _priors(block, held)
+    counted = np.array([[row.counts("x"), row.counts("y")] for row in rows])
     useful, left_out = _select(
-        block, photo, point, names, control, known, known_sigma, fixed, priors
+        block, photo, point, counted, names, control, known, known_sigma, fixed, priors
     )
     left_out += [
         LeftOut("control", name, "is not measured in any photo")
@@ -310,13 +335,24 @@ def make_problem(
     new_photo[used_photos] = np.arange(len(used_photos))
     camera_index = {c.id: k for k, c in enumerate(block.cameras)}
     cameras = np.array([camera_index[block.photos[k].camera] for k in used_photos], dtype=np.intp)
+    # after the rays that count those off altogether, where photo and point are there
+    aside = np.flatnonzero(~counted.any(axis=1) & (new_photo[photo] >= 0) & (new_point[point] >= 0))
+    count_of_rays = len(ray)
+    ray = np.concatenate((ray, aside))
     xy = every_xy[ray]
     compact_photo = new_photo[photo[ray]]
     c = np.array([block.cameras[k].c for k in cameras])
     basis, units, group, groups, sigma = _additional(
-        block, additional, [block.photos[k].id for k in used_photos], cameras, c, compact_photo, xy
+        block,
+        additional,
+        [block.photos[k].id for k in used_photos],
+        cameras,
+        c,
+        compact_photo,
+        xy,
+        count_of_rays,
     )
-    return Problem(
+    problem = Problem(
         block=block,
         datum=datum,
         photos=tuple(block.photos[k].id for k in used_photos),
@@ -346,6 +382,29 @@ def make_problem(
         unused_rays=np.nonzero(~useful)[0],
         control_rows=control,
     )
+    return _parted(problem, count_of_rays, ~counted[ray])
+
+
+def _parted(problem: Problem, count: int, off: Bools) -> Problem:
+    """Return a bundle with its first rays alone, and the others aside."""
+
+    def part(rays: slice) -> Problem:
+        return replace(
+            problem,
+            photo=problem.photo[rays],
+            point=problem.point[rays],
+            xy=problem.xy[rays],
+            sigma=problem.sigma[rays],
+            source=problem.source[rays],
+            basis=problem.basis[rays],
+            additional_group=problem.additional_group[rays],
+        )
+
+    if not off.any():
+        return problem
+    its = off[:count] if off[:count].any() else None
+    aside = part(slice(count, None)) if count < len(off) else None
+    return replace(part(slice(count)), off=its, rejected=its, aside=aside)
 
 
 def _control(block: Block) -> dict[str, ControlPoint]:
@@ -421,6 +480,7 @@ def _select(
     block: Block,
     photo: Index,
     point: Index,
+    counted: Bools,
     names: list[str],
     control: Mapping[str, ControlPoint],
     known: Array,
@@ -431,7 +491,10 @@ def _select(
     """Rays that take part, and what does not."""
     pair, pair_of = np.unique(photo * len(names) + point, return_inverse=True)
     pair_photo, pair_point = pair // len(names), pair % len(names)
-    alive = np.ones(len(pair), dtype=bool)
+    seen_axes = np.zeros((len(pair), 2), dtype=bool)
+    np.logical_or.at(seen_axes, pair_of, counted)
+    coordinates = seen_axes.sum(axis=1)
+    alive = coordinates > 0
     observed = (fixed | np.isfinite(known_sigma)).sum(axis=1)
     has_prior = np.isfinite(priors[1]).sum(axis=1) + np.isfinite(priors[3]).sum(axis=1)
     left: list[LeftOut] = []
@@ -440,22 +503,28 @@ def _select(
     while True:
         rays = np.bincount(pair_point[alive], minlength=len(names))
         # one ray and one known coordinate still determine a point
-        poor = ~gone_points & ((2 * rays + observed < 3) | (rays == 0))
+        enough = np.bincount(pair_point[alive], coordinates[alive], len(names))
+        poor = ~gone_points & ((enough + observed < 3) | (rays == 0))
         for k in np.nonzero(poor)[0]:
-            reason = "has one ray only" if rays[k] == 1 else "has no ray left"
+            reason = ("has no ray left", "has one ray only", "has two coordinates only")[
+                min(int(rays[k]), 2)
+            ]
             left.append(LeftOut("point", names[int(k)], reason))
         gone_points |= poor
         alive &= ~gone_points[pair_point]
         seen = np.bincount(pair_photo[alive], minlength=len(block.photos))
-        few = ~gone_photos & ((2 * seen + has_prior < 6) | (seen == 0))
+        enough = np.bincount(pair_photo[alive], coordinates[alive], len(block.photos))
+        few = ~gone_photos & ((enough + has_prior < 6) | (seen == 0))
         for k in np.nonzero(few)[0]:
             count = int(seen[k])
             what = "no usable points" if count == 0 else f"{count} usable point{'s' * (count > 1)}"
+            if 2 * count + has_prior[k] >= 6:
+                what = f"{int(enough[k])} usable coordinates"
             left.append(LeftOut("photo", block.photos[int(k)].id, f"has {what}"))
         gone_photos |= few
         alive &= ~gone_photos[pair_photo]
         if not few.any():
-            return alive[pair_of], left
+            return alive[pair_of] & counted.any(axis=1), left
 
 
 def _groups(count: Index) -> tuple[Group, ...]:
@@ -477,8 +546,12 @@ def _additional(
     c: Array,
     photo: Index,
     xy: Array,
+    count: int,
 ) -> tuple[Array, Array | None, Index, tuple[str, ...], Array]:
-    """Basis functions, units of a lens, the group of every ray, names of groups, sigmas [mm]."""
+    """Basis functions, units of a lens, the group of every ray, names of groups, sigmas [mm].
+
+    Units and sigmas are those of the first `count` rays.
+    """
     n = len(photo)
     if additional is None:
         return np.empty((n, 2, 0)), None, np.zeros(n, dtype=np.intp), (), np.empty(0)
@@ -498,7 +571,7 @@ def _additional(
     # a lens is one thing for its group, whatever the cameras; other terms belong to the format
     of_ray = of_photo[photo] if additional.set.lens else cameras[photo]
     reach = np.zeros(len(block.cameras))
-    np.maximum.at(reach, cameras[photo], np.abs(xy).max(axis=1))
+    np.maximum.at(reach, cameras[photo[:count]], np.abs(xy[:count]).max(axis=1))
     basis = np.empty((n, 2, len(additional.set.names)))
     units = []
     for part in np.unique(of_ray):
@@ -506,10 +579,10 @@ def _additional(
         b = float(reach[cameras[photo[mine]]].max()) or 1.0
         cs = c[photo[mine]]
         basis[mine] = additional.set.basis(xy[mine, 0], xy[mine, 1], b, cs)
-        units.append(lens_units(b, float(np.mean(cs))))
+        units.append(lens_units(b, float(np.mean(c[photo[:count][mine[:count]]]))))
     sigma = np.empty(0)
     if additional.sigma_um is not None:
-        largest = np.abs(basis).max(axis=(0, 1))
+        largest = np.abs(basis[:count]).max(axis=(0, 1))
         sigma = additional.sigma_um * 1e-3 / np.where(largest > 0.0, largest, 1.0)
     lens = np.array(units) if additional.set.lens else None
     return basis, lens, of_photo[photo].astype(np.intp), names, sigma

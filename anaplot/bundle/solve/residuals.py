@@ -202,7 +202,7 @@ def block_residuals(
     Parameters
     ----------
     problem
-        The bundle; nothing is rejected in it.
+        The bundle; nothing is rejected in it but what is off, rows of zeros.
     state
         Where it is linearised: its minimum, or that without some observations.
     structure
@@ -217,7 +217,7 @@ def block_residuals(
     ValueError
         Image coordinates are rejected.
     """
-    if problem.rejected is not None:
+    if problem.newly_rejected.any():
         raise ValueError("a residual system holds all rows: none may be rejected")
     weights = anchor(problem, state).weights if problem.defect else None
     linear = linearise(problem, state)

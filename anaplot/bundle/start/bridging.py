@@ -15,7 +15,7 @@ from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo
+from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo, rows_off
 
 __all__ = ["bridged_parts"]
 
@@ -112,10 +112,9 @@ def _model(
 ) -> ModelSolution | None:
     """Orient one model without the points that contradict the others most."""
     name = model_name(*photos)
-    left, right = (
-        {n: (p.x, p.y) for n, p in points_of(rows.get(photo, ()), photo, name).items()}
-        for photo in photos
-    )
+    measured = [points_of(rows.get(photo, ()), photo, name) for photo in photos]
+    left, right = ({n: (p.x, p.y) for n, p in points.items()} for points in measured)
+    off = rows_off(*measured)
     precision = block.precision
     if precision.tie_variance == "exact":
         # the same orientation, without statistics that nobody looks at
@@ -129,6 +128,7 @@ def _model(
             (camera_of[photos[0]], camera_of[photos[1]]),
             preceding=preceding,
             base=strip.base,
+            off=off,
         )
         try:
             model = orient(pair, precision, block.test)
