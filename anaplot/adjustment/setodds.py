@@ -214,8 +214,9 @@ def set_odds(
             total += 1.0
             break
         if step >= int(_SETTLING * steps):
-            time[held] += 1.0 / rates[-1]
-            total += 1.0 / rates[-1]
+            wait = 1.0 / rates[-1]
+            time[held] += wait
+            total += wait
         number = int(np.searchsorted(rates, rng.random() * rates[-1], side="right"))
         sets.jump(held, levels, number)
     rows = time / total

@@ -58,6 +58,15 @@ def by_hand(
     return best, marginal / total
 
 
+def test_how_long_the_chain_stays_weighs_a_set() -> None:
+    of = system({3: 9.0}, n=7, u=3)
+    found = most_probable_set(of, CRITICAL, most=1, widths=(9.0,))
+    odds = set_odds(of, CRITICAL, found, most=1, steps=4000)
+    marginal = by_hand(of, 1, 9.0)[1]
+    assert 0.1 < marginal.max() < 0.9
+    np.testing.assert_allclose(odds.rows, marginal, atol=0.03)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("errors", [{}, {3: 6.0}, {2: 9.0, 7: -12.0}, {2: 9.0, 7: -90.0}])
 def test_against_all_sets(errors: dict[int, float]) -> None:

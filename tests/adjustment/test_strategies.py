@@ -385,6 +385,7 @@ def test_huber_weights_at_the_end_and_their_efficiency() -> None:
 def test_odds_by_the_estimated_sigma_do_not_ask_for_the_unit(scale: float) -> None:
     design, misclosures, system = random_system(8, errors={4: 14.0, 30: -15.0})
     odds = pair_odds(system, kind="tau")
+    assert odds.pairs > 0.9
     other = pair_odds(system_of(design, scale * misclosures), kind="tau")
     assert other.none == pytest.approx(odds.none, rel=1e-6)
     assert other.single == pytest.approx(odds.single, rel=1e-6)

@@ -149,7 +149,7 @@ def test_suspects_of_uncorrelated_rows_go_by_the_odds_of_their_points_whatever_t
 
 
 def test_the_odds_in_words_are_those_of_the_table_however_large_the_error():
-    model = orient(spoiled(ideal_pair("6/3"), "1", "y", 0.5), PAPER, BAARDA)
+    model = orient(spoiled(ideal_pair("6/3"), "6", "y", 2.0), PAPER, BAARDA)
     assert max(row.size or 0.0 for row in model.table) > 20.0  # beyond the width of the prior
     d = diagnose(model)
     point, axis = d.suspects[0]

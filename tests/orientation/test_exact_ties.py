@@ -20,7 +20,7 @@ from anaplot.adjustment.significance import noncentrality
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.grosserrors import model_gross_errors
 from anaplot.orientation.model import orient
-from anaplot.orientation.patterns import pattern
+from anaplot.orientation.patterns import ideal_model, pattern
 from anaplot.orientation.residuals import residual_system, residuals_at
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip, pooled_sigma_um, stereopair
@@ -231,9 +231,13 @@ def test_a_first_model_of_vertical_photos_is_as_without_ties():
     assert [row.effect for row in exact.table] == pytest.approx([row.effect for row in plain.table])
 
 
-def level_strip(name, count):
-    """The last model, and its pair, of a strip of vertical photos, ties under the right one."""
+def level_strip(name, count, aside=0.0):
+    """The last model, and its pair, of a strip of vertical photos, ties under the right one.
+
+    `aside`: how far all points lie to one side of the flight line [mm].
+    """
     places, ties = pattern(name).positions(90.0, 100.0), pattern(name).ties
+    places = {label: (x, y + aside) for label, (x, y) in places.items()}
     camera = fly(1).cameras[0]
     model = pair = None
     for k in range(count):
@@ -282,6 +286,13 @@ def test_correlated_ties_make_x_rows_vary_more_than_their_weights_say():
 def test_the_stationary_state_is_that_of_a_long_strip(name):
     model, pair = level_strip(name, 12)
     found = ideal(pattern(name), 90.0, 100.0, pair.c_left, "exact")
+    assert found.q_vv == pytest.approx(model.q_vv, abs=1e-8)
+
+
+def test_the_stationary_state_of_a_strip_beside_the_flight_line_is_that_of_a_long_one():
+    model, pair = level_strip("9/3", 12, aside=17.0)
+    places = dict(zip(pattern("9/3").labels, map(tuple, pair.xl.tolist()), strict=True))
+    found = ideal_model(places, pattern("9/3").ties, 90.0, pair.c_left, "exact")
     assert found.q_vv == pytest.approx(model.q_vv, abs=1e-8)
 
 
