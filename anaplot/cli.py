@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 from anaplot.errors import AnaplotError, InputError
 from anaplot.report.adjustarguments import (
     add_adjust_arguments,
+    add_apply_arguments,
     add_bridge_arguments,
     add_compare_arguments,
     add_fit_arguments,
@@ -46,11 +47,9 @@ def _bridge(options: argparse.Namespace) -> int:
 
 
 def _adjust(options: argparse.Namespace) -> int:
-    from anaplot.exchange.blockfolder import block_files
-    from anaplot.report.adjustcommand import adjust
-    from anaplot.report.running import run_computation
+    from anaplot.report.applyerrors import run_adjust
 
-    return run_computation(options, adjust, block_files(options.block))
+    return run_adjust(options)
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -239,6 +238,7 @@ def _parser() -> _Parser:
         "anaplot adjust myblock --additional ebner",
     )
     add_adjust_arguments(adjust)
+    add_apply_arguments(adjust)
     compare = command(
         "compare",
         _compare,

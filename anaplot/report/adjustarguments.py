@@ -15,6 +15,7 @@ from anaplot.report.arguments import (
 
 __all__ = [
     "add_adjust_arguments",
+    "add_apply_arguments",
     "add_bridge_arguments",
     "add_compare_arguments",
     "add_fit_arguments",
@@ -168,6 +169,21 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="for --components operators: a CSV file of photo,operator",
+    )
+
+
+def add_apply_arguments(adjust: argparse.ArgumentParser) -> None:
+    """Add what the command `adjust` takes beside: it writes then."""
+    adjust.add_argument(
+        "--apply",
+        action="store_true",
+        help="with --errors: switch off in image_points.csv what is rejected (columns use and "
+        "reason); control is left to you",
+    )
+    adjust.add_argument(
+        "--apply-undo",
+        action="store_true",
+        help="first take back what --apply switched off; with --errors NAME only what NAME did",
     )
 
 

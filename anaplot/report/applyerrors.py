@@ -1,0 +1,153 @@
+"""`anaplot adjust --errors NAME --apply`: what is rejected is switched off in image_points.csv."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+from anaplot.adjustment.strategies import STRATEGIES
+from anaplot.bundle.solve.observations import ObservationName
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import block_files, read_block, write_image_points
+from anaplot.exchange.lockfile import FolderLock
+from anaplot.photogrammetry.block import ImagePoint, Use
+from anaplot.report.adjustcommand import adjust
+from anaplot.report.columns import counted
+from anaplot.report.document import BLANK, Document, say
+from anaplot.report.output import Output
+from anaplot.report.running import computed, run_computation
+from anaplot.textfiles.wording import place
+
+__all__ = ["applied", "run_adjust", "taken_back"]
+
+# before a strategy's name alone the row counted whole, and nobody had said anything of it
+_BEFORE = re.compile(r"(?P<name>\w+)(; before: (?P<use>xy|x|y)(, (?P<reason>.*))?)?", re.DOTALL)
+
+
+def run_adjust(options: argparse.Namespace) -> int:
+    """Adjust a block folder and show it; switch off what is rejected, or take that back.
+
+    With `--apply-undo` the rows are as they were before anything is computed.
+
+    Returns
+    -------
+    int
+        Exit code 0, or 1 with `--fail-on-flag` when something is flagged.
+
+    Raises
+    ------
+    AnaplotError
+        Bad input, what cannot be computed, or a folder that is locked or cannot be written; the
+        old file stays, and nothing is printed.
+    """
+    folder = options.block
+    reads = block_files(folder)
+    if not (options.apply or options.apply_undo):
+        return run_computation(options, adjust, reads)
+    if options.apply and options.apply_undo:
+        raise InputError("--apply and --apply-undo: one of them")
+    if options.apply and options.errors is None:
+        raise InputError("--apply goes with --errors")
+    with _alone(folder):
+        before = read_block(folder).image_points
+        if options.apply_undo:
+            names = STRATEGIES if options.errors is None else (options.errors,)
+            _write(folder, before, taken_back(before, names))
+            return run_computation(options, adjust, reads)
+        output = Output.of(options)
+        output.check({"is read": reads})
+        found = computed(options, adjust)
+        rows = applied(before, (row.name for row in found.result.rejected), options.errors)
+        _write(folder, before, rows)
+    count = sum(now.use != then.use for now, then in zip(rows, before, strict=True))
+    document = found.document
+    said = say(
+        "{} switched off in image_points.csv, with the reason {}; --apply-undo takes that back",
+        counted(count, "image point is", "image points are"),
+        options.errors,
+    )
+    answer = {**document.answer, "applied": count}
+    output.show(Document(answer, (*document.page, BLANK, said), document.tables))
+    return 1 if found.flagged and options.fail_on_flag else 0
+
+
+def applied(
+    rows: Iterable[ImagePoint], rejected: Iterable[ObservationName], strategy: str
+) -> tuple[ImagePoint, ...]:
+    """Return rows without the image coordinates that a strategy rejects.
+
+    The reason is its name; where a row had another use or reason before, that follows.
+
+    Parameters
+    ----------
+    rows
+        Of image_points.csv.
+    rejected
+        Names of observations; control and priors, which have no rows here, are passed over.
+    strategy
+        Its name.
+    """
+    gone: dict[tuple[str | None, ...], set[str]] = {}
+    for kind, *name in rejected:
+        if kind == "image":
+            *key, axis = name
+            gone.setdefault(tuple(key), set()).add(cast("str", axis))
+    return tuple(
+        _without(row, gone.get((row.photo, row.point, row.model), set()), strategy) for row in rows
+    )
+
+
+def _without(row: ImagePoint, axes: set[str], strategy: str) -> ImagePoint:
+    left = "".join(axis for axis in "xy" if row.counts(axis) and axis not in axes) or "off"
+    if left == row.use:
+        return row
+    reason = row.reason
+    if reason is None or _said_by(reason) != strategy:
+        before = "" if row.use == "xy" and reason is None else f"; before: {row.use}"
+        reason = strategy + before + ("" if reason is None else f", {reason}")
+    return replace(row, use=cast("Use", left), reason=reason)
+
+
+def _said_by(reason: str) -> str | None:
+    """Return the strategy whose reason that is; None of a person's."""
+    match = _BEFORE.fullmatch(reason)
+    return match["name"] if match is not None and match["name"] in STRATEGIES else None
+
+
+def taken_back(rows: Iterable[ImagePoint], strategies: Iterable[str]) -> tuple[ImagePoint, ...]:
+    """Return rows as they were before some strategies' rejections were applied."""
+    names = frozenset(strategies)
+    return tuple(_as_before(row, names) for row in rows)
+
+
+def _as_before(row: ImagePoint, names: frozenset[str]) -> ImagePoint:
+    while row.reason is not None and _said_by(row.reason) in names:
+        match = _BEFORE.fullmatch(row.reason)
+        assert match is not None
+        row = replace(row, use=cast("Use", match["use"] or "xy"), reason=match["reason"])
+    return row
+
+
+def _write(folder: Path, before: tuple[ImagePoint, ...], rows: tuple[ImagePoint, ...]) -> None:
+    if read_block(folder).image_points != before:
+        path = folder / "image_points.csv"
+        raise InputError(f"{place(path)}: has changed meanwhile, nothing is written")
+    if rows != before:
+        write_image_points(folder, rows)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep sessions out of a block that has had any."""
+    sessions = folder / "sessions"
+    lock = FolderLock(sessions / "lock") if sessions.is_dir() else None
+    try:
+        yield
+    finally:
+        if lock is not None:
+            lock.release()

@@ -1,0 +1,145 @@
+"""`anaplot adjust --errors NAME --apply` and `--apply-undo`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_adjust_errors import make
+
+from anaplot import cli
+from anaplot.adjustment.strategies import STRATEGIES
+from anaplot.errors import InputError
+from anaplot.exchange import blockfolder
+from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
+from anaplot.exchange.lockfile import FolderLock
+from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.report.applyerrors import applied, taken_back
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return written(make(), tmp_path / "block")
+
+
+def written(block: Block, folder: Path) -> Path:
+    write_new_block(folder, replace(block, image_points=(), control=()))
+    write_image_points(folder, block.image_points)
+    blockfolder.write_control(folder, block.control)
+    return folder
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, object]:
+    assert cli.main(["adjust", *map(str, words), "--json"]) == 0
+    answer: dict[str, object] = json.loads(capsys.readouterr().out)
+    return answer
+
+
+def test_what_is_rejected_is_switched_off_and_taken_back(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = read_block(folder).image_points
+    clean = run(capsys, folder, "--errors", "search", "--apply")
+    assert clean["applied"] == 1
+    rows = read_block(folder).image_points
+    changed = [(row, was) for row, was in zip(rows, before, strict=True) if row != was]
+    [(row, was)] = changed
+    assert (row.photo, row.point, row.use, row.reason) == ("11", "p8", "x", "search")
+    assert replace(row, use="xy", reason=None) == was
+    # from now on nobody has to ask for it
+    again = run(capsys, folder)
+    for key in ("observations", "redundancy", "sigma0"):
+        assert again[key] == pytest.approx(clean[key], rel=1e-9)
+    # a second time there is nothing more
+    assert run(capsys, folder, "--errors", "search", "--apply")["applied"] == 0
+    assert read_block(folder).image_points == rows
+    # another strategy's decisions are not this one's
+    run(capsys, folder, "--errors", "l1", "--apply-undo")
+    assert read_block(folder).image_points == rows
+    undone = run(capsys, folder, "--apply-undo")
+    assert read_block(folder).image_points == before
+    assert "use" not in undone["image_points"][0]  # type: ignore[index]
+
+
+def test_the_text_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["adjust", str(folder), "--errors", "search", "--apply"]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("1 image point is switched off in image_points.csv")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--apply"], "--apply goes with --errors"),
+        (["--errors", "search", "--apply", "--apply-undo"], "one of them"),
+    ],
+)
+def test_options_that_do_not_go_together(
+    folder: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["adjust", str(folder), *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_written_stays_as_it_is(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = (folder / "image_points.csv").read_bytes()
+
+    def refused(path: Path, data: bytes) -> None:
+        raise InputError(f"{path}: cannot be written: Read-only file system")
+
+    monkeypatch.setattr(blockfolder, "replace_whole", refused)
+    assert cli.main(["adjust", str(folder), "--errors", "search", "--apply"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines()[-1].endswith("cannot be written: Read-only file system")
+    assert (folder / "image_points.csv").read_bytes() == before
+
+
+def test_a_block_that_is_being_measured_is_left_alone(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "sessions").mkdir()
+    lock = FolderLock(folder / "sessions" / "lock")
+    before = (folder / "image_points.csv").read_bytes()
+    try:
+        for words in (["--errors", "search", "--apply"], ["--apply-undo"]):
+            assert cli.main(["adjust", str(folder), *words]) == 2
+    finally:
+        lock.release()
+    assert capsys.readouterr().out == ""
+    assert (folder / "image_points.csv").read_bytes() == before
+    # and can be had again afterwards
+    assert cli.main(["adjust", str(folder), "--apply-undo"]) == 0
+
+
+USES = st.sampled_from(["xy", "x", "y", "off"])
+REASONS = st.sampled_from([None, "a lorry", "search it again", "x; before: y", "dust, or a hair"])
+NAMES = st.lists(
+    st.tuples(
+        st.sampled_from(STRATEGIES), st.sets(st.tuples(st.integers(0, 4), st.sampled_from("xy")))
+    ),
+    max_size=4,
+)
+
+
+@given(st.lists(st.tuples(USES, REASONS), min_size=5, max_size=5), NAMES)
+def test_everything_comes_back(decided: list[tuple[str, str | None]], steps: list) -> None:  # type: ignore[type-arg]
+    before = tuple(
+        ImagePoint("1", str(k), 1.0, 2.0, use=use, reason=reason)  # type: ignore[arg-type]
+        for k, (use, reason) in enumerate(decided)
+    )
+    rows = before
+    for strategy, rejected in steps:
+        names = [("image", "1", str(k), None, axis) for k, axis in sorted(rejected)]
+        names.append(("control", "0", "X"))  # type: ignore[arg-type]
+        old, rows = rows, applied(rows, names, strategy)
+        for k, (row, was) in enumerate(zip(rows, old, strict=True)):
+            for axis in "xy":
+                assert row.counts(axis) == (was.counts(axis) and (k, axis) not in rejected)
+    assert taken_back(rows, STRATEGIES) == before
