@@ -370,6 +370,7 @@ def station(tmp_path):
         folder,
         plotter=SimulationSetup(made.truth, seed=5, noise_um=5.0, time_scale=1000.0),
         candidates=rough(made.truth),
+        point_pattern="6",
     ) as station:
         yield station
 
