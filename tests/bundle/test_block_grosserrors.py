@@ -13,7 +13,7 @@ from anaplot.adjustment import cleaning
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
-from anaplot.bundle.errors import grosserrors
+from anaplot.bundle.errors import blockrows, grosserrors
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.errors.leftout import without
 from anaplot.bundle.errors.snooping import model_values
@@ -75,7 +75,7 @@ def test_a_block_of_fifty_photos_loses_its_planted_errors() -> None:
         assert row.unit == "um"
         assert row.error == pytest.approx(90.0, abs=4.0 * row.sigma)
         assert row.w == pytest.approx(row.error / row.sigma)
-        assert row.r == pytest.approx((5.0 / row.sigma) ** 2, rel=1e-6)
+        assert row.r_back == pytest.approx((5.0 / row.sigma) ** 2, rel=1e-6)
     # honest numbers: an observation less for each, nothing else
     assert found.block.redundancy == block.redundancy - len(got)
     assert found.block.problem.observations == block.problem.observations - len(got)
@@ -276,7 +276,7 @@ def test_what_the_block_cannot_do_without_is_refused_by_name(monkeypatch) -> Non
 
     scene = small()
     block = adjusted(plant(scene, PLACES, 40.0))
-    real = grosserrors.find_minimum
+    real = blockrows.find_minimum
     at = next(k for k in np.argsort(block.problem.source).tolist()
               if block.problem.source[k] == 27)  # fmt: skip
 
@@ -285,7 +285,7 @@ def test_what_the_block_cannot_do_without_is_refused_by_name(monkeypatch) -> Non
             raise NotComputableError("block synthetic: not determined: photo 101")
         return real(problem, *rest, **options)
 
-    monkeypatch.setattr(grosserrors, "find_minimum", minimum)
+    monkeypatch.setattr(blockrows, "find_minimum", minimum)
     found = block_gross_errors(block, "baarda", replace(ALPHA, most=60))
     refused = {row.name: row.reason for row in found.refused}
     assert names(scene, PLACES[:1]) <= set(refused)

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 from math import sqrt
-from typing import NamedTuple, cast
+from typing import cast
 
 import numpy as np
 
@@ -23,41 +22,35 @@ from anaplot.adjustment.partners import WEAK
 from anaplot.adjustment.scale import (
     LARGEST,
     LEAST_REDUNDANCY,
-    AprioriSigma,
     robust_scale,
     scale_error,
 )
 from anaplot.adjustment.significance import critical_normal
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.adjustment.watch import Watch
-from anaplot.aliases import Array, Bools
+from anaplot.aliases import Array
 from anaplot.bundle.adjust import evaluate
-from anaplot.bundle.errors.leftout import missing, without
+from anaplot.bundle.errors.blockrows import BlockPlace, BlockRows
+from anaplot.bundle.errors.leftout import missing
 from anaplot.bundle.errors.misfits import (
     PartialAdjustment,
     adjust_without_misfits,
     minimum_without_misfits,
 )
-from anaplot.bundle.errors.snooping import model_values
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.datum import anchor, check_datum
-from anaplot.bundle.solve.factor import NotPositiveError
-from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import NormalEquations, PointError, Structure, linearise
+from anaplot.bundle.solve.normal import linearise
 from anaplot.bundle.solve.observations import ObservationName
-from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem, make_problem
-from anaplot.bundle.solve.residuals import BlockResiduals, block_residuals
+from anaplot.bundle.solve.residuals import BlockResiduals
 from anaplot.bundle.start.robust import robust_state
-from anaplot.errors import InputError, NotComputableError
+from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.pointchange import PointChange, point_change
 
 __all__ = [
     "MOST_ROWS_OF_COLUMNS",
     "BlockFindings",
-    "BlockPlace",
     "block_gross_errors",
 ]
 
@@ -66,13 +59,6 @@ MOST_ROWS_OF_COLUMNS = 20_000
 """Observations of a block in which columns of R are held for a good part of them."""
 
 _TORN = 4.0  # sigma0 from which a robust state is a second place to linearise at
-
-
-class BlockPlace(NamedTuple):
-    """Where a block lies; the minimum that was found, None where it was given."""
-
-    state: BlockState
-    found: Minimum | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,11 +113,13 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
     @property
     def untestable(self) -> tuple[ObservationName, ...]:
         """What nothing checks, with all observations in."""
-        blind: set[int] = set(self.findings.untestable)
         off = self.block.problem.off
-        if off is not None:
-            blind -= set(np.flatnonzero(off).tolist())
-        names = (self.names[row] for row in self.findings.untestable if row in blind)
+        looked_at = (
+            row
+            for row in self.findings.untestable
+            if off is None or row >= off.size or not off.flat[row]
+        )
+        names = map(self.names.__getitem__, looked_at)
         return tuple(name for name in names if name not in self.end.held)
 
     @property
@@ -220,7 +208,7 @@ def block_gross_errors(
     if control_only:
         held = frozenset(missing(every, problem))
     watch = Watch() if watch is None else watch
-    subject = _BlockRows(every, first.cofactors.normal.structure, watch, control_only=control_only)
+    subject = BlockRows(every, first.cofactors.normal.structure, watch, control_only=control_only)
     # the first adjustment is the minimum without what is held, unless it lacks something else
     complete = not begun.left_out and (control_only or not problem.newly_rejected.any())
     cleaning = Cleaning(subject, strategy, used, watch, as_given)
@@ -237,90 +225,8 @@ _Names = frozenset[ObservationName]
 _Solved = SolvedWithout[BlockPlace, ObservationName]
 
 
-class _BlockRows:
-    """A block as it is cleaned; see `Relinearised`."""
-
-    def __init__(
-        self,
-        problem: Problem,
-        structure: Structure,
-        watch: Watch,
-        *,
-        control_only: bool,
-    ) -> None:
-        self.problem, self.structure = problem, structure
-        self._watch, self._control_only = watch, control_only
-        self._system: BlockResiduals | None = None
-        block = problem.block
-        self.apriori = AprioriSigma.image_um(f"block {block.name}", block.precision.image_um)
-
-    def residuals(self, at: BlockPlace, number: int) -> BlockResiduals:
-        """Return all rows, linearised at a place."""
-        label = f"gross errors, pass {number}"
-        try:
-            self._system = block_residuals(
-                self.problem,
-                at.state,
-                self.structure,
-                lambda fraction: self._watch(label, fraction),
-            )
-        except (PointError, NotPositiveError) as error:
-            raise self._open(self.problem, at.state, error) from error
-        return self._system
-
-    @cached_property
-    def rows(self) -> dict[ObservationName, int]:
-        """Row of every name; the same in every linearisation."""
-        assert self._system is not None
-        return {name: row for row, name in enumerate(self._system.names)}
-
-    def problem_without(self, out: _Names) -> Problem:
-        """Return the bundle without some rows."""
-        assert self._system is not None
-        return without(self._system, frozenset(self.rows[name] for name in out))
-
-    def without(self, out: _Names, near: BlockPlace) -> _Solved:
-        """Adjust without some rows."""
-        found = self._minimum(self.problem_without(out), near.state)
-        return SolvedWithout(BlockPlace(found.state, found), found.convergence.last)
-
-    def suspects(self, system: BlockResiduals) -> Bools:
-        """Return which rows may be rejected: priors of additional parameters never."""
-        allowed = np.ones(len(system.names), dtype=bool)
-        allowed[system.rows.starts[2] :] = False
-        allowed[: system.rows.image] &= not self._control_only
-        if self.problem.off is not None:
-            allowed[: system.rows.image] &= ~self.problem.off.ravel()
-        return allowed
-
-    def model_values(self, system: BlockResiduals, at: BlockPlace) -> Array:
-        """Return model values by the classes of 1980."""
-        return model_values(system)
-
-    def astray(self, error: NotComputableError) -> bool:
-        """Whether there was no minimum to be found."""
-        return isinstance(error, NoConvergenceError)
-
-    def _minimum(self, problem: Problem, state: BlockState) -> Minimum:
-        linear = linearise(problem, state)
-        check_datum(problem, state, linear)
-        tie = anchor(problem, state) if problem.defect else None
-        try:
-            weights = None if tie is None else tie.weights
-            NormalEquations(problem, self.structure, linear, 0.0, weights).factor()
-        except (PointError, NotPositiveError) as error:
-            raise self._open(problem, state, error) from error
-        return find_minimum(problem, state, self.structure, progress=self._watch)
-
-    def _open(
-        self, problem: Problem, state: BlockState, error: PointError | NotPositiveError
-    ) -> NotComputableError:
-        tie = anchor(problem, state) if problem.defect else None
-        return undetermined(problem, self.structure, linearise(problem, state), tie, error)
-
-
 def _check_scale_at(
-    subject: _BlockRows, state: BlockState, first: AdjustedBlock, alpha: float
+    subject: BlockRows, state: BlockState, first: AdjustedBlock, alpha: float
 ) -> None:
     """Complain where most residuals at a robust state are too large: no few errors make them so.
 
@@ -345,7 +251,7 @@ def _check_scale_at(
 
 def _best_end(
     cleaning: Cleaning[BlockPlace, ObservationName, BlockResiduals],
-    subject: _BlockRows,
+    subject: BlockRows,
     first: AdjustedBlock,
     held: _Names,
     *,
