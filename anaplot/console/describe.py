@@ -100,6 +100,8 @@ def describe_row(shown: ShownRow, snapshot: Snapshot) -> list[Entry]:
             entries.append(("switched off", ", ".join(view.off_axes) or "the whole point"))
     row = shown.row
     if row is None:
+        if shown.off_um is not None:
+            entries.append(("PARX", _um(shown.off_um)))
         entries.append(("verdict", shown.verdict))
     else:
         entries += [

@@ -27,6 +27,8 @@ class InWork:
         Every row (point, axis) that there is or will be, in the order of the table.
     table
         The rows so far.
+    off
+        Those of a model that are switched off.
     none
         Probability that none of them holds a gross error.
     suspects
@@ -42,6 +44,7 @@ class InWork:
     points: tuple[PointView, ...]
     keys: tuple[tuple[str, Axis], ...]
     table: tuple[Observation[Row], ...] = ()
+    off: tuple[Observation[Row], ...] = ()
     none: float = 0.0
     suspects: tuple[tuple[str, Axis | None], ...] = ()
     flagged: tuple[tuple[str, str], ...] = ()
@@ -67,6 +70,7 @@ def in_work(snapshot: Snapshot) -> InWork:
         points=snapshot.points,
         keys=tuple(keys),
         table=solution.table,
+        off=solution.off_rows,
         none=solution.tested.odds.none,
         suspects=suspects,
         flagged=tuple(dict.fromkeys([*(key for key in suspects if key in flagged), *flagged])),

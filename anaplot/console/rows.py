@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from math import isfinite
 from typing import Literal
 
 from anaplot.adjustment.tested import Observation
@@ -39,6 +40,8 @@ class ShownRow:
         Whether it is the flagged row most probably wrong.
     half
         The only photo in which its point was measured so far, in a mono comparator, or "".
+    off_um
+        The parallax [um] that it would have, where it is off; None where there is none.
     """
 
     point: str
@@ -48,6 +51,7 @@ class ShownRow:
     row: Observation[Row] | None = None
     accused: bool = False
     half: str = ""
+    off_um: float | None = None
 
     @property
     def key(self) -> tuple[str, Axis]:
@@ -85,10 +89,11 @@ def _row(
     expected: bool,
     table: dict[Row, Observation[Row]],
     accused: tuple[str, str | None] | None,
+    off: dict[Row, float],
 ) -> ShownRow:
     key = (view.point, axis)
     if axis in view.off_axes or view.status == "off":
-        return ShownRow(view.point, axis, "off", expected)
+        return ShownRow(view.point, axis, "off", expected, off_um=off.get(key))
     # A point whose other row alone is off counts as measured: its plates were read.
     state: RowState = "pending" if view.status == "pending" else "measured"
     return ShownRow(
@@ -111,9 +116,10 @@ def shown_rows(snapshot: Snapshot) -> tuple[ShownRow, ...]:
     work = in_work(snapshot)
     table = {row.key: row for row in work.table}
     accused = work.suspects[0] if work.suspects else None
+    off = {row.key: row.residual for row in work.off if isfinite(row.residual)}
     views = {view.point: view for view in work.points}
     return tuple(
-        _row(views[point], axis, point == snapshot.next_point, table, accused)
+        _row(views[point], axis, point == snapshot.next_point, table, accused, off)
         for point, axis in work.keys
     )
 

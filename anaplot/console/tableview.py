@@ -38,6 +38,8 @@ def _redn(shown: ShownRow, width: int) -> str:
 
 
 def _parx(shown: ShownRow, width: int) -> str:
+    if shown.off_um is not None:
+        return cell(shown.off_um, width, 1)
     return cell(shown.row.residual, width, 1) if shown.row else " " * width
 
 

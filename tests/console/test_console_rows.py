@@ -3,7 +3,7 @@ from dataclasses import replace
 from consolefake import picture, solution
 from testedrows import observation, with_rows
 
-from anaplot.adjustment.tested import AppliedTest
+from anaplot.adjustment.tested import AppliedTest, Observation
 from anaplot.console.describe import advice_of, describe_model, describe_row
 from anaplot.console.rows import shown_rows, sort_rows
 
@@ -43,6 +43,19 @@ def test_rows_switched_off_are_off_singly_or_with_their_point():
     assert rows["102", "x"].verdict == "off"
     assert rows["102", "y"].verdict == "ok"
     assert rows["103", "x"].verdict == rows["103", "y"].verdict == "off"
+    assert rows["102", "x"].off_um is None
+
+
+def test_a_row_switched_off_shows_the_parallax_that_it_would_have():
+    points = picture().points
+    off = replace(solution(), off_rows=(Observation.off(("102", "x"), "um", -31.4),))
+    single = (replace(points[0], off_axes=("x",)), *points[1:])
+    shot = picture(points=single, solution=off)
+    row = next(row for row in shown_rows(shot) if row.key == ("102", "x"))
+    assert (row.verdict, row.row, row.off_um, row.flagged) == ("off", None, -31.4, False)
+    told = dict(describe_row(row, shot))
+    assert "31.4" in told["PARX"]
+    assert (told["verdict"], told["switched off"]) == ("off", "x")
 
 
 def test_sorting():
