@@ -28,13 +28,25 @@ def modules(root: Path) -> dict[str, tuple[Path, ast.Module]]:
     return out
 
 
+def _statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """Yield every statement, however deep, and what holds statements: no expression imports."""
+    todo: list[ast.AST] = [tree]
+    while todo:
+        node = todo.pop()
+        yield node
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            inside = getattr(node, name, ())
+            if isinstance(inside, list):  # that of a lambda or a conditional expression is none
+                todo += inside
+
+
 def imports(house: Mapping[str, tuple[Path, ast.Module]]) -> dict[str, set[str]]:
     """Return what each module imports of the package, inside functions and for types, too."""
     out: dict[str, set[str]] = {}
     for name, (file, tree) in house.items():
         package = name if file.name == "__init__.py" else name.rpartition(".")[0]
         out[name] = set()
-        for node in ast.walk(tree):
+        for node in _statements(tree):
             wanted: list[str] = []
             if isinstance(node, ast.Import):
                 wanted = [alias.name for alias in node.names]
