@@ -135,8 +135,9 @@ def test_switched_off_rows_are_no_part_of_the_model():
     assert [p.point for p in model.points] == [name for name in points if name != "2c"]
     assert "1a" not in model.ties
     # switching off a wrong row gives what the others say
-    wrong = pair_of(f, 1, first, off=off)
-    again = orient(spoiled(wrong, "2c", "y", 5.0), PAPER, TAU)
+    x, y = f.images[2]["2c"]
+    wrong = pair_of(f, 1, first, off=off, right=dict(f.images[2]) | {"2c": (x, y + 5.0)})
+    again = orient(wrong, PAPER, TAU)
     assert again.base == pytest.approx(model.base, abs=1e-8)
 
 
