@@ -10,6 +10,7 @@ from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import Journal, JournalError
 from anaplot.session.events import Event
 from anaplot.session.workflow import Outlook
+from anaplot.station.idlepolls import Item, folded, is_one_run, recent_part
 from anaplot.station.tables import inner_table_payload, table_payload
 
 __all__ = ["Recorder"]
@@ -18,13 +19,16 @@ _BATCH_CHARACTERS = 40_000
 _BATCH_SECONDS = 1.0
 _MOST_CHARACTERS = 600_000  # what one line holds safely; more gathers only while a disk is full
 _ITEM_CHARACTERS = 40  # brackets, quotes, commas and the time of one item
+_WHOLE_SECONDS = 2.5  # of polls stay whole before whatever happens
+_IDLE_SECONDS = 60.0  # after which a run of identical polls is written
 
 
 class Recorder:
     """Puts the line's raw traffic before the event that came of it.
 
-    Traffic is written in batches: with the next event, when much has gathered, or after a second.
-    Not safe to use from several threads: the station calls it under its own lock.
+    Traffic is written in batches: with the next event, when much has gathered, or after a second;
+    while a device says the same again and again, once a minute (see `idlepolls`). Not safe to use
+    from several threads: the station calls it under its own lock.
 
     Parameters
     ----------
@@ -37,7 +41,9 @@ class Recorder:
     def __init__(self, journal: Journal, clock: Callable[[], float]) -> None:
         self._journal = journal
         self._clock = clock
-        self._traffic: list[list[str | float]] = []
+        self._traffic: list[Item] = []
+        self._first = 0.0
+        self._idle = False
         self._bytes = 0
         self._characters = 0
         self._refused = False
@@ -54,31 +60,59 @@ class Recorder:
         self._bytes += len(data)
         self._gather(direction, link, data.decode("latin-1"), when)
         # a disk that is full is not asked with every byte
-        full = self._characters >= _BATCH_CHARACTERS and not self._refused
+        most = _MOST_CHARACTERS / 2 if self._idle else _BATCH_CHARACTERS
+        full = self._characters >= most and not self._refused
         if full or self._clock() - self._since >= _BATCH_SECONDS:
             told = self._refused
             try:
-                self.flush()
+                self._flush_in_time()
             except JournalError:
                 if not told:
                     raise
+
+    def _flush_in_time(self) -> None:
+        """Write what has gathered, but for a run of identical polls that goes on."""
+        if self._refused:
+            self.flush()
+            return
+        now = self._clock()
+        before = self._time(now) - _WHOLE_SECONDS
+        self._traffic = folded(self._traffic, before)
+        self._characters = _characters(self._traffic)
+        self._idle = is_one_run(self._traffic) and self._characters < _MOST_CHARACTERS / 2
+        if not self._idle:
+            self.flush()
+            return
+        self._since = now
+        at = recent_part(self._traffic, before)
+        if at and now - self._first >= _IDLE_SECONDS:
+            recent = self._traffic[at:]
+            del self._traffic[at:]
+            try:
+                self.flush()
+            finally:
+                self._traffic += recent
+                self._characters = _characters(self._traffic)
+                self._first = now
 
     def told(self, kind: str, text: str, when: float) -> None:
         """Remember what else the decoder was told (a press, a reference)."""
         self._gather("decoder", kind, text, when)
 
     def _gather(self, kind: str, name: str, text: str, when: float) -> None:
-        size = len(json.dumps(text)) + len(json.dumps(name)) + _ITEM_CHARACTERS
+        size = _characters([(kind, name, text, when)])
         if self._characters + size > _MOST_CHARACTERS:
             lost = self._bytes
             self._forget()
             self._bytes = lost
             words = f"{lost} bytes: the disk took no records"
-            self._traffic.append(["lost", name, words, self._time(when)])
+            self._traffic.append(("lost", name, words, self._time(when)))
             self._characters = len(words) + len(name) + _ITEM_CHARACTERS
             if kind != "decoder":
                 return
-        self._traffic.append([kind, name, text, self._time(when)])
+        if not self._traffic:
+            self._first = self._clock()
+        self._traffic.append((kind, name, text, self._time(when)))
         self._characters += size
 
     def _time(self, when: float) -> float:
@@ -141,8 +175,19 @@ class Recorder:
         self._forget()
 
     def _gathered(self) -> list[tuple[str, Mapping[str, Any]]]:
-        return [("traffic", {"items": self._traffic})] if self._traffic else []
+        before = self._time(self._clock()) - _WHOLE_SECONDS
+        # while a disk is full there is much, and it was folded before
+        items = self._traffic if self._refused else folded(self._traffic, before)
+        return [("traffic", {"items": items})] if items else []
 
     def _forget(self) -> None:
         self._traffic = []
         self._bytes = self._characters = 0
+
+
+def _characters(items: list[Item]) -> int:
+    """Return about how long items are in the journal."""
+    return sum(
+        len(json.dumps(text)) + len(json.dumps(name)) + _ITEM_CHARACTERS
+        for _, name, text, _ in items
+    )
