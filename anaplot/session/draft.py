@@ -166,9 +166,10 @@ class Draft:
 
     def aim(self, mode: Mode, name: str) -> None:
         """Make a point or fiducial the target, and drive there where the plotter can."""
-        abilities = self.desk.abilities
+        abilities, before = self.desk.abilities, self.desk
         if abilities is None or not abilities.moves:
             self.redirect(target=name)
+            self._key_goes_along(before)
             return
         known = self.desk.candidates is not None
         place = mode.place(name, abilities.middle, known=known)
@@ -180,7 +181,13 @@ class Draft:
             # the mark that counts is the one set after this drive, not after one given up before
             settles_after=None,
         )
+        self._key_goes_along(before)
         self.ask(DriveTo(place, mode.side))
+
+    def _key_goes_along(self, before: Desk) -> None:
+        """Let a press of the key count that was meant for the same point as the drive now begun."""
+        if before.pressed == before.errand and before.target == self.desk.target:
+            self.change(pressed=self.desk.errand)
 
     def advance(self) -> None:
         """Go to the next point of the plan by itself, where that is wanted."""

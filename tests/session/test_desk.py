@@ -771,3 +771,21 @@ def test_of_two_presses_in_different_places_the_first_record_is_nobodys(scene: S
     by_hand.give(RecordPoint())
     by_hand.hear(KeyFailed(by_hand.desk.errand))
     assert by_hand.desk.pressed is None
+
+
+def test_driving_again_to_where_the_key_was_pressed_changes_nothing(scene: Scene) -> None:
+    bench = Bench.of(scene.block, UNDRIVEN)
+    here = Position(1.2, 3.4, -90.1, 2.9)
+    bench.give(NextModel())
+    first, second = (point.point for point in bench.desk.state.current.plan[:2])
+    bench.give(Drive(first))
+    bench.give(RecordPoint())
+    bench.give(Drive(first))
+    (event,) = bench.hear(Record(here, KEY)).events
+    assert event.point == first
+    # elsewhere and back is another drive
+    bench.give(Drive(second))
+    bench.give(RecordPoint())
+    bench.give(Drive(first))
+    bench.give(Drive(second))
+    assert bench.hear(Record(here, KEY)).events == ()
