@@ -21,22 +21,22 @@ def rows_of(models: Iterable[ModelState]) -> tuple[ImagePoint, ...]:
     both models, and names none, unless the point is switched off altogether in the one before it.
     """
     models = tuple(models)
+    # written with the later model: the order of its points is that of the left photo's rows
     once = _measured_once(models)
-    written: set[Key] = set()
+    uses: dict[Key, Use] = {}
     out: list[ImagePoint] = []
     for model in models:
         for photo, side in ((model.left, "left"), (model.right, "right")):
             for m in model.measured:
                 x, y = (m.xl, m.yl) if side == "left" else (m.xr, m.yr)
                 key = (photo, m.point, x, y)
-                if key in written:
-                    continue
+                use = _use(model, m.point) if side == "right" else uses.get(key, "xy")
                 shared = key in once
-                if shared:
-                    written.add(key)
-                of = None if shared else model.name
-                use = _use(model, m.point) if side == "right" else "xy"
-                out.append(ImagePoint(photo, m.point, x, y, model=of, use=use))
+                if shared and side == "right":
+                    uses[key] = use
+                else:
+                    of = None if shared else model.name
+                    out.append(ImagePoint(photo, m.point, x, y, model=of, use=use))
     return tuple(out)
 
 

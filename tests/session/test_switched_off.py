@@ -180,3 +180,35 @@ def test_rows_of_the_session_are_the_same_whatever_pair_of_rows_is_off() -> None
         block = replace(scene.block, image_points=rows_of((*state.models, one)))
         again = bridge_strip(block, block.strips[0]).models[1]
         assert_equal(again, solve(state, one))
+
+
+def test_what_was_measured_once_is_written_for_each_model_where_they_differ() -> None:
+    scene = Scene(4)
+    state = scene.whole(scene.chosen(2))
+    assert state.current is not None
+    first, before = state.models
+    last = state.current
+    place = {m.point: (m.xr, m.yr) for m in before.measured}
+    gone = next(p.point for p in last.plan if p.role == "tie")
+    shared = tuple(
+        replace(m, xl=place[m.point][0], yl=place[m.point][1]) if m.point in place else m
+        for m in last.measured
+    )
+    plan = tuple(replace(p, role="new") if p.point == gone else p for p in last.plan)
+    models = (
+        first,
+        replace(before, off=frozenset({(gone, "y")})),
+        replace(last, mono=True, measured=shared, plan=plan),
+    )
+    rows = rows_of(models)
+    served = {row.point: row.use for row in rows if row.model is None}
+    assert set(served) == (place.keys() & {m.point for m in shared}) - {gone}
+    assert set(served.values()) == {"xy"}
+    assert [(row.model, row.use) for row in rows if (row.photo, row.point) == ("103", gone)] == [
+        ("102/103", "off"),
+        ("103/104", "xy"),
+    ]
+    block = replace(scene.block, image_points=rows)
+    state = replace(state, models=models, current=None)
+    for model, again in zip(models, bridge_strip(block, block.strips[0]).models, strict=True):
+        assert_equal(again, solve(state, model))
