@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from house import circles, imports, modules, rooms
+from house import circles, classes, imports, length, lines, modules, rooms
 
 ROOT = Path(__file__).parents[1]
 
@@ -27,3 +27,9 @@ def test_circles_are_found_wherever_an_import_stands(tmp_path: Path) -> None:
     (room / "e.py").write_text("import anaplot.room.a\n")
     names = ["anaplot.room.a", "anaplot.room.b", "anaplot.room.c"]
     assert circles(imports(modules(tmp_path))) == [names]
+
+
+def test_no_class_and_no_module_is_larger_than_one_can_hold() -> None:
+    house = modules(ROOT)
+    assert [node.name for _, node in classes(house) if length(node) >= 400] == []
+    assert [name for name, (file, _) in house.items() if lines(file) >= 600] == []

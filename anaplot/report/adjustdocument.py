@@ -13,6 +13,7 @@ from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import MOST_RAYS, external_reliability
 from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.parametercorrelations import parameter_correlations
 from anaplot.report.adjusttables import (
     check_table,
     control_table,
@@ -108,7 +109,7 @@ def adjust_document(
             "parameters": parameters,
             "correlations": [
                 {"first": first, "second": second, "correlation": rho}
-                for first, second, rho in block.parameter_correlations()
+                for first, second, rho in parameter_correlations(block)
             ],
         }
     page: list[Block] = [*_summary(block, answer, suspects, accused), BLANK]

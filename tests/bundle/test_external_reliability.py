@@ -12,6 +12,7 @@ from denseblock import dense, dense_inverse, held_inverse
 from anaplot.bundle.adjust import adjust_bundle
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.externalreliability import external_reliability
+from anaplot.bundle.solve.parametercorrelations import parameter_correlations
 from anaplot.bundle.solve.problem import make_problem
 
 
@@ -219,10 +220,10 @@ def test_correlations_of_parameters_equal_the_dense_ones(datum, additional) -> N
         if not problem.photo_invariant
     }
     size = np.sqrt(np.maximum(np.diag(q), 0.0))
-    found = block.parameter_correlations(limit=1e-3)
+    found = parameter_correlations(block, limit=1e-3)
     assert len(found) > 100
     for first, second, rho in found:
         i, j = at[first], at[second]
         assert abs(rho) <= 1.0
         assert rho == pytest.approx(q[i, j] / size[i] / size[j], abs=1e-5)
-    assert block.parameter_correlations() == [each for each in found if abs(each[2]) > 0.9]
+    assert parameter_correlations(block) == [each for each in found if abs(each[2]) > 0.9]

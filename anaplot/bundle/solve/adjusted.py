@@ -365,43 +365,6 @@ class AdjustedBlock:
             for row, unit in zip(rows, problem.lens_units.reshape(-1).tolist(), strict=True)
         ]
 
-    def parameter_correlations(self, limit: float = 0.9) -> list[tuple[str, str, float]]:
-        """Return pairs of unknowns correlated beyond a limit, one an additional parameter."""
-        problem = self.problem
-        if problem.additional is None:
-            return []
-        own = problem.photo_invariant
-        labels = problem.additional.set.names
-        orientation = ("X", "Y", "Z", "d1", "d2", "d3")
-        found: list[tuple[str, str, float]] = []
-        if own:
-            names = [*orientation, *labels]
-            for k, photo in enumerate(problem.photos):
-                rho = _correlation(self.cofactors.photos[k])
-                for i, j in np.argwhere(np.tril(np.abs(rho) > limit, -1)).tolist():
-                    if i >= 6:
-                        found.append(
-                            (f"{names[i]} of {photo}", f"{names[j]} of {photo}", float(rho[i, j]))
-                        )
-            return found
-        shared = [f"{label} of {group}" for group in problem.additional_groups for label in labels]
-        rho = _correlation(self.cofactors.shared)
-        for i, j in np.argwhere(np.tril(np.abs(rho) > limit, -1)).tolist():
-            found.append((shared[i], shared[j], float(rho[i, j])))
-        # what the datum holds is correlated with nothing
-        size = _sizes(np.einsum("nii->ni", self.cofactors.photos))
-        cross = self.cofactors.photos_shared / size[:, :, None]
-        cross = np.clip(cross / _sizes(np.diag(self.cofactors.shared)), -1.0, 1.0)
-        for k, index, j in np.argwhere(np.abs(cross) > limit).tolist():
-            found.append(
-                (
-                    shared[j],
-                    f"{orientation[index]} of {problem.photos[k]}",
-                    float(cross[k, index, j]),
-                )
-            )
-        return found
-
     def spurs(self) -> list[tuple[str, str, str]]:
         """Return (photo, point, axis) of the 'spur' image coordinates: next to nothing checks them.
 
@@ -472,14 +435,3 @@ def _in_words(name: ObservationName) -> tuple[str, str]:
 def _triple(values: Array) -> tuple[float, float, float]:
     x, y, z = values.tolist()
     return x, y, z
-
-
-def _correlation(q: Array) -> Array:
-    size = _sizes(np.diag(q))
-    out: Array = np.clip(q / size[:, None] / size, -1.0, 1.0)
-    return out
-
-
-def _sizes(variances: Array) -> Array:
-    """Return standard deviations; infinite where there is no variance."""
-    return np.sqrt(np.where(variances > 0.0, variances, np.inf))
