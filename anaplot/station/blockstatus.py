@@ -178,8 +178,8 @@ def _with_table(
     measured: ModelState | None,
     why: str,
 ) -> ModelStatus:
-    off = 0 if measured is None else len(measured.off)
     if solution is None:
+        off = 0 if measured is None else len(measured.off)
         return ModelStatus(left, right, standing, off=off, why=why)
     return ModelStatus(
         left,
@@ -188,7 +188,7 @@ def _with_table(
         solution.sigma0_um,
         solution.redundancy,
         len(solution.flagged),
-        off,
+        len(solution.off_rows),
         len(solution.ties),
     )
 
