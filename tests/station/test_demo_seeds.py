@@ -172,9 +172,10 @@ def test_the_json_is_what_the_contract_says(tmp_path: Path) -> None:
         for table in (model["before"], model["after"]):
             assert table
             for row in table:
-                assert row.keys() == {
+                assert row.keys() - {"off"} == {
                     *("point", "axis", "redn", "parx_um", "expd_um", "sigf", "flagged")
                 }
+                assert (row["redn"] is None) == row.get("off", False)
         assert any(row["flagged"] for row in model["before"])
         assert not any(row["flagged"] for row in model["after"])
 
