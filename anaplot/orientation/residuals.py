@@ -105,6 +105,8 @@ def residuals_at(pair: Stereopair, precision: Precision, solution: ModelSolution
             unit,
             precision.image_um,
         )
+    # unknowns in mm and rad alike: the chain of sets of many rows goes by the last digits
+    design = design / np.linalg.norm(design, axis=1, keepdims=True)
     q, _ = np.linalg.qr(design.T)
     matrix = np.eye(rows.shape[1]) - q @ q.T
     e = matrix @ (rows[6] / (precision.image_um * 1e-3))
