@@ -34,6 +34,7 @@ __all__ = [
     "check_for_bridge",
     "clear_image_points",
     "read_block",
+    "with_image_points",
     "write_control",
     "write_image_points",
     "write_new_block",
@@ -64,20 +65,30 @@ def read_block(folder: str | os.PathLike[str]) -> Block:
     _check_folder(folder)
     path = folder / BLOCK_TOML
     block = parse_block_toml(read_text(path, MAX_TOML_BYTES), path)
-    points, control = folder / IMAGE_POINTS_CSV, folder / CONTROL_CSV
+    block = with_image_points(folder, block)
+    if not block.photos:
+        raise InputError(f"{place(path)}: no photo: no strip names one, nor does image_points.csv")
+    control = folder / CONTROL_CSV
+    return replace(block, control=parse_control(control) if os.path.lexists(control) else ())
+
+
+def with_image_points(folder: Path, block: Block) -> Block:
+    """Return a block with the rows of the folder's image_points.csv, where there is one.
+
+    Without strips and with one camera it has the photos that the rows name, too.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or a row is wrong.
+    """
+    points = folder / IMAGE_POINTS_CSV
     # A link to nowhere is not an absent file: lexists leaves the complaint to the reader.
     measured = parse_image_points(points, block) if os.path.lexists(points) else ()
     photos = block.photos
     if not block.strips and len(block.cameras) == 1:
         photos = with_photos(photos, (row.photo for row in measured), block.cameras[0].id)
-    if not photos:
-        raise InputError(f"{place(path)}: no photo: no strip names one, nor does image_points.csv")
-    return replace(
-        block,
-        photos=photos,
-        image_points=measured,
-        control=parse_control(control) if os.path.lexists(control) else (),
-    )
+    return replace(block, photos=photos, image_points=measured)
 
 
 def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> None:
@@ -121,7 +132,9 @@ def block_files(folder: Path) -> tuple[Path, ...]:
     return folder / BLOCK_TOML, folder / IMAGE_POINTS_CSV, folder / CONTROL_CSV
 
 
-def write_new_block(folder: Path, block: Block) -> None:
+def write_new_block(
+    folder: Path, block: Block, *, text: str | None = None, remark: str = ""
+) -> None:
     """Write the block.toml of a new block, and before it the camera files that stand beside it.
 
     Parameters
@@ -130,6 +143,10 @@ def write_new_block(folder: Path, block: Block) -> None:
         The block folder, made when it does not exist.
     block
         The block. Camera files that it names by absolute paths are expected there.
+    text
+        What block.toml is to say where it is not the block without any comment.
+    remark
+        A line for people at the beginning of the camera files.
 
     Raises
     ------
@@ -140,7 +157,7 @@ def write_new_block(folder: Path, block: Block) -> None:
     path = folder / BLOCK_TOML
     if os.path.lexists(path):
         raise InputError(f"{place(path)}: exists already and is not overwritten")
-    text = format_block_toml(block)
+    text = format_block_toml(block) if text is None else text
     parse_block_toml(text, path, camera_texts(block))
     make_folder(folder)
     for camera in block.cameras:
@@ -149,7 +166,7 @@ def write_new_block(folder: Path, block: Block) -> None:
         target = folder / camera.file
         if not os.path.lexists(target):
             make_folder(target.parent)
-            write_camera(target, camera.calibration)
+            write_camera(target, camera.calibration, remark)
         elif read_camera(target) != camera.calibration:
             raise InputError(f"{place(target)}: exists already and says something else")
     parse_block_toml(text, path)  # now with the camera files, those named by absolute paths too

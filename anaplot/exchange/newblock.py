@@ -8,16 +8,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import write_control
+from anaplot.exchange.blockfolder import (
+    block_files,
+    with_image_points,
+    write_control,
+    write_new_block,
+)
 from anaplot.exchange.blocktoml import (
     BLOCK_FORMAT,
     camera_texts,
     measuring_lines,
     parse_block_toml,
-    with_photos,
 )
-from anaplot.exchange.camerafile import format_camera, read_camera, write_camera
-from anaplot.exchange.imagepointscsv import parse_image_points
+from anaplot.exchange.camerafile import read_camera
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -33,7 +36,6 @@ from anaplot.photogrammetry.nominalcameras import NOMINAL_CAMERAS
 from anaplot.photogrammetry.photorange import photo_range, split_range
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
-from anaplot.textfiles.wholefile import create_whole, make_folder
 from anaplot.textfiles.wording import hint, place, plain, quoted
 
 __all__ = ["ChosenCamera", "NewBlock", "choose_camera", "strip_of", "strips_of_models", "write_new"]
@@ -50,14 +52,11 @@ class ChosenCamera:
     ----------
     camera
         As block.toml declares it.
-    calibration
-        What its file is to say, or None where it needs none.
     remark
         What people are to know of its values.
     """
 
     camera: Camera
-    calibration: CameraCalibration | None
     remark: str
 
 
@@ -111,7 +110,7 @@ def choose_camera(text: str) -> ChosenCamera:
     except ValueError:
         c = 0.0
     if 0.0 < c < 1e6:
-        return ChosenCamera(Camera("camera", c), None, "nothing but its constant is known")
+        return ChosenCamera(Camera("camera", c), "nothing but its constant is known")
     path = Path(text)
     if path.suffix or os.path.lexists(path):
         return _with_file(read_camera(path), f"as {plain(path.name, 100)} says")
@@ -125,9 +124,7 @@ def _with_file(calibration: CameraCalibration, remark: str) -> ChosenCamera:
     stem = "".join(sign if sign.isalnum() or sign in "-_." else "-" for sign in calibration.id)
     file = f"camera-{stem}.toml"
     return ChosenCamera(
-        Camera(calibration.id, calibration.c, calibration.format, calibration, file),
-        calibration,
-        remark,
+        Camera(calibration.id, calibration.c, calibration.format, calibration, file), remark
     )
 
 
@@ -216,10 +213,9 @@ def write_new(folder: Path, new: NewBlock) -> Block:
         There is a block already, a file there says something else, there is no photo at all, or
         it cannot be written.
     """
-    path = folder / "block.toml"
+    path, points, control = block_files(folder)
     if os.path.lexists(path):
         raise InputError(f"{place(path)}: exists already and is not overwritten")
-    points, control = folder / "image_points.csv", folder / "control.csv"
     block = Block(
         new.name,
         replace(_PRECISION, image_um=new.image_um),
@@ -229,40 +225,24 @@ def write_new(folder: Path, new: NewBlock) -> Block:
         (),
         measuring=new.measuring,
     )
-    measured: tuple[ImagePoint, ...] = ()
     strips = new.strips
     if os.path.lexists(points):
-        measured = parse_image_points(points, block)
+        measured = with_image_points(folder, block).image_points
         strips = strips or strips_of_models(measured)
-    if not strips and not measured:
+    text = _text(replace(block, strips=strips), new.camera.remark)
+    # the strips may know fewer photos than the measurements
+    block = with_image_points(folder, parse_block_toml(text, path, camera_texts(block)))
+    if not block.photos:
         raise InputError(
             f"{place(folder)}: no photo: name the photos of a strip (--strip 101-120), or put an"
             " image_points.csv there"
         )
     if new.control and os.path.lexists(control):
         raise InputError(f"{place(control)}: exists already and is not overwritten")
-    text = _text(replace(block, strips=strips), new.camera.remark)
-    block = parse_block_toml(text, path, camera_texts(block))
-    if measured:
-        # the strips may know less photos than the measurements
-        block = replace(block, image_points=parse_image_points(points, block))
-    make_folder(folder)
-    _write_camera(folder, new.camera)
+    write_new_block(folder, block, text=text, remark=new.camera.remark)
     if new.control:
         write_control(folder, new.control)
-    create_whole(path, text.encode())
-    photos = with_photos(block.photos, (row.photo for row in measured), new.camera.camera.id)
-    return replace(block, photos=photos, control=new.control)
-
-
-def _write_camera(folder: Path, chosen: ChosenCamera) -> None:
-    if chosen.calibration is None or chosen.camera.file is None:
-        return
-    file = folder / chosen.camera.file
-    if not os.path.lexists(file):
-        write_camera(file, chosen.calibration, chosen.remark)
-    elif format_camera(read_camera(file)) != format_camera(chosen.calibration):
-        raise InputError(f"{place(file)}: exists already and says something else")
+    return replace(block, control=new.control)
 
 
 def _text(block: Block, remark: str) -> str:

@@ -164,8 +164,7 @@ def _answer(one: StripFit, points: Table) -> Answer:
 
 def _lines(one: StripFit) -> list[Part]:
     used = sum(point.used for point in one.points)
-    how = {1: "similarity", 2: "similarity and polynomials of degree 2"}
-    title = how.get(one.degree, f"similarity and polynomials of degree {one.degree}")
+    title = "similarity" + f" and polynomials of degree {one.degree}" * (one.degree > 1)
     x, y, z = one.rms
     return [
         say("STRIP {}  {}, {} control points", one.strip, title, used).of("heading"),
