@@ -23,6 +23,7 @@ from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.similarity import (
     Similarity,
     fit_to_partial,
+    moved_similarity,
     robust_similarity,
     similarity_effects,
 )
@@ -170,7 +171,10 @@ def fit_strip(
             )
         except RankDefectError as error:
             raise NotComputableError(f"strip {strip}: {error}") from error
-        now, free = _moved(now, shape.middle, adjusted.x), free + adjusted.x[len(_SEVEN) :]
+        now, free = (
+            moved_similarity(now, shape.middle, adjusted.x),
+            free + adjusted.x[len(_SEVEN) :],
+        )
         if float(np.abs(adjusted.x / np.sqrt(np.diag(adjusted.q_xx))).max()) < _SMALL:
             break
     else:
@@ -264,14 +268,6 @@ def _sigmas(block: Block, control: Sequence[ControlPoint], base: float, scale: f
     plan = scale * block.precision.image_um * 1e-3
     sigmas: Array = np.hypot(given, np.array([plan, plan, plan * c / abs(base)]))
     return sigmas
-
-
-def _moved(now: Similarity, middle: Array, step: Array) -> Similarity:
-    """Return a similarity after shift, turn and change of scale about a place on the ground."""
-    rotation = turns(step[None, 3:6])[0]
-    scale = now.scale * (1.0 + float(step[6]))
-    shift = middle + step[:3] + (1.0 + float(step[6])) * rotation @ (now.shift - middle)
-    return Similarity(scale, rotation @ now.rotation, shift)
 
 
 def _points(

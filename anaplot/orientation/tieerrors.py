@@ -23,11 +23,13 @@ from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair, TieErrors
+from anaplot.photogrammetry.block import TieVariance
 
 __all__ = [
     "ExactStatistics",
     "exact_statistics",
     "misclosure_covariance",
+    "moved_by_errors",
     "residual_weight",
     "stationary_errors",
 ]
@@ -175,6 +177,46 @@ def stationary_errors(
     return TieErrors(tied, own + moved @ (0.5 * (z + z.T)) @ moved.T, none.with_right)
 
 
+def moved_by_errors(
+    pair: Stereopair, tie_variance: TieVariance, state: ModelUnknowns, rays: Array, ties: Array
+) -> tuple[Array, Array]:
+    """Say how errors move a model, to first order: its points and its unknowns.
+
+    Parameters
+    ----------
+    pair, tie_variance
+        The measurements, and the weights with which they were adjusted.
+    state
+        The converged unknowns.
+    rays
+        (n, 4, e) what each of e errors does to a point's xl, yl, xr, yr [mm].
+    ties
+        (n, 3, e) what it does to the points as ties, seen from the left photo [mm]; any where a
+        point is none.
+
+    Returns
+    -------
+    ndarray
+        (n, 3, e) its effect on the points as seen from the right photo [mm].
+    ndarray
+        (6, e) on the unknowns: ln bx (0 in a first model), beta_y, beta_z, three turns about the
+        strip's axes.
+    """
+    conditions = ConditionEquations(pair, tie_variance)
+    tied = tuple(pair.points[k] for k in conditions.x_index)
+    known = TieErrors(
+        tied, np.zeros((3 * len(tied), 3 * len(tied))), np.zeros((3 * len(tied), 2 * len(tied)))
+    )
+    rows = _RowDerivatives(replace(pair, tie_errors=known), conditions, state)
+    direct, turned, gain = rows.moves()
+    unknowns = np.zeros((6, rays.shape[2]))
+    used = conditions.unknown_rows()
+    unknowns[used] = -gain @ rows.misclosures(rays, ties[conditions.x_index])
+    points = np.einsum("kac,kce->kae", direct, rays)
+    points += (turned @ unknowns[used]).reshape(points.shape)
+    return points, unknowns
+
+
 def residual_weight(sigma: Array, design: Array) -> Array:
     """Return W = Sigma^-1 - Sigma^-1 B (B' Sigma^-1 B)^-1 B' Sigma^-1, (n, n) of rank n - u."""
     root = np.linalg.cholesky(sigma)
@@ -251,6 +293,12 @@ class _RowDerivatives:
             with_right = -turned @ (gain @ by_right)
             with_right.reshape(n, 3, n, 2)[each, :, each] += direct[:, :, 2:]
         return TieErrors(names, covariance, with_right)
+
+    def misclosures(self, rays: Array, ties: Array) -> Array:
+        """Return (rows, e) of errors in the rays (n, 4, e) and in the ties with rows (m, 3, e)."""
+        out: Array = np.einsum("rkc,kce->re", self._by_image, rays)
+        out[self._ties] += np.einsum("ia,iae->ie", self._by_tie, ties)
+        return out
 
     def moves(self) -> tuple[Array, Array, Array]:
         """Say what moves the points as seen from the right photo.

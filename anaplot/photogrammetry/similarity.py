@@ -14,6 +14,7 @@ __all__ = [
     "fit_similarity",
     "fit_to_partial",
     "line_of",
+    "moved_similarity",
     "robust_similarity",
     "similarity_effects",
 ]
@@ -111,6 +112,14 @@ def similarity_effects(at: Array) -> Array:
         out[:, :, 3 + axis] = np.cross(unit, at)
     out[:, :, 6] = at
     return out
+
+
+def moved_similarity(now: Similarity, middle: Array, step: Array) -> Similarity:
+    """Return a similarity after shift, turn and change of scale (7,) about a place (3,)."""
+    rotation = turns(step[None, 3:6])[0]
+    scale = now.scale * (1.0 + float(step[6]))
+    shift = middle + step[:3] + (1.0 + float(step[6])) * rotation @ (now.shift - middle)
+    return Similarity(scale, rotation @ now.rotation, shift)
 
 
 def fit_to_partial(source: Array, target: Array, start: Similarity) -> Similarity | None:

@@ -1,0 +1,180 @@
+"""A strip as far as it is oriented: photos and points in its system, and how both err together.
+
+Every image coordinate that was measured is one error of its own, of the a-priori sigma0. What each
+of them does to every photo and point of the strip follows model by model, to first order: ties
+hand the errors of a model on to the next. So the covariance of anything that is computed from
+several points, of one model or of many, is exact to first order, and two strips that are compared
+need no rule of thumb for how strips bend.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from anaplot.aliases import Array, Index
+from anaplot.orientation.conditionequations import ModelUnknowns
+from anaplot.orientation.pair import Stereopair
+from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.tieerrors import moved_by_errors
+from anaplot.photogrammetry.rotation import rotation_matrix
+
+__all__ = ["Located", "Pose", "StripGeometry", "extended"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Located:
+    """A point in a system.
+
+    Attributes
+    ----------
+    xyz
+        (3,) coordinates.
+    errors
+        (3, e) effects of e independent errors, each of the size of one sigma0.
+    """
+
+    xyz: Array
+    errors: Array = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """A photo in its strip's system.
+
+    Attributes
+    ----------
+    c
+        Camera constant [mm].
+    centre, rotation
+        (3,) projection centre [mm] and (3, 3) rotation from image to strip system.
+    errors
+        (6, e) effects of e errors on the centre [mm] and on a turn about the strip's axes [rad].
+    """
+
+    c: float
+    centre: Array
+    rotation: Array
+    errors: Array = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StripGeometry:
+    """A strip up to some model of it.
+
+    Attributes
+    ----------
+    photos
+        By name.
+    points
+        By name; one of several models as the last of them has it.
+    base
+        bx [mm] of the last model.
+    count
+        Number of errors: four a point and model, less what was measured once for two models.
+    vtpv, redundancy
+        Sums over its models, in units of the a-priori sigma0.
+    """
+
+    photos: Mapping[str, Pose]
+    points: Mapping[str, Located]
+    base: float
+    count: int
+    vtpv: float
+    redundancy: int
+    _seen: Mapping[str, Array] = field(repr=False)
+    _rays: Mapping[str, tuple[int, int]] = field(repr=False)
+
+
+def extended(
+    before: StripGeometry | None, pair: Stereopair, solution: ModelSolution
+) -> StripGeometry:
+    """Return a strip with one model more.
+
+    Parameters
+    ----------
+    before
+        The strip up to the model before; None for its first model.
+    pair, solution
+        The model: what was measured, and how it was oriented.
+    """
+    first = 0 if before is None else before.count
+    n = len(pair.points)
+    columns, count = _columns(before, pair)
+    rays = np.zeros((n, 4, count))
+    rays[np.arange(n)[:, None], np.arange(4), columns] = 1.0
+    ties = np.zeros((n, 3, count))
+    for k, name in enumerate(pair.points if before is not None else ()):
+        seen = before._seen.get(name) if before is not None else None
+        if seen is not None:
+            ties[k, :, :first] = seen
+    rotation = rotation_matrix(*solution.rotation)
+    base = np.array(solution.base)
+    state = ModelUnknowns(base[0], base[1] / base[0], base[2] / base[0], rotation)
+    moved, unknowns = moved_by_errors(pair, solution.tie_variance, state, rays, ties)
+    left = _left(before, pair, count)
+    centre = left.centre + base
+    # the left photo carries the model with it
+    moved_base = base[:, None] * unknowns[0]
+    moved_base[1:] += base[0] * unknowns[1:3]
+    turn = left.errors[3:] + unknowns[3:]
+    shift = left.errors[:3] + np.cross(left.errors[3:].T, base).T + moved_base
+    right = Pose(pair.c_right, centre, rotation, np.concatenate((shift, turn)))
+    xyz = np.array([p[1:] for p in solution.points]).reshape(-1, 3)
+    errors = np.einsum("ab,kbe->kae", rotation, moved) + shift
+    errors += np.cross(turn.T[None], (xyz - centre)[:, None]).transpose(0, 2, 1)
+    good = np.isfinite(xyz).all(axis=1) & np.isfinite(errors).all(axis=(1, 2))
+    kept = [(k, name) for k, name in enumerate(pair.points) if good[k]]
+    photos: dict[str, Pose] = {}
+    points: dict[str, Located] = {}
+    if before is not None:
+        photos = {name: _padded_pose(pose, count) for name, pose in before.photos.items()}
+        points = {p: Located(at.xyz, _padded(at.errors, count)) for p, at in before.points.items()}
+    photos |= {pair.left: left, pair.right: right}
+    points |= {name: Located(xyz[k], errors[k]) for k, name in kept}
+    f, sigma0 = solution.redundancy, solution.tested.sigma0
+    vtpv = 0.0 if sigma0 is None else f * sigma0**2
+    return StripGeometry(
+        photos,
+        points,
+        float(base[0]),
+        count,
+        vtpv + (0.0 if before is None else before.vtpv),
+        f + (0 if before is None else before.redundancy),
+        {name: moved[k] for k, name in kept},
+        {name: (int(columns[k, 2]), int(columns[k, 3])) for k, name in kept},
+    )
+
+
+def _columns(before: StripGeometry | None, pair: Stereopair) -> tuple[Index, int]:
+    """Return which error each coordinate has, (n, 4), and how many there are by now."""
+    count = 0 if before is None else before.count
+    columns = np.empty((len(pair.points), 4), dtype=np.intp)
+    for k, name in enumerate(pair.points):
+        once = before._rays.get(name) if before is not None and name in pair.once else None
+        fresh = 4 if once is None else 2
+        columns[k, 4 - fresh :] = np.arange(count, count + fresh)
+        if once is not None:
+            columns[k, :2] = once
+        count += fresh
+    return columns, count
+
+
+def _left(before: StripGeometry | None, pair: Stereopair, count: int) -> Pose:
+    known = None if before is None else before.photos.get(pair.left)
+    if known is None:
+        return Pose(pair.c_left, pair.fixed.centre, pair.fixed.rotation, np.zeros((6, count)))
+    return _padded_pose(known, count)
+
+
+def _padded_pose(pose: Pose, count: int) -> Pose:
+    return Pose(pose.c, pose.centre, pose.rotation, _padded(pose.errors, count))
+
+
+def _padded(errors: Array, count: int) -> Array:
+    """Return errors with columns of 0 for those that came later."""
+    out = np.zeros((len(errors), count))
+    out[:, : errors.shape[1]] = errors
+    return out

@@ -1,0 +1,181 @@
+"""A synthetic block: strips side by side over one terrain with control, never flown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import radians
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.orientation.patterns import pattern
+from anaplot.photogrammetry.block import (
+    Block,
+    Camera,
+    ControlPoint,
+    Photo,
+    Precision,
+    Strip,
+    TestSettings,
+)
+from anaplot.photogrammetry.collinearity import project
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.planning.modelplan import standard_d
+from anaplot.planning.synthetic import Truth
+
+__all__ = ["SyntheticBlock", "synthetic_block"]
+
+_BASE = 92.0  # mm at photo scale: 60 % of 230
+_SIDE = 161.0  # mm between strips: 30 %
+_SCALE = 10.0  # m on the ground for a mm at photo scale: 1 : 10 000
+_ANGLES = (1.2, 1.2, 2.0)  # standard deviations of omega, phi, kappa [deg]; at most twice occurs
+_RELIEF = 0.05  # largest height difference, as a part of c
+_ORIGIN = (4000.0, 7000.0, 300.0)  # m
+_MARGIN = 2.0  # mm at the edge of a photo where nothing is marked
+_UNDER = ("1", "1'", "2", "3", "3'")
+_BETWEEN = ("7", "7'", "8", "9", "9'")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SyntheticBlock:
+    """A block and its truth.
+
+    Attributes
+    ----------
+    block
+        As a person would declare it, with control and without measurements. The control's
+        coordinates have errors of their standard deviations.
+    truth
+        True image coordinates [mm] by photo and point.
+    ground
+        (3,) true ground coordinates [m] by point.
+    """
+
+    block: Block
+    truth: Truth
+    ground: Mapping[str, Array] = field(repr=False)
+
+
+def synthetic_block(
+    strips: int = 2,
+    photos: int = 5,
+    *,
+    seed: int,
+    image_um: float = 5.0,
+    control_m: float = 0.02,
+    test: TestSettings | None = None,
+) -> SyntheticBlock:
+    """Make a block of parallel strips, every second one flown back.
+
+    Every photo has the points of the 15-point pattern under it and towards the next one; those of
+    the side overlap lie in photos of two strips. Control stands at both ends and in the middle of
+    every edge and of every side overlap.
+
+    Parameters
+    ----------
+    strips, photos
+        How many strips, and photos in each of them, at least 2: 101, 102, ..., 201, ...
+    seed
+        Of the generator of orientations, relief, positions and errors of the control.
+    image_um, control_m
+        A-priori sigma0 of the block [um], and standard deviation of the control [m].
+    test
+        Test settings of the block.
+
+    Raises
+    ------
+    ValueError
+        No strip, or fewer than two photos.
+    """
+    if strips < 1 or photos < 2:
+        raise ValueError(f"a block has strips of at least two photos, not {strips} of {photos}")
+    rng = np.random.default_rng([seed, 4])
+    camera = Camera("rmk", 152.4, (230.0, 230.0))
+    places, control = _places(strips, photos, camera, rng)
+    waves = rng.normal(size=(4, 3)) * [1.0, 1.0, radians(180.0)]
+    ground = {
+        name: np.array(_ORIGIN) + _SCALE * np.array([*xy, _height(xy, camera, waves)])
+        for name, xy in places.items()
+    }
+    truth: dict[str, dict[str, tuple[float, float]]] = {}
+    named = []
+    for s in range(strips):
+        ids = tuple(str(100 * (s + 1) + k + 1) for k in range(photos))
+        named.append(Strip(str(s + 1), ids, _BASE))
+        for k, photo in enumerate(ids):
+            back = s % 2 == 1
+            x = _BASE * (photos - 1 - k if back else k)
+            centre = np.array([x, _SIDE * s, camera.c]) + rng.normal(0.0, 0.015 * _BASE, 3)
+            angles = np.clip(rng.normal(size=3), -2.0, 2.0) * np.radians(_ANGLES)
+            angles[2] += radians(180.0) if back else 0.0
+            at = np.array(_ORIGIN) + _SCALE * centre
+            truth[photo] = _photographed(camera, at, rotation_matrix(*angles.tolist()), ground)
+    block = Block(
+        name="synthetic",
+        precision=Precision(image_um=image_um, tie_variance="exact", control_m=control_m),
+        test=test or TestSettings(),
+        cameras=(camera,),
+        photos=tuple(Photo(photo, camera.id) for photo in truth),
+        strips=tuple(named),
+        control=tuple(_control(name, ground[name], control_m, rng) for name in control),
+    )
+    return SyntheticBlock(block, truth, ground)
+
+
+def _places(
+    strips: int, photos: int, camera: Camera, rng: np.random.Generator
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return where points lie in plan [mm at photo scale], and which are control."""
+    d = standard_d(camera)
+    positions = pattern("15").positions(_BASE, d, twin=(4.0, 4.0))
+    out: dict[str, Array] = {}
+    for s in range(strips):
+        for k in range(photos):
+            back = s % 2 == 1
+            for label in _UNDER + (_BETWEEN if k + 1 < photos else ()):
+                x, y = positions[label]
+                along = x + _BASE * k
+                place = np.array([_BASE * (photos - 1) - along, -y] if back else [along, y])
+                place[1] += _SIDE * s
+                out[f"{100 * (s + 1) + k + 1}-{label}"] = place + rng.uniform(-1.5, 1.5, 2)
+    rows = [
+        -0.9 * d,
+        *(_SIDE * (s + 0.5) for s in range(strips - 1)),
+        _SIDE * (strips - 1) + 0.9 * d,
+    ]
+    ends = (0.05, 0.5, 0.95)
+    control: list[str] = []
+    for y in rows:
+        for part in ends:
+            control.append(f"C{len(control) + 1}")
+            place = np.array([part * _BASE * (photos - 1), y])
+            out[control[-1]] = place + rng.uniform(-6.0, 6.0, 2)
+    return out, tuple(control)
+
+
+def _height(xy: Array, camera: Camera, waves: Array) -> float:
+    """Smooth terrain [mm at photo scale]: a few waves."""
+    phase = waves[:, 0] * xy[0] / _BASE + waves[:, 1] * xy[1] / _BASE + waves[:, 2]
+    return _RELIEF * camera.c * float(np.sin(phase).mean())
+
+
+def _photographed(
+    camera: Camera, centre: Array, rotation: Array, ground: Mapping[str, Array]
+) -> dict[str, tuple[float, float]]:
+    n = len(ground)
+    seen = project(
+        np.broadcast_to(centre, (n, 3)),
+        np.broadcast_to(rotation, (n, 3, 3)),
+        np.full(n, camera.c),
+        np.array(list(ground.values())),
+    )
+    reach = np.array(camera.reach()) - _MARGIN
+    inside = np.flatnonzero((np.abs(seen.xy) <= reach).all(axis=1)).tolist()
+    names = list(ground)
+    return {names[k]: (float(seen.xy[k, 0]), float(seen.xy[k, 1])) for k in inside}
+
+
+def _control(name: str, at: Array, sigma: float, rng: np.random.Generator) -> ControlPoint:
+    x, y, z = (at + rng.normal(0.0, sigma, 3)).round(4).tolist()
+    return ControlPoint(name, (x, y, z), (sigma, sigma, sigma))
