@@ -8,13 +8,16 @@ import signal
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Self
 
+from textual import events
 from textual.app import App, SystemCommand
 from textual.binding import Binding, BindingType
+from textual.driver import Driver
 from textual.screen import Screen
 from textual.theme import Theme
 
+from anaplot.console.changedcells import ShownCells, writing_changes
 from anaplot.console.errorspage import CHOICES
 from anaplot.console.keymap import default_path, load_keymap
 from anaplot.console.keys import ACTIONS
@@ -86,10 +89,26 @@ class ConsoleApp(App[int]):
         *,
         controls: ControlsLike | None = None,
     ) -> None:
+        self._shown = ShownCells()
         super().__init__()
         self._keys_of_user = dict(keymap or {})
         self._main = OrientationScreen(station, self._keys_of_user, controls)
         self.animation_level = "none"
+
+    def get_driver_class(self) -> type[Driver]:
+        """Return what writes to the terminal: of a frame only what changes."""
+        return writing_changes(super().get_driver_class(), self._shown)
+
+    def on_resize(self, _: events.Resize) -> None:
+        """Write everything again: a terminal of another size has arranged its text anew."""
+        self._shown.forget()
+
+    def refresh(
+        self, *, repaint: bool = True, layout: bool = False, recompose: bool = False
+    ) -> Self:
+        """Draw everything again, and write it whole."""
+        self._shown.forget()
+        return super().refresh(repaint=repaint, layout=layout, recompose=recompose)
 
     def get_default_screen(self) -> Screen[None]:
         """Return the orientation screen."""

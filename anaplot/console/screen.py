@@ -271,6 +271,7 @@ class OrientationScreen(Screen[None]):
         choices = self._choices.after(action)
         if step is not None:
             table.move(step)
+            self._selected_by_hand()
         elif choices is not None:
             self._choose(choices, choices.said(action))
         elif action == "next_flag":
@@ -332,7 +333,10 @@ class OrientationScreen(Screen[None]):
     # -- looking around --------------------------------------------------------------------
 
     def on_table_view_selected(self) -> None:
-        """Show what belongs to the row selected by hand."""
+        """Show what belongs to the row selected with the mouse."""
+        self._selected_by_hand()
+
+    def _selected_by_hand(self) -> None:
         self._moved_by_hand = True
         self._show_selected()
 

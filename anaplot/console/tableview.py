@@ -104,7 +104,7 @@ class TableView(ScrollView):
     """
 
     class Selected(Message):
-        """Another row was selected by hand."""
+        """Another row was selected with the mouse."""
 
     class Driven(Message):
         """A row was double-clicked."""
@@ -169,7 +169,6 @@ class TableView(ScrollView):
             self._cursor = min(max(self._cursor + step, 0), len(self._rows) - 1)
             self._keep_cursor_in_sight()
             self.refresh()
-            self.post_message(self.Selected())
 
     def on_resize(self) -> None:
         """Keep the selected row in sight."""

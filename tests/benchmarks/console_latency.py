@@ -82,12 +82,12 @@ def measure(columns: int, lines: int) -> list[float]:
     simulator = SimulatedPlotter(
         load_profile("anaplot-ascii"),
         demo.strip.truth,
-        hand=Hand(search_radius=20.0),
+        hand=Hand(search_radius=20.0, settle_time=0.1),
         on_settled=on_settled,
     )
     simulator.lay("101", "102")
     times = []
-    with tempfile.TemporaryDirectory() as name, SimulatorServer(simulator, time_scale=20) as server:
+    with tempfile.TemporaryDirectory() as name, SimulatorServer(simulator) as server:
         folder = Path(name) / "block"
         demo.write(folder)
         screen = Screen(
