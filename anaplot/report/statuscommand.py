@@ -28,6 +28,7 @@ from anaplot.report.document import (
 from anaplot.report.document import Block as Part
 from anaplot.report.output import Output
 from anaplot.session.events import EVENT_KINDS
+from anaplot.session.recomputed import Recomputed
 from anaplot.session.state import SessionState
 from anaplot.station.blockstatus import BlockStatus, NextStep, status_of
 from anaplot.station.blockview import BlockView
@@ -40,7 +41,7 @@ _MODELS = (
     name("strip", "STRIP", 5, gap=0),
     name("left", "LEFT", 5),
     name("right", "RIGHT", 5),
-    name("state", "STATE", 8, look=lambda state: state == "look"),
+    name("state", "STATE", 10, look=lambda state: state == "look"),
     number("sigma0_um", "SIGMA0 um", 2, 11),
     whole("redundancy", "REDUND", 8),
     whole("flagged", "FLAGGED", 9),
@@ -133,6 +134,7 @@ def status_document(folder: str, status: BlockStatus, remarks: tuple[str, ...] =
             for strip in status.strips
         ],
         "block": _block(status.block, suspects),
+        "recomputed": [_recomputed(one) for one in status.recomputed],
         "lateral_ties": status.lateral_ties,
         "control": {"points": status.control, "seen": status.control_seen},
         "next": {key: value or None for key, value in status.next._asdict().items()},
@@ -147,6 +149,7 @@ def status_document(folder: str, status: BlockStatus, remarks: tuple[str, ...] =
         for model in strip.models
         if model.why
     ]
+    page += [_recomputed_line(one) for one in status.recomputed]
     if len(status.strips) > 1:
         page.append(say("lateral ties: {}", status.lateral_ties))
     if status.control:
@@ -172,6 +175,24 @@ def _suspects(view: BlockView | None) -> list[tuple[str, str, str, str | None, f
         )
         for one in view.suspects
     ]
+
+
+def _recomputed(one: Recomputed) -> Answer:
+    before, after = one.sigma0_um
+    return {
+        "model": one.name,
+        "sigma0_um": {"before": before, "after": after},
+        "newly_flagged": [{"point": point, "axis": axis} for point, axis in one.newly_flagged],
+        "no_longer": [{"point": point, "axis": axis} for point, axis in one.no_longer],
+        "largest": None
+        if one.row is None
+        else {"point": one.row[0], "axis": one.row[1], "change_um": one.change_um},
+        "error": one.why or None,
+    }
+
+
+def _recomputed_line(one: Recomputed) -> Line:
+    return say("  {}: computed anew: {}", one.name, plain(one.in_words()))
 
 
 def _block(view: BlockView | None, suspects: object) -> Answer | None:

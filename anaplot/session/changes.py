@@ -15,6 +15,7 @@ from anaplot.session.events import (
     FiducialSwitched,
     InnerAccepted,
     ModelAccepted,
+    ModelReopened,
     MonoMeasured,
     PointAdded,
     PointMeasured,
@@ -31,7 +32,15 @@ from anaplot.session.state import SessionState, apply, start
 __all__ = ["Change", "ChangeKind", "Happened", "changes"]
 
 ChangeKind = Literal[
-    "measured", "remeasured", "off", "on", "added", "oriented", "accepted", "undone"
+    "measured",
+    "remeasured",
+    "off",
+    "on",
+    "added",
+    "oriented",
+    "accepted",
+    "reopened",
+    "undone",
 ]
 XY = tuple[float, float]
 
@@ -113,6 +122,8 @@ def _told(
     """Return the changes of one event, or of its being taken back."""
     model = before.current or after.current
     name = "" if model is None else model.name
+    if isinstance(event, ModelAccepted | ModelReopened):
+        name = f"{event.left}/{event.right}"
 
     def change(what: ChangeKind, **fields: object) -> Change:
         return Change(time, who, "undone" if undone else what, name, **fields)  # type: ignore[arg-type]
@@ -169,6 +180,8 @@ def _told(
             return [change("added", point=event.planned.point)]
         case ModelAccepted():
             return [change("accepted")]
+        case ModelReopened():
+            return [change("reopened", point=event.point or "")]
         case _:
             return [change("undone")] if undone else []
 

@@ -7,6 +7,7 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.photogrammetry.readings import UNREFERENCED
 from anaplot.session import commands
+from anaplot.session.checkpoints import check_points
 from anaplot.session.commands import Command
 from anaplot.session.counters import aim_at_reference, keep_counters, refer
 from anaplot.session.desk import NO_ERRAND, Desk
@@ -23,6 +24,7 @@ from anaplot.session.events import (
 )
 from anaplot.session.heard import Seen
 from anaplot.session.innerwork import InnerOutlook, acceptance
+from anaplot.session.layinganew import laid_anew, return_to
 from anaplot.session.modes import Fiducials
 from anaplot.session.plans import plan_of
 from anaplot.session.plates import image_of, plates_of
@@ -64,6 +66,8 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
             _accept(draft)
         case commands.NextModel():
             _next_model(draft)
+        case commands.ReturnTo(left, right, point, photo):
+            return_to(draft, left, right, point, photo)
         case commands.OtherPhoto():
             model = draft.model()
             draft.check_instrument(model)
@@ -117,9 +121,11 @@ def _undo(draft: Draft) -> None:
         draft.ask(WritePoints())
     if _photos(before) != _photos(after):
         draft.go_nowhere()
+        draft.begin_checks(())
         draft.lay()
     elif _lies(before) != _lies(after):
         draft.go_nowhere()
+        draft.begin_checks(())
     elif draft.desk.target is not None:
         mode = draft.desk.mode
         if mode is None or not mode.has(draft.desk.target):
@@ -128,18 +134,33 @@ def _undo(draft: Draft) -> None:
 
 def _accept(draft: Draft) -> None:
     model, view = draft.model(), draft.desk.outlook
-    if view.inner is not None:
+    if view.inner is not None and not view.leaves:
         _accept_inner(draft, view.inner)
         return
-    if view.solution is None:
+    if view.solution is None and not view.leaves:
         raise NotComputableError(
             f"model {model.name} is not determined yet"
             + (f": {view.problem}" if view.problem else "")
         )
+    returned = draft.desk.state.returned is not None
     draft.happen(ModelAccepted(model.left, model.right))
     draft.go_nowhere()
-    draft.tell("info", f"model {model.name} accepted")
+    draft.begin_checks(())
+    draft.tell("info", f"model {model.name} accepted" + (" again" if returned else ""))
     draft.ask(WritePoints())
+    if returned:
+        _go_on(draft)
+
+
+def _go_on(draft: Draft) -> None:
+    """Say what a return has changed, and go on where the operator was."""
+    changed = [one.name for one in draft.desk.recomputed]
+    if changed:
+        draft.tell("info", f"computed anew, and changed: {', '.join(changed)}")
+    parked = draft.desk.state.current
+    if parked is not None:
+        draft.tell("info", f"model {parked.name} is in work again: lay its photos in anew")
+        laid_anew(draft)
 
 
 def _accept_inner(draft: Draft, view: InnerOutlook) -> None:
@@ -185,6 +206,8 @@ def _lay_photo(draft: Draft, photo: str) -> None:
     draft.go_nowhere()
     draft.lay()
     draft.tell("info", f"photo {photo} lies in the comparator")
+    state = draft.desk.state
+    draft.begin_checks(() if state.returned is None else check_points(state))
     draft.advance()
 
 

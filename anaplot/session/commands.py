@@ -17,6 +17,7 @@ __all__ = [
     "RecordPoint",
     "Reference",
     "Resume",
+    "ReturnTo",
     "Stop",
     "Suspend",
     "Switch",
@@ -75,6 +76,19 @@ class NextModel:
 
 
 @dataclass(frozen=True, slots=True)
+class ReturnTo:
+    """Return to an accepted model: its photos are laid in anew, a model in work waits.
+
+    `point` is what is to be measured again there, `photo` in which photo; "" where that is open.
+    """
+
+    left: str
+    right: str
+    point: str = ""
+    photo: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class OtherPhoto:
     """Take it that the other photo of the model was laid into the mono comparator."""
 
@@ -129,6 +143,7 @@ Command = (
     | Undo
     | Accept
     | NextModel
+    | ReturnTo
     | OtherPhoto
     | Reference
     | KeepCounters

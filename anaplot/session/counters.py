@@ -95,7 +95,8 @@ def _referenced(draft: Draft, words: str, shift: Position | None) -> None:
     payload = {} if shift is None else {"shift": [shift.xl, shift.yl, shift.xr, shift.yr]}
     draft.note("referenced", {"text": words, **payload})
     draft.ask(Refer(shift))
-    draft.change(referencing=None)
+    # two pointings on what is on record agree: that is the check of photos laid in anew, too
+    draft.change(referencing=None, checks=())
     draft.tell("info", words)
     draft.go_nowhere()
     if not draft.desk.state.suspended:
@@ -104,7 +105,8 @@ def _referenced(draft: Draft, words: str, shift: Position | None) -> None:
 
 def keep_counters(draft: Draft) -> None:
     """Take the counters as they are."""
-    if draft.desk.abilities is None or draft.desk.referencing is None:
+    desk = draft.desk
+    if desk.abilities is None or (desk.referencing is None and not desk.checks):
         raise InputError("the counters have their reference")
     _referenced(draft, "the counters are taken as they are", None)
 

@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 from anaplot.orientation.patterns import Pattern, pattern
 from anaplot.photogrammetry.readings import Position
 from anaplot.planning.modelplan import Candidates
+from anaplot.session.checkpoints import check_points
 from anaplot.session.events import Event
 from anaplot.session.heard import Abilities
-from anaplot.session.modes import Mode, mode_of
+from anaplot.session.modes import Fiducials, Mode, mode_of
+from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.referencing import KnownPlace, Referencing, asked_for, references
 from anaplot.session.requests import Lay
 from anaplot.session.state import SessionState, apply
@@ -56,6 +58,11 @@ class Desk:
         How far re-measuring the counters' reference has come; None while they have it.
     last_measured
         The point or fiducial measured last.
+    checks
+        Points still to be recorded again, since photos without fiducials were laid in anew: they
+        must be where they are on record.
+    recomputed
+        Accepted models that are others than when they were accepted, and what has changed.
     errand
         Counts every change of where the plates are to go, and every measurement: what was asked
         of the instrument before the last of them is not done any more.
@@ -78,6 +85,8 @@ class Desk:
     settles_after: int | None = None
     referencing: Referencing | None = None
     last_measured: str | None = None
+    checks: tuple[str, ...] = ()
+    recomputed: tuple[Recomputed, ...] = ()
     errand: int = 0
     pressed: int | None = None
     refusal_told: float = float("-inf")
@@ -94,7 +103,17 @@ class Desk:
     ) -> Desk:
         """Return the desk at a session's state, with the plates nowhere; see its attributes."""
         chosen = pattern(DEFAULT_PATTERN) if point_pattern is None else point_pattern
-        return cls(state, outlook(state), chosen, abilities, candidates, auto_drive)
+        known = abilities is not None and state.returned is not None
+        return cls(
+            state,
+            outlook(state),
+            chosen,
+            abilities,
+            candidates,
+            auto_drive,
+            checks=check_points(state) if known else (),
+            recomputed=recomputed_models(state),
+        )
 
     # -- what stands ---------------------------------------------------------------------------
 
@@ -119,6 +138,11 @@ class Desk:
         if self.referencing is not None:
             needed, _ = references(self.state, self.last_measured)
             return asked_for(self.referencing, self.reference, needed)
+        if self.check is not None:
+            return (
+                f"the photos lie anew: record point {self.check} again, to check how "
+                f"({len(self.checks)} to go)"
+            )
         following = self.outlook.next_model
         between = self.state.current is None and not self.state.suspended
         if self.mono and between and following is not None:
@@ -130,8 +154,26 @@ class Desk:
     def next_name(self) -> str | None:
         """What the operator is expected to point at next, or None."""
         if self.referencing is None:
-            return self.outlook.next_point
+            return self.check or self.outlook.next_point
         return None if self.reference is None else self.reference.name
+
+    @property
+    def check(self) -> str | None:
+        """The point to be recorded again now, so that it is known how the photos lie, or None."""
+        ready = self.mode is not None and not isinstance(self.mode, Fiducials)
+        return self.checks[0] if self.checks and ready and not self.state.suspended else None
+
+    @property
+    def due(self) -> str | None:
+        """What comes next by itself: a check, a point of the plan, what one returned for."""
+        mode, returned = self.mode, self.state.returned
+        if mode is None or self.check is not None:
+            return self.check
+        if mode.pending:
+            return mode.pending[0]
+        if returned is None or returned.point is None or self.outlook.next_photo is not None:
+            return None
+        return returned.point if mode.has(returned.point) else None
 
     @property
     def reference(self) -> KnownPlace | None:
@@ -163,5 +205,11 @@ class Desk:
         EventRefusedError
             The event cannot happen in this state.
         """
-        state = apply(self.state, event)
-        return replace(self, state=state, outlook=outlook(state))
+        before, state = self.state, apply(self.state, event)
+        same = (state.models, state.recomputed) == (before.models, before.recomputed)
+        return replace(
+            self,
+            state=state,
+            outlook=outlook(state),
+            recomputed=self.recomputed if same else recomputed_models(state),
+        )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from anaplot.errors import AnaplotError, InputError
+from anaplot.photogrammetry.readings import UNREFERENCED
 from anaplot.session.desk import Desk
 from anaplot.session.events import Event
 from anaplot.session.heard import Seen
@@ -128,6 +129,12 @@ class Draft:
 
     def check_instrument(self, model: ModelState) -> None:
         """Refuse a model that was begun in an instrument of the other kind, or lies nowhere."""
+        self.check_kind(model)
+        if self.desk.abilities is not None and not model.carriages:
+            raise InputError("no photo lies in the comparator: lay one in first")
+
+    def check_kind(self, model: ModelState) -> None:
+        """Refuse a model that was begun in an instrument of the other kind."""
         if self.desk.abilities is None:
             return
         if model.mono and not self.desk.mono:
@@ -139,8 +146,6 @@ class Draft:
                 f"model {model.name} was begun in an instrument that holds both photos: connect "
                 "one, or undo"
             )
-        if not model.carriages:
-            raise InputError("no photo lies in the comparator: lay one in first")
 
     def recordable(self) -> tuple[Mode, str]:
         """Return the mode, and the name of what a record now belongs to.
@@ -151,17 +156,21 @@ class Draft:
             A record belongs to nothing now.
         """
         mode, desk = self.mode(), self.desk
+        if desk.referencing is not None:
+            raise InputError(UNREFERENCED)
         if desk.drive_target is not None:
             raise InputError("the plates are still under way")
         if desk.setting:
             raise InputError(f"{desk.setting} is still setting the mark")
         if desk.target is not None:
+            if desk.check is not None and desk.target not in desk.checks:
+                raise InputError(f"the photos lie anew: check point {desk.check} first")
             return mode, desk.target
         # Without a drive the operator finds the points in the order of the plan by hand. Plates
         # that are driven stand at the last point: a second press must not be taken for another.
         by_hand = desk.abilities is None or not desk.abilities.drives
-        if by_hand and mode.pending:
-            return mode, mode.pending[0]
+        if by_hand and (desk.check is not None or mode.pending):
+            return mode, desk.check or mode.pending[0]
         raise InputError(f"{'choose' if by_hand else 'drive to'} a {mode.unit} first")
 
     def aim(self, mode: Mode, name: str) -> None:
@@ -190,19 +199,23 @@ class Draft:
             self.change(pressed=self.desk.errand)
 
     def advance(self) -> None:
-        """Go to the next point of the plan by itself, where that is wanted."""
+        """Go to what is due by itself, where that is wanted."""
         mode = self.desk.mode
         if not self.desk.auto_drive or self.desk.referencing is not None or mode is None:
             return
-        if mode.pending:
+        if self.desk.due is not None:
             try:
-                self.aim(mode, mode.pending[0])
+                self.aim(mode, self.desk.due)
             except AnaplotError as error:
                 self.refused = error  # what was to be done before is done
 
     def go_nowhere(self) -> None:
         """Forget where the plates were to go: nothing is recorded before the next drive."""
         self.redirect(target=None, drive_target=None, setting="")
+
+    def begin_checks(self, points: tuple[str, ...]) -> None:
+        """Have points recorded again, so that it is known how the photos lie."""
+        self.change(checks=points if self.desk.abilities is not None else ())
 
     def interrupt(self) -> None:
         """Give up the drive under way: nobody knows where the plates stand."""

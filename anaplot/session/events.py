@@ -16,6 +16,7 @@ __all__ = [
     "InnerAccepted",
     "ModelAccepted",
     "ModelChosen",
+    "ModelReopened",
     "MonoMeasured",
     "PhotoLaid",
     "PhotoName",
@@ -225,6 +226,29 @@ class ModelAccepted:
 
 
 @dataclass(frozen=True, slots=True)
+class ModelReopened:
+    """The operator returned to an accepted model, whose photos are laid in anew.
+
+    It stays accepted as it was until it is accepted again. A model in work waits until then.
+
+    Attributes
+    ----------
+    left, right
+        Names.
+    point
+        What is to be measured again, or None.
+    photo
+        In a mono comparator, in which photo, or None.
+    """
+
+    kind: ClassVar[str] = "model-reopened"
+    left: PhotoName
+    right: PhotoName
+    point: str | None = None
+    photo: PhotoName | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Undone:
     """The last event that was no undo, suspension or resumption was taken back."""
 
@@ -256,6 +280,7 @@ Event = (
     | PointMeasured
     | RowSwitched
     | ModelAccepted
+    | ModelReopened
     | Undone
     | Suspended
     | Resumed

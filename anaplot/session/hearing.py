@@ -27,6 +27,7 @@ from anaplot.session.heard import (
     ReferenceLost,
     Seen,
 )
+from anaplot.session.layinganew import check_recorded
 from anaplot.session.requests import ReadAnew
 from anaplot.session.workflow import Outlook
 
@@ -102,6 +103,9 @@ def _recorded(draft: Draft, record: Record) -> None:
         if pressed is not None and pressed != draft.desk.errand:
             raise InputError("the plates were to go elsewhere since the key was pressed")
         mode, name = draft.recordable()
+        if draft.desk.check is not None:
+            check_recorded(draft, name, record.position)
+            return
         draft.happen(mode.measurement(name, record.position, record.switch))
     except AnaplotError as error:
         draft.tell("error", f"not recorded: {error}")

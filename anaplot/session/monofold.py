@@ -11,7 +11,7 @@ from anaplot.session.modelstate import ModelState, Sighting
 from anaplot.session.pointcheck import check_place
 from anaplot.session.refusal import EventRefusedError
 
-__all__ = ["laid_in", "measured_in_photo", "taken_over"]
+__all__ = ["followed", "laid_in", "measured_in_photo", "taken_over"]
 
 
 def laid_in(model: ModelState, event: PhotoLaid, laying: int) -> ModelState:
@@ -77,3 +77,22 @@ def taken_over(model: ModelState, preceding: ModelState, *, lies: bool) -> Model
         for i in model.inner
     )
     return replace(model, laid="left", laying=preceding.laying, inner=inner)
+
+
+def followed(model: ModelState, old: ModelState, new: ModelState) -> ModelState:
+    """Return a mono model after the preceding one, with which it shares a photo, was accepted anew.
+
+    What was measured once serves both models: where the later one has the coordinates of the
+    former version, it takes those of the new one, and what is only now known it takes over. What
+    was measured in the later model itself stays.
+    """
+    before = {m.point: (m.xr, m.yr) for m in old.measured}
+    now = {m.point: (m.xr, m.yr) for m in new.measured}
+    for sighting in model.seen:
+        was = before.get(sighting.point)
+        if sighting.side != "left" or (sighting.x, sighting.y) != was:
+            continue
+        is_now = now.get(sighting.point, was)
+        if is_now != was:
+            model = model.with_sighting(Sighting(sighting.point, "left", *is_now, sighting.times))
+    return taken_over(model, new, lies=False)

@@ -8,7 +8,7 @@ from anaplot.aliases import Side
 from anaplot.session.events import PlannedPoint
 from anaplot.session.modelstate import ModelState
 
-__all__ = ["Expectation", "next_step", "remeasured_side"]
+__all__ = ["Again", "Expectation", "next_step", "remeasured_side"]
 
 
 class Expectation(NamedTuple):
@@ -19,7 +19,16 @@ class Expectation(NamedTuple):
     lay: Side | None = None
 
 
-def next_step(model: ModelState, suspects: tuple[str, ...], *, solved: bool) -> Expectation:
+class Again(NamedTuple):
+    """A point that is to be measured again; in which photo of a mono model, where that is known."""
+
+    point: str
+    side: Side | None = None
+
+
+def next_step(
+    model: ModelState, suspects: tuple[str, ...], *, solved: bool, again: Again | None = None
+) -> Expectation:
     """Say what comes next in a model.
 
     Parameters
@@ -30,8 +39,13 @@ def next_step(model: ModelState, suspects: tuple[str, ...], *, solved: bool) -> 
         Points to measure again, the one to begin with first.
     solved
         Whether the model is determined.
+    again
+        What the operator returned to the model for, or None: it comes before other suspects.
     """
-    step = _single(model, suspects) if model.mono else _pair(model, suspects)
+    if again is not None:
+        suspects = (again.point, *(point for point in suspects if point != again.point))
+    side = None if again is None else again.side
+    step = _single(model, suspects, side) if model.mono else _pair(model, suspects)
     if step is not None:
         return step
     if solved:
@@ -51,8 +65,10 @@ def _pair(model: ModelState, suspects: tuple[str, ...]) -> Expectation | None:
     return Expectation(pending[0].point, f"{again}measure {_named(pending[0])}: {to_go}")
 
 
-def _single(model: ModelState, suspects: tuple[str, ...]) -> Expectation | None:
+def _single(model: ModelState, suspects: tuple[str, ...], there: Side | None) -> Expectation | None:
     """Return what to measure in a mono comparator; None when all is done.
+
+    `there`: in which photo the first suspect is wrong, where that is known.
 
     All points of the photo in the comparator, then those of the other; then what is flagged.
     """
@@ -70,7 +86,7 @@ def _single(model: ModelState, suspects: tuple[str, ...]) -> Expectation | None:
     if not suspects:
         return None
     again = suspects[0]
-    side = remeasured_side(model, again)
+    side = there or remeasured_side(model, again)
     photo = model.photo(side)
     other = f"switch {again} off, or accept"
     if side == model.laid:

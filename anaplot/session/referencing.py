@@ -92,9 +92,9 @@ def references(
     model = state.current
     over = model is None
     if model is None:
-        if not state.models:
-            return (), ()
-        model = state.models[-1]
+        model = None if state.latest is None else state.accepted(*state.latest)
+    if model is None:
+        return (), ()
     if model.mono and model.laying != state.layings:
         return (), ()
     needed = tuple(s for s in model.carriages if _matters(state, model, s, over=over))

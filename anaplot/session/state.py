@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
@@ -16,6 +16,7 @@ from anaplot.session.events import (
     InnerAccepted,
     ModelAccepted,
     ModelChosen,
+    ModelReopened,
     MonoMeasured,
     PhotoLaid,
     PlannedPoint,
@@ -31,10 +32,21 @@ from anaplot.session.modelstate import Measured, ModelState
 from anaplot.session.monofold import laid_in, measured_in_photo, taken_over
 from anaplot.session.pointcheck import check_place
 from anaplot.session.refusal import EventRefusedError
+from anaplot.session.returning import AsAccepted, Return, following, replaced, same_measurements
 
 __all__ = ["EventRefusedError", "Measured", "ModelState", "SessionState", "apply", "fold", "start"]
 
 _HISTORY = 1000  # undo reaches back this many events
+
+
+class _Moment(NamedTuple):
+    """What an undo brings back."""
+
+    models: tuple[ModelState, ...]
+    current: ModelState | None
+    returned: Return | None
+    latest: tuple[str, str] | None
+    recomputed: tuple[AsAccepted, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +58,8 @@ class SessionState:
     block
         What was declared; its image points play no part here.
     models
-        The accepted models, in the order of their acceptance.
+        The accepted models, in the order in which they were first accepted. A model to which the
+        operator returned is as it was, until it is accepted again.
     current
         The model in the instrument, or None.
     suspended
@@ -54,6 +67,12 @@ class SessionState:
     layings
         How many photos were laid into a mono comparator. Nothing takes that back: after an undo
         it is not the photo of before that lies there.
+    returned
+        When the current model is one to which the operator returned, why; else None.
+    latest
+        The photos (left, right) of the model accepted last, or None.
+    recomputed
+        Accepted models before which another was accepted anew since they were accepted.
     """
 
     block: Block
@@ -61,9 +80,10 @@ class SessionState:
     current: ModelState | None = None
     suspended: bool = False
     layings: int = 0
-    _history: tuple[tuple[tuple[ModelState, ...], ModelState | None], ...] = field(
-        default=(), repr=False, compare=False
-    )
+    returned: Return | None = None
+    latest: tuple[str, str] | None = None
+    recomputed: tuple[AsAccepted, ...] = ()
+    _history: tuple[_Moment, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def may_undo(self) -> bool:
@@ -74,13 +94,26 @@ class SessionState:
         """Return the accepted model of two photos, or None."""
         return next((m for m in self.models if m.photos == (left, right)), None)
 
+    def models_with(self, model: ModelState) -> tuple[ModelState, ...]:
+        """Return the accepted models and one more, in the place of its accepted version if any."""
+        if self.accepted(*model.photos) is None:
+            return (*self.models, model)
+        return tuple(model if m.photos == model.photos else m for m in self.models)
+
     def preceding(self, strip: str, left: str) -> ModelState | None:
         """Return the accepted model of a strip whose right photo is `left`, or None."""
         return next((m for m in self.models if m.strip == strip and m.right == left), None)
 
+    @property
+    def unchanged(self) -> bool:
+        """Whether a model to which the operator returned says what it said."""
+        model = self.current
+        before = None if model is None else self.accepted(*model.photos)
+        return model is not None and before is not None and same_measurements(model, before)
+
     def _remembered(self) -> Self:
-        history = (*self._history, (self.models, self.current))[-_HISTORY:]
-        return replace(self, _history=history)
+        now = _Moment(self.models, self.current, self.returned, self.latest, self.recomputed)
+        return replace(self, _history=(*self._history, now)[-_HISTORY:])
 
 
 def start(block: Block) -> SessionState:
@@ -127,17 +160,20 @@ def apply(state: SessionState, event: Event) -> SessionState:
         case PointAdded():
             return _with_current(state, _added(state, event.planned))
         case PointMeasured():
-            return _with_current(state, _measured(state, event))
+            return _with_point(state, _measured(state, event), event.point)
         case PhotoLaid():
             model = laid_in(_current(state), event, state.layings + 1)
             model = replace(model, inner=_laid_anew(state.block, model))
             return replace(_with_current(state, model), layings=state.layings + 1)
         case MonoMeasured():
-            return _with_current(state, measured_in_photo(state.block, _oriented(state), event))
+            after = measured_in_photo(state.block, _oriented(state), event)
+            return _with_point(state, after, event.point)
         case RowSwitched():
-            return _with_current(state, _switched(_current(state), event))
+            return _with_point(state, _switched(_current(state), event), event.point)
         case ModelAccepted():
             return _accepted(state, event)
+        case ModelReopened():
+            return _reopened(state, event)
 
 
 def _current(state: SessionState) -> ModelState:
@@ -150,13 +186,30 @@ def _with_current(state: SessionState, model: ModelState) -> SessionState:
     return replace(state._remembered(), current=model)
 
 
+def _with_point(state: SessionState, model: ModelState, point: str) -> SessionState:
+    """Return the state after something was done about a point of the current model."""
+    after, returned = _with_current(state, model), state.returned
+    if returned is not None and returned.point == point:
+        return replace(after, returned=replace(returned, point=None, photo=None))
+    return after
+
+
 def _undone(state: SessionState) -> SessionState:
     if not state._history:
         raise EventRefusedError("there is nothing to undo")
-    *history, (models, current) = state._history
+    *history, before = state._history
+    current = before.current
     if current is not None and current.laid is not None and current.laying != state.layings:
         current = replace(current, laid=None)
-    return replace(state, models=models, current=current, _history=tuple(history))
+    return replace(
+        state,
+        models=before.models,
+        current=current,
+        returned=before.returned,
+        latest=before.latest,
+        recomputed=before.recomputed,
+        _history=tuple(history),
+    )
 
 
 def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
@@ -180,7 +233,7 @@ def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
     chosen = replace(chosen, inner=_inners(state.block, chosen))
     if not chosen.mono or preceding is None:
         return chosen
-    lies = preceding is state.models[-1] and preceding.laying == state.layings
+    lies = preceding.photos == state.latest and preceding.laying == state.layings
     return taken_over(chosen, preceding, lies=lies)
 
 
@@ -309,5 +362,62 @@ def _accepted(state: SessionState, event: ModelAccepted) -> SessionState:
     model = _current(state)
     if (event.left, event.right) != model.photos:
         raise EventRefusedError(f"model {model.name} is in the instrument")
+    if state.returned is not None:
+        return _accepted_again(state, model, state.returned)
     _oriented(state)
-    return replace(state._remembered(), models=(*state.models, model), current=None)
+    return replace(
+        state._remembered(), models=(*state.models, model), current=None, latest=model.photos
+    )
+
+
+def _reopened(state: SessionState, event: ModelReopened) -> SessionState:
+    name = f"model {event.left}/{event.right}"
+    model, current = state.accepted(event.left, event.right), state.current
+    if state.returned is not None and current is not None:
+        raise EventRefusedError(f"{name}: accept model {current.name} first")
+    if model is None:
+        raise EventRefusedError(f"{name} is not accepted yet")
+    if event.point is not None and model.measurement(event.point) is None:
+        raise EventRefusedError(f"point {event.point} is not measured in {name}")
+    if event.photo is not None and event.photo not in model.photos:
+        raise EventRefusedError(f"photo {event.photo} is not in {name}")
+    returned = Return(current, event.point, event.photo)
+    return replace(state._remembered(), current=_taken_out(state, model), returned=returned)
+
+
+def _taken_out(state: SessionState, model: ModelState) -> ModelState:
+    """Return a model whose photos are to be laid in anew: how they lie is not known any more."""
+    if not model.mono:
+        return replace(model, inner=_inners(state.block, model))
+    # the photo that was laid in last lies there still
+    return model if model.laying == state.layings else replace(model, laid=None)
+
+
+def _accepted_again(state: SessionState, model: ModelState, returned: Return) -> SessionState:
+    """Put the model into its former place; what waited comes back, its photos laid in anew."""
+    models, parked, recomputed = state.models, returned.parked, state.recomputed
+    latest: tuple[str, str] | None = model.photos
+    if state.unchanged and not model.carriages:
+        latest = state.latest  # nothing was laid in
+    elif not state.unchanged or model.open_inner is None:
+        _oriented(state)
+        changed = not state.unchanged
+        models, parked = replaced(models, parked, model)
+        if changed:
+            told = {known.photos for known in recomputed}
+            recomputed = (
+                *(known for known in recomputed if known.photos != model.photos),
+                *(
+                    AsAccepted(one.photos, state.models)
+                    for one in following(models, model)
+                    if one.photos not in told
+                ),
+            )
+    return replace(
+        state._remembered(),
+        models=models,
+        current=None if parked is None else _taken_out(state, parked),
+        returned=None,
+        latest=latest,
+        recomputed=recomputed,
+    )

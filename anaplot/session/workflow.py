@@ -11,7 +11,8 @@ from anaplot.orientation.results import Diagnosis, ModelSolution
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.models import diagnosis_of, solve
-from anaplot.session.nextstep import next_step
+from anaplot.session.modelstate import ModelState
+from anaplot.session.nextstep import Again, next_step
 from anaplot.session.state import SessionState
 
 __all__ = ["Outlook", "next_model", "outlook"]
@@ -42,6 +43,8 @@ class Outlook:
         The inner orientation that comes before the current model's points, or None.
     next_photo
         In a mono comparator, which photo of the model is to be laid in now, or None.
+    leaves
+        Whether accepting leaves a model to which the operator returned as it was.
     """
 
     solution: ModelSolution | None
@@ -54,6 +57,7 @@ class Outlook:
     finished: bool
     inner: InnerOutlook | None = None
     next_photo: Side | None = None
+    leaves: bool = False
 
 
 def next_model(state: SessionState) -> tuple[str, str, str] | None:
@@ -92,32 +96,48 @@ def outlook(state: SessionState) -> Outlook:
             problem, suspects = str(error), error.suspects
         except NotComputableError as error:
             problem = str(error)
-    step = next_step(model, suspects, solved=solution is not None)
+    step = next_step(model, suspects, solved=solution is not None, again=_again(state, model))
+    expected, leaves = step.expected, state.returned is not None and state.unchanged
+    if leaves and step.point is None and step.lay is None:
+        expected = "remeasure, add or switch points, or accept: it stays as it was"
     return Outlook(
         solution=solution,
         diagnosis=diagnosis,
         problem=problem,
         next_point=step.point,
-        expected="work is suspended: resume" if state.suspended else step.expected,
-        may_accept=solution is not None and not state.suspended,
+        expected="work is suspended: resume" if state.suspended else expected,
+        may_accept=(solution is not None or leaves) and not state.suspended,
         next_model=following,
         finished=False,
         next_photo=None if state.suspended else step.lay,
+        leaves=leaves,
     )
+
+
+def _again(state: SessionState, model: ModelState) -> Again | None:
+    """Return what the operator returned to the model for, or None."""
+    returned = state.returned
+    if returned is None or returned.point is None:
+        return None
+    if returned.photo is None:
+        return Again(returned.point)
+    return Again(returned.point, "left" if returned.photo == model.left else "right")
 
 
 def _inner(
     state: SessionState, inner: InnerState, following: tuple[str, str, str] | None
 ) -> Outlook:
     view = inner_outlook(state.block, inner)
+    leaves = state.returned is not None and state.unchanged and not inner.measured
     return Outlook(
         solution=None,
         diagnosis=None,
         problem=view.problem,
         next_point=view.next_fiducial,
         expected="work is suspended: resume" if state.suspended else view.expected,
-        may_accept=view.solution is not None and not state.suspended,
+        may_accept=(view.solution is not None or leaves) and not state.suspended,
         next_model=following,
         finished=False,
         inner=view,
+        leaves=leaves,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -11,13 +11,14 @@ from anaplot.orientation.strip import bridge_strip
 from anaplot.photogrammetry.block import Block, Strip
 from anaplot.photogrammetry.selection import points_of, rows_by_photo
 from anaplot.session.modelstate import ModelState
+from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.state import SessionState
 from anaplot.session.workflow import outlook
 from anaplot.station.blockview import BlockView
 
 __all__ = ["BlockStatus", "ModelStanding", "ModelStatus", "NextStep", "StripStatus", "status_of"]
 
-ModelStanding = Literal["open", "in work", "accepted", "look"]
+ModelStanding = Literal["open", "in work", "accepted", "recomputed", "look"]
 SURE = 0.99
 """From this probability on a suspected measurement is to be looked at."""
 
@@ -31,7 +32,8 @@ class ModelStatus:
     left, right
         Names of the photos.
     state
-        "open": not measured; "in work"; "accepted"; "look": accepted, and flagged or suspected.
+        "open": not measured; "in work"; "accepted"; "recomputed": accepted, and changed by what
+        was done since in a model before it; "look": accepted, and flagged or suspected.
     sigma0_um, redundancy
         Of its table; None while there is none.
     flagged, off, ties
@@ -82,6 +84,8 @@ class BlockStatus:
     ----------
     strips
         In the order of block.toml.
+    recomputed
+        Models changed by what was done since in a model before them, and what has changed.
     block
         What the block as one bundle says; None where there is nothing to adjust.
     lateral_ties
@@ -93,6 +97,7 @@ class BlockStatus:
     """
 
     strips: tuple[StripStatus, ...]
+    recomputed: tuple[Recomputed, ...]
     block: BlockView | None
     lateral_ties: int
     control: int
@@ -117,12 +122,15 @@ def status_of(
         How the command line names the block.
     """
     suspected = _suspected(view)
-    strips = tuple(_strip(block, strip, state, suspected) for strip in block.strips)
+    recomputed = () if state is None else recomputed_models(state)
+    changed = {(one.left, one.right) for one in recomputed}
+    strips = tuple(_strip(block, strip, state, suspected, changed) for strip in block.strips)
     photos_of: dict[str, set[str]] = {}
     for row in block.image_points:
         photos_of.setdefault(row.point, set()).add(row.photo)
     return BlockStatus(
         strips=strips,
+        recomputed=recomputed,
         block=view,
         lateral_ties=_lateral_ties(block, photos_of),
         control=sum(point.use != "off" for point in block.control),
@@ -144,7 +152,11 @@ def _suspected(view: BlockView | None) -> dict[str, str]:
 
 
 def _strip(
-    block: Block, strip: Strip, state: SessionState | None, suspected: Mapping[str, str]
+    block: Block,
+    strip: Strip,
+    state: SessionState | None,
+    suspected: Mapping[str, str],
+    changed: Set[tuple[str, str]],
 ) -> StripStatus:
     bridged = bridge_strip(block, strip)
     solved = {(model.left, model.right): model for model in bridged.models}
@@ -165,7 +177,8 @@ def _strip(
         accepted = None if state is None else state.accepted(left, right)
         look = solution is None or bool(solution.flagged) or name in suspected
         why = (bridged.error or "") if solution is None else ""
-        standing: ModelStanding = "look" if look else "accepted"
+        anew = (left, right) in changed
+        standing: ModelStanding = "look" if look else "recomputed" if anew else "accepted"
         models.append(_with_table(left, right, standing, solution, accepted, why))
     return StripStatus(strip.id, tuple(models))
 

@@ -39,18 +39,22 @@ class _Work:
     block: Block
     models: tuple[ModelState, ...]
     of_session: frozenset[str]
-    provisional: bool
+    current: str | None
+
+    @property
+    def provisional(self) -> bool:
+        return self.current is not None
 
     @property
     def after(self) -> str:
-        return self.models[-1].name if self.models else ""
+        return self.current or (self.models[-1].name if self.models else "")
 
     def same_as(self, other: _Work | None) -> bool:
         """Whether an adjustment would come out the same."""
         return (
             other is not None
             and self.models == other.models
-            and self.provisional == other.provisional
+            and self.current == other.current
             and self.of_session == other.of_session
             and (self.block is other.block or self.block == other.block)
         )
@@ -100,17 +104,18 @@ class BlockWatch:
             As declared, with the image points found in the folder and the control.
         state, outlook
             The session's state and what follows from it. Accepted models take part; the current
-            one as soon as its pattern is complete and no y row of it is flagged: flagged x rows
-            of ties stay, for the block alone says which of the two models is wrong.
+            one, in the place of its accepted version where it has one, as soon as its pattern is
+            complete and no y row of it is flagged: flagged x rows of ties stay, for the block
+            alone says which of the two models is wrong.
         of_session
             Names of the models that the session has ever accepted.
         """
         current = _complete(state, outlook)
         work = _Work(
             block,
-            state.models if current is None else (*state.models, current),
+            state.models if current is None else state.models_with(current),
             frozenset(of_session if current is None else of_session | {current.name}),
-            current is not None,
+            None if current is None else current.name,
         )
         with self._changed:
             if self._closed or work.same_as(self._told):

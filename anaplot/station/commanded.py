@@ -81,6 +81,10 @@ class Commanded(ABC):
         """Go on to the next model, or to the next photo of a mono comparator."""
         self.give(commands.NextModel())
 
+    def return_to(self, left: str, right: str, point: str = "", photo: str = "") -> None:
+        """Return to an accepted model; see `anaplot.session.commands.ReturnTo`."""
+        self.give(commands.ReturnTo(left, right, point, photo))
+
     def other_photo(self) -> None:
         """Take it that the other photo of the model was laid into the mono comparator."""
         self.give(commands.OtherPhoto())

@@ -52,7 +52,7 @@ def _self_contained(block: Block) -> Block:
 
 def session_solutions(state: SessionState) -> tuple[tuple[str, ModelSolution], ...]:
     """Return (strip, solution) of the accepted models, and of the current one where it has one."""
-    models = [*state.models, *([] if state.current is None else [state.current])]
+    models = state.models if state.current is None else state.models_with(state.current)
     out = []
     for model in models:
         try:

@@ -17,6 +17,7 @@ from anaplot.session.events import (
     FiducialMeasured,
     InnerAccepted,
     ModelAccepted,
+    ModelReopened,
     MonoMeasured,
     PhotoLaid,
     PointMeasured,
@@ -189,6 +190,8 @@ def _told(step: Step) -> list[str]:
         lines.append(f"inner orientation of photo {event.photo} ({event.side}) accepted")
     elif isinstance(event, ModelAccepted):
         lines.append(f"model {event.left}/{event.right} accepted")
+    elif isinstance(event, ModelReopened):
+        lines.append(f"model {event.left}/{event.right} is open again")
     elif event is not None:
         lines.append(event.kind.replace("-", " "))
     if step.difference is not None:

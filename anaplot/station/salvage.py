@@ -7,6 +7,7 @@ lost becomes a new point; an undo that may have taken back something lost takes 
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +24,8 @@ from anaplot.session.events import (
     Event,
     ModelAccepted,
     ModelChosen,
+    ModelReopened,
+    MonoMeasured,
     PlannedPoint,
     PointAdded,
     PointMeasured,
@@ -30,7 +33,7 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
-from anaplot.session.state import EventRefusedError, SessionState, apply, start
+from anaplot.session.state import EventRefusedError, SessionState, apply, fold, start
 from anaplot.station.payloads import heard_in, inner_table_of, opened_by, table_of
 from anaplot.station.rebuild import rebuild
 from anaplot.station.replay import Replayed, recorded_block
@@ -199,15 +202,16 @@ class _Fold:
         if self.state.suspended and not isinstance(event, Resumed):
             events.append(Resumed())
             words.append("work was resumed")
+        here = _photos_of(event)
+        if here is not None:
+            put_in, said = self._changed_over(event, here)
+            events += put_in
+            words += said
         if isinstance(event, ModelChosen):
-            models = self.state.models
-            if current is not None and (event.left, event.right) != current.photos:
-                events.append(ModelAccepted(*current.photos))
-                words.append(f"model {plain(current.name)} was accepted")
-                models = (*models, current)
-            before = next(
-                (m for m in models if (m.strip, m.right) == (event.strip, event.left)), None
-            )
+            ahead = self.state
+            with contextlib.suppress(EventRefusedError):
+                ahead = fold(ahead, events)
+            before = ahead.preceding(event.strip, event.left)
             known = set() if before is None else {m.point for m in before.used}
             plan = tuple(_as_known(point, known) for point in event.plan)
             changed = [p.point for p, q in zip(event.plan, plan, strict=True) if p != q]
@@ -216,14 +220,46 @@ class _Fold:
                 words.append(f"model {event.left}/{event.right}: no ties, but new points: {names}")
                 event = replace(event, plan=plan)
         elif isinstance(event, PointMeasured) and current is not None and not current.mono:
-            here = (event.left, event.right) == current.photos
-            if here and current.planned(event.point) is None:
+            mine = here == current.photos
+            if mine and current.planned(event.point) is None:
                 before = self.state.preceding(current.strip, current.left)
                 known = set() if before is None else {m.point for m in before.used}
                 at = PlannedPoint(event.point, "new", event.xl, event.yl, event.xr, event.yr)
                 events.append(PointAdded(_as_known(at, known)))
                 words.append(f"point {plain(event.point)} was added to model {current.name}")
         return [*events, event], words
+
+    def _changed_over(self, event: Event, here: tuple[str, str]) -> tuple[list[Event], list[str]]:
+        """Return how the work came to the model of an event: what was accepted or returned to."""
+        state, events, words = self.state, list[Event](), list[str]()
+        chosen, reopened = isinstance(event, ModelChosen), isinstance(event, ModelReopened)
+        while (current := state.current) is not None:
+            there = current.photos == here
+            finished = there and reopened and (state.returned or not state.accepted(*here))
+            left = not there and (chosen or state.returned is not None)
+            try:
+                after = apply(state, ModelAccepted(*current.photos))
+            except EventRefusedError:
+                break
+            if not (finished or left):
+                break
+            state = after
+            events.append(ModelAccepted(*current.photos))
+            words.append(f"model {plain(current.name)} was accepted")
+        elsewhere = state.current is None or state.current.photos != here
+        if elsewhere and not (chosen or reopened) and state.accepted(*here) is not None:
+            events.append(ModelReopened(*here))
+            words.append(f"model {plain('/'.join(here))} was returned to")
+        return events, words
+
+
+def _photos_of(event: Event) -> tuple[str, str] | None:
+    """Return the photos of the model that an event names, or None."""
+    match event:
+        case ModelChosen() | ModelReopened() | ModelAccepted() | PointMeasured() | MonoMeasured():
+            return event.left, event.right
+        case _:
+            return None
 
 
 def _as_known(point: PlannedPoint, known: set[str]) -> PlannedPoint:

@@ -15,6 +15,7 @@ from anaplot.session.events import Role
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.modelstate import ModelState
+from anaplot.session.recomputed import Recomputed
 from anaplot.session.workflow import Outlook
 from anaplot.station.blockview import BlockView
 
@@ -168,6 +169,14 @@ class Snapshot:
         The counters have lost their reference; `expected` says what to do.
     reference_point
         The point or fiducial on which the mark is to be set then, or None.
+    reopened
+        Whether the current model is accepted already, and the operator returned to it.
+    parked
+        (left, right) of the model that waits meanwhile, or None.
+    checks
+        Points still to be recorded again, to check how photos lie that were laid in anew.
+    recomputed
+        Accepted models that are others than when they were accepted, and what has changed.
     """
 
     serial: int
@@ -199,6 +208,10 @@ class Snapshot:
     next_photo: str | None = None
     unreferenced: bool = False
     reference_point: str | None = None
+    reopened: bool = False
+    parked: tuple[str, str] | None = None
+    checks: tuple[str, ...] = ()
+    recomputed: tuple[Recomputed, ...] = ()
 
     @property
     def inner(self) -> InnerView | None:
@@ -265,6 +278,12 @@ def snapshot_of(
         else model.photo(view.next_photo),
         unreferenced=desk.referencing is not None,
         reference_point=None if desk.reference is None else desk.reference.name,
+        reopened=state.returned is not None,
+        parked=None
+        if state.returned is None or state.returned.parked is None
+        else state.returned.parked.photos,
+        checks=desk.checks,
+        recomputed=desk.recomputed,
     )
 
 

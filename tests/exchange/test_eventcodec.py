@@ -20,6 +20,7 @@ from anaplot.session.events import (
     InnerAccepted,
     ModelAccepted,
     ModelChosen,
+    ModelReopened,
     MonoMeasured,
     PhotoLaid,
     PlannedPoint,
@@ -80,6 +81,7 @@ events = st.one_of(
     st.builds(MonoMeasured, photos, photos, sides, names, numbers, numbers, names),
     st.builds(RowSwitched, names, st.sampled_from(["x", "y", None]), st.booleans()),
     st.builds(ModelAccepted, photos, photos),
+    st.builds(ModelReopened, photos, photos, st.none() | names, st.none() | photos),
     st.sampled_from([Undone(), Suspended(), Resumed()]),
 )
 
@@ -90,6 +92,7 @@ ALL = [
     PointMeasured("101", "102", "7", 0.1, -92.0, 1e-7, 4.0, "pedal"),
     RowSwitched("7", None, False),
     ModelAccepted("101", "102"),
+    ModelReopened("101", "102", "7", "102"),
     Undone(),
     Suspended(),
     Resumed(),

@@ -10,7 +10,17 @@ from sessionscene import Scene
 
 from anaplot.exchange.journal import event_of, read_journal
 from anaplot.session.changes import Change, Happened, changes
-from anaplot.session.commands import Accept, NextModel, OtherPhoto, Resume, Suspend, Switch, Undo
+from anaplot.session.commands import (
+    Accept,
+    KeepCounters,
+    NextModel,
+    OtherPhoto,
+    Resume,
+    ReturnTo,
+    Suspend,
+    Switch,
+    Undo,
+)
 from anaplot.session.events import EVENT_KINDS, MonoMeasured, PointMeasured
 from anaplot.session.models import solve
 from anaplot.session.state import EventRefusedError
@@ -75,6 +85,27 @@ def test_what_is_switched_off_taken_back_and_accepted(scene: Scene) -> None:
     assert (whole.what, whole.axis) == ("off", "")
     assert (on.what, on.w_after) == ("on", off.w_before)
     assert (accepted.what, accepted.model, accepted.photo) == ("accepted", "101/102", "")
+
+
+def test_a_return_is_told_with_what_was_measured_again_in_it(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.whole_model()
+    bench.give(Accept())
+    bench.give(NextModel())
+    point = bench.desk.state.models[0].plan[0].point
+    bench.give(ReturnTo("101", "102", point))
+    bench.give(KeepCounters())
+    bench.measure(point)
+    bench.give(Accept())
+    bench.give(Undo())
+    *_, reopened, left, right, accepted, undone = told(bench)
+    assert (reopened.what, reopened.model, reopened.point) == ("reopened", "101/102", point)
+    assert {(one.what, one.model, one.point) for one in (left, right)} == {
+        ("remeasured", "101/102", point)
+    }
+    assert left.old is not None
+    assert (accepted.what, accepted.model) == ("accepted", "101/102")
+    assert (undone.what, undone.model) == ("undone", "101/102")
 
 
 def test_an_undone_measurement_says_what_stands_again(scene: Scene) -> None:

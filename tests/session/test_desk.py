@@ -34,6 +34,7 @@ from anaplot.session.commands import (
     RecordPoint,
     Reference,
     Resume,
+    ReturnTo,
     Stop,
     Suspend,
     Switch,
@@ -600,6 +601,8 @@ COMMANDS = st.sampled_from(
         TakeOver(),
         TurnWheels(),
         AddPoint("extra"),
+        ReturnTo("101", "102"),
+        ReturnTo("102", "103"),
     ]
 )
 HEARD = st.sampled_from(

@@ -12,6 +12,7 @@ from anaplot.session.events import (
     Event,
     ModelAccepted,
     ModelChosen,
+    ModelReopened,
     PlannedPoint,
     PointAdded,
     PointMeasured,
@@ -42,7 +43,7 @@ class Draft:
             point = current.plan[self.number % len(current.plan)].point
             if self.flag:
                 model = current.photos
-        match self.kind % 12:
+        match self.kind % 13:
             case 0 | 1:
                 accepted = len(state.models)
                 if self.flag and current is None and accepted < len(models):
@@ -66,13 +67,15 @@ class Draft:
                 return Suspended() if self.flag else Resumed()
             case 11:
                 return Resumed()
+            case 12 if state.models:
+                return ModelReopened(*state.models[self.number % len(state.models)].photos)
             case _:
                 return PointMeasured(*model, point, 500.0, 0.0, 0.0, 0.0, "pedal")
 
 
 drafts = st.lists(
     st.builds(
-        Draft, st.integers(0, 11), st.integers(0, 40), st.integers(0, 4).map(lambda n: n > 0)
+        Draft, st.integers(0, 12), st.integers(0, 40), st.integers(0, 4).map(lambda n: n > 0)
     ),
     max_size=120,
 )
@@ -131,7 +134,11 @@ def test_what_holds_in_every_state(steps: list[Draft]) -> None:
         # models are accepted in the order of the strip, each once
         assert tuple(m.photos for m in state.models) == models[: len(state.models)]
         if state.current is not None:
-            assert state.current.photos == models[len(state.models)]
+            returned = state.returned
+            waits = state.current if returned is None else returned.parked
+            assert waits is None or waits.photos == models[len(state.models)]
+            again = state.accepted(*state.current.photos) is not None
+            assert again == (returned is not None)
             names = [p.point for p in state.current.plan]
             assert len(set(names)) == len(names)
             measured = [m.point for m in state.current.measured]

@@ -16,6 +16,7 @@ from anaplot.exchange.recordline import encode_line
 from anaplot.session.events import (
     ModelAccepted,
     ModelChosen,
+    ModelReopened,
     PlannedPoint,
     PointMeasured,
     Resumed,
@@ -181,6 +182,40 @@ def test_a_model_that_is_not_known_to_be_accepted_was_when_the_next_was_begun(tm
         "1",
         "3",
     ]
+
+
+RETURN = ModelReopened("101", "102", point="1")
+AGAIN = PointMeasured("101", "102", "1", 1.5, 2.0, -91.0, 2.0, "key")
+HALF = [FIRST, *(measured("101", "102", name) for name in "123"), ACCEPTED, SECOND]
+
+
+@pytest.mark.parametrize(
+    ("lost", "words"),
+    [
+        (6, ["model 101/102 was returned to"]),
+        (8, ["model 101/102 was accepted"]),
+    ],
+)
+def test_a_return_of_which_one_end_is_lost_is_assumed(tmp_path, lost, words):
+    after = measured("102", "103", "2")
+    session = Session(tmp_path, *HALF, RETURN, AGAIN, ACCEPTED, after)
+    session.damage(lost)
+    out = session.salvaged()
+    assert [one.partition(": ")[2] for one in out.assumed] == words
+    assert out.left_out == ()
+    assert [m.name for m in out.state.models] == ["101/102"]
+    assert out.state.models[0].measured[0].xl == 1.5
+    assert out.state.current is not None
+    assert [m.point for m in out.state.current.measured] == ["2"]
+
+
+def test_a_model_that_was_returned_to_had_been_accepted(tmp_path):
+    session = Session(tmp_path, *HALF[:5], RETURN, AGAIN, ACCEPTED)
+    session.damage(4)
+    out = session.salvaged()
+    assert [one.partition(": ")[2] for one in out.assumed] == ["model 101/102 was accepted"]
+    assert [m.name for m in out.state.models] == ["101/102"]
+    assert out.state.models[0].measured[0].times == 2
 
 
 def test_an_undo_takes_back_nothing_that_may_be_another_thing(tmp_path):

@@ -1,0 +1,109 @@
+"""Points by which photographs that were laid in anew are checked: where they were is on record."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import dist, sqrt
+
+from anaplot.aliases import Side
+from anaplot.errors import NotComputableError
+from anaplot.orientation.results import ModelSolution
+from anaplot.session.models import solve
+from anaplot.session.modelstate import ModelState
+from anaplot.session.plates import ReadOut
+from anaplot.session.state import SessionState
+
+__all__ = ["check_points", "gaps", "tolerance_of_check_mm"]
+
+_SIGMAS = 5.0
+"""Standard deviations of a difference of two pointings that are believed."""
+_COUNT = 2
+
+
+def tolerance_of_check_mm(image_um: float) -> float:
+    """Return by how much a coordinate may differ from the one on record [mm].
+
+    Parameters
+    ----------
+    image_um
+        Standard deviation of a pointing [um]; the difference is one of two.
+    """
+    return _SIGMAS * sqrt(2.0) * image_um / 1000.0
+
+
+def _unoriented(model: ModelState) -> tuple[Side, ...]:
+    """Return the photos that lie there and have no fiducials: nothing says how they lie."""
+    return tuple(side for side in model.carriages if model.inner_of(side) is None)
+
+
+def check_points(state: SessionState) -> tuple[str, ...]:
+    """Return the points by which the photos of the current model are checked, at most two.
+
+    Well determined ones, far apart: measured, in no model of the strip flagged or switched off,
+    not the one that is to be measured again; of these the half with the larger sums of redundancy
+    numbers. None where every photo that lies there has fiducials, or nothing is measured.
+    """
+    model = state.current
+    if model is None or not (sides := _unoriented(model)):
+        return ()
+    again = None if state.returned is None else state.returned.point
+    known = {m.point for m in model.used} - {again}
+    if model.mono:
+        known &= {s.point for s in model.seen if s.side in sides}
+    doubted, checked = _standing(state, model)
+    sound = known - doubted
+    if len(sound) < _COUNT:
+        sound = known
+    order = sorted(sound, key=lambda point: (-checked.get(point, 0.0), point))
+    best = order[: max(len(order) // 2, _COUNT)]
+    places = {m.point: (m.xl, m.yl) for m in model.measured}
+    if len(best) <= _COUNT:
+        return tuple(best)
+    return max(combinations(best, _COUNT), key=lambda pair: dist(*(places[p] for p in pair)))
+
+
+def _standing(state: SessionState, model: ModelState) -> tuple[set[str], dict[str, float]]:
+    """Return the points of which a row is flagged or off, and sums of redundancy numbers."""
+    parked = None if state.returned is None else state.returned.parked
+    shown = {m.photos: m for m in (*state.models, *((parked,) if parked else ()), model)}
+    doubted: set[str] = set()
+    checked: dict[str, float] = {}
+    for one in shown.values():
+        if one.strip != model.strip or not set(one.photos) & set(model.photos):
+            continue
+        doubted |= {point for point, _ in one.off}
+        solution = _solved(state, one)
+        for row in () if solution is None else solution.table:
+            checked[row.point] = checked.get(row.point, 0.0) + (row.r or 0.0)
+            if row.flagged:
+                doubted.add(row.point)
+    return doubted, checked
+
+
+def _solved(state: SessionState, model: ModelState) -> ModelSolution | None:
+    try:
+        return solve(state, model)
+    except NotComputableError:
+        return None
+
+
+def gaps(model: ModelState, point: str, here: ReadOut) -> dict[Side, float]:
+    """Return how far a point was found from where it is on record [mm], by photo.
+
+    On the axis where it is most; only of photos that lie there and have no fiducials.
+    """
+    out: dict[Side, float] = {}
+    read: dict[Side, tuple[float, float]] = {
+        "left": (here.xl, here.yl),
+        "right": (here.xr, here.yr),
+    }
+    for side in _unoriented(model):
+        if model.mono:
+            seen = model.sighting(side, point)
+            was = None if seen is None else (seen.x, seen.y)
+        else:
+            m = model.measurement(point)
+            was = None if m is None else ((m.xl, m.yl) if side == "left" else (m.xr, m.yr))
+        if was is not None:
+            out[side] = max(abs(a - b) for a, b in zip(read[side], was, strict=True))
+    return out

@@ -1,0 +1,118 @@
+"""The part of the fold that is about accepted models to which the operator returns.
+
+A model is as it was accepted until it is accepted again; then it takes its former place. What is
+computed from it follows by itself, for tables are pure functions of the state. What the next model
+has taken from it, roles and in a mono comparator coordinates, follows here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from anaplot.session.modelstate import ModelState
+from anaplot.session.monofold import followed
+
+__all__ = ["AsAccepted", "Return", "following", "replaced", "same_measurements"]
+
+Models = tuple[ModelState, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Return:
+    """Why a model is in work that is accepted already.
+
+    Attributes
+    ----------
+    parked
+        The model that was in work before; it waits. None: there was none.
+    point
+        What is to be measured again, or None.
+    photo
+        In a mono comparator, in which photo, or None.
+    """
+
+    parked: ModelState | None = None
+    point: str | None = None
+    photo: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AsAccepted:
+    """An accepted model that was computed anew since, and the accepted models as they were then."""
+
+    photos: tuple[str, str]
+    models: Models
+
+
+def same_measurements(one: ModelState, other: ModelState) -> bool:
+    """Whether two versions of a model say the same, however their photos lie."""
+    return (one.plan, one.measured, one.seen, one.off) == (
+        other.plan,
+        other.measured,
+        other.seen,
+        other.off,
+    )
+
+
+def following(models: Models, model: ModelState) -> Iterator[ModelState]:
+    """Yield the accepted models of a strip after a model, first to last."""
+    by_left = {m.left: m for m in models if m.strip == model.strip}
+    right = model.right
+    # a strip has every photo once: the walk ends
+    while (found := by_left.get(right)) is not None:
+        yield found
+        right = found.right
+
+
+def replaced(
+    models: Models, parked: ModelState | None, new: ModelState
+) -> tuple[Models, ModelState | None]:
+    """Put a new version of an accepted model in the place of the former one.
+
+    Parameters
+    ----------
+    models
+        The accepted models.
+    parked
+        The model that waits, or None.
+    new
+        The version that is accepted now.
+
+    Returns
+    -------
+    tuple of ModelState
+        The accepted models, in the same order.
+    ModelState or None
+        The model that waits.
+    """
+    old = next(m for m in models if m.photos == new.photos)
+
+    def adapted(model: ModelState) -> ModelState:
+        if (model.strip, model.left) != (new.strip, new.right):
+            return model
+        return _with_roles(followed(model, old, new) if model.mono else model, new)
+
+    return (
+        tuple(new if m is old else adapted(m) for m in models),
+        None if parked is None else adapted(parked),
+    )
+
+
+def _with_roles(model: ModelState, preceding: ModelState) -> ModelState:
+    """Return a model with its ties as the preceding one knows them now.
+
+    A point that is switched off altogether stays so, whichever rows it has.
+    """
+    known = {m.point for m in preceding.used}
+    plan = tuple(
+        replace(point, role="tie" if point.point in known else "new") for point in model.plan
+    )
+    if plan == model.plan:
+        return model
+    after = replace(model, plan=plan)
+    off = {key for key in model.off if key[1] in after.axes(key[0])}
+    for m in model.measured:
+        if model.is_off(m.point):
+            off |= {(m.point, axis) for axis in after.axes(m.point)}
+    return replace(after, off=frozenset(off))
