@@ -11,6 +11,7 @@ from anaplot.console.stationlike import ControlsLike
 from anaplot.console.wheels import TURNS
 from anaplot.session import commands
 from anaplot.session.commands import Command
+from anaplot.session.reasons import REASONS
 from anaplot.station.snapshot import Snapshot
 
 __all__ = ["Intent", "Leave", "PointName", "Question", "Read", "Say", "Toggle", "Turn", "intended"]
@@ -88,6 +89,7 @@ _ALWAYS: dict[str, Intent] = {
     "undo": commands.Undo(),
     "stop": commands.Stop(),
     "add_point": PointName(),
+    **{f"why_{reason}": commands.GiveReason(reason) for reason in REASONS},
     **{page: Read(page) for page in ("orientation", "messages", "block", "errors", "help")},
 }
 _OF_A_ROW = ("drive", "switch_row", "switch_point", "details")

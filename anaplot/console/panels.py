@@ -329,18 +329,37 @@ class MessagePanel(_Lines):
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
         super().__init__(id=id)
         self._messages: deque[tuple[str, str]] = deque(maxlen=200)
+        self._question = ""
 
     def say(self, severity: str, text: str) -> None:
         """Add a message."""
         self._messages.append((plain(severity), plain(text)))
         self.refresh()
 
+    def ask(self, question: str) -> None:
+        """Show this question, or none, below the messages, beside them where there is one line."""
+        if question != self._question:
+            self._question = question
+            self.refresh()
+
     def lines(self, width: int, height: int) -> list[Content]:
-        """Return the newest messages, one line each."""
-        return [
-            Content.styled(self._line(severity, text, width), self._style(severity))
-            for severity, text in list(self._messages)[-height:]
+        """Return the newest messages, one line each, then what is asked."""
+        question, room = plain(self._question), width
+        if question and height == 1:
+            room = max(width - cell_len(question) - 2, 0)
+        count = height - 1 if question and height > 1 else height
+        lines = [
+            Content.styled(self._line(severity, text, room), self._style(severity))
+            for severity, text in list(self._messages)[-count:]
         ]
+        if not question:
+            return lines
+        asked = Content.styled(fit(question, cell_len(question)), "bold $text-accent")
+        if height > 1:
+            return [*lines, Content.assemble(" ", asked)]
+        said = lines[-1] if lines and room > 12 else Content("")
+        gap = " " * max(width - cell_len(said.plain) - cell_len(question) - 1, 1)
+        return [Content.assemble(said, gap, asked)]
 
     def history(self, width: int) -> list[Content]:
         """Return all messages, the newest first, wrapped."""

@@ -46,6 +46,7 @@ from anaplot.console.stationlike import ControlsLike, StationLike
 from anaplot.console.stereoview import StereoView
 from anaplot.console.tableview import TableView
 from anaplot.console.wheels import TURNS
+from anaplot.console.whyline import why_line
 from anaplot.session import commands
 from anaplot.station.snapshot import Snapshot
 
@@ -223,6 +224,9 @@ class OrientationScreen(Screen[None]):
         if snapshot.link.detail and (first or before.link != snapshot.link):
             faulty = snapshot.link.state not in ("live", "none", "opening")
             self._say("warning" if faulty else "info", f"link: {snapshot.link.detail}")
+        automatic = self._controls is not None and self._controls.automatic
+        question = "" if automatic else why_line(snapshot, self._keys)
+        self.query_one(MessagePanel).ask(question)
         self._pages.show(snapshot)
         self._show_selected()
 

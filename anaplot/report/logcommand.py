@@ -72,7 +72,7 @@ def log_document(changes: Sequence[Change]) -> Document:
             one.axis or None,
             one.old,
             one.new,
-            None,
+            one.reason or None,
             one.w_before,
             one.w_after,
         )

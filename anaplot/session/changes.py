@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from anaplot.aliases import Side
@@ -19,6 +19,7 @@ from anaplot.session.events import (
     MonoMeasured,
     PointAdded,
     PointMeasured,
+    ReasonGiven,
     Resumed,
     RowSwitched,
     Suspended,
@@ -29,7 +30,7 @@ from anaplot.session.models import solve
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, start
 
-__all__ = ["Change", "ChangeKind", "Happened", "changes"]
+__all__ = ["Change", "ChangeKind", "ChangeLog", "Happened", "changes"]
 
 ChangeKind = Literal[
     "measured",
@@ -71,6 +72,8 @@ class Change:
     w_before, w_after
         abs(w) of the row, or the largest of the point's or fiducial's, before and after; None
         while there is none, and where the row is off.
+    reason
+        Why: "pointing", "identification", "transfer", "instrument", or "" where nobody said so.
     """
 
     time: str
@@ -84,6 +87,7 @@ class Change:
     new: XY | None = None
     w_before: float | None = None
     w_after: float | None = None
+    reason: str = ""
 
 
 def changes(block: Block, history: Iterable[Happened]) -> tuple[Change, ...]:
@@ -101,19 +105,57 @@ def changes(block: Block, history: Iterable[Happened]) -> tuple[Change, ...]:
     EventRefusedError
         An event that does not fit what happened before it.
     """
-    state = start(block)
-    found: list[Change] = []
-    done: list[Event] = []
-    for time, who, event in history:
-        before, state = state, apply(state, event)
+    log = ChangeLog(block)
+    for happened in history:
+        log.add(happened)
+    return log.changes
+
+
+class ChangeLog:
+    """The changes, as what happened comes in.
+
+    Parameters
+    ----------
+    block
+        As it was declared when the journal was begun.
+    """
+
+    def __init__(self, block: Block) -> None:
+        self._state = start(block)
+        self._found: list[Change] = []
+        self._done: list[Event] = []
+        self._latest = range(0)  # the changes that a reason is of
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """What changed so far, in order."""
+        return tuple(self._found)
+
+    def add(self, happened: Happened) -> None:
+        """Take notice of what happened next.
+
+        Raises
+        ------
+        EventRefusedError
+            It does not fit what happened before it.
+        """
+        time, who, event = happened
+        before, state = self._state, apply(self._state, event)
+        self._state = state
         if isinstance(event, Suspended | Resumed):
-            continue
+            return
+        if isinstance(event, ReasonGiven):
+            for k in self._latest:
+                self._found[k] = replace(self._found[k], reason=event.reason)
+            return
         undone = isinstance(event, Undone)
-        what = done.pop() if undone else event
+        what = self._done.pop() if undone else event
         if not undone:
-            done.append(event)
-        found += _told(time, who, what, before, state, undone=undone)
-    return tuple(found)
+            self._done.append(event)
+        count = len(self._found)
+        self._found += _told(time, who, what, before, state, undone=undone)
+        if state.last_change is not None and state.last_change.latest:
+            self._latest = range(count, len(self._found))
 
 
 def _told(

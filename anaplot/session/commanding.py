@@ -17,6 +17,8 @@ from anaplot.session.events import (
     ModelChosen,
     PhotoLaid,
     PointAdded,
+    Reason,
+    ReasonGiven,
     Resumed,
     RowSwitched,
     Suspended,
@@ -62,6 +64,8 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
             draft.happen(switched if mode is None else mode.switch(point, axis, on))
         case commands.Undo():
             _undo(draft)
+        case commands.GiveReason(reason):
+            _give_reason(draft, reason)
         case commands.Accept():
             _accept(draft)
         case commands.NextModel():
@@ -130,6 +134,20 @@ def _undo(draft: Draft) -> None:
         mode = draft.desk.mode
         if mode is None or not mode.has(draft.desk.target):
             draft.go_nowhere()
+
+
+def _give_reason(draft: Draft, reason: Reason) -> None:
+    if draft.desk.state.last_change is None:
+        raise InputError("nothing was changed yet: there is nothing to give a reason for")
+    before = draft.desk.state.reasons
+    draft.happen(ReasonGiven(reason))
+    changed = draft.desk.state.last_change
+    assert changed is not None
+    row = f"{changed.point} {changed.axis or ''}".strip()
+    what = {"remeasured": "measured again", "undone": "taken back"}.get(changed.what, changed.what)
+    draft.tell("info", f"{row or changed.model} {what}: {reason}")
+    if draft.desk.state.reasons != before:
+        draft.ask(WritePoints())
 
 
 def _accept(draft: Draft) -> None:

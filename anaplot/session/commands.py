@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from anaplot.aliases import Axis
+from anaplot.session.events import Reason
 
 __all__ = [
     "Accept",
     "AddPoint",
     "Command",
     "Drive",
+    "GiveReason",
     "KeepCounters",
     "NextModel",
     "OtherPhoto",
@@ -60,6 +62,13 @@ class Switch:
 @dataclass(frozen=True, slots=True)
 class Undo:
     """Take the last event back."""
+
+
+@dataclass(frozen=True, slots=True)
+class GiveReason:
+    """Say why the latest change of a measurement was made."""
+
+    reason: Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +150,7 @@ Command = (
     | RecordPoint
     | Switch
     | Undo
+    | GiveReason
     | Accept
     | NextModel
     | ReturnTo

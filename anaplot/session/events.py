@@ -23,6 +23,8 @@ __all__ = [
     "PlannedPoint",
     "PointAdded",
     "PointMeasured",
+    "Reason",
+    "ReasonGiven",
     "Resumed",
     "Role",
     "RowSwitched",
@@ -33,6 +35,8 @@ __all__ = [
 Role = Literal["tie", "new"]
 PhotoName = Annotated[str, "photo"]
 """A name without a slash, for a model is written left/right."""
+Reason = Literal["pointing", "identification", "transfer", "instrument"]
+"""Why a measurement was changed: what was wrong with the one before."""
 Row3 = tuple[float, float, float]
 Row4 = tuple[float, float, float, float]
 
@@ -256,6 +260,17 @@ class Undone:
 
 
 @dataclass(frozen=True, slots=True)
+class ReasonGiven:
+    """The operator said why he made the latest change of a measurement.
+
+    Said again, the later reason stands. Nothing takes it back: an undo takes back the change.
+    """
+
+    kind: ClassVar[str] = "reason-given"
+    reason: Reason
+
+
+@dataclass(frozen=True, slots=True)
 class Suspended:
     """Work was interrupted; nothing is recorded until it is resumed."""
 
@@ -282,6 +297,7 @@ Event = (
     | ModelAccepted
     | ModelReopened
     | Undone
+    | ReasonGiven
     | Suspended
     | Resumed
 )

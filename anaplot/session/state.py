@@ -22,6 +22,8 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    Reason,
+    ReasonGiven,
     Resumed,
     RowSwitched,
     Suspended,
@@ -31,6 +33,7 @@ from anaplot.session.innerstate import InnerState
 from anaplot.session.modelstate import Measured, ModelState
 from anaplot.session.monofold import laid_in, measured_in_photo, taken_over
 from anaplot.session.pointcheck import check_place
+from anaplot.session.reasons import LastChange, RowReason, after_change, last_change, with_reason
 from anaplot.session.refusal import EventRefusedError
 from anaplot.session.returning import AsAccepted, Return, following, replaced, same_measurements
 
@@ -73,6 +76,11 @@ class SessionState:
         The photos (left, right) of the model accepted last, or None.
     recomputed
         Accepted models before which another was accepted anew since they were accepted.
+    reasons
+        Why rows were switched off, where the operator said so; of rows that are on again, too.
+    last_change
+        The latest change of a measurement, which a reason given now is of; no part of what was
+        measured, and so of what makes two states equal.
     """
 
     block: Block
@@ -83,6 +91,8 @@ class SessionState:
     returned: Return | None = None
     latest: tuple[str, str] | None = None
     recomputed: tuple[AsAccepted, ...] = ()
+    reasons: tuple[RowReason, ...] = ()
+    last_change: LastChange | None = field(default=None, compare=False)
     _history: tuple[_Moment, ...] = field(default=(), repr=False, compare=False)
 
     @property
@@ -142,15 +152,31 @@ def apply(state: SessionState, event: Event) -> SessionState:
     EventRefusedError
         When the event cannot happen in this state; says why.
     """
-    if isinstance(event, Resumed):
-        if not state.suspended:
-            raise EventRefusedError("work is not suspended")
-        return replace(state, suspended=False)
-    if state.suspended:
+    if state.suspended and not isinstance(event, Resumed):
         raise EventRefusedError("work is suspended: resume first")
+    after = _happened(state, event)
+    if isinstance(event, Suspended | Resumed | ReasonGiven):
+        return after
+    changed = last_change(state.current, event, after.current)
+    if changed is not None:
+        reasons = after_change(state.reasons, changed, state.current)
+        return replace(after, last_change=changed, reasons=reasons)
+    if state.last_change is None or not state.last_change.latest:
+        return after
+    return replace(after, last_change=replace(state.last_change, latest=False))
+
+
+def _happened(state: SessionState, event: Event) -> SessionState:
+    """Return what is in work and accepted after an event."""
     match event:
         case Suspended():
             return replace(state, suspended=True)
+        case Resumed():
+            if not state.suspended:
+                raise EventRefusedError("work is not suspended")
+            return replace(state, suspended=False)
+        case ReasonGiven():
+            return _given(state, event.reason)
         case Undone():
             return _undone(state)
         case ModelChosen():
@@ -174,6 +200,15 @@ def apply(state: SessionState, event: Event) -> SessionState:
             return _accepted(state, event)
         case ModelReopened():
             return _reopened(state, event)
+
+
+def _given(state: SessionState, reason: Reason) -> SessionState:
+    changed = state.last_change
+    if changed is None:
+        raise EventRefusedError("no measurement was changed yet, for which there is a reason")
+    models = state.models if state.current is None else (state.current, *state.models)
+    reasons = with_reason(state.reasons, changed, reason, models)
+    return replace(state, last_change=replace(changed, reason=reason), reasons=reasons)
 
 
 def _current(state: SessionState) -> ModelState:

@@ -9,6 +9,7 @@ from typing import Self
 from anaplot.aliases import Axis
 from anaplot.session import commands
 from anaplot.session.commands import Command
+from anaplot.session.events import Reason
 from anaplot.station.audience import Audience
 from anaplot.station.snapshot import Snapshot
 
@@ -72,6 +73,10 @@ class Commanded(ABC):
     def undo(self) -> None:
         """Take the last event back."""
         self.give(commands.Undo())
+
+    def give_reason(self, reason: Reason) -> None:
+        """Say why the latest change of a measurement was made."""
+        self.give(commands.GiveReason(reason))
 
     def accept(self) -> None:
         """Accept the inner orientation in work, else the model."""

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 from anaplot.photogrammetry.block import ImagePoint, Use
+from anaplot.session.reasons import REASONS, RowReason, reason_of
 from anaplot.session.state import ModelState
 
 __all__ = ["measured_here", "merged_rows", "rows_of"]
@@ -13,30 +14,36 @@ __all__ = ["measured_here", "merged_rows", "rows_of"]
 Key = tuple[str, str, float, float]
 
 
-def rows_of(models: Iterable[ModelState]) -> tuple[ImagePoint, ...]:
+def rows_of(
+    models: Iterable[ModelState], reasons: Collection[RowReason] = ()
+) -> tuple[ImagePoint, ...]:
     """Return the rows of accepted models: left photo, then right.
 
-    Which of a point's rows count is the use of its right ray; the left one serves as it is. What a
-    model in a mono comparator took over from the one before it was measured once: one row serves
-    both models, and names none, unless the point is switched off altogether in the one before it.
+    Which of a point's rows count is the use of its right ray, and beside it stands why, of
+    `reasons`; the left one serves as it is. What a model in a mono comparator took over from the
+    one before it was measured once: one row serves both models, and names none, unless the point
+    is switched off altogether in the one before it.
     """
     models = tuple(models)
     # written with the later model: the order of its points is that of the left photo's rows
     once = _measured_once(models)
-    uses: dict[Key, Use] = {}
+    uses: dict[Key, tuple[Use, str | None]] = {}
     out: list[ImagePoint] = []
     for model in models:
         for photo, side in ((model.left, "left"), (model.right, "right")):
             for m in model.measured:
                 x, y = (m.xl, m.yl) if side == "left" else (m.xr, m.yr)
                 key = (photo, m.point, x, y)
-                use = _use(model, m.point) if side == "right" else uses.get(key, "xy")
+                use: Use
+                use, why = uses.get(key, ("xy", None))
+                if side == "right":
+                    use, why = _use(model, m.point), reason_of(reasons, model, m.point)
                 shared = key in once
                 if shared and side == "right":
-                    uses[key] = use
+                    uses[key] = use, why
                 else:
                     of = None if shared else model.name
-                    out.append(ImagePoint(photo, m.point, x, y, model=of, use=use))
+                    out.append(ImagePoint(photo, m.point, x, y, model=of, use=use, reason=why))
     return tuple(out)
 
 
@@ -73,7 +80,10 @@ def measured_here(models: Iterable[ModelState]) -> set[Key]:
 
 
 def merged_rows(
-    existing: Iterable[ImagePoint], models: Iterable[ModelState], of_session: Collection[str]
+    existing: Iterable[ImagePoint],
+    models: Iterable[ModelState],
+    of_session: Collection[str],
+    reasons: Collection[RowReason] = (),
 ) -> tuple[ImagePoint, ...]:
     """Return rows from elsewhere as they are, followed by the session's own.
 
@@ -85,8 +95,11 @@ def merged_rows(
         Accepted models.
     of_session
         Names "left/right" of every model that the session has ever accepted: their rows in the
-        file are the session's own and are replaced. One with a reason was switched by a person
-        outside the session: what he decided stays as long as the measurement does.
+        file are the session's own and are replaced. One with a reason of its own words was
+        switched by a person outside the session: what he decided stays as long as the measurement
+        does.
+    reasons
+        Why rows are switched off.
     """
     existing = tuple(existing)
     models = tuple(models)
@@ -97,11 +110,16 @@ def merged_rows(
         if (row.model is None or row.model not in of_session)
         and (row.model is not None or (row.photo, row.point, row.x, row.y) not in own)
     )
-    decided = {_key(row): row for row in existing if row.reason is not None}
+    decided = {_key(row): row for row in existing if not _of_session(row.reason)}
     return kept + tuple(
         replace(row, use=said.use, reason=said.reason) if (said := decided.get(_key(row))) else row
-        for row in rows_of(models)
+        for row in rows_of(models, reasons)
     )
+
+
+def _of_session(reason: str | None) -> bool:
+    """Whether a reason is one that a session gives, or none."""
+    return reason is None or set(reason.split(", ")) <= set(REASONS)
 
 
 def _key(row: ImagePoint) -> tuple[str, str, str | None, float, float]:

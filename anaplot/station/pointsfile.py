@@ -11,9 +11,14 @@ from anaplot.photogrammetry.block import Block
 from anaplot.planning.modelplan import Candidates
 from anaplot.session.events import Event, ModelAccepted
 from anaplot.session.modelstate import ModelState
+from anaplot.session.reasons import RowReason
+from anaplot.session.state import SessionState
 from anaplot.station.imagepoints import measured_here, merged_rows
 
 __all__ = ["PointsFile"]
+
+
+_Written = tuple[tuple[ModelState, ...], tuple[RowReason, ...]]
 
 
 class PointsFile:
@@ -34,7 +39,7 @@ class PointsFile:
         self.block = block
         self.of_session: set[str] = set()
         self.happened(before)
-        self._written: tuple[ModelState, ...] | None = None if self.of_session else ()
+        self._written: _Written | None = None if self.of_session else ((), ())
 
     def happened(self, events: Iterable[Event]) -> None:
         """Take notice of events: what was accepted once, undone or not, is the session's own."""
@@ -42,11 +47,11 @@ class PointsFile:
             f"{event.left}/{event.right}" for event in events if isinstance(event, ModelAccepted)
         )
 
-    def holds(self, models: tuple[ModelState, ...]) -> bool:
-        """Whether it was last written for these models."""
-        return self._written == models
+    def holds(self, state: SessionState) -> bool:
+        """Whether it was last written for the accepted models of a state."""
+        return self._written == _accepted(state)
 
-    def write(self, models: tuple[ModelState, ...]) -> None:
+    def write(self, state: SessionState) -> None:
         """Bring the file up to the accepted models, unless it is.
 
         Raises
@@ -54,15 +59,16 @@ class PointsFile:
         InputError
             It cannot be read or written.
         """
-        if self.holds(models):
+        if self.holds(state):
             return
+        models, reasons = _accepted(state)
         # read anew: rows that came from elsewhere meanwhile stay
         found = read_block(self._folder).image_points
-        rows = merged_rows(found, models, self.of_session)
+        rows = merged_rows(found, models, self.of_session, reasons)
         if rows != found:
             write_image_points(self._folder, rows)
         self.block = replace(self.block, image_points=rows)
-        self._written = models
+        self._written = models, reasons
 
     def known_points(self, models: tuple[ModelState, ...]) -> Candidates | None:
         """Return image coordinates of points measured elsewhere before, or None without any."""
@@ -74,3 +80,9 @@ class PointsFile:
             if row.model is None or row.model not in self.of_session:
                 known.setdefault(row.photo, {})[row.point] = (row.x, row.y)
         return known or None
+
+
+def _accepted(state: SessionState) -> _Written:
+    """Return the accepted models, and the reasons that are theirs."""
+    names = {model.name for model in state.models}
+    return state.models, tuple(r for r in state.reasons if r.model in names)

@@ -31,7 +31,7 @@ def rebuild(replayed: Replayed, folder: Path) -> None:
     if (folder / "image_points.csv").exists():
         raise InputError(f"{folder}: there is an image_points.csv already")
     write_new_block(folder, _self_contained(replayed.block))
-    rows = rows_of(replayed.state.models)
+    rows = rows_of(replayed.state.models, replayed.state.reasons)
     if rows:
         write_image_points(folder, rows)
 

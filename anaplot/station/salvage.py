@@ -29,6 +29,7 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    ReasonGiven,
     Resumed,
     Suspended,
     Undone,
@@ -127,6 +128,7 @@ class _Fold:
         self._lost_before = lost_before
         self._lost = False  # whether anything is missing so far
         self._undoable = 0  # events since the last thing that is missing
+        self._changed = False  # whether any of them changed a measurement
         self._seq = 0
         self._header: Mapping[str, Any] = {
             "program": "anaplot",
@@ -140,11 +142,15 @@ class _Fold:
         lines: list[bytes] = []
         for record in records:
             if record.seq in self._lost_before:
-                self._lost, self._undoable = True, 0
+                self._gap()
             if not lines and record.kind != "header":
                 lines.append(self._line(record.time, "header", self._header))
             lines.extend(self._taken(record, first=not lines))
         return b"".join(lines)
+
+    def _gap(self) -> None:
+        """Take notice that something is missing here."""
+        self._lost, self._undoable, self._changed = True, 0, False
 
     def _line(self, time: str, kind: str, payload: Mapping[str, Any]) -> bytes:
         # a file of the new journal is on disk whole before anything is written behind it
@@ -179,18 +185,22 @@ class _Fold:
             if self._undoable == 0:
                 raise InputError(f"{where}: an undo, of what is missing perhaps")
             self._undoable -= 1
+        if isinstance(event, ReasonGiven) and self._lost and not self._changed:
+            raise InputError(f"{where}: a reason, for what is missing perhaps")
         events, words = self._fitting(event) if self._lost else ([event], [])
         state = self.state
         try:
             for each in events:
                 state = apply(state, each)
         except EventRefusedError as error:
-            if not isinstance(event, Suspended | Resumed):
-                self._lost, self._undoable = True, 0
+            if not isinstance(event, Suspended | Resumed | ReasonGiven):
+                self._gap()
             raise InputError(f"{where}: {event.kind}: {error}") from None
         self.state = state
-        if not isinstance(event, Suspended | Resumed | Undone):
+        if not isinstance(event, Suspended | Resumed | Undone | ReasonGiven):
             self._undoable += 1
+        if not isinstance(event, Suspended | Resumed | ReasonGiven):
+            self._changed |= state.last_change is not None and state.last_change.latest
         self.assumed += [f"{where}: {word}" for word in words]
         return events
 

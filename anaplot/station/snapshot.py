@@ -15,6 +15,7 @@ from anaplot.session.events import Role
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.modelstate import ModelState
+from anaplot.session.reasons import LastChange
 from anaplot.session.recomputed import Recomputed
 from anaplot.session.workflow import Outlook
 from anaplot.station.blockview import BlockView
@@ -177,6 +178,8 @@ class Snapshot:
         Points still to be recorded again, to check how photos lie that were laid in anew.
     recomputed
         Accepted models that are others than when they were accepted, and what has changed.
+    last_change
+        The latest change of a measurement, of which a reason may be given, or None.
     """
 
     serial: int
@@ -212,6 +215,7 @@ class Snapshot:
     parked: tuple[str, str] | None = None
     checks: tuple[str, ...] = ()
     recomputed: tuple[Recomputed, ...] = ()
+    last_change: LastChange | None = None
 
     @property
     def inner(self) -> InnerView | None:
@@ -284,6 +288,7 @@ def snapshot_of(
         else state.returned.parked.photos,
         checks=desk.checks,
         recomputed=desk.recomputed,
+        last_change=state.last_change,
     )
 
 

@@ -206,7 +206,7 @@ class Station(Commanded):
     @property
     def points_written(self) -> bool:
         """Whether image_points.csv holds every accepted model."""
-        return self._points.holds(self._desk.state.models)
+        return self._points.holds(self._desk.state)
 
     @property
     def standing(self) -> bool:
@@ -446,7 +446,7 @@ class Station(Commanded):
     def _write_points(self) -> None:
         """Bring image_points.csv up to the accepted models; what fails is tried again later."""
         try:
-            self._points.write(self._desk.state.models)
+            self._points.write(self._desk.state)
         except InputError as error:
             self._news.tell("error", f"{error}; the measurements are safe in the journal")
 

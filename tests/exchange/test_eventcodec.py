@@ -26,6 +26,8 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    Reason,
+    ReasonGiven,
     Resumed,
     RowSwitched,
     Suspended,
@@ -82,6 +84,7 @@ events = st.one_of(
     st.builds(RowSwitched, names, st.sampled_from(["x", "y", None]), st.booleans()),
     st.builds(ModelAccepted, photos, photos),
     st.builds(ModelReopened, photos, photos, st.none() | names, st.none() | photos),
+    st.builds(ReasonGiven, st.sampled_from(typing.get_args(Reason))),
     st.sampled_from([Undone(), Suspended(), Resumed()]),
 )
 
@@ -93,6 +96,7 @@ ALL = [
     RowSwitched("7", None, False),
     ModelAccepted("101", "102"),
     ModelReopened("101", "102", "7", "102"),
+    ReasonGiven("identification"),
     Undone(),
     Suspended(),
     Resumed(),

@@ -7,12 +7,32 @@ import json
 from pathlib import Path
 
 import pytest
+from journaltools import append_event
 
 from anaplot.cli import main
+from anaplot.exchange.journal import Journal
 from anaplot.report.logcommand import log_document
 from anaplot.session.changes import Change
+from anaplot.session.events import (
+    ModelChosen,
+    PlannedPoint,
+    PointMeasured,
+    ReasonGiven,
+    RowSwitched,
+)
 
 SESSION = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
+PLAIN = """\
+format = 1
+name = "b"
+[[camera]]
+id = "c"
+c = 150.0
+[[strip]]
+id = "1"
+first = "1"
+last = "3"
+"""
 KEYS = ["time", "who", "what", "model", "photo", "point", "axis"]
 KEYS += ["old", "new", "reason", "w_before", "w_after"]
 
@@ -34,6 +54,32 @@ def test_text_json_and_csv_say_the_same(tmp_path: Path, capsys: pytest.CaptureFi
     assert len(lines) == len(changes) + 1
     # times with their zone
     assert lines[1][19] in "+-"
+
+
+def test_the_reason_stands_beside_the_change(tmp_path: Path, capsys) -> None:
+    block = tmp_path / "b"
+    points = [f"p{k}" for k in range(3)]
+    plan = tuple(PlannedPoint(p, "new", 1.0, 2.0, -91.0, 2.0) for p in points)
+    block.mkdir()
+    (block / "block.toml").write_text(PLAIN)
+    events = [
+        ModelChosen("1", "1", "2", plan),
+        *(PointMeasured("1", "2", p, 1.0, 2.0, -91.0, 2.0, "key") for p in points),
+        RowSwitched("p1", "y", on=False),
+        ReasonGiven("transfer"),
+    ]
+    with Journal.open(block, {"operator": "Ada"})[0] as journal:
+        for event in events:
+            append_event(journal, event)
+    capsys.readouterr()
+    assert main(["log", str(block), "--json", "--csv", str(tmp_path / "log.csv")]) == 0
+    *_, before, off = json.loads(capsys.readouterr().out)["changes"]
+    assert (off["what"], off["point"], off["axis"]) == ("off", "p1", "y")
+    assert (before["reason"], off["reason"], off["who"]) == (None, "transfer", "Ada")
+    with (tmp_path / "log.csv").open() as file:
+        assert [row["reason"] for row in csv.DictReader(file)][-2:] == ["", "transfer"]
+    assert main(["log", str(block)]) == 0
+    assert "transfer" in capsys.readouterr().out.splitlines()[-1]
 
 
 def test_a_block_without_a_journal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

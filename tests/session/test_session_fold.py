@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,11 +16,13 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    ReasonGiven,
     Resumed,
     RowSwitched,
     Suspended,
     Undone,
 )
+from anaplot.session.reasons import REASONS
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold
 
 SCENE = Scene(4)
@@ -65,6 +67,8 @@ class Draft:
                 return Undone()
             case 10:
                 return Suspended() if self.flag else Resumed()
+            case 11 if self.flag:
+                return ReasonGiven(REASONS[self.number % 4])
             case 11:
                 return Resumed()
             case 12 if state.models:
@@ -113,16 +117,17 @@ def test_the_fold_of_what_was_accepted_is_the_state(steps: list[Draft]) -> None:
 def test_undo_is_the_exact_inverse_and_undoing_all_gives_the_start(steps: list[Draft]) -> None:
     events, states = played(steps)
     for before, event, after in zip(states, events, states[1:], strict=False):
-        if not isinstance(event, Undone | Suspended | Resumed):
+        if not isinstance(event, Undone | Suspended | Resumed | ReasonGiven):
             again = apply(after, Undone())
-            assert again == before
+            # what was said of a change is no part of what is taken back
+            assert replace(again, reasons=before.reasons) == before
             assert again._history == before._history
     state = states[-1]
     if state.suspended:
         state = apply(state, Resumed())
     while state.may_undo:
         state = apply(state, Undone())
-    assert state == SCENE.start
+    assert replace(state, reasons=()) == SCENE.start
 
 
 @given(drafts)
@@ -145,3 +150,6 @@ def test_what_holds_in_every_state(steps: list[Draft]) -> None:
             assert measured == [name for name in names if name in set(measured)]
             assert {point for point, _ in state.current.off} <= set(measured)
             assert {p.point for p in state.current.pending} == set(names) - set(measured)
+        rows = [reason[:3] for reason in state.reasons]
+        assert len(set(rows)) == len(rows)
+        assert not state.reasons or state.last_change is not None

@@ -19,6 +19,7 @@ from anaplot.session.events import (
     ModelReopened,
     PlannedPoint,
     PointMeasured,
+    ReasonGiven,
     Resumed,
     RowSwitched,
     Suspended,
@@ -228,6 +229,19 @@ def test_an_undo_takes_back_nothing_that_may_be_another_thing(tmp_path):
     assert out.state.current.measured[0].times == 1
     assert [words.partition("line 5: ")[2] for words in out.left_out] == [
         "an undo, of what is missing perhaps"
+    ]
+
+
+def test_a_reason_for_something_lost_is_given_for_nothing_else(tmp_path):
+    points = [measured("101", "102", name) for name in "12"]
+    off = [RowSwitched(name, "y", False) for name in "12"]
+    given = ReasonGiven("pointing")
+    session = Session(tmp_path, FIRST, *points, off[0], off[1], given, off[0], given)
+    session.damage(4)
+    out = session.salvaged()
+    assert [(r.point, r.reason) for r in out.state.reasons] == [("1", "pointing")]
+    assert [words.partition("line 7: ")[2] for words in out.left_out] == [
+        "a reason, for what is missing perhaps"
     ]
 
 
