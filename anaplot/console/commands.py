@@ -6,7 +6,8 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from threading import Thread
 
-from anaplot.errors import AnaplotError
+from anaplot.errors import AnaplotError, InputError, NotComputableError
+from anaplot.exchange.recordline import JournalError
 
 __all__ = ["CommandThread"]
 
@@ -18,12 +19,13 @@ class CommandThread:
 
     Parameters
     ----------
-    failed
-        Called in the command thread with the text of what went wrong.
+    told
+        Called in the command thread with a severity and a line: "hint" when the command makes no
+        sense now, which is no fault, and "error" when something went wrong.
     """
 
-    def __init__(self, failed: Callable[[str], None]) -> None:
-        self._failed = failed
+    def __init__(self, told: Callable[[str, str], None]) -> None:
+        self._told = told
         self._queue: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="console-commands", daemon=True)
 
@@ -46,6 +48,12 @@ class CommandThread:
             try:
                 command()
             except AnaplotError as fault:
-                self._failed(str(fault))
+                self._told(_severity(fault), str(fault))
             except Exception as fault:  # noqa: BLE001 - the work goes on; the operator is told
-                self._failed(f"unexpected {type(fault).__name__}: {fault}")
+                self._told("error", f"unexpected {type(fault).__name__}: {fault}")
+
+
+def _severity(fault: AnaplotError) -> str:
+    """Return how a refused command is told: a disk or a line that fails is no hint."""
+    untimely = isinstance(fault, InputError | NotComputableError)
+    return "hint" if untimely and not isinstance(fault, JournalError) else "error"

@@ -27,7 +27,7 @@ class StationConnection:
     def __init__(self, station: StationLike, wake: Callable[[], None]) -> None:
         self._station = station
         self._mailbox = Mailbox(wake)
-        self._commands = CommandThread(partial(self._mailbox.put_notice, "error"))
+        self._commands = CommandThread(self._mailbox.put_notice)
         self._unsubscribe: list[Callable[[], None]] = []
         self.take = self._mailbox.take
         self.submit = self._commands.submit

@@ -14,12 +14,23 @@ from anaplot.session.commands import Command
 from anaplot.session.reasons import REASONS
 from anaplot.station.snapshot import Snapshot
 
-__all__ = ["Intent", "Leave", "PointName", "Question", "Read", "Say", "Toggle", "Turn", "intended"]
+__all__ = [
+    "Intent",
+    "Leave",
+    "PointName",
+    "Question",
+    "Read",
+    "Say",
+    "Toggle",
+    "Turn",
+    "answer",
+    "intended",
+]
 
 
 @dataclass(frozen=True, slots=True)
 class Say:
-    """Tell the operator something."""
+    """Tell the operator something; "hint": why a key does nothing now, which is no fault."""
 
     severity: str
     text: str
@@ -92,8 +103,8 @@ _ALWAYS: dict[str, Intent] = {
     **{f"why_{reason}": commands.GiveReason(reason) for reason in REASONS},
     **{page: Read(page) for page in ("orientation", "messages", "block", "errors", "help")},
 }
-_OF_A_ROW = ("drive", "switch_row", "switch_point", "details")
-_WHEELS_ELSEWHERE = Say("info", "the handwheels are those of a simulated plotter's stereo view (v)")
+_OF_A_ROW = ("switch_row", "switch_point", "details")
+_WHEELS_ELSEWHERE = Say("hint", "the handwheels are those of a simulated plotter's stereo view (v)")
 
 
 def intended(action: str, now: Situation) -> Intent:
@@ -117,10 +128,12 @@ def intended(action: str, now: Situation) -> Intent:
     if action in _OF_A_ROW:
         return _with_row(action, now)
     match action:
+        case "drive":
+            return _entered(now)
         case "next_point" if snapshot.next_point is not None:
             return commands.Drive(snapshot.next_point)
         case "next_point":
-            return Say("warning", "no point is expected next")
+            return Say("hint", "no point is expected next")
         case "accept":
             return _accept(snapshot)
         case "reference":
@@ -133,11 +146,11 @@ def intended(action: str, now: Situation) -> Intent:
         case "suspend":
             return commands.Resume() if snapshot.suspended else commands.Suspend()
         case "automatic" if now.controls is None:
-            return Say("warning", "only a simulated plotter has a simulated operator")
+            return Say("hint", "only a simulated plotter has a simulated operator")
         case "hand" if now.controls is None and snapshot.link.state == "replay":
-            return Say("error", "this is a replay: one can only look on")
+            return Say("hint", "this is a replay: one can only look on")
         case "hand" if now.controls is None:
-            return Say("error", "only a simulated plotter is worked from here")
+            return Say("hint", "only a simulated plotter is worked from here")
         case "hand" | "automatic":
             return Toggle(action)
         case "leave":
@@ -146,12 +159,34 @@ def intended(action: str, now: Situation) -> Intent:
             raise ValueError(f"no meaning of {action!r}")
 
 
+def _entered(now: Situation) -> Intent:
+    """Return what Enter means: what the line NOW says, or a drive to the selected row's point."""
+    if now.now.action != "drive":
+        return intended(now.now.action, now)
+    if now.now.point is not None:
+        return commands.Drive(now.now.point)
+    if now.selected is not None:
+        return commands.Drive(now.selected.point)
+    return Say("hint", "no row is selected")
+
+
+def answer(command: Command, snapshot: Snapshot) -> str:
+    """Return what is told at once of a command of which nothing else is heard at once, or ""."""
+    match command:
+        case commands.Drive(point) if snapshot.drives:
+            return f"to {point}"
+        case commands.Drive(point):
+            return f"{point} is next: set the mark on it, then record"
+        case commands.Stop():
+            return "stop" if snapshot.drives else "nothing to stop: this plotter has no drive"
+        case _:
+            return ""
+
+
 def _with_row(action: str, now: Situation) -> Intent:
     shown = now.selected
     if shown is None:
-        return Say("warning", "no row is selected")
-    if action == "drive":
-        return commands.Drive(shown.point)
+        return Say("hint", "no row is selected")
     if action == "switch_row":
         return commands.Switch(shown.point, shown.axis, now.row_off)
     if action == "details":
@@ -164,7 +199,7 @@ def _accept(snapshot: Snapshot) -> Intent:
     if not snapshot.may_accept:
         reason = snapshot.problem or snapshot.expected
         what = "the model" if snapshot.inner is None else "the inner orientation"
-        return Say("warning", f"{what} cannot be accepted now: {reason}")
+        return Say("hint", f"{what} cannot be accepted now: {reason}")
     flagged = len(in_work(snapshot).flagged)
     if not flagged:
         return commands.Accept()
@@ -182,7 +217,7 @@ def _accept(snapshot: Snapshot) -> Intent:
 
 def _keep_counters(snapshot: Snapshot) -> Intent:
     if not snapshot.unreferenced:
-        return Say("info", "the counters have their reference")
+        return Say("hint", "the counters have their reference")
     return Question(
         "Did the counters keep their origin, or were they set to it by hand? Everything "
         "measured from now on depends on that.",

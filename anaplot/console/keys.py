@@ -9,6 +9,7 @@ from textual.binding import Binding
 
 from anaplot.console.inwork import in_work
 from anaplot.console.keybar import KeyHint, show_keys
+from anaplot.console.now import Entered
 from anaplot.console.situation import Situation
 from anaplot.station.snapshot import Snapshot
 
@@ -45,7 +46,7 @@ class Action:
 
 ACTIONS: tuple[Action, ...] = (
     Action("record", "space,f1", "Record", "Record the point under the mark (A1).", 1),
-    Action("drive", "enter", "Drive", "Drive the plates to the selected row's point.", 2),
+    Action("drive", "enter", "Drive", "Do what NOW says; on a row chosen by hand: drive to it.", 2),
     Action("next_point", "n", "Next", "Drive to the point expected next.", 3),
     Action("next_flag", "f", "Flag", "Select the next flagged row, the most probable first.", 6),
     Action(
@@ -132,12 +133,19 @@ def bindings() -> list[Binding]:
     ]
 
 
-def is_live(action: str, snapshot: Snapshot, *, rows: int, wheels: bool = False) -> bool:
+def is_live(
+    action: str,
+    snapshot: Snapshot,
+    *,
+    rows: int,
+    wheels: bool = False,
+    entered: Entered = "drive",
+) -> bool:
     """Return whether a key makes sense now.
 
     `rows` is the number of rows in the table, `wheels` whether the stereo view with its handwheels
-    is shown. This decides what the key bar shows; the station has the last word on what may be
-    done.
+    is shown, `entered` what Enter does. This decides what the key bar shows; the station has the
+    last word on what may be done.
     """
     model = bool(snapshot.left) and not snapshot.finished
     working = model and not snapshot.suspended
@@ -147,7 +155,7 @@ def is_live(action: str, snapshot: Snapshot, *, rows: int, wheels: bool = False)
         **dict.fromkeys(("page_up", "py_less"), wheels and not snapshot.mono),
         "record": working and not snapshot.unreferenced,
         "reference": snapshot.unreferenced,
-        "drive": working and rows > 0,
+        "drive": entered != "drive" or (working and rows > 0),
         "next_point": working and snapshot.next_point is not None,
         "next_flag": bool(in_work(snapshot).flagged),
         "accept": snapshot.may_accept,
@@ -178,12 +186,19 @@ def label_now(
     stereo: bool = False,
     coarse: bool = False,
     hand: bool = True,
+    entered: Entered = "drive",
 ) -> str:
     """Return the label that says what the key would do now.
 
     `row_off`, `point_off`: the selected row, its point is switched off. `stereo`: the stereo view
     is shown. `coarse`: the handwheels take coarse steps. `hand`: the simulated hand sets the mark.
+    `entered`: what Enter does.
     """
+    if action.id == "drive":
+        drive = "Drive" if snapshot.drives else "Choose"
+        laid = "Photo" if snapshot.next_photo is not None else "Model"
+        other = {"next_model": laid, "accept": "Accept", "suspend": "Resume", "add_point": "Add"}
+        return other.get(entered, drive)
     if action.id == "hand":
         return "Hand off" if hand else "Hand on"
     if action.id == "coarse" and coarse:
@@ -222,9 +237,17 @@ def key_hints(now: Situation, keys: Mapping[str, tuple[str, ...]]) -> tuple[KeyH
                 stereo=now.choices.stereo,
                 coarse=now.choices.wheels.coarse,
                 hand=now.hand,
+                entered=now.now.action,
             ),
             action.weight,
         )
         for action in ACTIONS
-        if action.label and is_live(action.id, now.snapshot, rows=now.rows, wheels=now.at_wheels)
+        if action.label
+        and is_live(
+            action.id,
+            now.snapshot,
+            rows=now.rows,
+            wheels=now.at_wheels,
+            entered=now.now.action,
+        )
     )

@@ -250,12 +250,20 @@ class ExpectedLine(_Lines):
 
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
         super().__init__(id=id)
-        self._snapshot: Snapshot | None = None
+        self._head: Part = ("", "")
+        self._text = ""
 
-    def show(self, snapshot: Snapshot) -> None:
-        """Show this from now on."""
+    def show(self, snapshot: Snapshot, text: str) -> None:
+        """Show this from now on; `text`: what is to be done, with its keys."""
+        head: Part = (" NOW ", "bold reverse $text-accent")
+        if snapshot.finished:
+            head = (" DONE ", "bold reverse $text-success")
+        elif snapshot.suspended:
+            head = (" SUSPENDED ", "bold reverse $text-warning")
+        if (head, text) == (self._head, self._text):
+            return
         before = len(self.lines(self.size.width, 2))
-        self._snapshot = snapshot
+        self._head, self._text = head, text
         # A new layout is costly: only another number of lines needs one.
         self.refresh(layout=len(self.lines(self.size.width, 2)) != before)
 
@@ -265,17 +273,12 @@ class ExpectedLine(_Lines):
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return one or two lines."""
-        if self._snapshot is None:
+        if not self._head[0]:
             return []
-        head: Part = (" NOW ", "bold reverse $text-accent")
-        if self._snapshot.finished:
-            head = (" DONE ", "bold reverse $text-success")
-        elif self._snapshot.suspended:
-            head = (" SUSPENDED ", "bold reverse $text-warning")
-        indent = cell_len(head[0]) + 1
+        indent = cell_len(self._head[0]) + 1
         room = width - indent - 1
-        first, *rest = wrap(self._snapshot.expected, room) or [""]
-        lines = [Content.assemble(head, " ", (first, "bold"))]
+        first, *rest = wrap(self._text, room) or [""]
+        lines = [Content.assemble(self._head, " ", (first, "bold"))]
         if rest and height > 1:
             lines.append(Content.assemble(" " * indent, (fit(" ".join(rest), room), "bold")))
         return lines
@@ -323,6 +326,7 @@ class MessagePanel(_Lines):
     _STYLES: ClassVar[dict[str, str]] = {
         "error": "bold $text-error",
         "warning": "bold $text-warning",
+        "hint": "$text-warning",
         "record": "$text-success",
     }
 
@@ -375,7 +379,7 @@ class MessagePanel(_Lines):
 
     @staticmethod
     def _spoken(severity: str, text: str) -> str:
-        return text if severity == "info" else f"{severity}: {text}"
+        return text if severity in ("info", "hint") else f"{severity}: {text}"
 
     def _line(self, severity: str, text: str, width: int) -> str:
         spoken, room = self._spoken(severity, text), width - 2

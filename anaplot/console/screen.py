@@ -11,6 +11,7 @@ from textual.containers import Horizontal
 from textual.message import Message
 from textual.screen import Screen
 
+from anaplot.aliases import Side
 from anaplot.console.choices import Choices
 from anaplot.console.connection import StationConnection
 from anaplot.console.dialogs import AskName, AskWhether
@@ -24,6 +25,7 @@ from anaplot.console.intent import (
     Say,
     Toggle,
     Turn,
+    answer,
     intended,
 )
 from anaplot.console.inwork import in_work
@@ -31,6 +33,7 @@ from anaplot.console.keybar import KeyBar
 from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import bindings, key_hints
 from anaplot.console.mapview import MapView
+from anaplot.console.now import Now, now_of
 from anaplot.console.pages import Pages
 from anaplot.console.panels import (
     AdvicePanel,
@@ -210,16 +213,15 @@ class OrientationScreen(Screen[None]):
             self._flagged = frozenset()
             self._moved_by_hand = False
             self.query_one(TableView).show((), self._choices.order)  # the cursor begins anew
+        if _recorded(before) != _recorded(snapshot):
+            self._moved_by_hand = False
         self._show_table()
         flagged = frozenset(in_work(snapshot).flagged)
-        if flagged - self._flagged:
-            if not first:
-                self.app.bell()
-            if not self._moved_by_hand:
-                self._select_flag(after=None)
+        if flagged - self._flagged and not first:
+            self.app.bell()
         self._flagged = flagged
+        self._follow()
         self._show_header()
-        self.query_one(ExpectedLine).show(snapshot)
         self._show_advice()
         if snapshot.link.detail and (first or before.link != snapshot.link):
             faulty = snapshot.link.state not in ("live", "none", "opening")
@@ -229,6 +231,12 @@ class OrientationScreen(Screen[None]):
         self.query_one(MessagePanel).ask(question)
         self._pages.show(snapshot)
         self._show_selected()
+
+    def _follow(self) -> None:
+        """Put the cursor on the row that the line NOW is about, unless it was moved by hand."""
+        row = self._now.row
+        if row is not None and not self._moved_by_hand:
+            self.query_one(TableView).select(row)
 
     def _show_table(self) -> None:
         snapshot, order = self._snapshot, self._choices.order
@@ -243,6 +251,7 @@ class OrientationScreen(Screen[None]):
 
     def _show_selected(self) -> None:
         now = self._situation
+        self.query_one(ExpectedLine).show(now.snapshot, now.now.text)
         self.query_one(MapView).show(
             now.snapshot,
             now.selected.key if now.selected else None,
@@ -250,6 +259,11 @@ class OrientationScreen(Screen[None]):
         )
         self.query_one(DetailsPane).show(now.snapshot, now.selected)
         self.query_one(KeyBar).show(key_hints(now, self._keys))
+
+    @property
+    def _now(self) -> Now:
+        moved = self.query_one(TableView).selected if self._moved_by_hand else None
+        return now_of(self._snapshot, self._keys, moved)
 
     @property
     def _situation(self) -> Situation:
@@ -261,6 +275,7 @@ class OrientationScreen(Screen[None]):
             rows=len(table.shown),
             choices=self._choices,
             controls=self._controls,
+            now=self._now,
         )
 
     def _say(self, severity: str, text: str) -> None:
@@ -324,6 +339,9 @@ class OrientationScreen(Screen[None]):
                 if self._controls is not None:
                     self._connection.submit(partial(intent.at, self._controls))
             case _:
+                told = answer(intent, self._snapshot)
+                if told:
+                    self._say("info", told)
                 self._connection.give(intent)
 
     def _answered(self, then: Intent, yes: bool | None) -> None:
@@ -358,9 +376,14 @@ class OrientationScreen(Screen[None]):
 
     def _next_flag(self) -> None:
         """Select the next flagged row, the most probable first."""
-        shown = self.query_one(TableView).selected
-        if not self._select_flag(after=shown.key if shown else None):
-            self._say("info", "nothing is flagged")
+        table = self.query_one(TableView)
+        before = table.selected
+        if not self._select_flag(after=before.key if before else None):
+            self._say("hint", "no flagged row")
+            return
+        if table.selected == before:
+            self._say("hint", "no other flagged row")
+        self._moved_by_hand = table.selected is None or table.selected.key != self._now.row
         self._show_selected()
 
     def _select_flag(self, *, after: tuple[str, str] | None) -> bool:
@@ -377,6 +400,12 @@ class OrientationScreen(Screen[None]):
         self._show(self._snapshot)
         self.app.refresh(layout=True)
         self.refresh(layout=True, repaint=True)
+
+
+def _recorded(snapshot: Snapshot) -> tuple[tuple[str, int, tuple[Side, ...]], ...]:
+    """Return what changes with every record, and when one is taken back."""
+    views = in_work(snapshot).points
+    return tuple((view.point, view.times, view.seen) for view in views)
 
 
 def _phase(snapshot: Snapshot) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from anaplot.console.choices import Choices
 from anaplot.console.inwork import in_work
+from anaplot.console.now import NOTHING, Now
 from anaplot.console.rows import ShownRow
 from anaplot.console.stationlike import ControlsLike
 from anaplot.station.snapshot import Snapshot
@@ -31,6 +32,8 @@ class Situation:
         What is chosen to be seen.
     controls
         Those of a simulated instrument, or None.
+    now
+        What is to be done now, which Enter does.
     """
 
     snapshot: Snapshot
@@ -39,6 +42,7 @@ class Situation:
     rows: int
     choices: Choices
     controls: ControlsLike | None
+    now: Now = NOTHING
 
     @property
     def at_wheels(self) -> bool:

@@ -74,7 +74,10 @@ _MORE = (
 
 
 class TableView(ScrollView):
-    """RED-N, PARX, EXPD, SIGF and verdict of every row, with a cursor that follows its row."""
+    """RED-N, PARX, EXPD, SIGF and verdict of every row, with a cursor that follows its row.
+
+    Where flagged rows are out of sight, the last line says how many and where.
+    """
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "table--header",
@@ -176,7 +179,29 @@ class TableView(ScrollView):
         self._keep_cursor_in_sight()
 
     def _measure(self) -> None:
-        self.virtual_size = Size(0, len(self._rows) + 1)
+        self.virtual_size = Size(0, len(self._rows) + 1 + self._noting)
+
+    @property
+    def _noting(self) -> bool:
+        """Whether the last line is kept for what is out of sight."""
+        hides = 2 < self.size.height <= len(self._rows)
+        return hides and any(shown.flagged for shown in self._rows)
+
+    def _note(self) -> str:
+        """Return how many flagged rows are out of sight, or ""."""
+        if not self._noting:
+            return ""
+        first = self.scroll_offset.y
+        last = first + self.size.height - 2
+        parts = [
+            f"{arrow} {count} flagged {where}"
+            for arrow, where, rows in (
+                ("↑", "above", self._rows[:first]),
+                ("↓", "below", self._rows[last:]),
+            )
+            if (count := sum(shown.flagged for shown in rows))
+        ]
+        return ", ".join(parts)
 
     @property
     def _width(self) -> int:
@@ -186,15 +211,16 @@ class TableView(ScrollView):
     def _keep_cursor_in_sight(self) -> None:
         if self.size.height < 2:
             return  # not laid out yet: there is nothing to scroll in
-        # The header covers the first line wherever the rows are scrolled to.
+        # The header covers the first line wherever the rows are scrolled to, the note the last.
         self.scroll_to_region(
-            Region(0, self._cursor, 1, 2), animate=False, force=True, immediate=True
+            Region(0, self._cursor, 1, 2 + self._noting), animate=False, force=True, immediate=True
         )
 
     def on_click(self, event: events.Click) -> None:
         """Select the row under the mouse; a double click drives there."""
         place = event.y - 1 + self.scroll_offset.y
-        if event.y < 1 or not 0 <= place < len(self._rows):
+        noted = event.y == self.size.height - 1 and self._note() != ""
+        if event.y < 1 or noted or not 0 <= place < len(self._rows):
             return
         self._cursor = place
         self.refresh()
@@ -226,6 +252,11 @@ class TableView(ScrollView):
         width = self._width
         if y == 0:
             return self._header(columns, name, width)
+        if y == self.size.height - 1 and (note := self._note()):
+            style = self._style("table--flagged")
+            return Strip([Segment(f"  {note}", style)]).adjust_cell_length(
+                width, self._style("table--row")
+            )
         place = y - 1 + self.scroll_offset.y
         if place >= len(self._rows):
             return Strip.blank(width, self._style("table--row"))

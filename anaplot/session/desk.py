@@ -17,6 +17,7 @@ from anaplot.session.checkpoints import check_points
 from anaplot.session.events import Event
 from anaplot.session.heard import Abilities
 from anaplot.session.modes import Fiducials, Mode, mode_of
+from anaplot.session.nextstep import Agenda, Step
 from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.referencing import KnownPlace, Referencing, asked_for, references
 from anaplot.session.requests import Lay
@@ -135,20 +136,27 @@ class Desk:
     @property
     def expected(self) -> str:
         """What the operator is expected to do now, one sentence."""
+        return self.agenda.sentence
+
+    @property
+    def agenda(self) -> Agenda:
+        """What the operator may do now, the most urgent first."""
         if self.referencing is not None:
             needed, _ = references(self.state, self.last_measured)
-            return asked_for(self.referencing, self.reference, needed)
+            return Agenda((), asked_for(self.referencing, self.reference, needed))
         if self.check is not None:
-            return (
+            words = (
                 f"the photos lie anew: record point {self.check} again, to check how "
                 f"({len(self.checks)} to go)"
             )
+            return Agenda((Step("measure", words, self.check),))
         following = self.outlook.next_model
         between = self.state.current is None and not self.state.suspended
         if self.mono and between and following is not None:
             _, left, right = following
-            return f"lay photo {left} into the comparator: next model, {left} / {right}"
-        return self.outlook.expected
+            lay = Step("lay", f"lay photo {left} into the comparator")
+            return Agenda((lay,), f"next model, {left} / {right}")
+        return self.outlook.agenda
 
     @property
     def next_name(self) -> str | None:

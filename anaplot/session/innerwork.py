@@ -15,6 +15,7 @@ from anaplot.photogrammetry.inneradvice import inner_advice
 from anaplot.photogrammetry.platetransformation import TransformationName
 from anaplot.session.events import InnerAccepted
 from anaplot.session.innerstate import InnerState
+from anaplot.session.nextstep import Agenda, Step
 
 __all__ = ["InnerOutlook", "acceptance", "inner_outlook", "solve_inner"]
 
@@ -40,8 +41,8 @@ class InnerOutlook:
         Sentences for the operator, the most useful first.
     next_fiducial
         The fiducial to measure next: pending, or to be measured again; None when there is none.
-    expected
-        What the operator is expected to do, one sentence.
+    agenda
+        What the operator may do, the most urgent first.
     """
 
     state: InnerState
@@ -50,7 +51,7 @@ class InnerOutlook:
     suspects: tuple[Suspect, ...]
     advice: tuple[str, ...]
     next_fiducial: str | None
-    expected: str
+    agenda: Agenda
 
 
 def solve_inner(block: Block, inner: InnerState) -> InnerOrientation:
@@ -108,24 +109,28 @@ def inner_outlook(block: Block, inner: InnerState) -> InnerOutlook:
     suspects = () if solution is None else _suspects(inner, solution)
     pending = inner.pending
     again = suspects[0][0] if suspects else None
+    steps: tuple[Step, ...] = ()
+    remark = ""
+    if again is not None:
+        steps = (Step("remeasure", f"remeasure fiducial {again}", again),)
     if pending:
         next_fiducial: str | None = pending[0]
-        expected = (
-            f"measure fiducial {pending[0]} of {inner.name}: {len(pending)} of "
-            f"{len(inner.fiducials)} to go"
-        )
-        if again is not None:
-            expected = f"remeasure fiducial {again}, or {expected}"
+        words = f"measure fiducial {pending[0]} of {inner.name}"
+        steps = (*steps, Step("measure", words, pending[0]))
+        remark = f"{len(pending)} of {len(inner.fiducials)} to go"
     elif again is not None:
         next_fiducial = again
-        expected = f"remeasure fiducial {again}, or switch it off, or accept the inner orientation"
+        off = Step("switch off", "switch it off", again)
+        steps = (*steps, off, Step("accept", "accept the inner orientation"))
     elif solution is not None:
-        next_fiducial, expected = None, f"accept the inner orientation of {inner.name}"
+        next_fiducial = None
+        steps = (Step("accept", f"accept the inner orientation of {inner.name}"),)
         if solution.refused:
-            expected = f"sigma0 is too large: measure fiducials again, or {expected}"
+            steps = (Step("remeasure", "sigma0 is too large: measure fiducials again"), *steps)
     else:
         next_fiducial = None
-        expected = f"re-measure fiducials of {inner.name}: its inner orientation is not determined"
+        steps = (Step("remeasure", f"re-measure fiducials of {inner.name}"),)
+        remark = "its inner orientation is not determined"
     return InnerOutlook(
         state=inner,
         solution=solution,
@@ -133,7 +138,7 @@ def inner_outlook(block: Block, inner: InnerState) -> InnerOutlook:
         suspects=suspects,
         advice=() if solution is None else _advice(inner, solution),
         next_fiducial=next_fiducial,
-        expected=expected,
+        agenda=Agenda(steps, remark),
     )
 
 

@@ -2,20 +2,69 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from anaplot.aliases import Side
 from anaplot.session.events import PlannedPoint
 from anaplot.session.modelstate import ModelState
 
-__all__ = ["Again", "Expectation", "next_step", "remeasured_side"]
+__all__ = [
+    "NO_AGENDA",
+    "Again",
+    "Agenda",
+    "Expectation",
+    "Step",
+    "StepKind",
+    "next_step",
+    "remeasured_side",
+]
+
+StepKind = Literal["lay", "measure", "remeasure", "add", "switch off", "accept", "resume"]
+
+
+class Step(NamedTuple):
+    """Something that the operator may do now.
+
+    Attributes
+    ----------
+    kind
+        What is to be done.
+    words
+        The same for people, without any key.
+    point
+        The point or fiducial that is meant; None where none is.
+    """
+
+    kind: StepKind
+    words: str
+    point: str | None = None
+
+
+class Agenda(NamedTuple):
+    """What may be done now, the most urgent first, and a remark on it.
+
+    Who has keys says with which of them; `sentence` is for those who have none.
+    """
+
+    steps: tuple[Step, ...] = ()
+    remark: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The steps and the remark as one sentence."""
+        words = ", or ".join(step.words for step in self.steps)
+        return ": ".join(part for part in (words, self.remark) if part)
+
+
+NO_AGENDA = Agenda()
+"""Nothing is to be done."""
 
 
 class Expectation(NamedTuple):
-    """What is expected: the point to measure, the sentence, and which photo to lay in first."""
+    """What is expected: the point to measure, what may be done, which photo to lay in first."""
 
     point: str | None
-    expected: str
+    agenda: Agenda
     lay: Side | None = None
 
 
@@ -49,20 +98,24 @@ def next_step(
     if step is not None:
         return step
     if solved:
-        return Expectation(None, "accept the model")
-    return Expectation(None, "add or re-measure points: the model is not determined")
+        return Expectation(None, Agenda((Step("accept", "accept the model"),)))
+    add = Step("add", "add or re-measure points")
+    return Expectation(None, Agenda((add,), "the model is not determined"))
 
 
 def _pair(model: ModelState, suspects: tuple[str, ...]) -> Expectation | None:
     """Return what to measure in both photos; None when all is done."""
     pending = model.pending
-    if not pending:
-        if not suspects:
-            return None
-        return Expectation(suspects[0], f"remeasure {suspects[0]}, or switch it off, or accept")
-    again = f"remeasure {suspects[0]}, or " if suspects else ""
-    to_go = f"{len(pending)} of {len(model.plan)} points to go"
-    return Expectation(pending[0].point, f"{again}measure {_named(pending[0])}: {to_go}")
+    again = tuple(Step("remeasure", f"remeasure {point}", point) for point in suspects[:1])
+    if pending:
+        first = pending[0]
+        steps = (*again, Step("measure", f"measure {_named(first)}", first.point))
+        to_go = f"{len(pending)} of {len(model.plan)} points to go"
+        return Expectation(first.point, Agenda(steps, to_go))
+    if not again:
+        return None
+    off = Step("switch off", "switch it off", suspects[0])
+    return Expectation(suspects[0], Agenda((*again, off, Step("accept", "accept"))))
 
 
 def _single(model: ModelState, suspects: tuple[str, ...], there: Side | None) -> Expectation | None:
@@ -77,23 +130,24 @@ def _single(model: ModelState, suspects: tuple[str, ...], there: Side | None) ->
         pending = model.pending_in(side)
         if not pending:
             continue
+        photo, first = model.photo(side), pending[0]
         if side == model.laid:
+            words = f"measure {_named(first)} in photo {photo}"
             to_go = f"{len(pending)} of {len(model.plan)} points to go"
-            words = f"measure {_named(pending[0])} in photo {model.photo(side)}: {to_go}"
-            return Expectation(pending[0].point, words)
-        words = f"lay photo {model.photo(side)} into the comparator: {len(pending)} points to go"
-        return Expectation(None, words, side)
+            return Expectation(first.point, Agenda((Step("measure", words, first.point),), to_go))
+        lay = Step("lay", f"lay photo {photo} into the comparator")
+        return Expectation(None, Agenda((lay,), f"{len(pending)} points to go"), side)
     if not suspects:
         return None
     again = suspects[0]
     side = there or remeasured_side(model, again)
     photo = model.photo(side)
-    other = f"switch {again} off, or accept"
+    others = (Step("switch off", f"switch {again} off", again), Step("accept", "accept"))
     if side == model.laid:
-        return Expectation(again, f"remeasure {again} in photo {photo}, or {other}")
-    return Expectation(
-        again, f"lay photo {photo} in again to remeasure {again} there, or {other}", side
-    )
+        step = Step("remeasure", f"remeasure {again} in photo {photo}", again)
+        return Expectation(again, Agenda((step, *others)))
+    lay = Step("lay", f"lay photo {photo} in again to remeasure {again} there", again)
+    return Expectation(again, Agenda((lay, *others)), side)
 
 
 def _named(point: PlannedPoint) -> str:

@@ -12,7 +12,7 @@ from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.models import diagnosis_of, solve
 from anaplot.session.modelstate import ModelState
-from anaplot.session.nextstep import Again, next_step
+from anaplot.session.nextstep import Again, Agenda, Step, next_step
 from anaplot.session.state import SessionState
 
 __all__ = ["Outlook", "next_model", "outlook"]
@@ -31,8 +31,8 @@ class Outlook:
     next_point
         The point to measure next: pending, or to be re-measured; None when there is none. During
         an inner orientation, the fiducial.
-    expected
-        What the operator is expected to do, one sentence.
+    agenda
+        What the operator may do, the most urgent first.
     may_accept
         Whether the current model can be accepted; during an inner orientation, whether that can.
     next_model
@@ -51,13 +51,26 @@ class Outlook:
     diagnosis: Diagnosis | None
     problem: str
     next_point: str | None
-    expected: str
+    agenda: Agenda
     may_accept: bool
     next_model: tuple[str, str, str] | None
     finished: bool
     inner: InnerOutlook | None = None
     next_photo: Side | None = None
     leaves: bool = False
+
+    @property
+    def expected(self) -> str:
+        """What the operator is expected to do, one sentence."""
+        return self.agenda.sentence
+
+
+_SUSPENDED = Agenda((Step("resume", "work is suspended: resume"),))
+_LEAVES = Agenda(
+    (Step("remeasure", "remeasure, add or switch points"), Step("accept", "accept")),
+    "it stays as it was",
+)
+_FINISHED = Agenda((), "every model is accepted: the strip is finished")
 
 
 def next_model(state: SessionState) -> tuple[str, str, str] | None:
@@ -74,12 +87,13 @@ def outlook(state: SessionState) -> Outlook:
     following = next_model(state)
     if state.current is None:
         if following is None:
-            expected = "every model is accepted: the strip is finished"
+            agenda = _FINISHED
         else:
-            expected = f"lay photos {following[1]} and {following[2]}: next model"
+            lay = Step("lay", f"lay photos {following[1]} and {following[2]}")
+            agenda = Agenda((lay,), "next model")
         if state.suspended:
-            expected = "work is suspended: resume"
-        return Outlook(None, None, "", None, expected, False, following, following is None)
+            agenda = _SUSPENDED
+        return Outlook(None, None, "", None, agenda, False, following, following is None)
     model = state.current
     if model.open_inner is not None:
         return _inner(state, model.open_inner, following)
@@ -97,15 +111,15 @@ def outlook(state: SessionState) -> Outlook:
         except NotComputableError as error:
             problem = str(error)
     step = next_step(model, suspects, solved=solution is not None, again=_again(state, model))
-    expected, leaves = step.expected, state.returned is not None and state.unchanged
+    agenda, leaves = step.agenda, state.returned is not None and state.unchanged
     if leaves and step.point is None and step.lay is None:
-        expected = "remeasure, add or switch points, or accept: it stays as it was"
+        agenda = _LEAVES
     return Outlook(
         solution=solution,
         diagnosis=diagnosis,
         problem=problem,
         next_point=step.point,
-        expected="work is suspended: resume" if state.suspended else expected,
+        agenda=_SUSPENDED if state.suspended else agenda,
         may_accept=(solution is not None or leaves) and not state.suspended,
         next_model=following,
         finished=False,
@@ -134,7 +148,7 @@ def _inner(
         diagnosis=None,
         problem=view.problem,
         next_point=view.next_fiducial,
-        expected="work is suspended: resume" if state.suspended else view.expected,
+        agenda=_SUSPENDED if state.suspended else view.agenda,
         may_accept=(view.solution is not None or leaves) and not state.suspended,
         next_model=following,
         finished=False,

@@ -15,6 +15,7 @@ from anaplot.session.events import Role
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.modelstate import ModelState
+from anaplot.session.nextstep import NO_AGENDA, Agenda
 from anaplot.session.reasons import LastChange
 from anaplot.session.recomputed import Recomputed
 from anaplot.session.workflow import Outlook
@@ -180,6 +181,10 @@ class Snapshot:
         Accepted models that are others than when they were accepted, and what has changed.
     last_change
         The latest change of a measurement, of which a reason may be given, or None.
+    agenda
+        What may be done now, the most urgent first: `expected` in parts.
+    drives
+        Whether the instrument drives its plates.
     """
 
     serial: int
@@ -216,6 +221,8 @@ class Snapshot:
     checks: tuple[str, ...] = ()
     recomputed: tuple[Recomputed, ...] = ()
     last_change: LastChange | None = None
+    agenda: Agenda = NO_AGENDA
+    drives: bool = True
 
     @property
     def inner(self) -> InnerView | None:
@@ -289,6 +296,8 @@ def snapshot_of(
         checks=desk.checks,
         recomputed=desk.recomputed,
         last_change=state.last_change,
+        agenda=desk.agenda,
+        drives=desk.abilities is not None and desk.abilities.drives,
     )
 
 

@@ -19,6 +19,7 @@ from anaplot.errors import InputError, LinkError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 from anaplot.photogrammetry.block import Precision, TestSettings
+from anaplot.session.nextstep import Agenda, Step
 from anaplot.session.plates import ReadOut
 from anaplot.station.snapshot import LinkView
 from anaplot.textfiles.wording import plain
@@ -207,7 +208,7 @@ async def test_what_is_off_is_switched_on_again():
     station = FakeStation(picture(points=(points[0], row_off, *points[2:]), solution=None))
     app = console(station)
     async with app.run_test(size=(80, 24)) as pilot:
-        await pilot.press("down")
+        assert selected(app).key == ("103", "y")  # the point under the mark
         await until(pilot, lambda: "x Row on" in text(app))
         await pilot.press("x")
         await came(station, "switch", "103", "y", True)
@@ -284,9 +285,10 @@ async def test_keys_without_a_row_say_so():
     async with app.run_test(size=(80, 24)) as pilot:
         for key in ("enter", "x", "X", "d", "up", "end"):
             await pilot.press(key)
-        await until(pilot, lambda: "warning: no row is selected" in text(app))
+        await until(pilot, lambda: " no row is selected" in text(app))
         await pilot.press("f")
-        await until(pilot, lambda: "nothing is flagged" in text(app))
+        await until(pilot, lambda: "no flagged row" in text(app))
+        assert "warning:" not in text(app)
     assert station.calls == []
 
 
@@ -784,3 +786,76 @@ async def test_large_numbers_and_longer_names_keep_apart():
         assert lines(app)[1].rstrip().endswith("AUTO")
         assert "sigma0 557 µm" in lines(app)[1]
         assert "1 flagged" in lines(app)[1]
+
+
+async def test_the_cursor_follows_now_until_it_is_moved_and_again_after_a_record():
+    again = Agenda((Step("remeasure", "remeasure 103", "103"), Step("accept", "accept")))
+    station = FakeStation(picture(gross=False, measured=5))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert selected(app).key == ("107", "y")  # under the mark
+        station.tell(picture(serial=2, agenda=again, target=None))
+        await until(pilot, lambda: "NOW  remeasure 103: Enter, or accept: a" in text(app))
+        assert selected(app).key == ("103", "y")
+        await pilot.press("end")
+        assert selected(app).key == ("106", "x")
+        assert "NOW  to 106: Enter, or remeasure 103: n" in text(app)
+        station.tell(picture(serial=3, agenda=again, target=None, test="tau 0.002"))
+        await until(pilot, lambda: "tau 0.002" in text(app))
+        assert selected(app).key == ("106", "x")
+        await pilot.press("enter")
+        await came(station, "drive", "106")
+        assert " to 106" in lines(app)[21]
+        points = tuple(replace(p, times=1 + (p.point == "106")) for p in picture().points)
+        station.tell(picture(serial=4, agenda=again, target=None, points=points))
+        await until(pilot, lambda: selected(app).key == ("103", "y"))
+        await pilot.press("enter")
+        await came(station, "drive", "103")
+        # chosen with f it is the row of the line NOW as well
+        await pilot.press("home", "f")
+        assert selected(app).key == ("103", "y")
+        assert "NOW  remeasure 103: Enter" in text(app)
+
+
+async def test_enter_does_what_now_says():
+    lay = Agenda((Step("lay", "lay photos 101 and 102"),), "next model")
+    nothing = {"points": (), "solution": None, "diagnosis": None, "left": "", "right": ""}
+    station = FakeStation(picture(agenda=lay, target=None, next_point=None, **nothing))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert "NOW  lay photos 101 and 102, then g" in text(app)
+        assert "enter Model" in text(app)
+        await pilot.press("enter")
+        await came(station, "next_model")
+        accept = Agenda((Step("accept", "accept the model"),))
+        station.tell(picture(serial=2, gross=False, agenda=accept, target=None, next_point=None))
+        await until(pilot, lambda: "accept the model: a" in text(app) and "enter Acc" in text(app))
+        await pilot.press("enter")
+        await came(station, "accept")
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_flagged_rows_out_of_sight_are_counted(size):
+    solved = picture().solution
+    bad = {("102", "y"), ("103", "y"), ("104", "x"), ("105", "x"), ("106", "x")}
+    table = tuple(row._replace(flagged=row.key in bad, w=9.9) for row in solved.table)
+    station = FakeStation(picture(solution=with_rows(solved, table)))
+    app = console(station)
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause()
+        if size[1] > 24:
+            assert "flagged below" not in text(app)
+            return
+        assert any(line.startswith("▶ 103   y") for line in lines(app))
+        assert lines(app)[17].startswith("  ↓ 3 flagged below ")
+        await pilot.press("end")
+        await until(pilot, lambda: lines(app)[17].startswith("  ↑ 2 flagged above "))
+        assert lines(app)[16].startswith("▶ 106   x")
+        await pilot.press(*("up",) * 2)
+        for row in range(18):  # wherever the cursor is, its row is in sight
+            await pilot.press("home", *("down",) * row)
+            assert any(line.startswith("▶") for line in lines(app)[5:17])
+        await pilot.click("#table", offset=(5, 13))  # the note is no row
+        assert selected(app).key == ("106", "x")

@@ -39,21 +39,21 @@ def now(row: int | None = 1, **changes: object) -> Situation:
     [
         ("record", now(), RecordPoint()),
         ("drive", now(), Drive("103")),
-        ("drive", now(None), Say("warning", "no row is selected")),
+        ("drive", now(None), Say("hint", "no row is selected")),
         ("details", now(), Read("details")),
-        ("details", now(None), Say("warning", "no row is selected")),
+        ("details", now(None), Say("hint", "no row is selected")),
         ("next_point", now(), Drive("103")),
         (
             "next_point",
             now(snapshot=picture(next_point=None)),
-            Say("warning", "no point is expected next"),
+            Say("hint", "no point is expected next"),
         ),
         ("accept", now(snapshot=picture(gross=False)), Accept()),
         (
             "accept",
             now(snapshot=picture(measured=4)),
             Say(
-                "warning",
+                "hint",
                 "the model cannot be accepted now: "
                 "six points are needed, four of them ties or well spread",
             ),
@@ -63,7 +63,7 @@ def now(row: int | None = 1, **changes: object) -> Situation:
         ("reference", now(), Reference(None)),
         ("reference", now(by_hand=True), Reference("103")),
         ("reference", now(9, snapshot=picture(measured=4), by_hand=True), Reference(None)),
-        ("keep_counters", now(), Say("info", "the counters have their reference")),
+        ("keep_counters", now(), Say("hint", "the counters have their reference")),
         ("suspend", now(), Suspend()),
         ("suspend", now(snapshot=picture(suspended=True)), Resume()),
         ("add_point", now(), PointName()),

@@ -4,7 +4,8 @@ from consolefake import picture
 
 from anaplot.console.commands import CommandThread
 from anaplot.console.mailbox import Mailbox
-from anaplot.errors import LinkError
+from anaplot.errors import InputError, LinkError
+from anaplot.exchange.recordline import JournalError
 
 
 def test_a_thousand_snapshots_wake_once_and_the_newest_is_shown():
@@ -59,11 +60,17 @@ def test_many_threads_may_bring_something():
 
 def test_commands_run_in_order_and_go_on_after_a_fault():
     said, done = [], []
-    commands = CommandThread(said.append)
+    commands = CommandThread(lambda *told: said.append(told))
     commands.start()
 
     def lost():
         raise LinkError("the plotter does not answer")
+
+    def untimely():
+        raise InputError("drive to a point first")
+
+    def full():
+        raise JournalError("the disk is full")
 
     def broken():
         raise ValueError("a bug")
@@ -71,11 +78,18 @@ def test_commands_run_in_order_and_go_on_after_a_fault():
     commands.submit(lambda: done.append(1))
     commands.submit(lost)
     commands.submit(broken)
+    commands.submit(untimely)
+    commands.submit(full)
     commands.submit(lambda: done.append(2))
     commands.close(60)
     assert done == [1, 2]
-    assert said == ["the plotter does not answer", "unexpected ValueError: a bug"]
+    assert said == [
+        ("error", "the plotter does not answer"),
+        ("error", "unexpected ValueError: a bug"),
+        ("hint", "drive to a point first"),
+        ("error", "the disk is full"),
+    ]
 
 
 def test_closing_before_starting_is_harmless():
-    CommandThread(lambda text: None).close()
+    CommandThread(lambda severity, text: None).close()

@@ -140,7 +140,7 @@ async def test_a_lost_reference_is_said_and_measured_by_a_key():
         await asyncio.to_thread(station.wait_for, "drive", "114")
         station.fault = InputError("point 114 (left) is 0.400 mm from where")
         await pilot.press("R")
-        await until(pilot, lambda: "error: point 114 (left) is 0.400 mm" in text(app))
+        await until(pilot, lambda: "point 114 (left) is 0.400 mm" in text(app))
 
 
 async def test_a_row_that_is_not_measured_is_no_reference():
