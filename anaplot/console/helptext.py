@@ -125,6 +125,16 @@ _BLOCK = (
 )
 
 
+_FIT = (
+    (
+        "fit page",
+        "Each strip, as far as it is measured, on its control: spatial similarity, discrepancies, "
+        "RMS and test. x puts a point out or in, 1 2 3 choose the degree of polynomials along the "
+        "strip, b shows the bundle. Nothing of it touches the measurements.",
+    ),
+)
+
+
 def _section(title: str, pairs: tuple[tuple[str, str], ...], width: int) -> list[Content]:
     lines = [Content(""), Content.styled(title, "bold")]
     for name, sentence in pairs:
@@ -160,6 +170,7 @@ def help_lines(keys: Mapping[str, tuple[str, ...]], width: int) -> list[Content]
         *_section("The stereo view", _STEREO, width),
         *_section("Gross errors", _ERRORS, width),
         *_section("The block", _BLOCK, width),
+        *_section("The control", _FIT, width),
         *_section("Instruments", _INSTRUMENTS, width),
         *_section("Keys", named + palette, width),
     ]

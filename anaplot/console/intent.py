@@ -101,7 +101,7 @@ _ALWAYS: dict[str, Intent] = {
     "stop": commands.Stop(),
     "add_point": PointName(),
     **{f"why_{reason}": commands.GiveReason(reason) for reason in REASONS},
-    **{page: Read(page) for page in ("orientation", "messages", "block", "errors", "help")},
+    **{page: Read(page) for page in ("orientation", "messages", "block", "fit", "errors", "help")},
 }
 _OF_A_ROW = ("switch_row", "switch_point", "details")
 _WHEELS_ELSEWHERE = Say("hint", "the handwheels are those of a simulated plotter's stereo view (v)")

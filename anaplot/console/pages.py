@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 
 from textual.app import App
 from textual.content import Content
@@ -12,10 +14,13 @@ from anaplot.console.blockpage import block_page
 from anaplot.console.describe import describe_model, describe_row
 from anaplot.console.dialogs import Page
 from anaplot.console.errorspage import FIRST, ErrorsPage, errors_lines
+from anaplot.console.fitpage import FitChoice, FitPage
 from anaplot.console.helptext import help_lines
 from anaplot.console.panels import entry_lines
 from anaplot.console.rows import ShownRow
+from anaplot.console.stationlike import StationLike
 from anaplot.station.snapshot import Snapshot
+from anaplot.station.stripcontrol import StripOnControl
 from anaplot.textfiles.wording import plain
 
 __all__ = ["Pages"]
@@ -28,8 +33,8 @@ class Pages:
 
     Parameters
     ----------
-    snapshot
-        What the station says first.
+    station
+        What is shown; computes fits.
     keys
         The keys in force, by action.
     messages
@@ -45,27 +50,31 @@ class Pages:
 
     def __init__(
         self,
-        snapshot: Snapshot,
+        station: StationLike,
         keys: Mapping[str, tuple[str, ...]],
         messages: Callable[[int], list[Content]],
         chosen: Callable[[], None],
     ) -> None:
         self.strategy: str | None = None
-        self._snapshot, self._keys = snapshot, keys
+        self._station, self._snapshot, self._keys = station, station.snapshot(), keys
         self._messages, self._chosen = messages, chosen
         self._block: Page | None = None
         self._errors: ErrorsPage | None = None
+        self._fit: FitPage | None = None
+        self._choice = FitChoice()
 
     def show(self, snapshot: Snapshot) -> None:
         """Bring the pages that follow the work up to date."""
-        self._snapshot = snapshot
+        before, self._snapshot = self._snapshot, snapshot
+        if self._fit is not None and _measured(before) != _measured(snapshot):
+            self._fit.renew()
         if self._block is not None:
             self._block.show(block_page(snapshot.block_view, _WIDTH))
         if self._errors is not None:
             self._errors.renew()
 
     def open(self, app: App[object], page: str, selected: ShownRow | None) -> None:
-        """Open details (of the selected row), orientation, messages, block, errors or help."""
+        """Open details (of the selected row), orientation, messages, block, fit, errors or help."""
         snapshot = self._snapshot
         if page == "details" and selected is not None:
             lines = entry_lines(describe_row(selected, snapshot), _WIDTH, 20)
@@ -79,6 +88,12 @@ class Pages:
         elif page == "block":
             self._block = Page(BLOCK_TITLE, block_page(snapshot.block_view, _WIDTH))
             app.push_screen(self._block, self._block_read)
+        elif page == "fit":
+            strip = self._choice.strip or snapshot.strip
+            self._choice = replace(self._choice, strip=strip)
+            bundle = partial(self.open, app, "block", selected)
+            self._fit = FitPage(self._choice, self._fitted, self._fit_chosen, bundle, _WIDTH)
+            app.push_screen(self._fit, self._fit_read)
         elif page == "errors":
             strategy = self.strategy or FIRST
             self._choose(strategy)
@@ -90,6 +105,15 @@ class Pages:
     def _block_read(self, _: None) -> None:
         self._block = None
 
+    def _fit_read(self, _: None) -> None:
+        self._fit = None
+
+    def _fit_chosen(self, choice: FitChoice) -> None:
+        self._choice = choice
+
+    def _fitted(self, choice: FitChoice) -> tuple[StripOnControl, ...]:
+        return self._station.strips_on_control(choice.degree, choice.without)
+
     def _errors_read(self, _: None) -> None:
         self._errors = None
 
@@ -99,3 +123,8 @@ class Pages:
     def _choose(self, strategy: str) -> None:
         self.strategy = strategy
         self._chosen()
+
+
+def _measured(snapshot: Snapshot) -> tuple[object, ...]:
+    """Return what is another when something was measured, switched or accepted."""
+    return snapshot.accepted, id(snapshot.solution), snapshot.recomputed

@@ -127,7 +127,7 @@ class OrientationScreen(Screen[None]):
         self._moved_by_hand = False
         self._unread: list[tuple[str, str]] = []
         self._pages = Pages(
-            self._snapshot,
+            station,
             self._keys,
             lambda width: self.query_one(MessagePanel).history(width),
             self._show_advice,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Protocol
 
+from anaplot.orientation.stripfit import Degree
 from anaplot.session.commands import Command
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.stereo import StereoPair
 from anaplot.station.snapshot import Snapshot
+from anaplot.station.stripcontrol import StripOnControl
 
 __all__ = ["ControlsLike", "StationLike"]
 
@@ -34,6 +36,11 @@ class StationLike(Protocol):
 
     def give(self, command: Command) -> None:
         """Give a command; it returns quickly."""
+
+    def strips_on_control(
+        self, degree: Degree, without: Collection[str]
+    ) -> tuple[StripOnControl, ...]:
+        """Return the strips fitted to the control measured so far; called beside the screen."""
 
     def close(self) -> None:
         """Close link and journal; harmless when closed already."""

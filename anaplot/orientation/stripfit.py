@@ -18,6 +18,7 @@ from anaplot.adjustment.leastsquares import RankDefectError, adjust
 from anaplot.adjustment.tested import Tested, examine
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
+from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.similarity import (
@@ -28,7 +29,7 @@ from anaplot.photogrammetry.similarity import (
     similarity_effects,
 )
 
-__all__ = ["Degree", "FittedPoint", "StripFit", "fit_strip"]
+__all__ = ["Degree", "FittedPoint", "StripFit", "fit_models", "fit_strip", "measured_control"]
 
 Degree = Literal[1, 2, 3]
 _AXES = ("X", "Y", "Z")
@@ -104,6 +105,33 @@ class StripFit:
         return x, y, z
 
 
+def measured_control(block: Block, points: Collection[str]) -> tuple[ControlPoint, ...]:
+    """Return the control and check points among measured points, in the order of the file."""
+    return tuple(c for c in block.control if c.point in points and c.use != "off")
+
+
+def fit_models(
+    block: Block,
+    strip: str,
+    models: Sequence[ModelSolution],
+    *,
+    degree: Degree = 1,
+    without: Collection[str] = (),
+) -> StripFit:
+    """Fit the models of a strip, at least one, to its control; see `fit_strip`.
+
+    A point of two models is taken as the later one, which took it over, has it.
+
+    Raises
+    ------
+    NotComputableError
+        The control does not determine the transformation.
+    """
+    points = {p.point: (p.X, p.Y, p.Z) for model in models for p in model.points}
+    base = sum(abs(model.base[0]) for model in models) / len(models)
+    return fit_strip(block, strip, points, base, degree=degree, without=without)
+
+
 def fit_strip(
     block: Block,
     strip: str,
@@ -135,7 +163,7 @@ def fit_strip(
     NotComputableError
         The control does not determine the transformation.
     """
-    control = [c for c in block.control if c.point in points and c.use != "off"]
+    control = measured_control(block, points)
     source = np.array([points[c.point] for c in control]).reshape(-1, 3)
     target = np.array([[np.nan if v is None else v for v in c.xyz] for c in control]).reshape(-1, 3)
     used = np.array([c.use == "control" and c.point not in without for c in control], dtype=bool)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import check_for_bridge, read_block
 from anaplot.orientation.strip import bridge_strip
-from anaplot.orientation.stripfit import Degree, StripFit, fit_strip
+from anaplot.orientation.stripfit import Degree, StripFit, fit_models
 from anaplot.photogrammetry.block import Block, Strip
 from anaplot.photogrammetry.rotation import rotation_angles
 from anaplot.report.document import (
@@ -115,11 +115,8 @@ def _fit(block: Block, strip: Strip, degree: Degree, without: Collection[str]) -
     bridged = bridge_strip(block, strip)
     if bridged.error is not None and not bridged.models:
         return bridged.error
-    # a point of two models: as the later one, which took it over, has it
-    points = {p.point: (p.X, p.Y, p.Z) for model in bridged.models for p in model.points}
-    base = sum(abs(model.base[0]) for model in bridged.models) / len(bridged.models)
     try:
-        return fit_strip(block, strip.id, points, base, degree=degree, without=without)
+        return fit_models(block, strip.id, bridged.models, degree=degree, without=without)
     except NotComputableError as error:
         return str(error)
 

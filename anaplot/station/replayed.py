@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import TextIO
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.journal import JournalRecord, read_journal
+from anaplot.orientation.stripfit import Degree
 from anaplot.session.commands import Command
 from anaplot.session.desk import Desk
 from anaplot.session.events import (
@@ -29,6 +30,7 @@ from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.commanded import Commanded
 from anaplot.station.replay import Step, recorded_block, replay
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
+from anaplot.station.stripcontrol import StripOnControl, strips_on_control
 
 __all__ = ["ReplayStation"]
 
@@ -64,6 +66,7 @@ class ReplayStation(Commanded):
         self._lock = threading.Lock()
         self._of_session: set[str] = set()
         self._watch = BlockWatch(self._block_seen)
+        self._state = start(self._block)
         self._snapshot = self._first()
         self._thread: threading.Thread | None = None
 
@@ -115,6 +118,7 @@ class ReplayStation(Commanded):
             return
         # as recorded: what lies in the folder today was not there
         state, view = step.desk.state, step.desk.outlook
+        self._state = state
         self._of_session.update(model.name for model in state.models)
         self._watch.tell(self._block, state, view, self._of_session)
         self._publish(snapshot_of(replace(step.desk, target=view.next_point), 0, _LINK))
@@ -151,6 +155,12 @@ class ReplayStation(Commanded):
         end = super().subscribe(callback)
         self.start()
         return end
+
+    def strips_on_control(
+        self, degree: Degree, without: Collection[str]
+    ) -> tuple[StripOnControl, ...]:
+        """Return the strips as far as played, fitted to the control of their block."""
+        return strips_on_control(self._block, self._state, degree, without)
 
     def give(self, command: Command) -> None:
         """Refuse."""

@@ -175,6 +175,7 @@ class FakeStation:
         self.ground: StereoGround | None = None
         self.at = Position(-12.3456, 98.7654, -104.25, 99.125)
         self.closed = 0
+        self.fitted = None
         self.listeners: list = []
         self.notice_listeners: list = []
 
@@ -219,6 +220,10 @@ class FakeStation:
     def set_hand(self, on):
         self.hand = on
         self._did("set_hand", on)
+
+    def strips_on_control(self, degree, without):
+        self._did("strips_on_control", degree, without)
+        return () if self.fitted is None else self.fitted(degree, without)
 
     def close(self):
         self.closed += 1
