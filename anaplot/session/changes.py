@@ -19,6 +19,7 @@ from anaplot.session.events import (
     MonoMeasured,
     PointAdded,
     PointMeasured,
+    PointRepeated,
     ReasonGiven,
     Resumed,
     RowSwitched,
@@ -220,6 +221,8 @@ def _told(
             return [change("oriented", photo=event.photo)]
         case PointAdded():
             return [change("added", point=event.planned.point)]
+        case PointRepeated():
+            return []  # nothing is changed by it
         case ModelAccepted():
             return [change("accepted")]
         case ModelReopened():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from anaplot.aliases import Side
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.platetransformation import TITLES
@@ -30,6 +32,7 @@ from anaplot.session.layinganew import laid_anew, return_to
 from anaplot.session.modes import Fiducials
 from anaplot.session.plans import plan_of
 from anaplot.session.plates import image_of, plates_of
+from anaplot.session.repeating import begin_repeating
 from anaplot.session.requests import StopDrive, TakeRecord, WarmUp, WritePoints
 from anaplot.session.state import SessionState
 
@@ -53,11 +56,14 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
         case commands.Drive(point):
             _drive(draft, point)
         case commands.Stop():
-            draft.redirect(drive_target=None, setting="")
+            ended = {} if draft.desk.repeating is None else {"target": None}
+            draft.redirect(drive_target=None, setting="", **ended)
             if draft.desk.abilities is not None and draft.desk.abilities.drives:
                 draft.ask(StopDrive())
         case commands.RecordPoint():
             _record(draft)
+        case commands.PointAgain(point, times):
+            _point_again(draft, point, times)
         case commands.Switch(point, axis, on):
             mode = draft.desk.mode
             switched = RowSwitched(point, axis, on)
@@ -102,6 +108,10 @@ def _drive(draft: Draft, point: str) -> None:
     mode = draft.mode()
     if not mode.has(point):
         raise InputError(mode.missing(point))
+    repeating = draft.desk.repeating
+    if repeating is not None and repeating.name == point:
+        draft.point_away(replace(repeating, moved=False))  # it goes on with what it is at
+        return
     draft.aim(mode, point)
 
 
@@ -117,6 +127,23 @@ def _record(draft: Draft) -> None:
     draft.ask(TakeRecord())
 
 
+def _point_again(draft: Draft, name: str | None, times: int) -> None:
+    desk = draft.desk
+    if desk.abilities is None:
+        raise InputError("no plotter is connected: nothing to point at")
+    if desk.referencing is not None:
+        raise InputError(UNREFERENCED)
+    if desk.check is not None:
+        raise InputError(f"record point {desk.check} first: how the photos lie is not checked yet")
+    if times < 1:
+        raise InputError("point again at least once")
+    mode = draft.mode()
+    name = name or desk.target or desk.last_measured
+    if name is None:
+        raise InputError(f"drive to a {mode.unit} first")
+    draft.point_away(begin_repeating(mode, name, times, desk.abilities.middle))
+
+
 def _undo(draft: Draft) -> None:
     before = draft.desk.state
     draft.happen(Undone())
@@ -127,7 +154,7 @@ def _undo(draft: Draft) -> None:
         draft.go_nowhere()
         draft.begin_checks(())
         draft.lay()
-    elif _lies(before) != _lies(after):
+    elif _lies(before) != _lies(after) or draft.desk.repeating is not None:
         draft.go_nowhere()
         draft.begin_checks(())
     elif draft.desk.target is not None:

@@ -16,6 +16,7 @@ __all__ = [
     "KeepCounters",
     "NextModel",
     "OtherPhoto",
+    "PointAgain",
     "RecordPoint",
     "Reference",
     "Resume",
@@ -48,6 +49,24 @@ class Stop:
 @dataclass(frozen=True, slots=True)
 class RecordPoint:
     """Record the point or fiducial at which the plates stand, with the next position coming in."""
+
+
+@dataclass(frozen=True, slots=True)
+class PointAgain:
+    """Point again at something measured, each time with the mark moved away first.
+
+    The pointings tell the precision of pointing; the measurement stays what it is.
+
+    Attributes
+    ----------
+    point
+        Point or fiducial; None for the one under the mark, else the one measured last.
+    times
+        How often.
+    """
+
+    point: str | None = None
+    times: int = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +167,7 @@ Command = (
     Drive
     | Stop
     | RecordPoint
+    | PointAgain
     | Switch
     | Undo
     | GiveReason

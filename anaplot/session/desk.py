@@ -20,6 +20,7 @@ from anaplot.session.modes import Fiducials, Mode, mode_of
 from anaplot.session.nextstep import Agenda, Step
 from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.referencing import KnownPlace, Referencing, asked_for, references
+from anaplot.session.repeating import Repeating
 from anaplot.session.requests import Lay
 from anaplot.session.state import SessionState, apply
 from anaplot.session.workflow import Outlook, outlook
@@ -64,6 +65,8 @@ class Desk:
         must be where they are on record.
     recomputed
         Accepted models that are others than when they were accepted, and what has changed.
+    repeating
+        How far pointing again at something measured has come, or None.
     errand
         Counts every change of where the plates are to go, and every measurement: what was asked
         of the instrument before the last of them is not done any more.
@@ -88,6 +91,7 @@ class Desk:
     last_measured: str | None = None
     checks: tuple[str, ...] = ()
     recomputed: tuple[Recomputed, ...] = ()
+    repeating: Repeating | None = None
     errand: int = 0
     pressed: int | None = None
     refusal_told: float = float("-inf")
@@ -151,6 +155,9 @@ class Desk:
             )
             return Agenda((Step("measure", words, self.check),))
         following = self.outlook.next_model
+        if self.repeating is not None and not self.state.suspended:
+            moves = self.abilities is not None and self.abilities.moves
+            return self.repeating.agenda(moves=moves)
         between = self.state.current is None and not self.state.suspended
         if self.mono and between and following is not None:
             _, left, right = following
@@ -162,7 +169,8 @@ class Desk:
     def next_name(self) -> str | None:
         """What the operator is expected to point at next, or None."""
         if self.referencing is None:
-            return self.check or self.outlook.next_point
+            repeated = None if self.repeating is None else self.repeating.name
+            return self.check or repeated or self.outlook.next_point
         return None if self.reference is None else self.reference.name
 
     @property

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from anaplot.errors import AnaplotError, InputError
-from anaplot.photogrammetry.readings import UNREFERENCED
+from anaplot.photogrammetry.readings import UNREFERENCED, Position
 from anaplot.session.desk import Desk
 from anaplot.session.events import Event
-from anaplot.session.heard import Seen
+from anaplot.session.heard import Abilities, Seen
 from anaplot.session.modelstate import ModelState
 from anaplot.session.modes import Mode
+from anaplot.session.repeating import Repeating
 from anaplot.session.requests import DriveTo, Request, Severity, Tell
 
 __all__ = ["Decision", "Draft", "Note"]
@@ -103,7 +104,7 @@ class Draft:
 
     def redirect(self, **fields: Any) -> None:
         """Change where the plates are to go: what was asked for before leads nowhere."""
-        self.change(errand=self.desk.errand + 1, **fields)
+        self.change(errand=self.desk.errand + 1, **{"repeating": None, **fields})
 
     def model(self) -> ModelState:
         """Return the model in the instrument.
@@ -184,14 +185,35 @@ class Draft:
         place = mode.place(name, abilities.middle, known=known)
         self.redirect(
             target=name,
-            # undriven plates that are moved are there at once, and no reply says so
-            drive_target=place if abilities.drives else None,
-            setting=self.seen.own_operator,
-            # the mark that counts is the one set after this drive, not after one given up before
-            settles_after=None,
+            **self._under_way(place, abilities),
         )
         self._key_goes_along(before)
         self.ask(DriveTo(place, mode.side))
+
+    def _under_way(self, place: Position, abilities: Abilities) -> dict[str, Any]:
+        """Return what the desk knows of a drive that is asked for now."""
+        return {
+            # undriven plates that are moved are there at once, and no reply says so
+            "drive_target": place if abilities.drives else None,
+            "setting": self.seen.own_operator,
+            # the mark that counts is the one set after this drive, not after one given up before
+            "settles_after": None,
+        }
+
+    def point_away(self, repeating: Repeating) -> None:
+        """Move the plates away from something measured, so that it is pointed at anew."""
+        abilities = self.desk.abilities
+        if abilities is None or not abilities.moves:
+            self.redirect(target=repeating.name, repeating=repeating)
+            return
+        mode = self.mode()
+        away = repeating.away(mode, abilities.middle)
+        self.redirect(
+            target=repeating.name,
+            repeating=replace(repeating, moved=not abilities.drives),
+            **self._under_way(away, abilities),
+        )
+        self.ask(DriveTo(away, mode.side))
 
     def _key_goes_along(self, before: Desk) -> None:
         """Let a press of the key count that was meant for the same point as the drive now begun."""

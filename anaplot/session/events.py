@@ -20,9 +20,11 @@ __all__ = [
     "MonoMeasured",
     "PhotoLaid",
     "PhotoName",
+    "Place",
     "PlannedPoint",
     "PointAdded",
     "PointMeasured",
+    "PointRepeated",
     "Reason",
     "ReasonGiven",
     "Resumed",
@@ -211,6 +213,49 @@ class MonoMeasured:
 
 
 @dataclass(frozen=True, slots=True)
+class Place:
+    """Where something was pointed at in a photo: coordinates [mm]."""
+
+    photo: PhotoName
+    side: Side
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
+class PointRepeated:
+    """What is measured already was pointed at once more, for the precision of pointing alone.
+
+    It changes neither the measurement nor the model.
+
+    Attributes
+    ----------
+    left, right
+        The model.
+    name
+        Of the point or fiducial.
+    fiducial
+        Whether it is a fiducial; its coordinates are then those of the plate, else of the image.
+    places
+        In the photos that were pointed at together: both, or one.
+    moved
+        Whether the mark is known to have been away from it since the pointing before; without
+        that, the pointings are not independent.
+    switch
+        What recorded it: a footswitch's name, or "key".
+    """
+
+    kind: ClassVar[str] = "point-repeated"
+    left: PhotoName
+    right: PhotoName
+    name: str
+    fiducial: bool
+    places: tuple[Place, ...]
+    moved: bool
+    switch: str
+
+
+@dataclass(frozen=True, slots=True)
 class RowSwitched:
     """A point (axis None) or one of its rows was switched off or on again."""
 
@@ -293,6 +338,7 @@ Event = (
     | InnerAccepted
     | PointAdded
     | PointMeasured
+    | PointRepeated
     | RowSwitched
     | ModelAccepted
     | ModelReopened

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from anaplot.adjustment.tested import Observation
 from anaplot.errors import AnaplotError, InputError
 from anaplot.orientation.results import Row
@@ -28,6 +30,7 @@ from anaplot.session.heard import (
     Seen,
 )
 from anaplot.session.layinganew import check_recorded
+from anaplot.session.repeating import Repeating, repetition
 from anaplot.session.requests import ReadAnew
 from anaplot.session.workflow import Outlook
 
@@ -83,6 +86,9 @@ def hear(desk: Desk, heard: Heard, seen: Seen) -> Decision:
 
 def _passed(draft: Draft, position: Position, within: float) -> None:
     """Take it that the plates were at a position: as near to the target as that, they arrived."""
+    repeating = draft.desk.repeating
+    if repeating is not None and not repeating.moved and repeating.is_away(position):
+        draft.change(repeating=replace(repeating, moved=True))
     target = draft.desk.drive_target
     if target is not None and _gap(position, target) <= within:
         _arrived(draft)
@@ -90,7 +96,11 @@ def _passed(draft: Draft, position: Position, within: float) -> None:
 
 def _arrived(draft: Draft) -> None:
     if draft.desk.drive_target is not None:
-        draft.change(drive_target=None)
+        repeating = draft.desk.repeating
+        draft.change(
+            drive_target=None,
+            repeating=None if repeating is None else replace(repeating, moved=True),
+        )
 
 
 def _recorded(draft: Draft, record: Record) -> None:
@@ -106,7 +116,13 @@ def _recorded(draft: Draft, record: Record) -> None:
         if draft.desk.check is not None:
             check_recorded(draft, name, record.position)
             return
-        draft.happen(mode.measurement(name, record.position, record.switch))
+        measured = mode.measurement(name, record.position, record.switch)
+        again = draft.desk.repeating
+        if again is not None:
+            draft.happen(repetition(mode.model, measured, moved=again.moved))
+            _repeated(draft, again.after(record.position))
+            return
+        draft.happen(measured)
     except AnaplotError as error:
         draft.tell("error", f"not recorded: {error}")
         draft.note("record-refused", {"reason": str(error)})
@@ -117,6 +133,17 @@ def _recorded(draft: Draft, record: Record) -> None:
     fresh = [row.key for row in _flagged(draft.desk.outlook) if row.key not in before]
     if fresh:
         draft.tell("warning", "flagged: " + ", ".join(f"{one} {axis}" for one, axis in fresh))
+    draft.advance()
+
+
+def _repeated(draft: Draft, again: Repeating) -> None:
+    """Go on to the next pointing at the same point, or to what comes after the last one."""
+    remark = "" if again.moved else ": the mark was not seen to move away, it does not count"
+    draft.tell("record", f"{again.name} pointed at again, {again.done} of {again.times}{remark}")
+    if again.done < again.times:
+        draft.point_away(replace(again, moved=False))
+        return
+    draft.redirect(target=None)
     draft.advance()
 
 

@@ -97,6 +97,18 @@ class Fiducials:
             return Position(x, y, waiting_x, waiting_y)
         return Position(waiting_x, waiting_y, x, y)
 
+    def stands(self, name: str, middle: Position) -> Position | None:
+        """Return where the carriages stood for a fiducial that is measured, or None."""
+        m = self.inner.measurement(name)
+        if m is None:
+            return None
+        if self.model.mono:
+            return Position(m.x, m.y, m.x, m.y)
+        at = self.place(name, middle, known=False)
+        if self.inner.side == "left":
+            return Position(m.x, m.y, at.xr, at.yr)
+        return Position(at.xl, at.yl, m.x, m.y)
+
     def _nominal(self, side: Side, middle: Position) -> PlateTransformation:
         """Return how a photo is thought to lie in a carriage before anything is measured in it."""
         for model in reversed(self.state.models):
@@ -175,6 +187,12 @@ class Pairs(_Points):
         del middle
         return plate_of(*self._images(name, known=known), plates_of(self.state))
 
+    def stands(self, name: str, middle: Position) -> Position | None:
+        """Return where the carriages stood for a point that is measured, or None."""
+        del middle
+        m = self.model.measurement(name)
+        return None if m is None else plate_of(m.xl, m.yl, m.xr, m.yr, plates_of(self.state))
+
     def measurement(self, name: str, at: Position, switch: str) -> Event:
         """Return the point's measurement in both photos."""
         read = image_of(at, plates_of(self.state))
@@ -204,6 +222,15 @@ class Singles(_Points):
         place = self._images(name, known=known)
         one = place[2:] if self.model.laid == "right" else place[:2]
         return plate_of(*one, *one, plates_of(self.state))
+
+    def stands(self, name: str, middle: Position) -> Position | None:
+        """Return where the plate stood for a point measured in the photo that lies there."""
+        del middle
+        laid = self.model.laid
+        seen = None if laid is None else self.model.sighting(laid, name)
+        if seen is None:
+            return None
+        return plate_of(seen.x, seen.y, seen.x, seen.y, plates_of(self.state))
 
     def measurement(self, name: str, at: Position, switch: str) -> Event:
         """Return the point's measurement in the photo that lies there."""

@@ -22,6 +22,7 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    PointRepeated,
     Reason,
     ReasonGiven,
     Resumed,
@@ -35,6 +36,7 @@ from anaplot.session.monofold import laid_in, measured_in_photo, taken_over
 from anaplot.session.pointcheck import check_place
 from anaplot.session.reasons import LastChange, RowReason, after_change, last_change, with_reason
 from anaplot.session.refusal import EventRefusedError
+from anaplot.session.repeating import check_repetition
 from anaplot.session.returning import AsAccepted, Return, following, replaced, same_measurements
 
 __all__ = ["EventRefusedError", "Measured", "ModelState", "SessionState", "apply", "fold", "start"]
@@ -187,6 +189,9 @@ def _happened(state: SessionState, event: Event) -> SessionState:
             return _with_current(state, _added(state, event.planned))
         case PointMeasured():
             return _with_point(state, _measured(state, event), event.point)
+        case PointRepeated():
+            check_repetition(state.block, _current(state), event)
+            return state._remembered()
         case PhotoLaid():
             model = laid_in(_current(state), event, state.layings + 1)
             model = replace(model, inner=_laid_anew(state.block, model))

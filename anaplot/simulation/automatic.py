@@ -9,7 +9,7 @@ that he always comes to an end.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from time import monotonic
 from typing import Literal, NamedTuple
@@ -99,12 +99,21 @@ class AutomaticOperator:
         The station; at its instrument a simulated hand must press the pedal or set the mark.
     on_accepted
         Called with what happened in a model when it is accepted.
+    repeats
+        How often he points again at one point of every model, and at one fiducial of every photo,
+        before he accepts.
     """
 
     def __init__(
-        self, station: Station, on_accepted: Callable[[ModelRecord], None] | None = None
+        self,
+        station: Station,
+        on_accepted: Callable[[ModelRecord], None] | None = None,
+        *,
+        repeats: int = 0,
     ) -> None:
         self._station = station
+        self._repeats = repeats
+        self._repeated: set[tuple[str, ...]] = set()
         self._on_accepted = on_accepted
         instrument = station.instrument
         self._instrument = instrument if isinstance(instrument, SimulatedInstrument) else None
@@ -234,7 +243,7 @@ class AutomaticOperator:
                 return True
             # waiting for a record: a lost byte must not end the job
             if monotonic() - self._since > _PATIENCE:
-                self._drive(picture.target)
+                self._drive(picture.target, again=picture.repeating)
             return False
         name = f"{picture.left}/{picture.right}"
         if picture.inner is not None:
@@ -254,7 +263,7 @@ class AutomaticOperator:
             self._handle(picture, record, (picture.next_point, None))
         elif picture.diagnosis is not None and picture.diagnosis.suspects:
             self._handle(picture, record, picture.diagnosis.suspects[0])
-        else:
+        elif not self._points_again((name,), [p.point for p in picture.points]):
             station.accept()
             record.after = picture.solution
             if self._on_accepted is not None:
@@ -316,17 +325,32 @@ class AutomaticOperator:
             row = None
         if row is not None:
             self._handle(picture, record, row)
-        else:
+        elif not self._points_again(key, [f.fiducial for f in inner.fiducials]):
             self._station.accept()
             done.after = inner.solution
 
-    def _drive(self, point: str) -> None:
-        """Drive to a point, but not for ever to one of which no record comes."""
+    def _points_again(self, where: tuple[str, ...], names: Sequence[str]) -> bool:
+        """Point again at one of what is measured there, a different one every time, once."""
+        if not self._repeats or where in self._repeated:
+            return False
+        name = names[len(self._repeated) % len(names)]
+        self._repeated.add(where)
+        self._station.point_again(name, self._repeats)
+        return True
+
+    def _drive(self, point: str, again: tuple[int, int] | None = None) -> None:
+        """Drive to a point, but not for ever to one of which no record comes.
+
+        `again`: it is pointed at again, how often it was and is to be.
+        """
         if self._drives >= _ATTEMPTS:
             what = "point" if self._station.snapshot().inner is None else "fiducial"
             raise _GivenUpError(f"{what} {point} was not recorded in {_ATTEMPTS} attempts")
         self._pressed = False
-        self._station.drive(point)
+        if again is None:
+            self._station.drive(point)
+        else:
+            self._station.point_again(point, again[1] - again[0])
         self._drives += 1
         self._since = monotonic()
 
@@ -372,6 +396,7 @@ def _progress(picture: Snapshot) -> tuple[object, ...]:
         picture.suspended,
         picture.laid,
         picture.unreferenced,
+        picture.repeating,
         tuple((p.times, p.off_axes, p.seen) for p in picture.points),
         tuple(
             (i.accepted, tuple((f.times, f.off_axes) for f in i.fiducials)) for i in picture.inners

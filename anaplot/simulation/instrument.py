@@ -15,7 +15,13 @@ from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.schema import Profile
-from anaplot.session.events import Event, FiducialMeasured, MonoMeasured, PointMeasured
+from anaplot.session.events import (
+    Event,
+    FiducialMeasured,
+    MonoMeasured,
+    PointMeasured,
+    PointRepeated,
+)
 from anaplot.session.heard import MarkSet
 from anaplot.session.state import apply, start
 from anaplot.simulation.laidplates import Placements, laid_photographs
@@ -153,6 +159,13 @@ class SimulatedInstrument(Instrument):
                 case MonoMeasured():
                     name = monocular_name(event.side, event.point)
                     pointed[event.left, event.right, name] += 1
+                case PointRepeated() if event.fiducial:
+                    name = fiducial_name(event.places[0].side, event.name)
+                    pointed[event.left, event.right, name] += 1
+                case PointRepeated(places=(one,)):
+                    pointed[event.left, event.right, monocular_name(one.side, event.name)] += 1
+                case PointRepeated():
+                    pointed[event.left, event.right, event.name] += 1
                 case FiducialMeasured() if state.current is not None:
                     name = fiducial_name(event.side, event.fiducial)
                     pointed[(*state.current.photos, name)] += 1

@@ -66,6 +66,10 @@ class Commanded(ABC):
         """Record the point at which the plates stand."""
         self.give(commands.RecordPoint())
 
+    def point_again(self, point: str | None = None, times: int = 5) -> None:
+        """Point again at something measured; see `anaplot.session.commands.PointAgain`."""
+        self.give(commands.PointAgain(point, times))
+
     def switch(self, point: str, axis: Axis | None, on: bool) -> None:
         """Switch a row, or the whole point (axis None), off or on."""
         self.give(commands.Switch(point, axis, on))

@@ -30,9 +30,11 @@ from anaplot.session.events import (
     InnerAccepted,
     MonoMeasured,
     PointMeasured,
+    PointRepeated,
 )
 from anaplot.session.innerwork import InnerOutlook
 from anaplot.session.modes import Mode
+from anaplot.session.repeating import repetition
 from anaplot.session.state import EventRefusedError, SessionState, start
 from anaplot.station.payloads import (
     Heard,
@@ -48,7 +50,7 @@ from anaplot.textfiles.wording import quoted
 
 __all__ = ["Difference", "Replayed", "Step", "recorded_block", "replay", "replay_session"]
 
-Measurement = PointMeasured | FiducialMeasured | MonoMeasured
+Measurement = PointMeasured | FiducialMeasured | MonoMeasured | PointRepeated
 
 _REMEMBERED = 64  # records of the line that may still become measurements
 _SAME = 1e-9  # mm, by which an accepted transformation may differ at its fiducials
@@ -313,13 +315,19 @@ class _Decoding:
         if isinstance(event, FiducialMeasured):
             point = event.fiducial
             name = f"fiducial {point} of photo {event.photo} ({event.side})"
+        elif isinstance(event, PointRepeated):
+            point = event.name
+            name = f"{'fiducial' if event.fiducial else 'point'} {point}, pointed at again"
         else:
             point = event.point
             name = f"point {point}"
         while self._records and mode is not None:
             at = self._records.popleft().position
             # whatever switch it was
-            if mode.measurement(point, at, event.switch) == event:
+            said: Event = mode.measurement(point, at, event.switch)
+            if isinstance(event, PointRepeated):
+                said = repetition(mode.model, said, moved=event.moved)
+            if said == event:
                 return None
         return f"{name}: the recorded bytes do not say what was measured"
 

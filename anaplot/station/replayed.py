@@ -22,6 +22,7 @@ from anaplot.session.events import (
     MonoMeasured,
     PhotoLaid,
     PointMeasured,
+    PointRepeated,
 )
 from anaplot.session.plates import ReadOut, image_of, plates_of
 from anaplot.session.requests import Severity
@@ -191,6 +192,8 @@ def _told(step: Step) -> list[str]:
             lines.append(view.diagnosis.advice[0])
     elif isinstance(event, PhotoLaid):
         lines.append(f"photo {event.photo} laid into the comparator")
+    elif isinstance(event, PointRepeated):
+        lines.append(f"{'fiducial' if event.fiducial else 'point'} {event.name} pointed at again")
     elif isinstance(event, FiducialMeasured):
         lines.append(f"photo {event.photo} ({event.side}): fiducial {event.fiducial} recorded")
         inner = view.inner

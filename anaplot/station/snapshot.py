@@ -185,6 +185,9 @@ class Snapshot:
         What may be done now, the most urgent first: `expected` in parts.
     drives
         Whether the instrument drives its plates.
+    repeating
+        How often the target was pointed at again, and how often it is to be; None when it is
+        measured.
     """
 
     serial: int
@@ -223,6 +226,7 @@ class Snapshot:
     last_change: LastChange | None = None
     agenda: Agenda = NO_AGENDA
     drives: bool = True
+    repeating: tuple[int, int] | None = None
 
     @property
     def inner(self) -> InnerView | None:
@@ -298,6 +302,7 @@ def snapshot_of(
         last_change=state.last_change,
         agenda=desk.agenda,
         drives=desk.abilities is not None and desk.abilities.drives,
+        repeating=None if desk.repeating is None else (desk.repeating.done, desk.repeating.times),
     )
 
 

@@ -13,9 +13,11 @@ from anaplot.session.events import (
     ModelAccepted,
     ModelChosen,
     ModelReopened,
+    Place,
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    PointRepeated,
     ReasonGiven,
     Resumed,
     RowSwitched,
@@ -45,7 +47,7 @@ class Draft:
             point = current.plan[self.number % len(current.plan)].point
             if self.flag:
                 model = current.photos
-        match self.kind % 13:
+        match self.kind % 14:
             case 0 | 1:
                 accepted = len(state.models)
                 if self.flag and current is None and accepted < len(models):
@@ -73,13 +75,20 @@ class Draft:
                 return Resumed()
             case 12 if state.models:
                 return ModelReopened(*state.models[self.number % len(state.models)].photos)
+            case 13:
+                sides = ("left", "right")
+                places = tuple(
+                    Place(photo, side, 1.0, self.number * 0.1)
+                    for photo, side in zip(model, sides, strict=True)
+                )
+                return PointRepeated(*model, point, False, places, self.flag, "key")
             case _:
                 return PointMeasured(*model, point, 500.0, 0.0, 0.0, 0.0, "pedal")
 
 
 drafts = st.lists(
     st.builds(
-        Draft, st.integers(0, 12), st.integers(0, 40), st.integers(0, 4).map(lambda n: n > 0)
+        Draft, st.integers(0, 13), st.integers(0, 40), st.integers(0, 4).map(lambda n: n > 0)
     ),
     max_size=120,
 )
@@ -122,6 +131,8 @@ def test_undo_is_the_exact_inverse_and_undoing_all_gives_the_start(steps: list[D
             # what was said of a change is no part of what is taken back
             assert replace(again, reasons=before.reasons) == before
             assert again._history == before._history
+        if isinstance(event, PointRepeated):
+            assert after == before
     state = states[-1]
     if state.suspended:
         state = apply(state, Resumed())
