@@ -135,6 +135,12 @@ def _log(options: argparse.Namespace) -> int:
     return run_log(options)
 
 
+def _pointing(options: argparse.Namespace) -> int:
+    from anaplot.report.pointingcommand import run_pointing
+
+    return run_pointing(options)
+
+
 def _plan_pattern(options: argparse.Namespace) -> int:
     from anaplot.report.planpattern import pattern_files, planned_pattern
     from anaplot.report.running import run_computation
@@ -345,6 +351,17 @@ def _parser() -> _Parser:
     )
     log.add_argument("session", type=Path, metavar="BLOCK", help="a block, or a recorded session")
     add_output(log, "the changes")
+
+    pointing = command(
+        "pointing",
+        _pointing,
+        "the precision of pointing: pooled sigma0 of the models, repeated pointing, drift",
+        "anaplot pointing myblock",
+    )
+    pointing.add_argument(
+        "session", type=Path, metavar="BLOCK", help="a block, or a recorded session"
+    )
+    add_output(pointing, "the pooled sigma0")
 
     fit = command(
         "fit",

@@ -1,0 +1,168 @@
+"""When and by whom things were measured, and what was pointed at more than once: from a journal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from anaplot.session.changes import Happened
+from anaplot.session.events import (
+    Event,
+    FiducialMeasured,
+    ModelAccepted,
+    ModelChosen,
+    ModelReopened,
+    MonoMeasured,
+    PhotoLaid,
+    PointMeasured,
+    PointRepeated,
+    ReasonGiven,
+    Resumed,
+    Suspended,
+    Undone,
+)
+from anaplot.session.repeating import measured_at
+from anaplot.session.state import SessionState, apply
+
+__all__ = ["Pointed", "Pointings", "Run", "pointings_of"]
+
+Named = tuple[str, str, str]
+"""(left, right, point), or (photo, side, fiducial)."""
+
+
+class Pointed(NamedTuple):
+    """Who measured something last, and when (ISO 8601 with zone)."""
+
+    who: str
+    time: str
+
+
+@dataclass(slots=True)
+class Run:
+    """Pointings at one thing by one person, one after the other.
+
+    Attributes
+    ----------
+    model, name, fiducial
+        What was pointed at.
+    role
+        "tie" or "new"; of a fiducial "".
+    who
+        The operator's name, or "".
+    places
+        Coordinates [mm] of each pointing, photo by photo; the measurement itself first where it is
+        his.
+    unmoved
+        How many more there are before which the mark was not seen to move away.
+    """
+
+    model: str
+    name: str
+    fiducial: bool
+    role: str
+    who: str
+    places: list[tuple[tuple[float, float], ...]]
+    unmoved: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Pointings:
+    """What a journal says of pointings.
+
+    Attributes
+    ----------
+    state
+        Where the session stands.
+    measured
+        Of every point of a model, and of every fiducial, its latest measurement.
+    runs
+        What was pointed at again.
+    """
+
+    state: SessionState
+    measured: dict[Named, Pointed] = field(default_factory=dict)
+    runs: tuple[Run, ...] = ()
+
+
+def pointings_of(start: SessionState, history: Iterable[Happened]) -> Pointings:
+    """Return when and by whom things were measured, and what was pointed at again.
+
+    Parameters
+    ----------
+    start
+        The state before the first event.
+    history
+        The journal's events.
+
+    Raises
+    ------
+    EventRefusedError
+        An event that does not fit what happened before it.
+    """
+    state = start
+    done: list[tuple[Happened, SessionState]] = []
+    for happened in history:
+        before, state = state, apply(state, happened.event)
+        if isinstance(happened.event, Undone):
+            done.pop()
+        elif not isinstance(happened.event, Suspended | Resumed | ReasonGiven):
+            done.append((happened, before))
+    measured: dict[Named, Pointed] = {}
+    here: dict[Named, str] = {}  # by whom, since photos were laid in
+    runs: dict[object, Run] = {}
+    layings = 0
+    for (time, who, event), before in done:
+        if isinstance(event, ModelChosen | ModelReopened | ModelAccepted | PhotoLaid):
+            layings += 1
+            here.clear()
+        if isinstance(event, PointRepeated):
+            _repeated(runs, layings, event, before, who, here)
+        elif (named := _named(event)) is not None:
+            measured[named] = Pointed(who, time)
+            here[named] = who
+    return Pointings(state, measured, tuple(runs.values()))
+
+
+def _named(event: Event) -> Named | None:
+    match event:
+        case PointMeasured() | MonoMeasured():
+            return event.left, event.right, event.point
+        case FiducialMeasured():
+            return event.photo, event.side, event.fiducial
+        case _:
+            return None
+
+
+def _repeated(
+    runs: dict[object, Run],
+    layings: int,
+    event: PointRepeated,
+    before: SessionState,
+    who: str,
+    here: dict[Named, str],
+) -> None:
+    """Put a pointing to those at the same thing, as it lies in the instrument.
+
+    The measurement that it repeats is one of them where the same person made it, and the photos
+    were not laid in anew since.
+    """
+    model = before.current
+    assert model is not None  # or the event would have been refused
+    at = measured_at(model, event)
+    assert at is not None
+    name = f"{event.left}/{event.right}"
+    key = (layings, name, event.name, event.fiducial, event.places[0].side, at, who)
+    if key not in runs:
+        place = event.places[0]
+        named = (event.left, event.right, event.name)
+        if event.fiducial:
+            named = (place.photo, place.side, event.name)
+        planned = None if event.fiducial else model.planned(event.name)
+        role = "" if planned is None else planned.role
+        own = here.get(named) == who
+        runs[key] = Run(name, event.name, event.fiducial, role, who, [at] if own else [])
+    if event.moved:
+        runs[key].places.append(tuple((place.x, place.y) for place in event.places))
+    else:
+        runs[key].unmoved += 1
