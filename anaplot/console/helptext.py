@@ -135,6 +135,17 @@ _FIT = (
 )
 
 
+_POINTING = (
+    (
+        "pointing",
+        "sigma0 pooled over models, strips, operators and kinds of points, and what pointing again "
+        "gives: from the page Enter points again at the point under the mark, the plates moving "
+        "50 µm away before each, which changes nothing measured. The result is offered as the "
+        "weight; the first and last hour of a day are compared.",
+    ),
+)
+
+
 def _section(title: str, pairs: tuple[tuple[str, str], ...], width: int) -> list[Content]:
     lines = [Content(""), Content.styled(title, "bold")]
     for name, sentence in pairs:
@@ -171,6 +182,7 @@ def help_lines(keys: Mapping[str, tuple[str, ...]], width: int) -> list[Content]
         *_section("Gross errors", _ERRORS, width),
         *_section("The block", _BLOCK, width),
         *_section("The control", _FIT, width),
+        *_section("The pointing", _POINTING, width),
         *_section("Instruments", _INSTRUMENTS, width),
         *_section("Keys", named + palette, width),
     ]

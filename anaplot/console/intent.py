@@ -93,6 +93,7 @@ class Question:
 
 Intent = Command | Say | Question | Leave | PointName | Read | Turn | Toggle
 
+_PAGES = ("orientation", "messages", "block", "fit", "pointing", "errors", "help")
 _ALWAYS: dict[str, Intent] = {
     "record": commands.RecordPoint(),
     "next_model": commands.NextModel(),
@@ -101,7 +102,7 @@ _ALWAYS: dict[str, Intent] = {
     "stop": commands.Stop(),
     "add_point": PointName(),
     **{f"why_{reason}": commands.GiveReason(reason) for reason in REASONS},
-    **{page: Read(page) for page in ("orientation", "messages", "block", "fit", "errors", "help")},
+    **{page: Read(page) for page in _PAGES},
 }
 _OF_A_ROW = ("switch_row", "switch_point", "details")
 _WHEELS_ELSEWHERE = Say("hint", "the handwheels are those of a simulated plotter's stereo view (v)")

@@ -102,6 +102,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("stereo", "v", "Stereo", "The stereo view in place of the map, or the map again.", 6),
     Action("block", "b", "Block", "What the block as one bundle says of all its points.", 9),
     Action("fit", "F", "Fit", "The strips on the control measured so far.", 18),
+    Action("pointing", "P", "", "How precise the pointing is; from there, point again."),
     Action("errors", "e", "Errors", "Gross errors of the model, by the strategy chosen there.", 16),
     Action("details", "d", "More", "All that is known of the selected row.", 10),
     Action("add_point", "+", "Add", "Add a point beyond the plan.", 16),

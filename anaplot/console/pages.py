@@ -17,6 +17,7 @@ from anaplot.console.errorspage import FIRST, ErrorsPage, errors_lines
 from anaplot.console.fitpage import FitChoice, FitPage
 from anaplot.console.helptext import help_lines
 from anaplot.console.panels import entry_lines
+from anaplot.console.pointingpage import PointingPage
 from anaplot.console.rows import ShownRow
 from anaplot.console.stationlike import StationLike
 from anaplot.station.snapshot import Snapshot
@@ -34,13 +35,15 @@ class Pages:
     Parameters
     ----------
     station
-        What is shown; computes fits.
+        What is shown; computes fits, and how precise the pointing is.
     keys
         The keys in force, by action.
     messages
         Returns all messages, wrapped to a width.
     chosen
         Called when another strategy for gross errors is looked at.
+    again
+        Begins to point again at something measured.
 
     Attributes
     ----------
@@ -54,13 +57,15 @@ class Pages:
         keys: Mapping[str, tuple[str, ...]],
         messages: Callable[[int], list[Content]],
         chosen: Callable[[], None],
+        again: Callable[[], None],
     ) -> None:
         self.strategy: str | None = None
         self._station, self._snapshot, self._keys = station, station.snapshot(), keys
-        self._messages, self._chosen = messages, chosen
+        self._messages, self._chosen, self._again = messages, chosen, again
         self._block: Page | None = None
         self._errors: ErrorsPage | None = None
         self._fit: FitPage | None = None
+        self._pointing: PointingPage | None = None
         self._choice = FitChoice()
 
     def show(self, snapshot: Snapshot) -> None:
@@ -68,13 +73,15 @@ class Pages:
         before, self._snapshot = self._snapshot, snapshot
         if self._fit is not None and _measured(before) != _measured(snapshot):
             self._fit.renew()
+        if self._pointing is not None and before.accepted != snapshot.accepted:
+            self._pointing.renew()
         if self._block is not None:
             self._block.show(block_page(snapshot.block_view, _WIDTH))
         if self._errors is not None:
             self._errors.renew()
 
     def open(self, app: App[object], page: str, selected: ShownRow | None) -> None:
-        """Open details (of the selected row), orientation, messages, block, fit, errors or help."""
+        """Open the page of that name; details are those of the selected row."""
         snapshot = self._snapshot
         if page == "details" and selected is not None:
             lines = entry_lines(describe_row(selected, snapshot), _WIDTH, 20)
@@ -94,6 +101,9 @@ class Pages:
             bundle = partial(self.open, app, "block", selected)
             self._fit = FitPage(self._choice, self._fitted, self._fit_chosen, bundle, _WIDTH)
             app.push_screen(self._fit, self._fit_read)
+        elif page == "pointing":
+            self._pointing = PointingPage(self._station.pointing, self._again, _WIDTH)
+            app.push_screen(self._pointing, self._pointing_read)
         elif page == "errors":
             strategy = self.strategy or FIRST
             self._choose(strategy)
@@ -104,6 +114,9 @@ class Pages:
 
     def _block_read(self, _: None) -> None:
         self._block = None
+
+    def _pointing_read(self, _: None) -> None:
+        self._pointing = None
 
     def _fit_read(self, _: None) -> None:
         self._fit = None

@@ -131,6 +131,7 @@ class OrientationScreen(Screen[None]):
             self._keys,
             lambda width: self.query_one(MessagePanel).history(width),
             self._show_advice,
+            self._point_again,
         )
 
     # -- layout and life -------------------------------------------------------------------
@@ -311,6 +312,13 @@ class OrientationScreen(Screen[None]):
     def drive_to(self, point: str) -> None:
         """Drive the plates to a point."""
         self._do(commands.Drive(point))
+
+    def _point_again(self) -> None:
+        """Point again at the measured point chosen by hand, else the one under the mark."""
+        now = self._situation
+        shown = now.selected if now.by_hand else None
+        measured = shown is not None and shown.state == "measured"
+        self._do(commands.PointAgain(shown.point if shown is not None and measured else None))
 
     def show_errors(self, strategy: str) -> None:
         """Choose a strategy for gross errors and show what it finds."""

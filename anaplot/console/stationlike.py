@@ -9,6 +9,7 @@ from anaplot.orientation.stripfit import Degree
 from anaplot.session.commands import Command
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.stereo import StereoPair
+from anaplot.station.pointing import Pointing
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.stripcontrol import StripOnControl
 
@@ -41,6 +42,9 @@ class StationLike(Protocol):
         self, degree: Degree, without: Collection[str]
     ) -> tuple[StripOnControl, ...]:
         """Return the strips fitted to the control measured so far; called beside the screen."""
+
+    def pointing(self) -> Pointing:
+        """Return what is known of the precision of pointing; called beside the screen."""
 
     def close(self) -> None:
         """Close link and journal; harmless when closed already."""

@@ -21,9 +21,8 @@ from anaplot.report.document import Block as Part
 from anaplot.report.output import Output
 from anaplot.station.drift import Drift
 from anaplot.station.pointing import Pointing, read_pointing
-from anaplot.station.pooledrows import Sigma
 
-__all__ = ["offer_text", "pointing_document", "run_pointing"]
+__all__ = ["pointing_document", "run_pointing"]
 
 _GROUPS = {"all": "all models", "strip": "strip", "operator": "operator", "kind": "kind"}
 _POOLED = (
@@ -160,22 +159,6 @@ def pointing_document(found: Pointing) -> Document:
     return Document(answer, tuple(page), (pooled, repeated, drift))
 
 
-def offer_text(found: Pointing) -> str:
-    """Return in one line what repeated pointing offers as the weight, or ""."""
-    offer = found.offer
-    if offer is None:
-        return ""
-    high = "open" if offer.high_um is None else f"{offer.high_um:.1f}"
-    return (
-        f"pointing {offer.um:.1f} um ({found.pointings} pointings, {offer.low_um:.1f} to {high}): "
-        f"block.toml has sigma {found.apriori_um:g}"
-    )
-
-
-def _line_to_write(offer: Sigma) -> str:
-    return f"image_um = {offer.um:.1f}"
-
-
 def _offer(found: Pointing) -> Answer | None:
     offer = found.offer
     if offer is None:
@@ -189,39 +172,22 @@ def _offer(found: Pointing) -> Answer | None:
         "pointings": found.pointings,
         "apriori_um": found.apriori_um,
         "agrees": offer.holds(found.apriori_um),
-        "line": _line_to_write(offer),
+        "line": found.line_to_write or None,
         "against_models": None if against is None else _test(against),
     }
 
 
 def _offer_lines(found: Pointing) -> list[Line]:
-    offer = found.offer
-    if offer is None:
-        return [
-            say("nothing was pointed at twice yet"),
-        ]
-    lines = [say("{}", offer_text(found)).of("heading")]
-    if offer.holds(found.apriori_um):
-        lines.append(say("  that agrees: nothing needs to be changed"))
+    if found.offer is None:
+        return [say("nothing was pointed at twice: in the console P, then Enter, points again")]
+    lines = [say("{}", found.offered).of("heading")]
+    if found.line_to_write:
+        words = "  to take it as the weight: in block.toml, [precision], {}"
+        lines.append(say(words, found.line_to_write))
     else:
-        line = _line_to_write(offer)
-        lines.append(say("  to take it as the weight: in block.toml, [precision], {}", line))
-    against = found.against_models
-    models = next((one.sigma.um for one in found.pooled if one.group == "all"), None)
-    if against is not None and models is not None and against.probability < 0.01:
-        more = models > offer.um
-        lines.append(
-            say(
-                "  the models show {:.2f} um (F {:.2f}, P {:.3f}): {}",
-                models,
-                against.statistic,
-                against.probability,
-                "more than pointing: identification, film and lens are in it, or the second "
-                "pointings leaned on the first"
-                if more
-                else "less than pointing",
-            ).of("look")
-        )
+        lines.append(say("  that agrees: nothing needs to be changed"))
+    if found.beside_models:
+        lines.append(say("  {}", found.beside_models).of("look"))
     return lines
 
 

@@ -138,7 +138,9 @@ def _point_again(draft: Draft, name: str | None, times: int) -> None:
     if times < 1:
         raise InputError("point again at least once")
     mode = draft.mode()
-    name = name or desk.target or desk.last_measured
+    if name is None:
+        standing = desk.target is not None and mode.stands(desk.target, desk.abilities.middle)
+        name = desk.target if standing else desk.last_measured
     if name is None:
         raise InputError(f"drive to a {mode.unit} first")
     draft.point_away(begin_repeating(mode, name, times, desk.abilities.middle))

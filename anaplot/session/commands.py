@@ -60,7 +60,8 @@ class PointAgain:
     Attributes
     ----------
     point
-        Point or fiducial; None for the one under the mark, else the one measured last.
+        Point or fiducial; None for the one under the mark, if it is measured, else the one
+        measured last.
     times
         How often.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from pathlib import Path
 from typing import Self
 
 from anaplot.aliases import Axis
@@ -11,16 +12,24 @@ from anaplot.session import commands
 from anaplot.session.commands import Command
 from anaplot.session.events import Reason
 from anaplot.station.audience import Audience
+from anaplot.station.pointing import Pointing, read_pointing
 from anaplot.station.snapshot import Snapshot
 
 __all__ = ["Commanded"]
 
 
 class Commanded(ABC):
-    """Something that is looked at and given commands; each method gives the one of its name."""
+    """Something that is looked at and given commands; each method gives the one of its name.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    session
+        The block folder, or the recorded session.
+    """
+
+    def __init__(self, session: Path) -> None:
         self._audience = Audience()
+        self._session = session
 
     @abstractmethod
     def close(self) -> None:
@@ -39,6 +48,10 @@ class Commanded(ABC):
     def subscribe_notices(self, callback: Callable[[str, str], None]) -> Callable[[], None]:
         """Call back with (severity, line), from any thread; returns what ends it."""
         return self._audience.subscribe_notices(callback)
+
+    def pointing(self) -> Pointing:
+        """Return what it says of the precision of pointing, from its files and journal."""
+        return read_pointing(self._session)
 
     @abstractmethod
     def give(self, command: Command) -> None:

@@ -105,6 +105,45 @@ class Pointing:
     drift: tuple[Drift, ...] = ()
     remarks: tuple[str, ...] = ()
 
+    @property
+    def offered(self) -> str:
+        """What repeated pointing offers as the weight, in one line, or ""."""
+        offer = self.offer
+        if offer is None:
+            return ""
+        high = "open" if offer.high_um is None else f"{offer.high_um:.1f}"
+        return (
+            f"pointing {offer.um:.1f} um ({self.pointings} pointings, {offer.low_um:.1f} to "
+            f"{high}): block.toml has sigma {self.apriori_um:g}"
+        )
+
+    @property
+    def line_to_write(self) -> str:
+        """The line of block.toml, [precision], that takes it as the weight; "" when it stands so.
+
+        Whether it is written is the operator's decision.
+        """
+        offer = self.offer
+        if offer is None or offer.holds(self.apriori_um):
+            return ""
+        return f"image_um = {offer.um:.1f}"
+
+    @property
+    def beside_models(self) -> str:
+        """What it means that the models say something else, or ""."""
+        models = next((one.sigma.um for one in self.pooled if one.group == "all"), None)
+        against = self.against_models
+        if against is None or models is None or self.offer is None or against.probability >= ALPHA:
+            return ""
+        shown = f"the models show {models:.2f} um (F {against.statistic:.2f}, "
+        shown += f"P {against.probability:.3f}): "
+        if models < self.offer.um:
+            return shown + "less than pointing"
+        return shown + (
+            "more than pointing: identification, film and lens are in it, or the second "
+            "pointings leaned on the first"
+        )
+
 
 def read_pointing(session: Path) -> Pointing:
     """Return what a block, or a recorded session, says of the precision of pointing.

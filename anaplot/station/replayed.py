@@ -56,7 +56,7 @@ class ReplayStation(Commanded):
     """
 
     def __init__(self, session: Path, speed: float) -> None:
-        super().__init__()
+        super().__init__(session)
         self._records = read_journal(session).records
         self._block = recorded_block(session, self._records)
         self._speed = speed

@@ -113,7 +113,7 @@ class Station(Commanded):
         auto_drive: bool = True,
         story: str = "",
     ) -> None:
-        super().__init__()
+        super().__init__(folder)
         chosen = pattern(point_pattern)
         block = read_block(folder)
         self._lock = threading.RLock()

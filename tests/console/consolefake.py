@@ -15,6 +15,7 @@ from anaplot.orientation.results import Diagnosis, ModelPoint, ModelSolution
 from anaplot.plotter.readings import Position
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.stereo import StereoGround
+from anaplot.station.pointing import Pointing
 from anaplot.station.snapshot import LinkView, PointView, Snapshot
 
 # point, role, x, y of the left photo [mm]
@@ -176,6 +177,7 @@ class FakeStation:
         self.at = Position(-12.3456, 98.7654, -104.25, 99.125)
         self.closed = 0
         self.fitted = None
+        self.pointed = None
         self.listeners: list = []
         self.notice_listeners: list = []
 
@@ -224,6 +226,10 @@ class FakeStation:
     def strips_on_control(self, degree, without):
         self._did("strips_on_control", degree, without)
         return () if self.fitted is None else self.fitted(degree, without)
+
+    def pointing(self):
+        self._did("pointing")
+        return Pointing(5.0) if self.pointed is None else self.pointed()
 
     def close(self):
         self.closed += 1

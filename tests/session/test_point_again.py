@@ -92,8 +92,10 @@ def test_what_comes_next_is_driven_to_after_the_last_one(scene: Scene) -> None:
     bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
     bench.give(NextModel())
     first, second = (p.point for p in bench.desk.state.current.plan[:2])
-    with pytest.raises(InputError, match="not measured yet"):
+    with pytest.raises(InputError, match="drive to a point first"):
         bench.give(PointAgain())
+    with pytest.raises(InputError, match="not measured yet"):
+        bench.give(PointAgain(second))
     bench.measure(first)
     bench.give(PointAgain(first, 1))
     bench.arrive()
