@@ -12,6 +12,8 @@ from textual.keys import format_key
 from textual.message import Message
 from textual.widget import Widget
 
+from anaplot.console.repainting import repaint
+
 __all__ = ["KeyBar", "KeyHint", "show_key", "show_keys"]
 
 _GAP = 2
@@ -65,8 +67,9 @@ class KeyBar(Widget):
     def show(self, hints: tuple[KeyHint, ...]) -> None:
         """Show these keys, in this order."""
         if hints != self._hints:
-            self._hints = hints
-            self.refresh()
+            height, width = self.size.height, self.size.width
+            before, self._hints = self.arranged(width, height), hints
+            repaint(self, before, self.arranged(width, height))
 
     def arranged(self, width: int, height: int) -> list[list[KeyHint]]:
         """Return the keys in lines; those that matter least are left out until the rest fits."""

@@ -8,9 +8,9 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.geometry import Size
 from textual.strip import Strip
-from textual.widget import Widget
 
 from anaplot.console.mapdrawing import Layer, draw_map
+from anaplot.console.repainting import DrawnWidget
 from anaplot.station.snapshot import Snapshot
 
 __all__ = ["MapView"]
@@ -18,7 +18,7 @@ __all__ = ["MapView"]
 _CLASSES = {layer: f"map--{layer.name.lower().replace('_', '-')}" for layer in Layer}
 
 
-class MapView(Widget):
+class MapView(DrawnWidget):
     """Points where they lie, residual vectors, and the critical transfers of the selected row."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = set(_CLASSES.values())
@@ -46,7 +46,6 @@ class MapView(Widget):
         self._snapshot: Snapshot | None = None
         self._selected: tuple[str, str] | None = None
         self._all_transfers = False
-        self._strips: list[Strip] | None = None
         self._styles: dict[int, Style] = {}
 
     def show(
@@ -56,29 +55,15 @@ class MapView(Widget):
         self._snapshot = snapshot
         self._selected = selected
         self._all_transfers = all_transfers
-        self._strips = None
-        self.refresh()
-
-    def on_resize(self) -> None:
-        """Draw again in the new size."""
-        self._strips = None
+        self.draw()
 
     def notify_style_update(self) -> None:
         """Draw again in the new colours."""
-        self._strips = None
         self._styles = {}
         super().notify_style_update()
 
-    def render_line(self, y: int) -> Strip:
-        """Return one row of the map."""
-        size = self.size
-        if self._strips is None:
-            self._strips = self._draw(size)
-        if y < len(self._strips):
-            return self._strips[y]
-        return Strip.blank(size.width, self.rich_style)
-
-    def _draw(self, size: Size) -> list[Strip]:
+    def drawn(self, size: Size) -> list[Strip]:
+        """Return the lines in this size."""
         if self._snapshot is None:
             return []
         canvas = draw_map(

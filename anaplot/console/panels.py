@@ -8,10 +8,13 @@ from typing import ClassVar
 from rich.cells import cell_len
 from textual.content import Content
 from textual.geometry import Size
+from textual.strip import Strip
+from textual.visual import Visual
 from textual.widget import Widget
 
 from anaplot.console.describe import Entry, advice_of, describe_row
 from anaplot.console.inwork import in_work
+from anaplot.console.repainting import repaint
 from anaplot.console.rows import ShownRow
 from anaplot.console.text import fit, number, wrap
 from anaplot.session.plates import ReadOut
@@ -70,14 +73,43 @@ def entry_lines(entries: list[Entry], width: int, label: int = 18) -> list[Conte
 class _Lines(Widget):
     """A widget of whole lines, made anew for every size; no text is ever taken for markup."""
 
+    _shown: list[Content] | None = None
+    _shown_in = Size()
+
+    def show_lines(self) -> None:
+        """Paint the lines that are others now."""
+        before = None if self._shown is None else _compared(self._shown)
+        if self._shown_in != self.size:
+            before = None
+        repaint(self, before, _compared(self._fitted()))
+
+    def _fitted(self) -> list[Content]:
+        width, height = self._shown_in = self.size
+        self._shown = self.lines(width, height)[:height]
+        return self._shown
+
     def lines(self, width: int, height: int) -> list[Content]:
         """Return at most `height` lines of at most `width` cells."""
         raise NotImplementedError
 
     def render(self) -> Content:
         """Return the lines as one text."""
-        width, height = self.size
-        return Content("\n").join(self.lines(width, height)[:height])
+        return Content("\n").join(self._fitted())
+
+    def render_line(self, y: int) -> Strip:
+        """Return one line; those that are painted already are not made again."""
+        shown = self._shown
+        if shown is None or self._shown_in != self.size:
+            shown = self._fitted()
+        width, style = self.size.width, self.visual_style
+        if y >= len(shown):
+            return Strip.blank(width, style.rich_style)
+        return Visual.to_strips(self, shown[y], width, 1, style)[0]
+
+
+def _compared(lines: list[Content]) -> list[tuple[object, ...]]:
+    """Return what lines differ by: contents are equal when their text is."""
+    return [(line.plain, *line.spans) for line in lines]
 
 
 class HeaderPanel(_Lines):
@@ -94,7 +126,7 @@ class HeaderPanel(_Lines):
         """Show this from now on."""
         if snapshot is not self._snapshot or automatic != self._automatic:
             self._snapshot, self._automatic = snapshot, automatic
-            self.refresh()
+            self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return two lines."""
@@ -208,7 +240,7 @@ class ReadOutLine(_Lines):
         """Show this read-out; one of a link that is not live is not shown as if it were."""
         if readout != self._readout or live != self._live:
             self._readout, self._live = readout, live
-            self.refresh()
+            self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return one line."""
@@ -264,8 +296,11 @@ class ExpectedLine(_Lines):
             return
         before = len(self.lines(self.size.width, 2))
         self._head, self._text = head, text
-        # A new layout is costly: only another number of lines needs one.
-        self.refresh(layout=len(self.lines(self.size.width, 2)) != before)
+        if len(self.lines(self.size.width, 2)) == before:
+            self.show_lines()
+        else:  # a new layout is costly
+            self._shown = None
+            self.refresh(layout=True)
 
     def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
         """Return how many lines the sentence needs."""
@@ -297,7 +332,7 @@ class AdvicePanel(_Lines):
     def show(self, snapshot: Snapshot, errors: str = "") -> None:
         """Show this from now on; `errors`: what the chosen strategy for gross errors says."""
         self._snapshot, self._errors = snapshot, errors
-        self.refresh()
+        self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return the sentences, wrapped; if they are too many, the last line says so."""
@@ -338,13 +373,13 @@ class MessagePanel(_Lines):
     def say(self, severity: str, text: str) -> None:
         """Add a message."""
         self._messages.append((plain(severity), plain(text)))
-        self.refresh()
+        self.show_lines()
 
     def ask(self, question: str) -> None:
         """Show this question, or none, below the messages, beside them where there is one line."""
         if question != self._question:
             self._question = question
-            self.refresh()
+            self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return the newest messages, one line each, then what is asked."""
@@ -400,7 +435,7 @@ class DetailsPane(_Lines):
     def show(self, snapshot: Snapshot, selected: ShownRow | None) -> None:
         """Show this row from now on."""
         self._entries = [] if selected is None else describe_row(selected, snapshot)
-        self.refresh()
+        self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return label and value pairs."""

@@ -10,10 +10,10 @@ from rich.style import Style
 from textual.color import Color
 from textual.geometry import Size
 from textual.strip import Strip
-from textual.widget import Widget
 
 from anaplot.console.bignumber import big_number
 from anaplot.console.halftone import TONES
+from anaplot.console.repainting import DrawnWidget
 from anaplot.console.stationlike import ControlsLike
 from anaplot.console.stereodrawing import StereoLayer, draw_patch, patch_size
 from anaplot.console.text import fit
@@ -59,7 +59,7 @@ class _Viewed:
     hand: bool
 
 
-class StereoView(Widget):
+class StereoView(DrawnWidget):
     """The patches side by side, each with the mark in its middle; field, step, px and py below."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
@@ -83,7 +83,6 @@ class StereoView(Widget):
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
         super().__init__(id=id)
         self._viewed: _Viewed | None = None
-        self._strips: list[Strip] | None = None
         self._tones: list[Style] = []
 
     @property
@@ -113,29 +112,15 @@ class StereoView(Widget):
         viewed = _Viewed(snapshot.left, snapshot.right, pair, readout, wheels, hand)
         if viewed != self._viewed:
             self._viewed = viewed
-            self._strips = None
-            self.refresh()
-
-    def on_resize(self) -> None:
-        """Draw again in the new size."""
-        self._strips = None
+            self.draw()
 
     def notify_style_update(self) -> None:
         """Draw again in the new colours."""
-        self._strips = None
         self._tones = []
         super().notify_style_update()
 
-    def render_line(self, y: int) -> Strip:
-        """Return one line."""
-        size = self.size
-        if self._strips is None:
-            self._strips = self._draw(size)
-        if y < len(self._strips):
-            return self._strips[y]
-        return Strip.blank(size.width, self.rich_style)
-
-    def _draw(self, size: Size) -> list[Strip]:
+    def drawn(self, size: Size) -> list[Strip]:
+        """Return the lines in this size."""
         viewed, patch = self._viewed, self._patch
         if viewed is None:
             return []

@@ -10,12 +10,13 @@ from rich.cells import cell_len
 from rich.segment import Segment
 from rich.style import Style
 from textual import events
-from textual.geometry import Region, Size
+from textual.geometry import Offset, Region, Size
 from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from anaplot.aliases import Axis
+from anaplot.console.repainting import repaint
 from anaplot.console.rows import ShownRow, SortOrder
 from anaplot.console.text import cell, fit, fit_end
 from anaplot.textfiles.wording import plain
@@ -121,6 +122,8 @@ class TableView(ScrollView):
         self._fiducials = False
         self._cursor = 0
         self._styles: dict[tuple[str, bool], Style] = {}
+        self._strips: list[Strip] = []
+        self._painted_at: tuple[Size, Offset, int] | None = None
 
     @property
     def selected(self) -> ShownRow | None:
@@ -142,7 +145,7 @@ class TableView(ScrollView):
         self._cursor = min(self._cursor, max(len(rows) - 1, 0)) if place is None else place
         self._measure()
         self._keep_cursor_in_sight()
-        self.refresh()
+        self._paint()
 
     def select(self, key: tuple[str, Axis]) -> bool:
         """Put the cursor on a row; returns whether there is such a row."""
@@ -150,7 +153,7 @@ class TableView(ScrollView):
             if shown.key == key:
                 self._cursor = i
                 self._keep_cursor_in_sight()
-                self.refresh()
+                self._paint()
                 return True
         return False
 
@@ -171,7 +174,7 @@ class TableView(ScrollView):
         if self._rows:
             self._cursor = min(max(self._cursor + step, 0), len(self._rows) - 1)
             self._keep_cursor_in_sight()
-            self.refresh()
+            self._paint()
 
     def on_resize(self) -> None:
         """Keep the selected row in sight."""
@@ -223,7 +226,7 @@ class TableView(ScrollView):
         if event.y < 1 or noted or not 0 <= place < len(self._rows):
             return
         self._cursor = place
-        self.refresh()
+        self._paint()
         self.post_message(self.Selected())
         if event.chain == 2:
             self.post_message(self.Driven())
@@ -246,10 +249,30 @@ class TableView(ScrollView):
                 break
         return columns, max(min(room, longest + 1, 24), 4)
 
-    def render_line(self, y: int) -> Strip:
-        """Return the header or one row."""
+    def _paint(self) -> None:
+        """Paint the lines that are others now."""
+        before = self._strips if self._painted_at == self._place else None
+        self._draw()
+        repaint(self, before, self._strips)
+
+    @property
+    def _place(self) -> tuple[Size, Offset, int]:
+        """Return what decides which rows the lines are, and how long they are."""
+        return self.size, self.scroll_offset, self._width
+
+    def _draw(self) -> None:
         columns, name = self._columns()
         width = self._width
+        self._strips = [self._line(y, columns, name, width) for y in range(self.size.height)]
+        self._painted_at = self._place
+
+    def render_line(self, y: int) -> Strip:
+        """Return the header or one row."""
+        if self._painted_at != self._place:
+            self._draw()
+        return self._strips[y]
+
+    def _line(self, y: int, columns: tuple[_Column, ...], name: int, width: int) -> Strip:
         if y == 0:
             return self._header(columns, name, width)
         if y == self.size.height - 1 and (note := self._note()):
@@ -295,6 +318,7 @@ class TableView(ScrollView):
     def notify_style_update(self) -> None:
         """Take the new colours."""
         self._styles = {}
+        self._painted_at = None
         super().notify_style_update()
 
     def _header(self, columns: tuple[_Column, ...], name: int, width: int) -> Strip:

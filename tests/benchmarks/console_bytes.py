@@ -11,11 +11,10 @@ import os
 import select
 import statistics
 
-from console_latency import Screen
+from console_latency import KNOWS_FRAMES, Screen
 
 ROUNDS = 12
 _BEGIN = b"\x1b[?2026h"  # of a frame, for a terminal that has said that it shows it at once
-_KNOWS_FRAMES = b"\x1b[?2026;2$y"
 
 
 def heard(screen: Screen, seconds: float) -> bytes:
@@ -48,7 +47,7 @@ def main() -> None:
         screen = Screen("demo", "--seed", "1", columns=columns, lines=lines)
         try:
             screen.wait_for(b"next model")
-            screen.type(_KNOWS_FRAMES)
+            screen.type(KNOWS_FRAMES)
             screen.type(b"g")
             heard(screen, 2.0)
             print(f"{columns:4} x {lines}")

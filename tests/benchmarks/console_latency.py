@@ -12,6 +12,7 @@ import contextlib
 import fcntl
 import os
 import pty
+import re
 import select
 import statistics
 import struct
@@ -29,6 +30,9 @@ from anaplot.plotter.profile import load_profile
 from anaplot.simulation.demo import Demo
 
 ROUNDS = 100
+_END_OF_FRAME = b"\x1b[?2026l"  # from a console whose terminal has said that it knows frames
+_PLACE = re.compile(rb"\x1b\[(\d+);(\d+)H")
+KNOWS_FRAMES = b"\x1b[?2026;2$y"
 
 
 class Screen:
@@ -48,6 +52,20 @@ class Screen:
         while text not in seen:
             if not select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
                 raise SystemExit(f"{text!r} was not written within {seconds} s: {seen[-400:]!r}")
+            seen += os.read(self.fd, 65536)
+
+    def wait_for_table(self, seconds: float = 30.0) -> None:
+        """Read until the bell has rung for a record, and a frame has changed the table."""
+        seen = b""
+        end = time.monotonic() + seconds
+        while True:
+            _, rung, after = seen.partition(b"\a")
+            frames = after.split(_END_OF_FRAME)[:-1] if rung else []
+            places = [place for frame in frames for place in _PLACE.findall(frame)]
+            if any(int(line) > 5 and int(column) < 50 for line, column in places):
+                return
+            if not select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
+                raise SystemExit(f"no table was written within {seconds} s: {seen[-400:]!r}")
             seen += os.read(self.fd, 65536)
 
     def settle(self) -> None:
@@ -97,6 +115,7 @@ def measure(columns: int, lines: int) -> list[float]:
         )
         try:
             screen.wait_for(b"next model")
+            screen.type(KNOWS_FRAMES)
             screen.settle()
             screen.type(b"g")  # lays the photos in and drives to the first point
             for count in range(13 + ROUNDS):
@@ -108,8 +127,7 @@ def measure(columns: int, lines: int) -> list[float]:
                 settled.clear()
                 begin = time.perf_counter()
                 simulator.press()
-                screen.wait_for(b"recorded")
-                # table, map, advice and message come in one frame, the message last
+                screen.wait_for_table()
                 taken = time.perf_counter() - begin
                 screen.settle()
                 if count >= 13:

@@ -1,62 +1,15 @@
 """Of a frame only what changes is written, and the terminal shows the same."""
 
-import re
-
 from consolefake import FakeStation
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.cells import cell_len
+from terminal import Terminal
 from textual.drivers.headless_driver import HeadlessDriver
 
 from anaplot.console.app import ConsoleApp
 from anaplot.console.changedcells import ShownCells, writing_changes
 
 BEGIN, END = "\x1b[?2026h", "\x1b[?2026l"
-PART = re.compile(r"\x1b\[(\d+);(\d+)H|\x1b\[([\d;]*)m|(\x1b\[\?2026[hl]|\n)|([^\x1b\n]+)")
-
-
-class Terminal:
-    """A terminal that knows what frames are made of."""
-
-    def __init__(self):
-        self.cells = {}
-        self.line = self.column = 0
-        self.style = frozenset()
-
-    def write(self, data):
-        for line, column, style, _, text in PART.findall(data):
-            if line:
-                self.line, self.column = int(line), int(column)
-            elif text:
-                self.put(text)
-            elif style:
-                self.turn(style)
-
-    def turn(self, style):
-        codes = re.findall(r"(?:38|48);(?:5;\d+|2;\d+;\d+;\d+)|\d+", style)
-        for code in codes:
-            grounds = {"colour": r"[39]\d", "background": r"(4|10)\d"}
-            ground = next((name for name, of in grounds.items() if re.match(of, code)), None)
-            kept = () if code == "0" else (x for x in self.style if not ground or x[0] != ground)
-            new = () if code == "0" else [(ground or "attribute", code)]
-            self.style = frozenset((*kept, *new))
-
-    def put(self, text):
-        for character in text:
-            wide = cell_len(character)
-            for k in range(self.column, self.column + wide):
-                self.clear(k)
-            for k in range(wide):
-                self.cells[self.line, self.column + k] = (character if k == 0 else "", self.style)
-            self.column += wide
-
-    def clear(self, column):
-        """Half of a wide character is none."""
-        here, after = (self.cells.get((self.line, k), (" ", None))[0] for k in (column, column + 1))
-        if not here:
-            self.cells[self.line, column - 1] = (" ", None)
-        if not after:
-            self.cells[self.line, column + 1] = (" ", None)
 
 
 STYLES = ("", "1", "38;5;4", "1;38;5;4;48;2;1;2;3", "48;2;1;2;3", "7;31", "31;44", "92")
