@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
+from anaplot.station.blockview import percent
 from anaplot.station.snapshot import Snapshot
 
-__all__ = ["block_line", "percent"]
-
-
-def percent(probability: float) -> str:
-    """Return a probability as people read it; certainty is never claimed."""
-    if probability >= 0.995:
-        return "over 99 %"
-    return "under 1 %" if probability < 0.01 else f"{100.0 * probability:.0f} %"
+__all__ = ["block_line"]
 
 
 def block_line(snapshot: Snapshot) -> str:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from textual.content import Content
 
-from anaplot.console.blockline import percent
 from anaplot.console.describe import Entry
 from anaplot.console.panels import entry_lines
 from anaplot.console.text import cell, fit, fit_end, number, wrap
-from anaplot.station.blockview import BlockView, SuspectedPoint, SuspectedRay
+from anaplot.station.blockview import BlockView, SuspectedPoint, SuspectedRay, percent
 from anaplot.textfiles.wording import plain
 
 __all__ = ["TITLE", "block_page"]

@@ -112,6 +112,15 @@ _ERRORS = (
 
 _BLOCK = (
     (
+        "overview",
+        "Where the block stands: between models, at the end of a strip and first of all. Every "
+        "model with its state (○ open, ◆ in work, ● accepted, ~ recomputed: changed by what was "
+        "done since in a model before it, ! look: flagged, or held for wrong by the block), its "
+        "table's figures, the block's verdict, weak spots, and what is next with its key. ↑ ↓ "
+        "select a model, Enter goes there: the next one is laid in, an accepted one returned to. "
+        "All other keys do what they do elsewhere.",
+    ),
+    (
         "block page",
         "All accepted models, and the present one as soon as its pattern is complete and no y row "
         "is flagged, adjusted as one bundle in the background. Flagged image coordinates with "

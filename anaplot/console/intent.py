@@ -12,6 +12,7 @@ from anaplot.console.wheels import TURNS
 from anaplot.session import commands
 from anaplot.session.commands import Command
 from anaplot.session.reasons import REASONS
+from anaplot.station.blockstatus import ModelStatus
 from anaplot.station.snapshot import Snapshot
 
 __all__ = [
@@ -126,6 +127,8 @@ def intended(action: str, now: Situation) -> Intent:
         if not now.at_wheels:
             return _WHEELS_ELSEWHERE
         return Turn(*now.choices.wheels.turned(action))
+    if action == "drive" and now.aim is not None:
+        return _gone_to(now.aim, snapshot)
     if action in _OF_A_ROW:
         return _with_row(action, now)
     match action:
@@ -182,6 +185,30 @@ def answer(command: Command, snapshot: Snapshot) -> str:
             return "stop" if snapshot.drives else "nothing to stop: this plotter has no drive"
         case _:
             return ""
+
+
+def _gone_to(model: ModelStatus, snapshot: Snapshot) -> Intent:
+    """Go to a model of the overview."""
+    if model.state == "in work":
+        return Say("hint", f"model {model.name} is in work")
+    if (model.left, model.right) in snapshot.accepted:
+        return _returned_to(model, snapshot)
+    if snapshot.left and not snapshot.finished:
+        work = f"{snapshot.left}/{snapshot.right}"
+        return Say("hint", f"model {model.name} comes after model {work}, which is in work")
+    models = () if snapshot.status is None else snapshot.status.models
+    following = next((m for m in models if (m.left, m.right) not in snapshot.accepted), None)
+    if following is None or following.name == model.name:
+        return commands.NextModel()
+    return Say("hint", f"model {model.name} comes after model {following.name}, which is next")
+
+
+def _returned_to(model: ModelStatus, snapshot: Snapshot) -> Intent:
+    """Return to an accepted model; where the block holds a point of it for wrong, for that one."""
+    step = None if snapshot.status is None else snapshot.status.next
+    if step is not None and step.do == "return" and step.model == model.name:
+        return commands.ReturnTo(model.left, model.right, step.point, step.photo)
+    return commands.ReturnTo(model.left, model.right)
 
 
 def _with_row(action: str, now: Situation) -> Intent:

@@ -100,6 +100,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("transfers", "t", "Arrows", "Show all critical transfers, or the selected row's.", 13),
     Action("layout", "m", "Map", "Show table and map, the map alone, the table alone.", 11),
     Action("stereo", "v", "Stereo", "The stereo view in place of the map, or the map again.", 6),
+    Action("overview", "w", "Where", "Where the block stands: all models; or the table again.", 8),
     Action("block", "b", "Block", "What the block as one bundle says of all its points.", 9),
     Action("fit", "F", "Fit", "The strips on the control measured so far.", 18),
     Action("pointing", "P", "", "How precise the pointing is; from there, point again."),
@@ -168,6 +169,7 @@ def is_live(
         "switch_point": working and rows > 0,
         "sort": rows > 0,
         "transfers": snapshot.diagnosis is not None and bool(snapshot.diagnosis.transfers),
+        "overview": snapshot.status is not None,
         "block": snapshot.block_view is not None,
         "errors": snapshot.solution is not None and snapshot.inner is None,
         "details": rows > 0,
@@ -189,18 +191,25 @@ def label_now(
     coarse: bool = False,
     hand: bool = True,
     entered: Entered = "drive",
+    overview: bool = False,
+    aimed: bool = False,
 ) -> str:
     """Return the label that says what the key would do now.
 
     `row_off`, `point_off`: the selected row, its point is switched off. `stereo`: the stereo view
     is shown. `coarse`: the handwheels take coarse steps. `hand`: the simulated hand sets the mark.
-    `entered`: what Enter does.
+    `entered`: what Enter does. `overview`: it stands in place of the table. `aimed`: Enter goes
+    to a model there.
     """
     if action.id == "drive":
+        if aimed:
+            return "Go there"
         drive = "Drive" if snapshot.drives else "Choose"
         laid = "Photo" if snapshot.next_photo is not None else "Model"
         other = {"next_model": laid, "accept": "Accept", "suspend": "Resume", "add_point": "Add"}
         return other.get(entered, drive)
+    if overview and action.id == "overview":
+        return "Table"
     if action.id == "hand":
         return "Hand off" if hand else "Hand on"
     if action.id == "coarse" and coarse:
@@ -240,16 +249,21 @@ def key_hints(now: Situation, keys: Mapping[str, tuple[str, ...]]) -> tuple[KeyH
                 coarse=now.choices.wheels.coarse,
                 hand=now.hand,
                 entered=now.now.action,
+                overview=now.overview,
+                aimed=now.aim is not None,
             ),
             action.weight,
         )
         for action in ACTIONS
         if action.label
-        and is_live(
-            action.id,
-            now.snapshot,
-            rows=now.rows,
-            wheels=now.at_wheels,
-            entered=now.now.action,
+        and (
+            is_live(
+                action.id,
+                now.snapshot,
+                rows=now.rows,
+                wheels=now.at_wheels,
+                entered=now.now.action,
+            )
+            or (action.id == "drive" and now.aim is not None)
         )
     )

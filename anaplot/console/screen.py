@@ -29,11 +29,13 @@ from anaplot.console.intent import (
     intended,
 )
 from anaplot.console.inwork import in_work
-from anaplot.console.keybar import KeyBar
+from anaplot.console.keybar import KeyBar, show_key
 from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import bindings, key_hints
 from anaplot.console.mapview import MapView
 from anaplot.console.now import Now, now_of
+from anaplot.console.overview import aimed
+from anaplot.console.overviewview import OverviewView
 from anaplot.console.pages import Pages
 from anaplot.console.panels import (
     AdvicePanel,
@@ -101,6 +103,13 @@ class OrientationScreen(Screen[None]):
         &.-stereo.-broad #table { width: 53; }
         &.-stereo.-broad #stereo { width: 66; }
         &.-stereo.-broad #map { display: block; margin-left: 1; }
+        #overview { display: none; width: 1fr; }
+        &.-overview #overview { display: block; }
+        &.-overview #table, &.-overview #map, &.-overview #stereo { display: none; }
+        &.-overview #details, &.-overview #advice { display: none; }
+        &.-wide #overview Vertical, &.-broad #overview Vertical { width: 82; }
+        &.-wide OverviewMap, &.-broad OverviewMap { display: block; }
+        &.-tall OverviewFoot { max-height: 12; }
         &.-only-map #table { display: none; }
         &.-only-table #map { display: none; }
         &.-only-table #table { width: 1fr; }
@@ -142,6 +151,7 @@ class OrientationScreen(Screen[None]):
         yield ReadOutLine(id="readout")
         yield ExpectedLine(id="expected")
         with Horizontal(id="body"):
+            yield OverviewView(id="overview")
             yield TableView(id="table")
             yield StereoView(id="stereo")
             yield MapView(id="map")
@@ -216,6 +226,7 @@ class OrientationScreen(Screen[None]):
             self.query_one(TableView).show((), self._choices.order)  # the cursor begins anew
         if _recorded(before) != _recorded(snapshot):
             self._moved_by_hand = False
+        self.query_one(OverviewView).show(snapshot, self._keys)
         self._show_table()
         flagged = frozenset(in_work(snapshot).flagged)
         if flagged - self._flagged and not first:
@@ -252,7 +263,12 @@ class OrientationScreen(Screen[None]):
 
     def _show_selected(self) -> None:
         now = self._situation
-        self.query_one(ExpectedLine).show(now.snapshot, now.now.text)
+        enter = show_key(self._keys["drive"][0]).capitalize()
+        aim = "" if now.aim is None else aimed(now.aim, enter)
+        self.query_one(ExpectedLine).show(
+            now.snapshot, ", or ".join(filter(None, (aim, now.now.text)))
+        )
+        self.set_class(self.query_one(OverviewView).stands, "-overview")
         self.query_one(MapView).show(
             now.snapshot,
             now.selected.key if now.selected else None,
@@ -268,7 +284,7 @@ class OrientationScreen(Screen[None]):
 
     @property
     def _situation(self) -> Situation:
-        table = self.query_one(TableView)
+        table, overview = self.query_one(TableView), self.query_one(OverviewView)
         return Situation(
             snapshot=self._snapshot,
             selected=table.selected,
@@ -277,6 +293,8 @@ class OrientationScreen(Screen[None]):
             choices=self._choices,
             controls=self._controls,
             now=self._now,
+            overview=overview.stands,
+            aim=overview.aim,
         )
 
     def _say(self, severity: str, text: str) -> None:
@@ -286,7 +304,20 @@ class OrientationScreen(Screen[None]):
 
     def action_press(self, action: str) -> None:
         """Do what the key of an action means now."""
-        now, table = self._situation, self.query_one(TableView)
+        now, table, overview = (
+            self._situation,
+            self.query_one(TableView),
+            self.query_one(OverviewView),
+        )
+        if overview.stands and overview.press(action):
+            return
+        if action == "overview":
+            overview.toggle()
+            self._show_selected()
+            return
+        if overview.stands:
+            overview.give_way(action)
+            self._show_selected()
         step = None if now.at_wheels and action in TURNS else table.step(action)
         choices = self._choices.after(action)
         if step is not None:
@@ -307,6 +338,14 @@ class OrientationScreen(Screen[None]):
 
     def on_table_view_driven(self) -> None:
         """Drive to a row that was double-clicked."""
+        self.action_press("drive")
+
+    def on_model_list_selected(self) -> None:
+        """Show which keys are live on the model selected in the overview."""
+        self._show_selected()
+
+    def on_model_list_entered(self) -> None:
+        """Go to a model that was clicked again."""
         self.action_press("drive")
 
     def drive_to(self, point: str) -> None:

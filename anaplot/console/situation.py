@@ -9,6 +9,7 @@ from anaplot.console.inwork import in_work
 from anaplot.console.now import NOTHING, Now
 from anaplot.console.rows import ShownRow
 from anaplot.console.stationlike import ControlsLike
+from anaplot.station.blockstatus import ModelStatus
 from anaplot.station.snapshot import Snapshot
 
 __all__ = ["Situation"]
@@ -34,6 +35,10 @@ class Situation:
         Those of a simulated instrument, or None.
     now
         What is to be done now, which Enter does.
+    overview
+        Whether the overview stands in place of table and map.
+    aim
+        The model of the overview to which Enter leads, or None.
     """
 
     snapshot: Snapshot
@@ -43,6 +48,8 @@ class Situation:
     choices: Choices
     controls: ControlsLike | None
     now: Now = NOTHING
+    overview: bool = False
+    aim: ModelStatus | None = None
 
     @property
     def at_wheels(self) -> bool:

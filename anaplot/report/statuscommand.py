@@ -19,7 +19,6 @@ from anaplot.report.document import (
     Line,
     for_programs,
     name,
-    named,
     number,
     say,
     table,
@@ -48,6 +47,7 @@ _MODELS = (
     whole("off", "OFF", 5),
     whole("ties", "TIES", 6),
 )
+_MOST_SPOTS = 10
 _IN_STRIP = for_programs(
     "left", "right", "state", "sigma0_um", "redundancy", "flagged", "off", "ties"
 )
@@ -121,6 +121,7 @@ def status_document(folder: str, status: BlockStatus, remarks: tuple[str, ...] =
         for strip in status.strips
         for m in strip.models
     ]
+    seen = status.coverage
     models = table("models", _MODELS, rows)
     suspects = table("suspects", _SUSPECTS, _suspects(status.block))
     answer: Answer = {
@@ -135,28 +136,25 @@ def status_document(folder: str, status: BlockStatus, remarks: tuple[str, ...] =
         ],
         "block": _block(status.block, suspects),
         "recomputed": [_recomputed(one) for one in status.recomputed],
-        "lateral_ties": status.lateral_ties,
-        "control": {"points": status.control, "seen": status.control_seen},
+        "lateral_ties": seen.lateral_ties,
+        "control": {"points": seen.control, "seen": seen.control_seen},
         "next": {key: value or None for key, value in status.next._asdict().items()},
         "remarks": list(remarks),
     }
     page: list[Part] = (
         [models, BLANK] if rows else [say("no strips: models cannot be formed"), BLANK]
     )
-    page += [
-        say("  {}: {}", model.name, model.why).of("look")
-        for strip in status.strips
-        for model in strip.models
-        if model.why
-    ]
-    page += [_recomputed_line(one) for one in status.recomputed]
     if len(status.strips) > 1:
-        page.append(say("lateral ties: {}", status.lateral_ties))
-    if status.control:
+        page.append(say("lateral ties: {}", seen.lateral_ties))
+    if seen.control:
         page.append(
-            say("control: {} of {} measured", status.control_seen, counted(status.control, "point"))
+            say("control: {} of {} measured", seen.control_seen, counted(seen.control, "point"))
         )
-    page += _block_lines(status.block)
+    page.append(_block_line(status.block))
+    spots = status.weak_spots
+    page += [say("  look: {}", spot.words).of("look") for spot in spots[:_MOST_SPOTS]]
+    if len(spots) > _MOST_SPOTS:
+        page.append(say("  and {} more to look at", len(spots) - _MOST_SPOTS).of("look"))
     page += [say("remark: {}", remark).of("remark") for remark in remarks]
     page.append(_next_line(status.next).of("heading"))
     return Document(answer, tuple(page), (models, suspects))
@@ -191,10 +189,6 @@ def _recomputed(one: Recomputed) -> Answer:
     }
 
 
-def _recomputed_line(one: Recomputed) -> Line:
-    return say("  {}: computed anew: {}", one.name, plain(one.in_words()))
-
-
 def _block(view: BlockView | None, suspects: object) -> Answer | None:
     if view is None or not view.solved:
         return None
@@ -202,45 +196,23 @@ def _block(view: BlockView | None, suspects: object) -> Answer | None:
     return {"sigma0": view.sigma0, "flagged": flagged, "suspects": suspects}
 
 
-def _block_lines(view: BlockView | None) -> list[Line]:
+def _block_line(view: BlockView | None) -> Line:
     if view is None:
-        return [say("block: nothing is measured yet")]
+        return say("block: nothing is measured yet")
     if not view.solved:
-        return [say("block: {}", view.remark).of("look")]
+        return say("block: {}", view.remark).of("look")
     flagged = sum(len(point.flagged) for point in view.suspects)
-    lines = [
-        say(
-            "block: {photos} photos, {points} points, {rays} rays, datum {datum}, "
-            "sigma0 {sigma0_um:.2f|um|none}, {flagged} flagged",
-            photos=view.photos,
-            points=view.points,
-            rays=view.rays,
-            datum=view.datum,
-            sigma0_um=view.sigma0_um,
-            flagged=flagged,
-        )
-    ]
-    accused = [
-        say("{} in {} ({:.0%})", one.point, one.accused.photo, one.accused.probability)
-        for one in view.suspects
-    ]
-    if accused:
-        lines.append(say("  look at {}", named(accused, most=5)).of("look"))
-    if view.aside:
-        lines.append(say("  not connected yet: photos {}", named(view.aside, most=8)).of("look"))
-    return lines
+    return say(
+        "block: {photos} photos, {points} points, {rays} rays, datum {datum}, "
+        "sigma0 {sigma0_um:.2f|um|none}, {flagged} flagged",
+        photos=view.photos,
+        points=view.points,
+        rays=view.rays,
+        datum=view.datum,
+        sigma0_um=view.sigma0_um,
+        flagged=flagged,
+    )
 
 
 def _next_line(step: NextStep) -> Line:
-    what = {
-        "measure": "measure",
-        "accept": "accept",
-        "return": "return to",
-        "adjust": "adjust the block",
-    }[step.do]
-    line = say("NEXT: {}", what)
-    if step.model:
-        line += say(" model {}", step.model)
-    if step.point:
-        line += say(", point {}", step.point)
-    return line + say(": {}", step.command)
+    return say("NEXT: {}: {}", step.words, step.command)

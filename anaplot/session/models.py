@@ -11,7 +11,7 @@ from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Block, Camera, Precision, TestSettings
 from anaplot.session.state import ModelState, SessionState
 
-__all__ = ["diagnosis_of", "preceding_models", "solve"]
+__all__ = ["diagnosis_of", "preceding_models", "solve", "solve_after"]
 
 
 def preceding_models(state: SessionState, model: ModelState) -> tuple[ModelState, ...]:
@@ -34,17 +34,40 @@ def solve(state: SessionState, model: ModelState) -> ModelSolution:
     NotComputableError
         The measurements do not determine it (yet); says why.
     """
-    block = state.block
-    base = next(s.base for s in block.strips if s.id == model.strip)
-    settings = (block.precision, block.test)
     before: ModelState | None = None
     solution: ModelSolution | None = None
     for one in preceding_models(state, model):
-        once = _measured_once(before, one)
-        solution = _solve(one, _cameras(block, one), base, solution, once, *settings)
+        solution = solve_after(state.block, one, before, solution)
         before = one
+    return solve_after(state.block, model, before, solution)
+
+
+def solve_after(
+    block: Block,
+    model: ModelState,
+    before: ModelState | None,
+    preceding: ModelSolution | None,
+) -> ModelSolution:
+    """Orient a model from its measurements and the model before it.
+
+    Parameters
+    ----------
+    block
+        What was declared.
+    model
+        The model.
+    before, preceding
+        The model before it in its strip, and that one's solution; None for the first.
+
+    Raises
+    ------
+    NotComputableError
+        The measurements do not determine it; says why.
+    """
+    base = next(s.base for s in block.strips if s.id == model.strip)
     once = _measured_once(before, model)
-    return _solve(model, _cameras(block, model), base, solution, once, *settings)
+    cameras = _cameras(block, model)
+    return _solve(model, cameras, base, preceding, once, block.precision, block.test)
 
 
 def _measured_once(before: ModelState | None, model: ModelState) -> frozenset[str]:

@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip
 from anaplot.photogrammetry.block import Block, Strip
-from anaplot.photogrammetry.selection import points_of, rows_by_photo
 from anaplot.session.modelstate import ModelState
 from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.state import SessionState
-from anaplot.session.workflow import outlook
-from anaplot.station.blockview import BlockView
+from anaplot.session.workflow import Outlook, outlook
+from anaplot.station.blockview import BlockView, percent
+from anaplot.station.modeltables import measured_in_files
 
-__all__ = ["BlockStatus", "ModelStanding", "ModelStatus", "NextStep", "StripStatus", "status_of"]
+__all__ = [
+    "BlockStatus",
+    "Coverage",
+    "ModelStanding",
+    "ModelStatus",
+    "NextStep",
+    "StripStatus",
+    "WeakSpot",
+    "coverage_of",
+    "following",
+    "standing",
+    "status_of",
+    "suspected_models",
+    "waiting",
+    "with_table",
+]
 
 ModelStanding = Literal["open", "in work", "accepted", "recomputed", "look"]
 SURE = 0.99
@@ -57,6 +72,11 @@ class ModelStatus:
         """'left/right'."""
         return f"{self.left}/{self.right}"
 
+    @property
+    def done(self) -> bool:
+        """Whether it is accepted."""
+        return self.state not in ("open", "in work")
+
 
 @dataclass(frozen=True, slots=True)
 class StripStatus:
@@ -64,6 +84,24 @@ class StripStatus:
 
     strip: str
     models: tuple[ModelStatus, ...]
+
+    @property
+    def done(self) -> int:
+        """How many models are accepted."""
+        return sum(model.done for model in self.models)
+
+    @property
+    def pooled_um(self) -> float | None:
+        """Sigma0 [um] pooled over its accepted models; None without redundancy."""
+        tables = [
+            (model.redundancy, model.sigma0_um)
+            for model in self.models
+            if model.done and model.redundancy and model.sigma0_um is not None
+        ]
+        redundancy = sum(r for r, _ in tables)
+        if not redundancy:
+            return None
+        return float((sum(r * s**2 for r, s in tables) / redundancy) ** 0.5)
 
 
 class NextStep(NamedTuple):
@@ -74,6 +112,43 @@ class NextStep(NamedTuple):
     model: str = ""
     photo: str = ""
     point: str = ""
+
+    @property
+    def words(self) -> str:
+        """What it is, without the command."""
+        what = {
+            "measure": "measure",
+            "accept": "accept",
+            "return": "return to",
+            "adjust": "adjust the block",
+        }[self.do]
+        where = f" model {self.model}" if self.model else ""
+        return f"{what}{where}" + (f", point {self.point}" if self.point else "")
+
+
+class WeakSpot(NamedTuple):
+    """Something that needs a look: where ("left/right", or "" where it is no model), and what."""
+
+    model: str
+    words: str
+
+
+class Coverage(NamedTuple):
+    """What hangs the strips together, and on the ground.
+
+    Attributes
+    ----------
+    lateral_ties
+        How many points are measured in photos of more than one strip.
+    control
+        How many control and check points there are.
+    control_seen
+        How many of them are measured in two photos.
+    """
+
+    lateral_ties: int
+    control: int
+    control_seen: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +163,8 @@ class BlockStatus:
         Models changed by what was done since in a model before them, and what has changed.
     block
         What the block as one bundle says; None where there is nothing to adjust.
-    lateral_ties
-        How many points are measured in photos of more than one strip.
-    control, control_seen
-        How many control and check points there are, and how many are measured in two photos.
+    coverage
+        Lateral ties and control.
     next
         What is to be done next.
     """
@@ -99,16 +172,54 @@ class BlockStatus:
     strips: tuple[StripStatus, ...]
     recomputed: tuple[Recomputed, ...]
     block: BlockView | None
-    lateral_ties: int
-    control: int
-    control_seen: int
+    coverage: Coverage
     next: NextStep
+
+    @property
+    def models(self) -> Iterator[ModelStatus]:
+        """All models, strip after strip."""
+        return (model for strip in self.strips for model in strip.models)
+
+    @property
+    def weak_spots(self) -> tuple[WeakSpot, ...]:
+        """What needs a look, the surest first."""
+        spots = list(_of_block(self.block))
+        named = {spot.model for spot in spots}
+        for one in self.recomputed:
+            spots.append(WeakSpot(one.name, f"model {one.name}: computed anew: {one.in_words()}"))
+        for model in self.models:
+            if model.why:
+                spots.append(WeakSpot(model.name, f"model {model.name}: {model.why}"))
+            elif model.state == "look" and model.name not in named:
+                rows = "1 row" if model.flagged == 1 else f"{model.flagged} rows"
+                spots.append(WeakSpot(model.name, f"model {model.name}: {rows} flagged"))
+            elif model.done and model.redundancy == 0:
+                words = f"model {model.name}: no redundancy, nothing checks it"
+                spots.append(WeakSpot(model.name, words))
+        measured = sum(any(model.done for model in strip.models) for strip in self.strips)
+        if measured > 1 and not self.coverage.lateral_ties:
+            spots.append(WeakSpot("", "no point ties the strips together yet"))
+        return tuple(spots)
+
+
+def _of_block(view: BlockView | None) -> Iterator[WeakSpot]:
+    if view is None:
+        return
+    for point in view.suspects:
+        accused = point.accused
+        where = "" if accused.model is None else f" (model {accused.model})"
+        chance = percent(accused.probability)
+        words = f"point {point.point} in photo {accused.photo}{where}: {chance}"
+        yield WeakSpot(accused.model or "", words)
+    if view.aside:
+        shown = ", ".join(view.aside[:8]) + (", ..." if len(view.aside) > 8 else "")
+        yield WeakSpot("", f"not connected yet: photos {shown}")
 
 
 def status_of(
     block: Block, state: SessionState | None, view: BlockView | None, folder: str
 ) -> BlockStatus:
-    """Return where a block stands.
+    """Return where a block stands, from its files.
 
     Parameters
     ----------
@@ -121,83 +232,92 @@ def status_of(
     folder
         How the command line names the block.
     """
-    suspected = _suspected(view)
+    suspected = suspected_models(view)
+    ahead = None if state is None or state.current is None else outlook(state)
+    there = measured_in_files(block)
     recomputed = () if state is None else recomputed_models(state)
-    changed = {(one.left, one.right) for one in recomputed}
-    strips = tuple(_strip(block, strip, state, suspected, changed) for strip in block.strips)
-    photos_of: dict[str, set[str]] = {}
-    for row in block.image_points:
-        photos_of.setdefault(row.point, set()).add(row.photo)
-    return BlockStatus(
-        strips=strips,
-        recomputed=recomputed,
-        block=view,
-        lateral_ties=_lateral_ties(block, photos_of),
-        control=sum(point.use != "off" for point in block.control),
-        control_seen=sum(
-            point.use != "off" and len(photos_of.get(point.point, ())) > 1
-            for point in block.control
-        ),
-        next=_next(block, state, strips, view, folder),
+    anew = {one.name for one in recomputed}
+    strips = tuple(
+        _strip(block, strip, state, ahead, there, suspected, anew) for strip in block.strips
+    )
+    opened = next((m.name for strip in strips for m in strip.models if m.state == "open"), "")
+    if state is None or ahead is None:
+        step = following(opened, bool(block.image_points), view, folder)
+    else:
+        step = following(opened, bool(block.image_points), view, folder, state, ahead)
+    return BlockStatus(strips, recomputed, view, coverage_of(block), step)
+
+
+def waiting(state: SessionState) -> tuple[str, str] | None:
+    """Return the photos of the model that waits while the operator is back in another, or None."""
+    parked = None if state.returned is None else state.returned.parked
+    return None if parked is None else parked.photos
+
+
+def suspected_models(view: BlockView | None) -> frozenset[str]:
+    """Return the models that surely hold a wrong point."""
+    return frozenset(
+        point.accused.model
+        for point in (() if view is None else view.suspects)
+        if point.accused.model is not None and point.accused.probability > SURE
     )
 
 
-def _suspected(view: BlockView | None) -> dict[str, str]:
-    """Return the surely wrong point of each model that holds one."""
-    out: dict[str, str] = {}
-    for point in () if view is None else view.suspects:
-        if point.accused.model is not None and point.accused.probability > SURE:
-            out.setdefault(point.accused.model, point.point)
-    return out
+def standing(
+    solution: ModelSolution | None, *, suspected: bool, recomputed: bool = False
+) -> ModelStanding:
+    """Return how an accepted model stands; without a solution it needs a look."""
+    if suspected or solution is None or solution.flagged:
+        return "look"
+    return "recomputed" if recomputed else "accepted"
 
 
 def _strip(
     block: Block,
     strip: Strip,
     state: SessionState | None,
-    suspected: Mapping[str, str],
-    changed: Set[tuple[str, str]],
+    ahead: Outlook | None,
+    there: frozenset[tuple[str, str]],
+    suspected: frozenset[str],
+    anew: Set[str],
 ) -> StripStatus:
     bridged = bridge_strip(block, strip)
     solved = {(model.left, model.right): model for model in bridged.models}
-    rows = rows_by_photo(block.image_points)
     models = []
     for left, right in strip.models():
         current = state.current if state is not None else None
-        if state is not None and current is not None and current.photos == (left, right):
-            view = outlook(state)
-            models.append(_with_table(left, right, "in work", view.solution, current, view.problem))
+        if ahead is not None and current is not None and current.photos == (left, right):
+            models.append(
+                with_table((left, right), "in work", ahead.solution, current, ahead.problem)
+            )
+            continue
+        if (left, right) not in there:
+            waits = state is not None and waiting(state) == (left, right)
+            models.append(ModelStatus(left, right, "in work" if waits else "open"))
             continue
         name = f"{left}/{right}"
-        in_left, in_right = (points_of(rows.get(p, ()), p, name) for p in (left, right))
-        if in_left.keys().isdisjoint(in_right):
-            models.append(ModelStatus(left, right, "open"))
-            continue
         solution = solved.get((left, right))
         accepted = None if state is None else state.accepted(left, right)
-        look = solution is None or bool(solution.flagged) or name in suspected
         why = (bridged.error or "") if solution is None else ""
-        anew = (left, right) in changed
-        standing: ModelStanding = "look" if look else "recomputed" if anew else "accepted"
-        models.append(_with_table(left, right, standing, solution, accepted, why))
+        stands = standing(solution, suspected=name in suspected, recomputed=name in anew)
+        models.append(with_table((left, right), stands, solution, accepted, why))
     return StripStatus(strip.id, tuple(models))
 
 
-def _with_table(
-    left: str,
-    right: str,
-    standing: ModelStanding,
+def with_table(
+    photos: tuple[str, str],
+    stands: ModelStanding,
     solution: ModelSolution | None,
     measured: ModelState | None,
     why: str,
 ) -> ModelStatus:
+    """Return a measured model's status, with the figures of its solution where it has one."""
     if solution is None:
         off = 0 if measured is None else len(measured.off)
-        return ModelStatus(left, right, standing, off=off, why=why)
+        return ModelStatus(*photos, stands, off=off, why=why)
     return ModelStatus(
-        left,
-        right,
-        standing,
+        *photos,
+        stands,
         solution.sigma0_um,
         solution.redundancy,
         len(solution.flagged),
@@ -206,9 +326,22 @@ def _with_table(
     )
 
 
-def _lateral_ties(block: Block, photos_of: Mapping[str, set[str]]) -> int:
+def coverage_of(block: Block) -> Coverage:
+    """Return a block's lateral ties and control, as far as they are measured."""
+    photos_of: dict[str, set[str]] = {}
+    for row in block.image_points:
+        photos_of.setdefault(row.point, set()).add(row.photo)
+    known = [point.point for point in block.control if point.use != "off"]
+    return Coverage(
+        _lateral_ties(block.strips, photos_of),
+        len(known),
+        sum(len(photos_of.get(point, ())) > 1 for point in known),
+    )
+
+
+def _lateral_ties(strips: Iterable[Strip], photos_of: Mapping[str, set[str]]) -> int:
     strips_of: dict[str, set[str]] = {}
-    for strip in block.strips:
+    for strip in strips:
         for photo in strip.photos:
             strips_of.setdefault(photo, set()).add(strip.id)
     return sum(
@@ -217,16 +350,32 @@ def _lateral_ties(block: Block, photos_of: Mapping[str, set[str]]) -> int:
     )
 
 
-def _next(
-    block: Block,
-    state: SessionState | None,
-    strips: tuple[StripStatus, ...],
+def following(
+    opened: str,
+    measured: bool,
     view: BlockView | None,
     folder: str,
+    state: SessionState | None = None,
+    ahead: Outlook | None = None,
 ) -> NextStep:
+    """Return what is to be done next: the model in work, what is surely wrong, the next model.
+
+    Parameters
+    ----------
+    opened
+        The model to measure next, "" when all are measured.
+    measured
+        Whether there is anything to adjust.
+    view
+        What the block as one bundle says, or None.
+    folder
+        How the command line names the block.
+    state, ahead
+        The session with a model in work, and what follows from it; None without one.
+    """
     opening = f"anaplot open {folder}"
-    if state is not None and state.current is not None:
-        ahead, model = outlook(state), state.current.name
+    if state is not None and state.current is not None and ahead is not None:
+        model = state.current.name
         if ahead.next_point is None and ahead.may_accept:
             return NextStep("accept", opening, model)
         return NextStep("measure", opening, model, point=ahead.next_point or "")
@@ -234,10 +383,8 @@ def _next(
         accused = suspect.accused
         if accused.model is not None and accused.probability > SURE:
             return NextStep("return", opening, accused.model, accused.photo, suspect.point)
-    for strip in strips:
-        for one in strip.models:
-            if one.state == "open":
-                return NextStep("measure", opening, one.name)
-    if block.image_points:
+    if opened:
+        return NextStep("measure", opening, opened)
+    if measured:
         return NextStep("adjust", f"anaplot adjust {folder}")
     return NextStep("measure", opening)

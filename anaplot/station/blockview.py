@@ -5,7 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-__all__ = ["BlockView", "FlaggedCoordinate", "SuspectedPoint", "SuspectedRay"]
+__all__ = ["BlockView", "FlaggedCoordinate", "SuspectedPoint", "SuspectedRay", "percent"]
+
+
+def percent(probability: float) -> str:
+    """Return a probability as people read it; certainty is never claimed."""
+    if probability >= 0.995:
+        return "over 99 %"
+    return "under 1 %" if probability < 0.01 else f"{100.0 * probability:.0f} %"
 
 
 class FlaggedCoordinate(NamedTuple):

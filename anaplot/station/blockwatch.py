@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Set
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from anaplot.errors import AnaplotError
@@ -19,6 +20,7 @@ from anaplot.session.state import ModelState, SessionState
 from anaplot.session.workflow import Outlook
 from anaplot.station.blockview import BlockView
 from anaplot.station.imagepoints import merged_rows
+from anaplot.station.modeltables import ModelTables, TableKeeper
 
 if TYPE_CHECKING:
     from anaplot.bundle.live import LiveBlock
@@ -37,6 +39,7 @@ class _Work:
     """Everything that goes into one adjustment."""
 
     block: Block
+    state: SessionState
     models: tuple[ModelState, ...]
     of_session: frozenset[str]
     current: str | None
@@ -76,6 +79,8 @@ class BlockWatch:
         self._told: _Work | None = None
         self._done: _Work | None = None
         self._view: BlockView | None = None
+        self._keeper = TableKeeper()
+        self._tables: ModelTables = {}
         self._since: dict[str, str] = {}
         self._closed = False
         self._thread: threading.Thread | None = None
@@ -92,6 +97,12 @@ class BlockWatch:
             return BlockView(
                 self._told.after, len(self._told.models), self._told.provisional, busy=True
             )
+
+    @property
+    def tables(self) -> ModelTables:
+        """The tables of the accepted models, as far as they are computed."""
+        with self._changed:
+            return self._tables
 
     def tell(
         self, block: Block, state: SessionState, outlook: Outlook, of_session: Set[str]
@@ -113,6 +124,7 @@ class BlockWatch:
         current = _complete(state, outlook)
         work = _Work(
             block,
+            state,
             state.models if current is None else state.models_with(current),
             frozenset(of_session if current is None else of_session | {current.name}),
             None if current is None else current.name,
@@ -145,6 +157,7 @@ class BlockWatch:
         live: LiveBlock | None = None
         while (work := self._next()) is not None:
             try:
+                self._tabled(work)
                 view, live = self._adjusted(work, live)
             except _OvertakenError:
                 continue
@@ -159,6 +172,14 @@ class BlockWatch:
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._told is not self._done)
             return None if self._closed else self._told
+
+    def _tabled(self, work: _Work) -> None:
+        """Bring the tables of the accepted models up to date."""
+        tables = self._keeper.update(work.block, work.state, partial(self._look_up, work))
+        if tables is not self._tables:
+            with self._changed:
+                self._tables = tables
+            self._ready()
 
     def _adjusted(
         self, work: _Work, live: LiveBlock | None

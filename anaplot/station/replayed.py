@@ -29,9 +29,11 @@ from anaplot.session.requests import Severity
 from anaplot.session.state import start
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.commanded import Commanded
+from anaplot.station.livestatus import LiveStatus
 from anaplot.station.replay import Step, recorded_block, replay
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
 from anaplot.station.stripcontrol import StripOnControl, strips_on_control
+from anaplot.textfiles.wording import plain
 
 __all__ = ["ReplayStation"]
 
@@ -67,12 +69,13 @@ class ReplayStation(Commanded):
         self._lock = threading.Lock()
         self._of_session: set[str] = set()
         self._watch = BlockWatch(self._block_seen)
-        self._state = start(self._block)
+        self._status = LiveStatus(plain(str(session)))
+        self._desk = Desk.at(start(self._block))
         self._snapshot = self._first()
         self._thread: threading.Thread | None = None
 
     def _first(self) -> Snapshot:
-        return snapshot_of(Desk.at(start(self._block)), 0, _LINK)
+        return self._with_status(snapshot_of(self._desk, 0, _LINK))
 
     # -- playing -------------------------------------------------------------------------------
 
@@ -119,9 +122,9 @@ class ReplayStation(Commanded):
             return
         # as recorded: what lies in the folder today was not there
         state, view = step.desk.state, step.desk.outlook
-        self._state = state
         self._of_session.update(model.name for model in state.models)
         self._watch.tell(self._block, state, view, self._of_session)
+        self._desk = step.desk
         self._publish(snapshot_of(replace(step.desk, target=view.next_point), 0, _LINK))
         severity: Severity = "info" if step.difference is None else "error"
         self._audience.tell([(severity, line) for line in _told(step)])
@@ -133,13 +136,15 @@ class ReplayStation(Commanded):
         """Show a new picture, or the old one with what the block says now."""
         with self._lock:
             self._serial += 1
-            self._snapshot = replace(
-                self._snapshot if shown is None else shown,
-                serial=self._serial,
-                block_view=self._watch.view,
-            )
-            now = self._snapshot
+            now = replace(self._snapshot if shown is None else shown, serial=self._serial)
+            self._snapshot = now = self._with_status(now)
         self._audience.show(now)
+
+    def _with_status(self, shown: Snapshot) -> Snapshot:
+        """Return a picture with what the block says now, and where it stands."""
+        watch = self._watch
+        status = self._status.now(self._block, self._desk, watch.view, watch.tables)
+        return replace(shown, block_view=status.block, status=status)
 
     # -- looking -------------------------------------------------------------------------------
 
@@ -161,7 +166,7 @@ class ReplayStation(Commanded):
         self, degree: Degree, without: Collection[str]
     ) -> tuple[StripOnControl, ...]:
         """Return the strips as far as played, fitted to the control of their block."""
-        return strips_on_control(self._block, self._state, degree, without)
+        return strips_on_control(self._block, self._desk.state, degree, without)
 
     def give(self, command: Command) -> None:
         """Refuse."""

@@ -19,6 +19,7 @@ from anaplot.session.nextstep import NO_AGENDA, Agenda
 from anaplot.session.reasons import LastChange
 from anaplot.session.recomputed import Recomputed
 from anaplot.session.workflow import Outlook
+from anaplot.station.blockstatus import BlockStatus
 from anaplot.station.blockview import BlockView
 
 __all__ = [
@@ -161,6 +162,8 @@ class Snapshot:
         no fiducials.
     block_view
         What the block as one bundle says; None before there is anything to adjust.
+    status
+        Where the block stands, model by model; None where nobody keeps it.
     mono
         Whether the current model is measured in a mono comparator, one photo after the other.
     laid
@@ -214,6 +217,7 @@ class Snapshot:
     test: str
     inners: tuple[InnerView, ...] = ()
     block_view: BlockView | None = None
+    status: BlockStatus | None = None
     mono: bool = False
     laid: str = ""
     next_photo: str | None = None
@@ -239,7 +243,10 @@ class Snapshot:
 
 
 def snapshot_of(
-    desk: Desk, serial: int, link: LinkView, block_view: BlockView | None = None
+    desk: Desk,
+    serial: int,
+    link: LinkView,
+    status: BlockStatus | None = None,
 ) -> Snapshot:
     """Return everything a screen needs, consistent in itself.
 
@@ -251,8 +258,8 @@ def snapshot_of(
         Number of the snapshot.
     link
         The link as a person sees it.
-    block_view
-        What the block as one bundle says, or None.
+    status
+        Where the block stands and what it says as one bundle, or None.
     """
     state, view = desk.state, desk.outlook
     block, model = state.block, state.current
@@ -285,7 +292,8 @@ def snapshot_of(
         tie_variance=block.precision.tie_variance,
         test=f"{block.test.kind} {block.test.alpha:g}",
         inners=() if model is None else tuple(_inner(block, i, view) for i in model.inner),
-        block_view=block_view,
+        block_view=None if status is None else status.block,
+        status=status,
         mono=model is not None and model.mono,
         laid=model.photo(model.laid) if model is not None and model.laid is not None else "",
         next_photo=None

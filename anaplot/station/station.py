@@ -65,11 +65,13 @@ from anaplot.station.header import session_header
 from anaplot.station.inbox import Inbox, Item, Told, Traffic
 from anaplot.station.instrument import Instrument, Setup
 from anaplot.station.journaling import Recorder
+from anaplot.station.livestatus import LiveStatus
 from anaplot.station.pointsfile import PointsFile
 from anaplot.station.restored import restored
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
 from anaplot.station.stripcontrol import StripOnControl, strips_on_control
 from anaplot.station.worker import Worker
+from anaplot.textfiles.wording import plain
 
 __all__ = ["DEFAULT_PATTERN", "Severity", "Station"]
 
@@ -148,6 +150,7 @@ class Station(Commanded):
             self._recorder = Recorder(self._journal, time.monotonic)
             events, state = restored(block, recovered.records)
             self._points = PointsFile(folder, block, events)
+            self._status = LiveStatus(plain(str(folder)))
             self._desk = Desk.at(
                 state,
                 None if self._instrument is None else self._instrument.abilities,
@@ -469,4 +472,6 @@ class Station(Commanded):
 
     def _picture(self) -> Snapshot:
         self._serial += 1
-        return snapshot_of(self._desk, self._serial, self._link, self._watch.view)
+        watch = self._watch
+        status = self._status.now(self._points.block, self._desk, watch.view, watch.tables)
+        return snapshot_of(self._desk, self._serial, self._link, status)

@@ -7,7 +7,7 @@ import pytest
 from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
 
-from anaplot.console.blockline import block_line, percent
+from anaplot.console.blockline import block_line
 from anaplot.console.blockpage import block_page
 from anaplot.console.describe import advice_of
 from anaplot.station.blockview import (
@@ -15,6 +15,7 @@ from anaplot.station.blockview import (
     FlaggedCoordinate,
     SuspectedPoint,
     SuspectedRay,
+    percent,
 )
 
 

@@ -1,0 +1,211 @@
+"""Where a block stands while it is measured, and from its files: the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from sessionscene import Scene
+
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.block import ControlPoint, ImagePoint
+from anaplot.session.desk import Desk
+from anaplot.session.events import ModelAccepted, ModelReopened, RowSwitched
+from anaplot.session.models import solve
+from anaplot.session.state import SessionState, apply, fold
+from anaplot.session.workflow import outlook
+from anaplot.station.blockstatus import BlockStatus, status_of
+from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
+from anaplot.station.imagepoints import rows_of
+from anaplot.station.livestatus import LiveStatus
+from anaplot.station.modeltables import TableKeeper
+
+
+def suspect(model: str, probability: float) -> BlockView:
+    photo = model.split("/")[1]
+    ray = SuspectedRay(photo, model, probability)
+    flagged = (FlaggedCoordinate(photo, model, "y", 9.0, 0.5),)
+    return BlockView(model, 1, False, suspects=(SuspectedPoint("p", flagged, (ray,), "", False),))
+
+
+class Day:
+    """A session whose status is asked for after every event, both ways."""
+
+    def __init__(self) -> None:
+        self.scene = Scene(photos=4)
+        self.state = self.scene.start
+        self.live = LiveStatus("b")
+        self.keeper = TableKeeper()
+        self.tables = self.keeper.update(self.scene.block, self.state)
+
+    def both(self, view: BlockView | None = None) -> tuple[BlockStatus, BlockStatus]:
+        state = self.state
+        block = replace(self.scene.block, image_points=rows_of(state.models))
+        self.tables = self.keeper.update(block, state)
+        live = self.live.now(block, Desk.at(state), view, self.tables)
+        return live, status_of(block, state, view, "b")
+
+    def same(self, view: BlockView | None = None) -> BlockStatus:
+        live, files = self.both(view)
+        assert live == replace(files, strips=live.strips)
+        for one, other in zip(live.models, files.models, strict=True):
+            assert one == replace(other, sigma0_um=one.sigma0_um)
+            assert one.sigma0_um == (
+                None if other.sigma0_um is None else pytest.approx(other.sigma0_um, rel=1e-9)
+            )
+        return live
+
+    def measure(self, model: int) -> None:
+        self.state = self.scene.whole(apply(self.state, self.scene.choice(self.state, model)))
+
+    def accept(self) -> None:
+        assert self.state.current is not None
+        self.state = apply(self.state, ModelAccepted(*self.state.current.photos))
+
+
+def states(status: BlockStatus) -> list[str]:
+    return [model.state for model in status.models]
+
+
+def test_the_day_says_the_same_live_and_from_the_files() -> None:
+    day = Day()
+    found = day.same()
+    assert states(found) == ["open", "open", "open"]
+    assert (found.next.do, found.next.model) == ("measure", "101/102")
+    day.state = apply(day.state, day.scene.choice(day.state, 0))
+    found = day.same()
+    assert states(found) == ["in work", "open", "open"]
+    assert found.next.point == day.state.current.plan[0].point
+    day.state = day.scene.whole(day.state)
+    found = day.same()
+    assert found.next.do == "accept"
+    assert next(found.models).redundancy == 8
+    day.accept()
+    day.measure(1)
+    point = next(p.point for p in day.state.current.plan if p.role == "tie")
+    day.state = apply(day.state, RowSwitched(point, "x", on=False))
+    assert [model.off for model in day.same().models] == [0, 1, 0]
+    day.accept()
+    found = day.same()
+    assert states(found) == ["accepted", "accepted", "open"]
+    assert [model.ties for model in found.models] == [0, 4, 0]
+    assert found.next.model == "103/104"
+    # a surely wrong point is returned to before the next model is measured
+    found = day.same(suspect("101/102", 0.995))
+    assert states(found) == ["look", "accepted", "open"]
+    assert (found.next.do, found.next.model, found.next.point) == ("return", "101/102", "p")
+    assert day.same(suspect("101/102", 0.9)).next.do == "measure"
+    day.measure(2)
+    day.accept()
+    assert day.same().next.do == "adjust"
+
+
+def test_a_model_returned_to_is_in_work_and_those_after_it_are_recomputed() -> None:
+    day = Day()
+    for k in range(2):
+        day.measure(k)
+        day.accept()
+    day.measure(2)
+    day.state = apply(day.state, ModelReopened("101", "102", None, None))
+    assert states(day.same()) == ["in work", "accepted", "in work"]
+    point = day.state.current.measured[-1].point
+    day.state = apply(day.state, day.scene.measurement(day.state, point, dyr=0.004))
+    day.accept()
+    found = day.same()
+    assert states(found) == ["accepted", "recomputed", "in work"]
+    assert found.weak_spots[0].model == "102/103"
+    assert "computed anew" in found.weak_spots[0].words
+
+
+def test_tables_are_those_of_the_session_and_computed_once() -> None:
+    day = Day()
+    for k in range(3):
+        day.measure(k)
+        day.accept()
+    tables = day.keeper.update(day.scene.block, day.state)
+    for model in day.state.models:
+        assert tables[model.photos].solution is solve(day.state, model)
+    assert day.keeper.update(day.scene.block, day.state) is tables
+    # what comes after a change is computed again, what is before it is not
+    changed = replace(
+        day.state.models[1], off=frozenset({(day.state.models[1].plan[7].point, "y")})
+    )
+    models = (day.state.models[0], changed, day.state.models[2])
+    after = day.keeper.update(day.scene.block, replace(day.state, models=models))
+    same = [after[model.photos] is tables[model.photos] for model in models]
+    assert same == [True, False, False]
+
+
+def test_what_is_given_up_keeps_what_was_known() -> None:
+    day = Day()
+    day.measure(0)
+    day.accept()
+    known = day.keeper.update(day.scene.block, day.state)
+    day.measure(1)
+    day.accept()
+
+    def overtaken() -> None:
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        day.keeper.update(day.scene.block, day.state, overtaken)
+    assert day.keeper.update(day.scene.block, day.state)[("101", "102")] is known[("101", "102")]
+
+
+def test_a_table_on_its_way_is_not_called_wrong() -> None:
+    day = Day()
+    day.measure(0)
+    day.accept()
+    block = replace(day.scene.block, image_points=rows_of(day.state.models))
+    # just opened: no table is known yet
+    found = LiveStatus("b").now(block, Desk.at(day.state), None, {})
+    first = next(found.models)
+    assert (first.state, first.sigma0_um, first.why) == ("accepted", None, "")
+    # just accepted: its table is the one that stood on the screen
+    live = LiveStatus("b")
+    before: SessionState = fold(day.scene.start, [])
+    before = day.scene.whole(apply(before, day.scene.choice(before, 0)))
+    live.now(day.scene.block, Desk.at(before), None, {})
+    after = apply(before, ModelAccepted("101", "102"))
+    found = live.now(block, Desk.at(after), None, {})
+    assert next(found.models).sigma0_um == outlook(before).solution.sigma0_um
+
+
+def test_a_model_that_cannot_be_computed_needs_a_look_and_those_after_it_too() -> None:
+    day = Day()
+    day.measure(0)
+    day.accept()
+    day.measure(1)
+    day.accept()
+    few = replace(day.state.models[0], measured=day.state.models[0].measured[:3])
+    state = replace(day.state, models=(few, day.state.models[1]))
+    with pytest.raises(NotComputableError):
+        solve(state, state.models[1])
+    tables = day.keeper.update(day.scene.block, state)
+    assert "needs five" in tables[few.photos].why
+    assert "model 101/102 before it has no table" in tables[state.models[1].photos].why
+    live = LiveStatus("b").now(day.scene.block, Desk.at(state), None, tables)
+    assert states(live) == ["look", "look", "open"]
+    assert "needs five" in live.weak_spots[0].words
+
+
+def test_models_from_elsewhere_are_accepted_and_control_is_seen() -> None:
+    day = Day()
+    day.measure(0)
+    rows = (
+        *day.scene.rows(day.state),
+        ImagePoint("104", "101-1", 1.0, 2.0),
+    )
+    control = tuple(
+        ControlPoint(name, (1.0, 2.0, 3.0), use=use)
+        for name, use in (("101-1", "control"), ("far", "check"), ("101-2", "off"))
+    )
+    block = replace(day.scene.block, image_points=rows, control=control)
+    tables = day.keeper.update(block, day.scene.start)
+    start = day.scene.start
+    live = LiveStatus("b").now(block, Desk.at(start), None, tables)
+    assert states(live) == ["accepted", "open", "open"]
+    assert next(live.models).sigma0_um is not None
+    assert live.coverage == (0, 2, 1)
+    # the session has not measured it: that is what its next key does
+    assert live.next.model == "101/102"
