@@ -56,7 +56,15 @@ class AskWhether(ModalScreen[bool]):
 
 
 class AskName(ModalScreen[str | None]):
-    """A prompt for the name of a point; escape gives none."""
+    """A prompt for a name; escape gives none.
+
+    Parameters
+    ----------
+    title
+        What is asked for.
+    enter
+        What the enter key does with it.
+    """
 
     DEFAULT_CSS = """
     AskName { align: center middle; background: $background 60%; }
@@ -67,16 +75,20 @@ class AskName(ModalScreen[str | None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "cancel", "Cancel")]
 
+    def __init__(self, title: str = "Name of the point to add", enter: str = "add") -> None:
+        super().__init__()
+        self._title, self._enter = title, enter
+
     def compose(self) -> ComposeResult:
         """Lay the prompt out."""
         with Vertical():
-            yield Static("Name of the point to add")
+            yield Static(Content(self._title))
             yield Input(max_length=_LONGEST_NAME, compact=True)
-            yield Static("enter add     escape leave it")
+            yield Static(Content(f"enter {self._enter}     escape leave it"))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Close with the name; nothing at all is no name."""
-        self.dismiss(event.value.strip() or None)
+        """Close with the name, which may be empty."""
+        self.dismiss(event.value.strip())
 
     def action_cancel(self) -> None:
         """Close without a name."""

@@ -112,6 +112,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("stop", "escape", "Stop", "Stop the plates.", 17),
     Action("orientation", "f2", "", "Show the model's orientation (A2)."),
     Action("messages", "l", "", "All messages so far, the newest first."),
+    Action("log", "H", "", "Who changed what and why, the newest first."),
     Action("redraw", "r", "", "Draw the whole screen again."),
     Action("row_up", "k", "", "Select the row above, or below.", 50, "row"),
     Action("row_down", "j", "", "Select the row below.", 50, "row"),

@@ -16,6 +16,7 @@ from anaplot.console.dialogs import Page
 from anaplot.console.errorspage import FIRST, ErrorsPage, errors_lines
 from anaplot.console.fitpage import FitChoice, FitPage
 from anaplot.console.helptext import help_lines
+from anaplot.console.logpage import LogPage
 from anaplot.console.panels import entry_lines
 from anaplot.console.pointingpage import PointingPage
 from anaplot.console.rows import ShownRow
@@ -67,6 +68,7 @@ class Pages:
         self._fit: FitPage | None = None
         self._pointing: PointingPage | None = None
         self._choice = FitChoice()
+        self._log: LogPage | None = None
 
     def show(self, snapshot: Snapshot) -> None:
         """Bring the pages that follow the work up to date."""
@@ -75,6 +77,8 @@ class Pages:
             self._fit.renew()
         if self._pointing is not None and before.accepted != snapshot.accepted:
             self._pointing.renew()
+        if self._log is not None and _events(before) != _events(snapshot):
+            self._log.renew()
         if self._block is not None:
             self._block.show(block_page(snapshot.block_view, _WIDTH))
         if self._errors is not None:
@@ -104,6 +108,9 @@ class Pages:
         elif page == "pointing":
             self._pointing = PointingPage(self._station.pointing, self._again, _WIDTH)
             app.push_screen(self._pointing, self._pointing_read)
+        elif page == "log":
+            self._log = LogPage(self._station.log, self._model, _WIDTH)
+            app.push_screen(self._log, self._log_read)
         elif page == "errors":
             strategy = self.strategy or FIRST
             self._choose(strategy)
@@ -117,6 +124,13 @@ class Pages:
 
     def _pointing_read(self, _: None) -> None:
         self._pointing = None
+
+    def _log_read(self, _: None) -> None:
+        self._log = None
+
+    def _model(self) -> str:
+        now = self._snapshot
+        return f"{now.left}/{now.right}" if now.left else ""
 
     def _fit_read(self, _: None) -> None:
         self._fit = None
@@ -141,3 +155,8 @@ class Pages:
 def _measured(snapshot: Snapshot) -> tuple[object, ...]:
     """Return what is another when something was measured, switched or accepted."""
     return snapshot.accepted, id(snapshot.solution), snapshot.recomputed
+
+
+def _events(snapshot: Snapshot) -> tuple[object, ...]:
+    """Return what is another when something has happened."""
+    return _measured(snapshot), snapshot.points, snapshot.inners, snapshot.last_change

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from typing import Protocol
 
 from anaplot.orientation.stripfit import Degree
+from anaplot.session.changes import Change
 from anaplot.session.commands import Command
 from anaplot.session.plates import ReadOut
 from anaplot.simulation.stereo import StereoPair
@@ -45,6 +46,9 @@ class StationLike(Protocol):
 
     def pointing(self) -> Pointing:
         """Return what is known of the precision of pointing; called beside the screen."""
+
+    def log(self) -> tuple[Change, ...]:
+        """Return who changed what, the oldest first; called beside the screen."""
 
     def close(self) -> None:
         """Close link and journal; harmless when closed already."""

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Self
 
 from anaplot.aliases import Axis
+from anaplot.orientation.stripfit import Degree
+from anaplot.photogrammetry.block import Block
 from anaplot.session import commands
+from anaplot.session.changes import Change
 from anaplot.session.commands import Command
 from anaplot.session.events import Reason
+from anaplot.session.state import SessionState
 from anaplot.station.audience import Audience
 from anaplot.station.pointing import Pointing, read_pointing
+from anaplot.station.sessionlog import SessionLog
 from anaplot.station.snapshot import Snapshot
+from anaplot.station.stripcontrol import StripOnControl, strips_on_control
 
 __all__ = ["Commanded"]
 
 
 class Commanded(ABC):
-    """Something that is looked at and given commands; each method gives the one of its name.
+    """Something that is looked at, asked, and given commands by methods of their names.
 
     Parameters
     ----------
@@ -30,6 +36,33 @@ class Commanded(ABC):
     def __init__(self, session: Path) -> None:
         self._audience = Audience()
         self._session = session
+        self._log = SessionLog(session)
+
+    @property
+    @abstractmethod
+    def block(self) -> Block:
+        """The block as it was declared."""
+
+    @property
+    @abstractmethod
+    def state(self) -> SessionState:
+        """The session's state."""
+
+    def log(self) -> tuple[Change, ...]:
+        """Return who changed what, the oldest first, as the journal tells it.
+
+        Raises
+        ------
+        InputError
+            It cannot be read.
+        """
+        return self._log.read()
+
+    def strips_on_control(
+        self, degree: Degree, without: Collection[str]
+    ) -> tuple[StripOnControl, ...]:
+        """Return the strips fitted to the control measured so far; nothing waits for it."""
+        return strips_on_control(self.block, self.state, degree, without)
 
     @abstractmethod
     def close(self) -> None:

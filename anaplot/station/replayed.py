@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TextIO
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.journal import JournalRecord, read_journal
-from anaplot.orientation.stripfit import Degree
+from anaplot.photogrammetry.block import Block
 from anaplot.session.commands import Command
 from anaplot.session.desk import Desk
 from anaplot.session.events import (
@@ -26,13 +26,12 @@ from anaplot.session.events import (
 )
 from anaplot.session.plates import ReadOut, image_of, plates_of
 from anaplot.session.requests import Severity
-from anaplot.session.state import start
+from anaplot.session.state import SessionState, start
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.commanded import Commanded
 from anaplot.station.livestatus import LiveStatus
 from anaplot.station.replay import Step, recorded_block, replay
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
-from anaplot.station.stripcontrol import StripOnControl, strips_on_control
 from anaplot.textfiles.wording import plain
 
 __all__ = ["ReplayStation"]
@@ -148,6 +147,16 @@ class ReplayStation(Commanded):
 
     # -- looking -------------------------------------------------------------------------------
 
+    @property
+    def block(self) -> Block:
+        """The block as it was declared."""
+        return self._block
+
+    @property
+    def state(self) -> SessionState:
+        """The session's state, as far as it was played."""
+        return self._desk.state
+
     def snapshot(self) -> Snapshot:
         """Return the current snapshot."""
         return self._snapshot
@@ -161,12 +170,6 @@ class ReplayStation(Commanded):
         end = super().subscribe(callback)
         self.start()
         return end
-
-    def strips_on_control(
-        self, degree: Degree, without: Collection[str]
-    ) -> tuple[StripOnControl, ...]:
-        """Return the strips as far as played, fitted to the control of their block."""
-        return strips_on_control(self._block, self._desk.state, degree, without)
 
     def give(self, command: Command) -> None:
         """Refuse."""

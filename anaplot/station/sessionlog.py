@@ -2,19 +2,60 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.journal import JournalRecord, event_of, read_journal
-from anaplot.session.changes import Change, Happened, changes
+from anaplot.session.changes import Change, ChangeLog, Happened
 from anaplot.session.events import EVENT_KINDS
 from anaplot.session.state import EventRefusedError
 from anaplot.station.replay import recorded_block
 
-__all__ = ["read_history", "read_log"]
+__all__ = ["SessionLog", "read_history", "read_log"]
 
 _OPENED = ("header", "opened")
 _WANTED = {*_OPENED, *EVENT_KINDS}
+
+
+class SessionLog:
+    """Who changed what, from a journal that may go on while it is read.
+
+    Parameters
+    ----------
+    session
+        A journal file, a folder `sessions` or a block folder.
+    """
+
+    def __init__(self, session: Path) -> None:
+        self._session = session
+        self._one = threading.Lock()
+        self._log: ChangeLog | None = None
+        self._count = 0  # events taken notice of
+
+    def read(self) -> tuple[Change, ...]:
+        """Return what changed so far; only what is new since the last time is worked out.
+
+        Raises
+        ------
+        InputError
+            It cannot be read, is damaged, or does not fit its block.
+        """
+        with self._one:
+            records, history = read_history(self._session)
+            if not history:
+                return ()
+            if self._log is None:
+                self._log = ChangeLog(recorded_block(self._session, records))
+            try:
+                for happened in history[self._count :]:
+                    self._log.add(happened)
+                    self._count += 1
+            except EventRefusedError as error:
+                raise InputError(
+                    f"{self._session}: the journal does not fit its block: {error}"
+                ) from None
+            return self._log.changes
 
 
 def read_log(session: Path) -> tuple[Change, ...]:
@@ -25,13 +66,7 @@ def read_log(session: Path) -> tuple[Change, ...]:
     InputError
         It cannot be read, is damaged, or does not fit its block.
     """
-    records, history = read_history(session)
-    if not history:
-        return ()
-    try:
-        return changes(recorded_block(session, records), history)
-    except EventRefusedError as error:
-        raise InputError(f"{session}: the journal does not fit its block: {error}") from None
+    return SessionLog(session).read()
 
 
 def read_history(session: Path) -> tuple[tuple[JournalRecord, ...], tuple[Happened, ...]]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +21,6 @@ from anaplot.exchange.blockfolder import clear_image_points, read_block
 from anaplot.exchange.journal import Journal, JournalError
 from anaplot.orientation.model import warm_up
 from anaplot.orientation.patterns import pattern
-from anaplot.orientation.stripfit import Degree
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.modelplan import Candidates
 from anaplot.plotter.ports import UNCHECKED
@@ -69,7 +68,6 @@ from anaplot.station.livestatus import LiveStatus
 from anaplot.station.pointsfile import PointsFile
 from anaplot.station.restored import restored
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
-from anaplot.station.stripcontrol import StripOnControl, strips_on_control
 from anaplot.station.worker import Worker
 from anaplot.textfiles.wording import plain
 
@@ -233,12 +231,6 @@ class Station(Commanded):
         if position is None:
             return None
         return replace(image_of(position, plates_of(self.state)), mono=self._desk.mono)
-
-    def strips_on_control(
-        self, degree: Degree, without: Collection[str]
-    ) -> tuple[StripOnControl, ...]:
-        """Return the strips fitted to the control measured so far; nothing waits for it."""
-        return strips_on_control(self.block, self.state, degree, without)
 
     # -- commands ------------------------------------------------------------------------------
 

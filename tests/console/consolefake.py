@@ -178,6 +178,7 @@ class FakeStation:
         self.closed = 0
         self.fitted = None
         self.pointed = None
+        self.changes = []
         self.listeners: list = []
         self.notice_listeners: list = []
 
@@ -230,6 +231,10 @@ class FakeStation:
     def pointing(self):
         self._did("pointing")
         return Pointing(5.0) if self.pointed is None else self.pointed()
+
+    def log(self):
+        self._did("log")
+        return tuple(self.changes)
 
     def close(self):
         self.closed += 1

@@ -20,6 +20,7 @@ from anaplot.session.events import (
     ReasonGiven,
     RowSwitched,
 )
+from anaplot.station.sessionlog import SessionLog, read_log
 
 SESSION = Path(__file__).parents[1] / "sessions" / "changes.jsonl"
 PLAIN = """\
@@ -80,6 +81,25 @@ def test_the_reason_stands_beside_the_change(tmp_path: Path, capsys) -> None:
         assert [row["reason"] for row in csv.DictReader(file)][-2:] == ["", "transfer"]
     assert main(["log", str(block)]) == 0
     assert "transfer" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_log_goes_on_where_it_was_read_to(tmp_path: Path) -> None:
+    block = tmp_path / "b"
+    block.mkdir()
+    (block / "block.toml").write_text(PLAIN)
+    plan = (PlannedPoint("p", "new", 1.0, 2.0, -91.0, 2.0),)
+    log = SessionLog(block)
+    with Journal.open(block, {"operator": "Ada"})[0] as journal:
+        assert log.read() == ()
+        append_event(journal, ModelChosen("1", "1", "2", plan))
+        append_event(journal, PointMeasured("1", "2", "p", 1.0, 2.0, -91.0, 2.0, "key"))
+        left, right = log.read()
+        append_event(journal, RowSwitched("p", "y", on=False))
+        append_event(journal, ReasonGiven("pointing"))
+        *before, off = log.read()
+        assert before == [left, right]
+        assert (off.what, off.reason, off.who) == ("off", "pointing", "Ada")
+        assert log.read() == read_log(block)
 
 
 def test_a_block_without_a_journal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,105 @@
+"""The log page: its lines, and its keys over a station made of dataclasses."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+from consolefake import FakeStation, console, picture
+from rich.cells import cell_len
+
+from anaplot.console.logpage import log_lines
+from anaplot.session.changes import Change
+from anaplot.session.reasons import LastChange
+
+DAY = "2026-01-01T10:00:0{}.000Z"
+FIRST = Change(DAY.format(0), "Ada", "measured", "101/102", "102", "7", new=(1.0, 2.0))
+AGAIN = Change(
+    DAY.format(1), "Ada", "remeasured", "102/103", "103", "8", "", (1.0, 2.0), (1.5, 2.25), 7.5, 0.4
+)
+OFF = Change(DAY.format(2), "Bob", "off", "102/103", "103", "103", "y", None, None, 3.9, None)
+
+
+@pytest.fixture
+def utc(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("TZ", "UTC-2")  # two hours east
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+def said(changes, wanted=""):
+    return [line.plain.rstrip() for line in log_lines(changes, wanted, 72)]
+
+
+@pytest.mark.usefixtures("utc")
+def test_the_newest_first_with_zone_old_and_new_and_reason():
+    assert said([FIRST, AGAIN, OFF])[1:] == [
+        "3 of 3 changes",
+        "",
+        "2026-01-01 UTC+02:00   Bob",
+        "12:00:02 off        102/103       103     103 y          w   3.90 → –",
+        "",
+        "2026-01-01 UTC+02:00   Ada",
+        "12:00:01 remeasured 102/103       103     8              w   7.50 → 0.40",
+        "         1.0000 2.0000 → 1.5000 2.2500 mm",
+        "12:00:00 measured   101/102       102     7",
+    ]
+
+
+def test_one_model_or_point_alone_and_no_more_than_can_be_read():
+    assert "only 102/103: 2 of 3 changes" in said([FIRST, AGAIN, OFF], "102/103")
+    assert "only 7: 1 of 3 changes" in said([FIRST, AGAIN, OFF], "7")
+    assert "0 of 0 changes" in said([])
+    assert said(None)[-1] == "being read ..."
+    assert said([FIRST] * 600)[-1] == "and 100 earlier ones: anaplot log has all"
+
+
+@pytest.mark.parametrize("name", ["\x1b[2J", "[red]x[/]", "\u202eevil", "x" * 300])
+def test_foreign_names_are_shown_as_they_are(name):
+    change = Change(DAY.format(1), name, "off", name, name, name, "y", reason=name)
+    page = log_lines([change], name, 72)
+    assert all(cell_len(line.plain) <= 72 for line in page)
+    assert not any(c in line.plain for line in page for c in "\x1b\u202e")
+
+
+def lines(app):
+    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
+
+
+def text(app):
+    return "\n".join(lines(app))
+
+
+async def until(pilot, condition):
+    async with asyncio.timeout(15):
+        while not condition():
+            await pilot.pause()
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_the_keys_of_the_page(size):
+    station = FakeStation()
+    station.changes = [FIRST, AGAIN]
+    app = console(station)
+    async with app.run_test(size=size) as pilot:
+        await pilot.press("H")
+        await until(pilot, lambda: "2 of 2 changes" in text(app))
+        assert {cell_len(line) for line in lines(app)} == {size[0]}
+        # it follows the work
+        station.changes.append(OFF)
+        station.tell(picture(serial=2, last_change=LastChange("off", "102/103", "103", "y")))
+        await until(pilot, lambda: "3 of 3 changes" in text(app))
+        await pilot.press("m")
+        await until(pilot, lambda: "only 102/103: 2 of 3 changes" in text(app))
+        await pilot.press("slash", *"101/1", "enter")
+        await until(pilot, lambda: "only 101/1: 1 of 3 changes" in text(app))
+        await pilot.press("slash", "escape")
+        await until(pilot, lambda: "only 101/1: 1 of 3 changes" in text(app))
+        await pilot.press("slash", "enter")
+        await until(pilot, lambda: "3 of 3 changes" in text(app))
+        await pilot.press("H")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+    assert {call[0] for call in station.calls} == {"log"}
