@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.report.adjustarguments import (
@@ -29,6 +29,10 @@ from anaplot.report.planarguments import (
 )
 from anaplot.report.plotterarguments import add_plotter_commands
 from anaplot.version import __version__
+
+if TYPE_CHECKING:
+    from anaplot.session.state import SessionState
+    from anaplot.station.station import Station
 
 __all__ = ["main"]
 
@@ -63,7 +67,11 @@ def _demo(options: argparse.Namespace) -> int:
         from anaplot.simulation.controls import controls_of
 
         station = demo.open(folder, time_scale=2.0)
-        return run_console(station, controls=controls_of(station))
+        before = station.state
+        code = run_console(station, controls=controls_of(station))
+    options.simulate = True
+    _part(station, before, folder, options)
+    return code
 
 
 def _open(options: argparse.Namespace) -> int:
@@ -82,7 +90,23 @@ def _open(options: argparse.Namespace) -> int:
         operator=options.operator,
         story=options.story,
     )
-    return run_console(station, controls=controls_of(station))
+    before = station.state
+    code = run_console(station, controls=controls_of(station))
+    _part(station, before, options.block, options)
+    return code
+
+
+def _part(
+    station: Station, before: SessionState, folder: Path, options: argparse.Namespace
+) -> None:
+    """Say in one line what was done since a state of the session, and what is next."""
+    from anaplot.report.partingline import open_again, parting_line
+    from anaplot.session.workdone import work_done
+
+    status, kept = station.snapshot().status, folder.exists()
+    step = None if status is None or not kept else status.next
+    again = open_again(folder, options) if kept else "anaplot demo --keep FOLDER keeps it"
+    print(parting_line(work_done(before, station.state), step, again))
 
 
 def _replay(options: argparse.Namespace) -> int:
