@@ -248,10 +248,16 @@ class Block:
     image_points: tuple[ImagePoint, ...] = field(default=(), repr=False)
     control: tuple[ControlPoint, ...] = field(default=(), repr=False)
     measuring: Measuring = Measuring()
+    _camera_ids: dict[str, str] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        # asked for with every measurement; the first of photos of one name
+        ids = {photo.id: photo.camera for photo in reversed(self.photos)}
+        object.__setattr__(self, "_camera_ids", ids)
 
     def camera_of(self, photo: str) -> Camera:
         """Return the camera of a photo; raises KeyError for a photo that is not declared."""
-        wanted = next((p.camera for p in self.photos if p.id == photo), None)
+        wanted = self._camera_ids[photo]
         for camera in self.cameras:
             if camera.id == wanted:
                 return camera

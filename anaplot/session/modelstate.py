@@ -117,6 +117,8 @@ class ModelState:
     @property
     def used(self) -> tuple[Measured, ...]:
         """The measurements that are not switched off altogether."""
+        if not self.off:
+            return self.measured
         return tuple(m for m in self.measured if not self.is_off(m.point))
 
     @property

@@ -104,7 +104,7 @@ class SessionState:
 
     def accepted(self, left: str, right: str) -> ModelState | None:
         """Return the accepted model of two photos, or None."""
-        return next((m for m in self.models if m.photos == (left, right)), None)
+        return next((m for m in self.models if m.left == left and m.right == right), None)
 
     def models_with(self, model: ModelState) -> tuple[ModelState, ...]:
         """Return the accepted models and one more, in the place of its accepted version if any."""
@@ -114,7 +114,9 @@ class SessionState:
 
     def preceding(self, strip: str, left: str) -> ModelState | None:
         """Return the accepted model of a strip whose right photo is `left`, or None."""
-        return next((m for m in self.models if m.strip == strip and m.right == left), None)
+        # mostly the last one
+        latest_first = reversed(self.models)
+        return next((m for m in latest_first if m.strip == strip and m.right == left), None)
 
     @property
     def unchanged(self) -> bool:
@@ -264,11 +266,12 @@ def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
     preceding = state.preceding(strip.id, event.left)
     if preceding is None and strip.photos[0] != event.left:
         raise EventRefusedError(f"{model}: the model before it is not accepted yet")
+    known = _points_of(preceding)
     names = [p.point for p in event.plan]
     if len(set(names)) != len(names):
         raise EventRefusedError(f"{model}: a point is planned twice")
     for p in event.plan:
-        _check_role(model, p, preceding)
+        _check_role(model, p, known)
     chosen = ModelState(event.strip, event.left, event.right, event.plan, mono=event.mono)
     chosen = replace(chosen, inner=_inners(state.block, chosen))
     if not chosen.mono or preceding is None:
@@ -342,8 +345,13 @@ def _oriented(state: SessionState) -> ModelState:
     return model
 
 
-def _check_role(model: str, planned: PlannedPoint, preceding: ModelState | None) -> None:
-    known = preceding is not None and any(m.point == planned.point for m in preceding.used)
+def _points_of(model: ModelState | None) -> frozenset[str]:
+    """Return the points that a model can give to the next one."""
+    return frozenset() if model is None else frozenset(m.point for m in model.used)
+
+
+def _check_role(model: str, planned: PlannedPoint, points: frozenset[str]) -> None:
+    known = planned.point in points
     if (planned.role == "tie") != known:
         raise EventRefusedError(
             f"{model}: point {planned.point} is planned as {planned.role}, but "
@@ -356,9 +364,9 @@ def _added(state: SessionState, planned: PlannedPoint) -> ModelState:
     model = _oriented(state)
     if model.planned(planned.point) is not None:
         raise EventRefusedError(f"point {planned.point} is in model {model.name} already")
-    _check_role(f"model {model.name}", planned, state.preceding(model.strip, model.left))
-    after = replace(model, plan=(*model.plan, planned))
     preceding = state.preceding(model.strip, model.left)
+    _check_role(f"model {model.name}", planned, _points_of(preceding))
+    after = replace(model, plan=(*model.plan, planned))
     if not model.mono or preceding is None:
         return after
     return taken_over(after, preceding, lies=False)
