@@ -386,5 +386,7 @@ def following(
     if opened:
         return NextStep("measure", opening, opened)
     if measured:
-        return NextStep("adjust", f"anaplot adjust {folder}")
+        # what the control does not determine yet needs a free datum
+        free = view is not None and view.datum == "free"
+        return NextStep("adjust", f"anaplot adjust {folder}" + (" --datum free" if free else ""))
     return NextStep("measure", opening)
