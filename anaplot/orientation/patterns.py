@@ -1,9 +1,10 @@
 """The point patterns of the paper, and their reliability (1983, Figures 1, 2, 4 and 7).
 
 Standard points: 1, 2, 3 are the upper, middle and lower point under the left projection centre,
-4, 5, 6 the same under the right one, 7, 8, 9 the column between them. A doubled point is two
-points a few millimetres apart: 1 and 1'. Everything that is said of a pattern is computed by the
-code that computes measured models.
+4, 5, 6 the same under the right one, 7, 8, 9 the column between them. In a regular pattern of four
+or five lines 12 lies between 1 and 2, 23 between 2 and 3, and so on. A doubled point is two points
+a few millimetres apart: 1 and 1'. Everything that is said of a pattern is computed by the code that
+computes measured models.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ __all__ = ["PATTERNS", "Pattern", "ideal_model", "pattern", "trace_in_bases"]
 
 _COLUMN = {"1": 0, "2": 0, "3": 0, "7": 1, "8": 1, "9": 1, "4": 2, "5": 2, "6": 2}
 _LINE = {"1": 1, "7": 1, "4": 1, "2": 0, "8": 0, "5": 0, "3": -1, "9": -1, "6": -1}
+_UPPER = "174"  # between one of these and the point below it lies the second line
+_TWIN = "'"
+_FEWEST_TIES = 3
 _SET = 0.05  # bases: how far from its place a point is set by hand
 
 
@@ -39,15 +43,21 @@ class Pattern:
     ----------
     name
         "13" without ties (a strip's first model), "13/5" with five of them.
+    arrangement
+        How its points lie, in words.
     labels
         Labels of its points in the order of measurement; "1'" is the twin of "1".
     ties
         Labels of the points that the model shares with the preceding one.
+    lines
+        On how many equally spaced lines along the flight its points lie.
     """
 
     name: str
+    arrangement: str
     labels: tuple[str, ...]
     ties: tuple[str, ...] = ()
+    lines: int = 3
 
     def positions(
         self, base: float, d: float, twin: tuple[float, float] = (0.0, 0.0)
@@ -66,14 +76,23 @@ class Pattern:
         """
         out = {}
         for label in self.labels:
-            point, doubled = label[0], len(label) > 1
-            column, line = _COLUMN[point], _LINE[point]
+            point = label[0]
+            column, line = _COLUMN[point], self._line(label)
             x, y = 0.5 * base * column, d * line
-            if doubled:
+            if label.endswith(_TWIN):
                 x += -twin[0] if column == 2 else twin[0]
                 y -= line * twin[1]
             out[label] = (x, y)
         return out
+
+    def _line(self, label: str) -> float:
+        """Return how far up a point lies, from -1 to 1."""
+        label = label.removesuffix(_TWIN)
+        if len(label) == 1:
+            return _LINE[label]
+        # the line next to the middle, or the middle's neighbour
+        step = (self.lines - 3) / (self.lines - 1)
+        return step if label[0] in _UPPER else -step
 
 
 def ideal_model(
@@ -156,30 +175,40 @@ def trace_in_bases(solution: ModelSolution, base: float) -> float:
 
 
 _SIX = ("1", "2", "3", "4", "5", "6")
-_TEN = ("1", "1'", "2", "3", "3'", "4", "4'", "5", "6", "6'")
-_LABELS = {
-    "6": _SIX,
-    "9": (*_SIX, "7", "8", "9"),
-    "10": _TEN,
-    "13": (*_TEN, "7", "8", "9"),
-    "15": (*_TEN, "7", "7'", "8", "9", "9'"),
-}
-_TIES = {"3": ("1", "2", "3"), "5": ("1", "1'", "2", "3", "3'")}
+_DOUBLED = ("1", "1'", "2", "3", "3'", "4", "4'", "5", "6", "6'")
+_EIGHT = ("1", "12", "23", "3", "4", "45", "56", "6")
+_TEN = ("1", "12", "2", "23", "3", "4", "45", "5", "56", "6")
+_NAMED = (
+    Pattern("6", "2 x 3", _SIX),
+    Pattern("8", "2 x 4", _EIGHT, lines=4),
+    Pattern("9", "3 x 3", (*_SIX, "7", "8", "9")),
+    Pattern("10", "2 x 5", _TEN, lines=5),
+    Pattern("10d", "2 x 3, corners doubled", _DOUBLED),
+    Pattern("12", "3 x 4", (*_EIGHT, "7", "78", "89", "9"), lines=4),
+    Pattern("13", "3 x 3, corners doubled", (*_DOUBLED, "7", "8", "9")),
+    Pattern("15", "3 x 3, all outer points doubled", (*_DOUBLED, "7", "7'", "8", "9", "9'")),
+    Pattern("15r", "3 x 5", (*_TEN, "7", "78", "8", "89", "9"), lines=5),
+)
 
 
 def _patterns() -> dict[str, Pattern]:
     out = {}
-    for points, labels in _LABELS.items():
-        out[points] = Pattern(points, labels)
-        for count, ties in _TIES.items():
-            if set(ties) <= set(labels):
-                name = f"{points}/{count}"
-                out[name] = Pattern(name, labels, ties)
+    for one in _NAMED:
+        left = tuple(label for label in one.labels if _COLUMN[label[0]] == 0)
+        standard = tuple(label for label in left if len(label) == 1)
+        out[one.name] = one
+        for ties in sorted({standard, left}, key=len):
+            if len(ties) >= _FEWEST_TIES:
+                name = f"{one.name}/{len(ties)}"
+                out[name] = replace(one, name=name, ties=ties)
     return out
 
 
 PATTERNS: Mapping[str, Pattern] = MappingProxyType(_patterns())
-"""Patterns by name: "6", "6/3", "9", "9/3", "10", "10/3", "10/5", ... "15/5"."""
+"""Patterns by name: "6", "6/3", "8", "8/4", ... "15r/5"; arrangements are columns x lines.
+
+Ties are all points of the left column, or the three of them at standard places.
+"""
 
 
 def pattern(name: str) -> Pattern:
@@ -194,5 +223,6 @@ def pattern(name: str) -> Pattern:
         return PATTERNS[name]
     except KeyError:
         near = get_close_matches(name[:60], PATTERNS, n=1)
-        known = f"the nearest is {near[0]!r}" if near else f"there are {', '.join(PATTERNS)}"
+        names = ", ".join(one.name for one in _NAMED)
+        known = f"the nearest is {near[0]!r}" if near else f"there are {names} and with ties 13/5"
         raise InputError(f"no point pattern {name[:60]!r}; {known}") from None

@@ -201,9 +201,7 @@ def _free_name(name: str, used: Collection[str]) -> str:
 
 def _new_name(label: str, left: str, right: str) -> str:
     """Name a new point after the photo under which it lies: 1, 2, 3 there, 7, 8, 9 between."""
-    under_right = {"4": "1", "5": "2", "6": "3"}
-    digit, mark = label[0], label[1:]
-    left, right = left[:_NAME], right[:_NAME]
-    if digit in under_right:
-        return f"{right}-{under_right[digit]}{mark}"
-    return f"{left}-{digit}{mark}"
+    under_right = label.translate(str.maketrans("456", "123"))
+    if under_right != label:
+        return f"{right[:_NAME]}-{under_right}"
+    return f"{left[:_NAME]}-{label}"

@@ -19,7 +19,7 @@ from anaplot.adjustment.significance import (
     tau_power,
 )
 from anaplot.aliases import Array, Bools
-from anaplot.orientation.patterns import pattern
+from anaplot.orientation.patterns import PATTERNS, pattern
 from anaplot.planning.montecarlo import QuantityKey, Scenario, Tally, sums
 from anaplot.planning.patternplan import from_pattern, solve
 from anaplot.planning.plantederrors import hard_to_tell
@@ -118,9 +118,10 @@ class OneError:
     @property
     def about(self) -> str:
         """What it is."""
-        points, _, ties = self.pattern.partition("/")
-        tied = f"{ties} ties" if ties else "no scale transfer"
-        return f"one gross error in a model of {points} points, {tied} (1983)"
+        one = pattern(self.pattern)
+        tied = f"{len(one.ties)} ties" if one.ties else "no scale transfer"
+        points = f"{len(one.labels)} points ({one.arrangement})"
+        return f"one gross error in a model of {points}, {tied} (1983)"
 
     def prepare(self) -> _OneErrorTrial:
         """Orient the models."""
@@ -283,13 +284,11 @@ _FOUND: dict[str, dict[QuantityKey, float]] = {
 }
 """Found independently with known sigma."""
 
-_PATTERNS = ("6", "6/3", "9", "9/3", "10", "10/3", "10/5", "13", "13/3", "13/5", "15", "15/5")
-
 
 def scenarios() -> tuple[Scenario, ...]:
     """Return the scenarios on single models."""
     one = [
         OneError(f"kratky-1983-{name.replace('/', '-')}", name, _FOUND.get(name, {}))
-        for name in _PATTERNS
+        for name in PATTERNS
     ]
     return (*one, SizeOfTests())

@@ -32,7 +32,9 @@ def add_pattern_arguments(show: argparse.ArgumentParser) -> None:
         metavar="NAME|FILE",
         help='"13", "13/5", ... or a .csv or .toml with label,x,y[,tie] (mm)',
     )
-    show.add_argument("--ties", choices=("3", "5"), help="points shared with the preceding model")
+    show.add_argument(
+        "--ties", choices=("3", "4", "5"), help="points shared with the preceding model"
+    )
     show.add_argument(
         "--base",
         type=length,

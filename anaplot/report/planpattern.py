@@ -240,7 +240,7 @@ def pattern_files(pattern: str | os.PathLike[str]) -> tuple[Path, ...]:
 def planned_pattern(
     pattern: str | os.PathLike[str],
     *,
-    ties: Literal[3, 5, "3", "5"] | None = None,
+    ties: Literal[3, 4, 5, "3", "4", "5"] | None = None,
     base: float | None = None,
     d: float | None = None,
     c: float = 152.0,

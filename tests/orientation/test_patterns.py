@@ -49,7 +49,7 @@ def test_six_points_q_vv_of_figure_3_and_the_critical_transfers():
 
 
 @pytest.mark.parametrize("geometry", [(60, 66, 100), (90, 100, 152), (30, 80, 88), (70, 20, 300)])
-@pytest.mark.parametrize("name", ["6", "9", "10", "13", "15"])
+@pytest.mark.parametrize("name", ["6", "8", "9", "10", "10d", "12", "13", "15", "15r"])
 def test_without_ties_r_does_not_depend_on_base_width_and_constant(name, geometry):
     assert r_of(name, geometry) == pytest.approx(r_of(name), abs=1e-9)
 
@@ -84,7 +84,8 @@ def test_trace_is_in_units_of_the_base(name):
 def test_mean_redundancy_numbers(name):
     p = pattern(name)
     n = len(p.labels)
-    expected = {0: 1.0 - 5.0 / n, 3: (n - 3) / (n + 3), 5: (n - 1) / (n + 5)}[len(p.ties)]
+    t = len(p.ties)
+    expected = (n + t - 6.0) / (n + t) if t else 1.0 - 5.0 / n
     assert np.mean(list(r_of(name).values())) == pytest.approx(expected, abs=1e-12)
 
 
@@ -112,6 +113,46 @@ def test_thirteen_points_five_ties_figure_7c():
     assert r["2", "y"] == pytest.approx(0.85, abs=0.005)
 
 
+def test_ten_regular_points_five_ties_figure_7a():
+    m = ideal(pattern("10/5"), 90.0, 100.0, 152.0)
+    keys = [row.key for row in m.table]
+    influence = m.q_vv / m.q_l
+
+    def shown(source, target):
+        i, j = keys.index(source), keys.index(target)
+        return influence[j, i], influence[j, i] / influence[i, i]
+
+    # three pairs on the upper side, and their mirror images on the lower one
+    for left, next_left, right, next_right in (("1", "12", "4", "45"), ("3", "23", "6", "56")):
+        assert shown((left, "y"), (left, "y"))[0] == pytest.approx(0.258, abs=5e-4)
+        assert shown((left, "y"), (next_left, "y"))[0] == pytest.approx(-0.339, abs=5e-4)
+        assert abs(shown((right, "y"), (next_right, "y"))[1]) == pytest.approx(0.64, abs=5e-3)
+        assert abs(shown((left, "x"), (next_left, "x"))[1]) == pytest.approx(0.78, abs=5e-3)
+    critical = {(t.source, t.target) for t in diagnose(m).transfers}
+    assert critical == {(("1", "y"), ("12", "y")), (("3", "y"), ("23", "y"))}
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "lines"),
+    [("6", 2, 3), ("8", 2, 4), ("9", 3, 3), ("10", 2, 5), ("12", 3, 4), ("15r", 3, 5)],
+)
+def test_regular_patterns_are_lattices(name, columns, lines):
+    at = pattern(name).positions(60.0, 66.0)
+    lattice = {
+        (60.0 * i / (columns - 1), 66.0 * (1.0 - 2.0 * k / (lines - 1)))
+        for i in range(columns)
+        for k in range(lines)
+    }
+    assert len(at) == len(lattice)
+    assert np.array(sorted(at.values())) == pytest.approx(np.array(sorted(lattice)))
+    # 12 lies between 1 and 2, 89 between 8 and 9
+    for label, (x, y) in at.items():
+        if len(label) == 2:
+            assert all(x == at[end][0] for end in label if end in at)
+            above, below = (at[end][1] if end in at else 0.0 for end in label)
+            assert above > y > below
+
+
 @pytest.mark.parametrize("name", list(PATTERNS))
 def test_q_vv_p_is_idempotent_and_its_trace_the_redundancy(name):
     m = ideal(pattern(name), *GEOMETRY)
@@ -122,29 +163,18 @@ def test_q_vv_p_is_idempotent_and_its_trace_the_redundancy(name):
 
 
 def test_there_are_the_patterns_of_the_paper():
-    names = [
-        "6",
-        "6/3",
-        "9",
-        "9/3",
-        "10",
-        "10/3",
-        "10/5",
-        "13",
-        "13/3",
-        "13/5",
-        "15",
-        "15/3",
-        "15/5",
-    ]
-    assert list(PATTERNS) == names
+    names = (
+        *("6", "6/3", "8", "8/4", "9", "9/3", "10", "10/3", "10/5", "10d", "10d/3", "10d/5"),
+        *("12", "12/4", "13", "13/3", "13/5", "15", "15/3", "15/5", "15r", "15r/3", "15r/5"),
+    )
+    assert tuple(PATTERNS) == names
     for name, p in PATTERNS.items():
         assert p.name == name
-        assert len(set(p.labels)) == len(p.labels) == int(name.split("/")[0])
+        assert len(set(p.labels)) == len(p.labels) == int(name.split("/")[0].rstrip("dr"))
         assert len(p.ties) == int(name.split("/")[1] if "/" in name else 0)
         assert set(p.ties) <= set(p.labels)
     with pytest.raises(TypeError):
-        PATTERNS["x"] = Pattern("x", ())
+        PATTERNS["x"] = Pattern("x", "", ())
 
 
 def test_positions():
