@@ -1,4 +1,4 @@
-"""Correlations of residuals and critical transfers, from the cofactors of the residuals."""
+"""Correlations of residuals and transfers of errors, from the cofactors of the residuals."""
 
 from __future__ import annotations
 
@@ -11,11 +11,15 @@ __all__ = [
     "ERROR_PRIOR_SIGMAS",
     "HARD_TO_TELL",
     "NONE_PRIOR",
+    "SERIOUS",
     "SPUR",
-    "critical_transfers",
+    "error_transfers",
+    "is_critical",
     "residual_correlations",
 ]
 
+
+_EQUAL = 1e-9  # between redundancy numbers
 
 ERROR_PRIOR_SIGMAS = 20.0
 """Prior of a gross error: normal, this many standard deviations of the observation wide."""
@@ -25,6 +29,9 @@ HARD_TO_TELL = 0.9
 
 SPUR = 1e-4
 """Redundancy number below which no error of a size that occurs can be seen."""
+
+SERIOUS = 0.6
+"""Share of what an error shows in its own row from which another row that shows it misleads."""
 
 NONE_PRIOR = 0.9
 """Prior probability that there is no gross error at all."""
@@ -38,17 +45,24 @@ def residual_correlations(q_vv: Array, r: Array) -> Array:
     return out
 
 
-def critical_transfers(influence: Array) -> list[tuple[int, int, float]]:
-    """Return (i, j, (Q_vv P)_ji) wherever an error in i shows at least as large in j.
+def is_critical(value: float, own: float) -> bool:
+    """Whether an error that shows with `own` in its row shows at least as large elsewhere."""
+    return abs(value) >= own - _EQUAL
 
-    Column i of `influence`, (n, n) Q_vv P, is what a unit error in row i does to every residual:
-    abs((Q_vv P)_ji) >= (Q_vv P)_ii - 1e-9 (Kratky and El-Hakim 1983, heavy arrows of Figure 2).
+
+def error_transfers(influence: Array) -> list[tuple[int, int, float]]:
+    """Return (i, j, (Q_vv P)_ji) wherever an error in i shows nearly as large, or larger, in j.
+
+    Column i of `influence`, (n, n) Q_vv P, is what a unit error in row i does to every residual.
+    Those with abs((Q_vv P)_ji) >= (Q_vv P)_ii - 1e-9 are critical, "misleading and worthless" to
+    test by (Kratky and El-Hakim 1983, heavy arrows of Figure 2); those with `SERIOUS` of it "less
+    critical, but still serious enough to be misleading" (dotted arrows).
     Rows that cannot be tested are sources of nothing that could be compared and are left out.
     """
     own = np.einsum("ii->i", influence)
-    critical = (np.abs(influence) >= own - 1e-9) & (own >= TESTABLE)
-    np.einsum("ii->i", critical)[:] = False
-    targets, sources = np.nonzero(critical)
+    shows = (np.abs(influence) >= np.minimum(SERIOUS * own, own - _EQUAL)) & (own >= TESTABLE)
+    np.einsum("ii->i", shows)[:] = False
+    targets, sources = np.nonzero(shows)
     found = [
         (int(i), int(j), float(influence[j, i])) for j, i in zip(targets, sources, strict=True)
     ]

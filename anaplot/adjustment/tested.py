@@ -19,7 +19,8 @@ from anaplot.adjustment.reliability import (
     ERROR_PRIOR_SIGMAS,
     HARD_TO_TELL,
     NONE_PRIOR,
-    critical_transfers,
+    error_transfers,
+    is_critical,
     residual_correlations,
 )
 from anaplot.adjustment.significance import (
@@ -203,14 +204,31 @@ class Partner(NamedTuple, Generic[K]):
 
 
 class Transfer(NamedTuple, Generic[K]):
-    """A critical transfer: an error in `source` shows at least as large in `target`.
+    """A transfer: an error in `source` shows nearly as large, or larger, in `target`.
 
-    `value` is the element (target, source) of Q_vv P.
+    Attributes
+    ----------
+    source, target
+        The rows.
+    value, own
+        What a unit error of `source` shows in `target` and in `source` itself: elements of
+        Q_vv P.
     """
 
     source: K
     target: K
     value: float
+    own: float
+
+    @property
+    def share(self) -> float:
+        """How much of what the error shows in its own row shows in the target."""
+        return abs(self.value) / self.own
+
+    @property
+    def critical(self) -> bool:
+        """Whether it shows there at least as large; else it is serious."""
+        return is_critical(self.value, self.own)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -362,10 +380,11 @@ class Tested(Generic[K]):
         )
 
     def transfers(self) -> tuple[Transfer[K], ...]:
-        """Return the critical transfers (Kratky and El-Hakim 1983, Figure 2)."""
-        keys = self.keys
+        """Return the critical and the serious transfers (Kratky and El-Hakim 1983, Figure 2)."""
+        keys, influence = self.keys, self.influence
         return tuple(
-            Transfer(keys[i], keys[j], value) for i, j, value in critical_transfers(self.influence)
+            Transfer(keys[i], keys[j], value, float(influence[i, i]))
+            for i, j, value in error_transfers(influence)
         )
 
 

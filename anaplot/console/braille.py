@@ -17,6 +17,7 @@ __all__ = ["Canvas"]
 
 _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint32)
 _BLANK = 0x20
+_DASH = 2  # dots, and as many between them
 _PATTERN = 0x2800
 _SECOND_HALF = "\U0010ffff"  # a noncharacter: the cell belongs to the wide character before it
 
@@ -92,6 +93,7 @@ class Canvas:
         layer: int,
         *,
         heavy: bool = False,
+        dotted: bool = False,
     ) -> None:
         """Draw straight lines, all at once.
 
@@ -103,6 +105,8 @@ class Canvas:
             Their layer.
         heavy
             Two dots wide instead of one.
+        dotted
+            With gaps as long as what is drawn.
         """
         if not self.width or not self.height:
             return
@@ -121,9 +125,12 @@ class Canvas:
         share = along / np.maximum(steps, 1)[which]
         x = ax[which] + share * (bx - ax)[which]
         y = ay[which] + share * (by - ay)[which]
+        flat = (np.abs(bx - ax) >= np.abs(by - ay))[which]
+        if dotted:
+            drawn = along // _DASH % 2 == 0
+            x, y, flat = x[drawn], y[drawn], flat[drawn]
         self.plot(x, y, layer)
         if heavy:
-            flat = (np.abs(bx - ax) >= np.abs(by - ay))[which]
             self.plot(np.where(flat, x, x + 1.0), np.where(flat, y + 1.0, y), layer)
 
     def _clipped(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -146,8 +153,10 @@ class Canvas:
         dx, dy = bx - ax, by - ay
         return np.stack([ax + enter * dx, ay + enter * dy, ax + leave * dx, ay + leave * dy])
 
-    def arrow(self, x0: float, y0: float, x1: float, y1: float, layer: int) -> None:
-        """Draw a heavy arrow from (x0, y0) to (x1, y1) [dots]."""
+    def arrow(
+        self, x0: float, y0: float, x1: float, y1: float, layer: int, *, dotted: bool = False
+    ) -> None:
+        """Draw a heavy arrow, its shaft dotted or not, from (x0, y0) to (x1, y1) [dots]."""
         length = math.hypot(x1 - x0, y1 - y0)
         if not math.isfinite(length) or length < 1.0:
             return
@@ -155,11 +164,12 @@ class Canvas:
         barb = min(5.0, length / 2.0)
         back_x, back_y = x1 - barb * ux, y1 - barb * uy
         half = 0.6 * barb
+        self.lines(x0, y0, x1, y1, layer, heavy=True, dotted=dotted)
         self.lines(
-            [x0, back_x - half * uy, back_x + half * uy],
-            [y0, back_y + half * ux, back_y - half * ux],
-            [x1, x1, x1],
-            [y1, y1, y1],
+            [back_x - half * uy, back_x + half * uy],
+            [back_y + half * ux, back_y - half * ux],
+            [x1, x1],
+            [y1, y1],
             layer,
             heavy=True,
         )

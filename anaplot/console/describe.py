@@ -70,13 +70,20 @@ def _relations(key: tuple[str, str], snapshot: Snapshot) -> list[Entry]:
         for p in snapshot.diagnosis.partners
         if key in (p.first, p.second)
     ]
-    shows = [_name(t.target) for t in snapshot.diagnosis.transfers if t.source == key]
-    comes = [_name(t.source) for t in snapshot.diagnosis.transfers if t.target == key]
+    transfers = snapshot.diagnosis.transfers
+    shows = [_name(t.target) for t in transfers if t.source == key and t.critical]
+    nearly = [
+        f"{_name(t.target)} ({t.share:.2f})"
+        for t in transfers
+        if t.source == key and not t.critical
+    ]
+    comes = [_name(t.source) for t in transfers if t.target == key]
     return [
         (label, ", ".join(names))
         for label, names in (
             ("hard to tell from", alike),
             ("shows as large in", shows),
+            ("nearly as large in", nearly),
             ("may come from", comes),
         )
         if names

@@ -59,8 +59,8 @@ _MAP = (
     ("lines", "Residuals: y rows upright, x rows level; the bar gives their scale in micrometres."),
     (
         "arrows",
-        "Critical transfers: an error at the arrow's foot shows at least as large at "
-        "its head. Look at both before you remeasure.",
+        "Transfers: an error at the foot of a full arrow shows at least as large at its head, "
+        "at that of a dotted one with at least 0.6 of it. Look at both before you remeasure.",
     ),
 )
 _STEREO = (

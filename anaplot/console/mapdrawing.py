@@ -215,9 +215,11 @@ def draw_map(
     )
     places = {v.point: projection.dots(v.x, v.y) for v in views}
     _draw_residuals(canvas, work, places, um_per_dot)
+    critical = {(t.source[0], t.target[0]) for t in transfers if t.critical}
     for source, sink in dict.fromkeys((t.source[0], t.target[0]) for t in transfers):
         if source in places and sink in places and source != sink:
-            canvas.arrow(*places[source], *places[sink], Layer.TRANSFER)
+            dotted = (source, sink) not in critical
+            canvas.arrow(*places[source], *places[sink], Layer.TRANSFER, dotted=dotted)
 
     point = selected[0] if selected else None
     urgent = {snapshot.target, snapshot.next_point, point}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import dist, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from anaplot.adjustment.tested import (
     Odds,
     Partner,
     Tested,
+    Transfer,
     error_odds,
     sum_by_point,
 )
@@ -29,6 +30,7 @@ from anaplot.orientation.results import Diagnosis, ModelSolution, Row
 __all__ = ["diagnose"]
 
 
+_TWINS = 0.1  # bases: points no further apart are a doubled point
 _SUSPICIOUS = 3.0  # times the a-priori sigma0: a test that estimates sigma may hide behind it
 
 
@@ -38,10 +40,29 @@ def diagnose(solution: ModelSolution) -> Diagnosis:
     evidence = _evidence(solution)
     suspects = _suspects(solution, evidence)
     return Diagnosis(
-        transfers=solution.tested.transfers(),
+        transfers=_transfers(solution),
         partners=partners,
         advice=_advice(solution, evidence, suspects, partners),
         suspects=suspects,
+    )
+
+
+def _transfers(solution: ModelSolution) -> tuple[Transfer[Row], ...]:
+    """Return the transfers that mislead.
+
+    What is serious between the two points of a doubled one is none: "because their location is
+    almost identical, the problem area is uniquely identified" (1983).
+    """
+    at = {point.point: (point.X, point.Y) for point in solution.points}
+    near = _TWINS * abs(solution.base[0])
+
+    def twins(one: str, other: str) -> bool:
+        return one in at and other in at and dist(at[one], at[other]) <= near
+
+    return tuple(
+        transfer
+        for transfer in solution.tested.transfers()
+        if transfer.critical or not twins(transfer.source[0], transfer.target[0])
     )
 
 

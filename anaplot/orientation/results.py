@@ -136,7 +136,7 @@ class Diagnosis:
     Attributes
     ----------
     transfers, partners
-        Critical transfers, and rows hard to tell apart.
+        Critical and serious transfers, and rows hard to tell apart.
     advice
         Sentences: what to do next, the most useful first.
     suspects

@@ -30,6 +30,17 @@ class _Arrow(NamedTuple):
     forward: bool
     back: bool
     value: float
+    critical: bool
+
+    @property
+    def level(self) -> str:
+        """Of what it is drawn where it goes along a level."""
+        return "-" if self.critical else "."
+
+    @property
+    def upright(self) -> str:
+        """Of what it is drawn where it goes up and down."""
+        return "|" if self.critical else ":"
 
 
 def drawing(
@@ -38,8 +49,9 @@ def drawing(
     """Return the points in their places, each with its redundancy numbers, at most 80 wide.
 
     Points that nearly share x stand in one column, those that nearly share y on one level.
-    Transfers between neighbours in a column or a row are drawn as arrows, the largest of each
-    pair of places with its value where there is room. Points at too many different x for a
+    Transfers between neighbours in a column or a row are drawn as arrows, critical ones in full
+    and serious ones dotted, the largest of each pair of places with its value where there is
+    room. Points at too many different x for a
     drawing are listed instead.
     """
     r = {row.key: row.r for row in solution.table}
@@ -60,9 +72,9 @@ def drawing(
             for column in range(columns)
         ]
         height = max(map(len, cells))
-        for (column, top), (_, bottom) in upright:
+        for ((column, top), (_, bottom)), arrow in upright.items():
             if top < level < bottom:
-                cells[column] = ["|"] * height
+                cells[column] = [arrow.upright] * height
         for k in range(height):
             line = _row([cell[k] if k < len(cell) else "" for cell in cells], width)
             lines.append(_level(line, level, arrows, width) if k == 0 else line)
@@ -113,9 +125,15 @@ def _arrows(
         key = (source, target) if forward else (target, source)
         if key not in neighbours:
             continue
-        had = out.get(key, _Arrow(False, False, 0.0))
-        value = max(had.value, transfer.value, key=abs)
-        out[key] = _Arrow(had.forward or forward, had.back or not forward, value)
+        had = out.get(key)
+        if had is None:
+            out[key] = _Arrow(forward, not forward, transfer.value, transfer.critical)
+        elif had.critical == transfer.critical:
+            value = max(had.value, transfer.value, key=abs)
+            tips = had.forward or forward, had.back or not forward
+            out[key] = _Arrow(*tips, value, had.critical)
+        elif transfer.critical:
+            out[key] = _Arrow(forward, not forward, transfer.value, critical=True)
     return out
 
 
@@ -151,10 +169,11 @@ def _horizontal(head: str, arrow: _Arrow, width: int, reach: int) -> str:
     room = width - len(head) - 2
     if room < 4:
         return head
-    tips = ("<" if arrow.back else "-", ">" if arrow.forward else "-")
+    line = arrow.level
+    tips = ("<" if arrow.back else line, ">" if arrow.forward else line)
     value = f" {arrow.value:+.3f} "
     shaft = value if len(value) + 4 <= room else ""
-    drawn = shaft.center(room - 2, "-").ljust(room - 2 + reach - width, "-")
+    drawn = shaft.center(room - 2, line).ljust(room - 2 + reach - width, line)
     return f"{head} {tips[0]}{drawn}{tips[1]} "
 
 
@@ -169,7 +188,7 @@ def _vertical(
     for k in range(_SHAFT):
         cells = [""] * columns
         for ((column, top), (_, bottom)), arrow in through.items():
-            mark = "|"
+            mark = arrow.upright
             if (level, k) == (top, 0) and arrow.back:
                 mark = "^"
             elif (level + 1, k) == (bottom, _SHAFT - 1) and arrow.forward:

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.reliability import SERIOUS
 from anaplot.adjustment.tested import Transfer
 from anaplot.errors import InputError
 from anaplot.exchange.patternfile import read_pattern
@@ -94,7 +95,8 @@ def plan_pattern_document(
         "base_mm": plan.base,
         "mean_redn": float(np.mean([row.r for row in solution.table])),
         "trace_q_gg": trace_in_bases(solution, plan.base),
-        "transfers": [one._asdict() for one in transfers],
+        "transfers": [_transfer_json(one) for one in transfers if one.critical],
+        "serious_transfers": [_transfer_json(one) for one in transfers if not one.critical],
         "advice": [
             _place_json((one.x, one.y, one.doubles, one.tie))
             | {"before": one.before, "after": one.after}
@@ -136,14 +138,30 @@ def _place_json(place: Place) -> Answer:
     return dict(zip(_PLACES, place, strict=True))
 
 
+def _transfer_json(one: Transfer[Row]) -> Answer:
+    return {"source": one.source, "target": one.target, "value": one.value, "share": one.share}
+
+
 def _transfers(transfers: tuple[Transfer[Row], ...]) -> list[Line]:
-    """Return one arrow per critical transfer, with its value."""
-    if not transfers:
-        return [say("no critical transfers")]
+    """Return one arrow per transfer, with its value."""
+    critical = [one for one in transfers if one.critical]
+    serious = [one for one in transfers if not one.critical]
+    if not critical:
+        lines = [say("no critical transfers")]
+    else:
+        lines = [
+            say("critical transfers (an error in the first shows at least as large in the second)"),
+            *(say("  {} ({}) --> {} ({})  {:+.3f}", *one.source, *one.target, one.value)
+              for one in critical),
+        ]  # fmt: skip
+    if not serious:
+        return [*lines, say("no serious transfers")]
     return [
-        say("critical transfers (an error in the first shows at least as large in the second)"),
-        *(say("  {} ({}) --> {} ({})  {:+.3f}", *one.source, *one.target, one.value)
-          for one in transfers),
+        *lines,
+        say("serious transfers (the second shows at least {:g} of what the first does)", SERIOUS),
+        *(say("  {} ({}) ..> {} ({})  {:+.3f}, {:.2f} of its own {:.3f}", *one.source,
+              *one.target, one.value, one.share, one.own)
+          for one in serious),
     ]  # fmt: skip
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from anaplot.adjustment.leastsquares import adjust
-from anaplot.adjustment.reliability import critical_transfers, residual_correlations
+from anaplot.adjustment.reliability import error_transfers, is_critical, residual_correlations
 
 
 def sample(seed=1, n=12, u=5):
@@ -27,8 +27,15 @@ def test_transfers_by_definition():
             for j in range(9)
             if i != j and abs(influence[j, i]) >= influence[i, i] - 1e-9
         ]
-        found = critical_transfers(a.q_vv / a.q_l)
-        assert [(i, j) for i, j, _ in found] == expected
+        found = error_transfers(a.q_vv / a.q_l)
+        critical = [(i, j) for i, j, value in found if is_critical(value, influence[i, i])]
+        assert critical == expected
+        assert [(i, j) for i, j, _ in found] == [
+            (i, j)
+            for i in range(9)
+            for j in range(9)
+            if i != j and abs(influence[j, i]) >= 0.6 * influence[i, i]
+        ]
         for i, j, value in found:
             assert value == pytest.approx(influence[j, i])
 

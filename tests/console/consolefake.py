@@ -98,8 +98,8 @@ def diagnosis(gross: bool = True) -> Diagnosis:
         return Diagnosis((), (), ("nothing is flagged: accept the model",), ())
     return Diagnosis(
         transfers=(
-            Transfer(("103", "y"), ("107", "y"), -0.71),
-            Transfer(("113", "y"), ("109", "y"), 0.62),
+            Transfer(("103", "y"), ("107", "y"), -0.71, 0.62),
+            Transfer(("113", "y"), ("109", "y"), 0.62, 0.62),
         ),
         partners=(Partner(("102", "y"), ("103", "y"), 0.93),),
         advice=(

@@ -49,6 +49,11 @@ def test_an_arrow_has_its_barbs_at_its_head():
     heights = canvas.dots().sum(axis=0)
     assert heights[3:28].max() == 2
     assert heights[28:38].max() >= 4
+    dotted = Canvas(20, 10)
+    dotted.arrow(2, 20, 36, 20, 1, dotted=True)
+    gaps = dotted.dots().sum(axis=0)
+    assert set(gaps[3:28]) == {0, 2}
+    assert np.array_equal(gaps[34:], heights[34:])
     canvas = Canvas(4, 4)
     canvas.arrow(3, 3, 3, 3, 1)
     assert not canvas.dots().any()

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from testedrows import with_rows
 
+from anaplot.adjustment.tested import Transfer
 from anaplot.console.mapdrawing import Layer, MapProjection, draw_map, nice_above
 from anaplot.orientation.results import Diagnosis
 from anaplot.station.snapshot import PointView
@@ -100,6 +101,16 @@ def test_arrows_of_the_selected_row_or_of_all():
     assert arrows(("103", "y"), False) > 0
     assert arrows(("107", "y"), False) == arrows(("103", "y"), False)
     assert arrows(None, True) > arrows(("103", "y"), False)
+
+
+def test_serious_transfers_are_dotted():
+    def dots(own):
+        transfer = Transfer(("103", "y"), ("107", "y"), -0.71, own)
+        shown = replace(picture().diagnosis, transfers=(transfer,))
+        canvas = draw_map(picture(diagnosis=shown), ("103", "y"), 80, 40)
+        return int(canvas.dots().sum())
+
+    assert dots(0.71) > dots(0.8)
 
 
 def test_it_works_before_there_is_anything():

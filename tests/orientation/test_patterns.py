@@ -128,8 +128,22 @@ def test_ten_regular_points_five_ties_figure_7a():
         assert shown((left, "y"), (next_left, "y"))[0] == pytest.approx(-0.339, abs=5e-4)
         assert abs(shown((right, "y"), (next_right, "y"))[1]) == pytest.approx(0.64, abs=5e-3)
         assert abs(shown((left, "x"), (next_left, "x"))[1]) == pytest.approx(0.78, abs=5e-3)
-    critical = {(t.source, t.target) for t in diagnose(m).transfers}
-    assert critical == {(("1", "y"), ("12", "y")), (("3", "y"), ("23", "y"))}
+    transfers = diagnose(m).transfers
+    assert {(*t.source, *t.target) for t in transfers if t.critical} == {
+        ("1", "y", "12", "y"),
+        ("3", "y", "23", "y"),
+    }
+    assert {(*t.source, *t.target) for t in transfers if not t.critical} == {
+        ("1", "x", "12", "x"),
+        ("3", "x", "23", "x"),
+        ("4", "y", "45", "y"),
+        ("6", "y", "56", "y"),
+    }
+
+
+def test_what_doubled_points_share_is_no_transfer():
+    found = diagnose(ideal(pattern("13/5"), 90.0, 100.0, 152.0))
+    assert found.transfers == ()
 
 
 @pytest.mark.parametrize(

@@ -296,8 +296,8 @@ def test_crossing_arrows():
     plan = PlannedPattern(points, (), 90.0, 152.0)
     rows = tuple(SimpleNamespace(key=(label, "y"), r=0.5) for label, _, _ in points)
     transfers = [
-        Transfer(("L", "y"), ("R", "y"), 0.25),
-        Transfer(("B", "y"), ("T", "y"), -0.75),
+        Transfer(("L", "y"), ("R", "y"), 0.25, 0.25),
+        Transfer(("B", "y"), ("T", "y"), -0.75, 0.5),
     ]
     assert drawing(plan, SimpleNamespace(table=rows), transfers) == [
         "                    o T",
@@ -313,6 +313,40 @@ def test_crossing_arrows():
         "                    o B",
         "                      y 0.500",
     ]
+
+
+def test_serious_transfers_are_dotted():
+    points = (("L", 0.0, 0.0), ("T", 0.0, 50.0), ("R", 90.0, 0.0))
+    plan = PlannedPattern(points, (), 90.0, 152.0)
+    rows = tuple(SimpleNamespace(key=(label, "y"), r=0.5) for label, _, _ in points)
+    transfers = [
+        Transfer(("L", "y"), ("R", "y"), 0.45, 0.5),
+        Transfer(("R", "y"), ("L", "y"), 0.25, 0.25),
+        Transfer(("T", "y"), ("L", "y"), -0.4, 0.5),
+    ]
+    assert drawing(plan, SimpleNamespace(table=rows), transfers) == [
+        "o T",
+        "  y 0.500",
+        ":",
+        ": -0.400",
+        "v",
+        "o L <--- +0.250 --- o R",
+        "  y 0.500             y 0.500",
+    ]
+
+
+def test_the_two_classes_of_transfers(capsys):
+    ten, twelve = said(capsys, "10/5", "--tie-variance", "paper"), said(capsys, "12")
+    assert {(*t["source"], *t["target"]) for t in ten["transfers"]} == {
+        ("1", "y", "12", "y"), ("3", "y", "23", "y")
+    }  # fmt: skip
+    # the paper's three pairs on the upper and the lower side: two of them are serious
+    serious = {(*t["source"], *t["target"]) for t in ten["serious_transfers"]}
+    assert {("4", "y", "45", "y"), ("6", "y", "56", "y"), ("1", "x", "12", "x"),
+            ("3", "x", "23", "x")} <= serious  # fmt: skip
+    assert twelve["transfers"] == []
+    assert max(t["share"] for t in twelve["serious_transfers"]) == pytest.approx(0.95)
+    assert all(0.6 <= t["share"] < 1.0 for t in twelve["serious_transfers"])
 
 
 def test_evenly_spread_points_make_no_columns(capsys, tmp_path):
