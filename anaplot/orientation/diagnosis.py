@@ -66,6 +66,18 @@ def _transfers(solution: ModelSolution) -> tuple[Transfer[Row], ...]:
     )
 
 
+def _unchecked(solution: ModelSolution) -> str:
+    """Say how many x coordinates no row checks: "significant blunders in x may go undetected".
+
+    An x error of a point that is no tie changes its height and nothing else (1983).
+    """
+    checked = {point for point, axis in solution.tested.keys if axis == "x"}
+    x = sum(axis == "y" and point not in checked for point, axis in solution.tested.keys)
+    if not x:
+        return ""
+    return f"; x of {x} point{'s' if x > 1 else ''} is checked by the next model only"
+
+
 class _Evidence(NamedTuple):
     """By what the rows to doubt are ordered.
 
@@ -166,7 +178,7 @@ def _advice(
                 "a-priori value: more than one measurement is wrong"
             )
         elif solution.redundancy > 1:
-            out.append(NOTHING_FLAGGED)
+            out.append(NOTHING_FLAGGED + _unchecked(solution))
         return tuple(out)
     points = evidence.points
     suspect, axis = suspects[0]

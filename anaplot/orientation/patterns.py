@@ -25,7 +25,19 @@ from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.tieerrors import stationary_errors
 from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 
-__all__ = ["PATTERNS", "Pattern", "ideal_model", "pattern", "trace_in_bases"]
+__all__ = [
+    "PATTERNS",
+    "USUAL_BASE",
+    "USUAL_C",
+    "USUAL_D",
+    "Pattern",
+    "ideal_model",
+    "pattern",
+    "trace_in_bases",
+]
+
+USUAL_BASE, USUAL_D, USUAL_C = 90.0, 100.0, 152.0
+"""Base at photo scale, half the model in y and camera constant [mm], where none are asked for."""
 
 _COLUMN = {"1": 0, "2": 0, "3": 0, "7": 1, "8": 1, "9": 1, "4": 2, "5": 2, "6": 2}
 _LINE = {"1": 1, "7": 1, "4": 1, "2": 0, "8": 0, "5": 0, "3": -1, "9": -1, "6": -1}

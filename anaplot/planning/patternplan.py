@@ -19,9 +19,6 @@ from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import TieVariance
 
 __all__ = [
-    "USUAL_BASE",
-    "USUAL_C",
-    "USUAL_D",
     "PatternReliability",
     "Place",
     "PlannedPattern",
@@ -35,9 +32,6 @@ __all__ = [
     "pattern_reliability",
     "solve",
 ]
-
-USUAL_BASE, USUAL_D, USUAL_C = 90.0, 100.0, 152.0
-"""Base at photo scale, half the model in y and camera constant [mm], where none are asked for."""
 
 Span = tuple[float, float]
 Place = tuple[float, float, str | None, bool]

@@ -19,15 +19,12 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.networkfile import read_network
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.orientation.modelvalues import ideal_roots
-from anaplot.orientation.patterns import pattern
+from anaplot.orientation.patterns import USUAL_BASE, USUAL_C, USUAL_D, pattern
 from anaplot.orientation.residuals import correlated_units, residual_system
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.planning.networkplan import CUBE_VERSIONS, cube, plan_network
 from anaplot.planning.ownerrors import Correlated, OwnErrors
 from anaplot.planning.patternplan import (
-    USUAL_BASE,
-    USUAL_C,
-    USUAL_D,
     PlannedPattern,
     from_pattern,
     solve,

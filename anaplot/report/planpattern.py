@@ -14,13 +14,12 @@ from anaplot.adjustment.tested import Transfer
 from anaplot.errors import InputError
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.patterns import PATTERNS, trace_in_bases
+from anaplot.orientation.patterns import PATTERNS, USUAL_BASE, USUAL_D, trace_in_bases
 from anaplot.orientation.patterns import pattern as named_pattern
 from anaplot.orientation.results import Row
+from anaplot.orientation.suitability import unsuitable
 from anaplot.photogrammetry.block import TieVariance
 from anaplot.planning.patternplan import (
-    USUAL_BASE,
-    USUAL_D,
     PatternReliability,
     Place,
     PlannedPattern,
@@ -78,6 +77,7 @@ def plan_pattern_document(
     """
     plan, solution = found.plan, found.solution
     transfers = diagnose(solution).transfers
+    verdict = unsuitable(transfers)
     at = {label: (x, y) for label, x, y in plan.points}
     rows = table(
         "rows", _ROWS, ((row.point, *at[row.point], row.axis, row.r) for row in solution.table)
@@ -95,6 +95,7 @@ def plan_pattern_document(
         "base_mm": plan.base,
         "mean_redn": float(np.mean([row.r for row in solution.table])),
         "trace_q_gg": trace_in_bases(solution, plan.base),
+        "suitable": not verdict,
         "transfers": [_transfer_json(one) for one in transfers if one.critical],
         "serious_transfers": [_transfer_json(one) for one in transfers if not one.critical],
         "advice": [
@@ -128,6 +129,7 @@ def plan_pattern_document(
         say("n {n}   mean r {mean_redn:.3f}   trace Q_gg {trace_q_gg:.2f} (lengths in bases)",
             **answer),
         *_transfers(transfers),
+        *([say("{}", verdict).folded(2)] if verdict else ()),
         _advice(found.advice[0]),
         *_sets(found.sets),
     ]  # fmt: skip

@@ -21,6 +21,7 @@ from anaplot.exchange.blockfolder import clear_image_points, read_block
 from anaplot.exchange.journal import Journal, JournalError
 from anaplot.orientation.model import warm_up
 from anaplot.orientation.patterns import pattern
+from anaplot.orientation.suitability import pattern_verdict
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.modelplan import Candidates
 from anaplot.plotter.ports import UNCHECKED
@@ -158,8 +159,9 @@ class Station(Commanded):
                 else candidates,
                 auto_drive=auto_drive,
             )
-            for remark in recovered.remarks:
-                self._news.tell("warning", remark)
+            for remark in (*recovered.remarks, pattern_verdict(chosen)):
+                if remark:
+                    self._news.tell("warning", remark)
             self._write_points()
             if self._instrument is not None:
                 self._open(self._instrument, events)

@@ -77,10 +77,14 @@ def test_what_is_hard_to_tell_from_the_accused_is_said(point):
 
 
 def test_nothing_flagged():
-    model = models()[1]
+    first, model = models()[:2]
     d = diagnose(model)
     assert not model.flagged
-    assert d.advice == ("nothing is flagged",)
+    free = len(model.points) - len(model.ties)
+    assert d.advice == (
+        f"nothing is flagged; x of {free} points is checked by the next model only",
+    )
+    assert f"; x of {len(first.points)} points is " in diagnose(first).advice[-1]
     assert d.suspects == ()
     assert sum(row.probability for row in model.table) + model.tested.odds.none == pytest.approx(
         1.0

@@ -335,6 +335,13 @@ def test_serious_transfers_are_dotted():
     ]
 
 
+def test_what_is_not_suitable_is_said(capsys):
+    assert not said(capsys, "9/3")["suitable"]
+    assert said(capsys, "13/5")["suitable"]
+    assert main(["plan", "pattern", "9/3"]) == 0
+    assert "not suitable for on-line triangulation" in capsys.readouterr().out
+
+
 def test_the_two_classes_of_transfers(capsys):
     ten, twelve = said(capsys, "10/5", "--tie-variance", "paper"), said(capsys, "12")
     assert {(*t["source"], *t["target"]) for t in ten["transfers"]} == {
