@@ -21,7 +21,7 @@ from anaplot.orientation.solver import (
     iterate,
     vertical_start,
 )
-from anaplot.orientation.tieerrors import ExactStatistics, exact_statistics
+from anaplot.orientation.tieerrors import ExactStatistics, exact_statistics, point_cofactors
 from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
@@ -131,6 +131,7 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         q_l=q_l,
         q_gg=adjusted.q_xx if exact is None else exact.unknowns,
         unknowns=unknowns,
+        q_points=point_cofactors(pair, conditions, state) if exact is None else exact.points,
         exact=exact,
         off_rows=_off_rows(pair, state, precision.tie_variance),
         measured=(pair.aside or pair).points,

@@ -68,6 +68,9 @@ class ModelSolution(TestedInMicrometres[Row]):
         (u, u) cofactors of the unknowns in the order of `unknowns`.
     unknowns
         Names of the unknowns.
+    q_points
+        (n, 3, 3) cofactors of the model coordinates of `points` [mm^2 / mm^2], left photo held;
+        under "exact" with what the ties bring along, else as if they were free of error.
     exact
         What `tie_variance` "exact" adds; None otherwise. Q_vv is then S, and sigma0 by v'S+v.
     off_rows
@@ -94,6 +97,7 @@ class ModelSolution(TestedInMicrometres[Row]):
     q_l: Array = field(repr=False)
     q_gg: Array = field(repr=False)
     unknowns: tuple[str, ...]
+    q_points: Array = field(repr=False)
     exact: ExactStatistics | None = field(default=None, repr=False)
     off_rows: tuple[Observation[Row], ...] = ()
     measured: tuple[str, ...] = ()

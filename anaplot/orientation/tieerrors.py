@@ -30,6 +30,7 @@ __all__ = [
     "exact_statistics",
     "misclosure_covariance",
     "moved_by_errors",
+    "point_cofactors",
     "residual_weight",
     "stationary_errors",
 ]
@@ -57,6 +58,8 @@ class ExactStatistics:
         standard deviations of a function of them.
     ties
         What the model's points bring to the next model.
+    points
+        (n, 3, 3) covariance of each point in the model's system.
     """
 
     misclosures: Array = field(repr=False)
@@ -66,6 +69,7 @@ class ExactStatistics:
     unknowns: Array = field(repr=False)
     effects: Array = field(repr=False)
     ties: TieErrors = field(repr=False)
+    points: Array = field(repr=False)
 
 
 def exact_statistics(
@@ -111,7 +115,23 @@ def exact_statistics(
         unknowns,
         effects,
         rows.carried(sigma),
+        rows.points(sigma),
     )
+
+
+def point_cofactors(
+    pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
+) -> Array:
+    """Return (n, 3, 3) cofactors of each point in the model's system, its ties free of error.
+
+    The left photo is held, and in a first model the base: what is left are the errors of the
+    image coordinates measured here, directly and by way of the orientation.
+    """
+    tied = tuple(pair.points[k] for k in conditions.x_index)
+    m = len(tied)
+    free = TieErrors(tied, np.zeros((3 * m, 3 * m)), np.zeros((3 * m, 2 * m)))
+    rows = _RowDerivatives(replace(pair, tie_errors=free), conditions, state)
+    return rows.points(rows.covariance())
 
 
 def misclosure_covariance(
@@ -280,12 +300,7 @@ class _RowDerivatives:
         names, n = self._pair.points, len(self._pair.points)
         direct, turned, gain = self.moves()
         with np.errstate(invalid="ignore"):
-            # what the points and the misclosures have in common
-            common = np.einsum("kac,rkc->kar", direct, self._by_image)
-            common[:, :, self._ties] += np.einsum(
-                "kac,ibkc,ib->kai", direct[:, :, :2], self._d, self._by_tie
-            )
-            mixed = common.reshape(3 * n, -1) @ gain.T @ turned.T
+            mixed = self._common(direct).reshape(3 * n, -1) @ gain.T @ turned.T
             covariance = turned @ (gain @ sigma @ gain.T) @ turned.T - mixed - mixed.T
             each = np.arange(n)
             covariance.reshape(n, 3, n, 3)[each, :, each] += direct @ direct.transpose(0, 2, 1)
@@ -300,8 +315,27 @@ class _RowDerivatives:
         out[self._ties] += np.einsum("ia,iae->ie", self._by_tie, ties)
         return out
 
-    def moves(self) -> tuple[Array, Array, Array]:
-        """Say what moves the points as seen from the right photo.
+    def points(self, sigma: Array) -> Array:
+        """Return (n, 3, 3) covariance of each point in the model's system."""
+        direct, turned, gain = self.moves(from_right=False)
+        n = len(direct)
+        with np.errstate(invalid="ignore"):
+            by_rows = turned.reshape(n, 3, -1) @ gain
+            mixed = np.einsum("kar,kbr->kab", self._common(direct), by_rows)
+            out: Array = np.einsum("kar,rs,kbs->kab", by_rows, sigma, by_rows, optimize=True)
+            out += direct @ direct.transpose(0, 2, 1) - mixed - mixed.transpose(0, 2, 1)
+        return out
+
+    def _common(self, direct: Array) -> Array:
+        """Return (n, 3, rows) what the points and the misclosures have in common."""
+        out: Array = np.einsum("kac,rkc->kar", direct, self._by_image)
+        out[:, :, self._ties] += np.einsum(
+            "kac,ibkc,ib->kai", direct[:, :, :2], self._d, self._by_tie
+        )
+        return out
+
+    def moves(self, *, from_right: bool = True) -> tuple[Array, Array, Array]:
+        """Say what moves the points, as seen from the right photo or in the model's system.
 
         Returns
         -------
@@ -317,7 +351,7 @@ class _RowDerivatives:
         weighted = conditions.evaluate(state)[used]
         gain = np.linalg.pinv(weighted.T) / np.sqrt(conditions.cofactors(state.bx))
         with np.errstate(all="ignore"):
-            by_all = _point_derivatives(self._pair, conditions, state)
+            by_all = _point_derivatives(self._pair, conditions, state, from_right=from_right)
         turned = by_all[:, :, 4:][:, :, used].reshape(3 * len(by_all), -1)
         return by_all[:, :, :4], turned, gain
 
@@ -349,10 +383,11 @@ def _misclosure_derivatives(
 
 
 def _point_derivatives(
-    pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns
+    pair: Stereopair, conditions: ConditionEquations, state: ModelUnknowns, *, from_right: bool
 ) -> Array:
-    """(n, 3, 10) of the points seen from the right photo, by xl, yl, xr, yr and the unknowns.
+    """(n, 3, 10) of the points by xl, yl, xr, yr and the unknowns.
 
+    The points are those in the model's system, or as seen from the right photo.
     The unknowns are those of the conditions: ln bx, beta_y, beta_z and three turns.
     """
     bx, beta_y, beta_z, right = state
@@ -377,7 +412,9 @@ def _point_derivatives(
     d_along2 = (a[0] * h[2] - a[2] * h[0]) / determinant
     moved = d_along1 * a + along1 * d_x1
     moved[1] = 0.5 * (moved[1] + (d_base + d_along2 * b + along2 * d_x2)[1])
+    if not from_right:
+        return np.asarray(moved.transpose(1, 0, 2))
     moved = moved - d_base
-    from_right = meet.points - base[:, None]
-    moved[:, :, 7:] -= np.cross(axes, from_right[:, :, None], axis=0)
+    seen = meet.points - base[:, None]
+    moved[:, :, 7:] -= np.cross(axes, seen[:, :, None], axis=0)
     return np.asarray(np.einsum("ba,bkc->kac", right, moved))

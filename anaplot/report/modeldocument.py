@@ -7,7 +7,10 @@ from dataclasses import replace
 from math import degrees, isfinite
 from typing import Any
 
+import numpy as np
+
 from anaplot.adjustment.tested import Observation
+from anaplot.orientation.accuracy import ModelAccuracy, model_accuracy
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.results import ModelSolution, Row
 from anaplot.report.astext import line_text
@@ -41,9 +44,10 @@ _ROWS = (
     name("", "verdict", head="", look=bool),
 )
 _OFF = for_programs("off")
-_POINTS = for_programs("point", "X", "Y", "Z")
+_POINTS = for_programs("point", "X", "Y", "Z", "sX", "sY", "sZ")
 _ODDS = for_programs("point", "axis", "probability")
 _PER_LINE = 6
+_BASE, _ANGLES = ("bx", "by", "bz"), ("omega", "phi", "kappa")
 
 OF_MODEL = for_programs("strip", "left", "right")
 """What stands before the rows of several models' tables."""
@@ -67,7 +71,15 @@ def model_document(
     """
     diagnosis = diagnose(model)
     rows = model_rows(model.listed, diagnosis.suspects)
-    points = table("points", _POINTS, ((p.point, *map(_finite, p[1:])) for p in model.points))
+    accuracy = model_accuracy(model)
+    points = table(
+        "points",
+        _POINTS,
+        (
+            (p.point, *map(_finite, p[1:]), *map(_finite, deviations))
+            for p, deviations in zip(model.points, accuracy.points.tolist(), strict=True)
+        ),
+    )
     sigma0 = say(
         "  sigma0    {0.sigma0_um:.2f|um|none}, a priori {0.apriori_um:g} um, "
         "redundancy {0.redundancy}",
@@ -80,14 +92,18 @@ def model_document(
     )
     if model.ties:
         tested += say("; tie variance {}", model.tie_variance)
+    under_base, under_rotation, below = _deviations(accuracy)
     page: list[Block] = [
         say("STRIP {}  MODEL {}/{}  ({} of {})", strip, model.left, model.right, number, count).of(
             "heading"
         ),
         say("  base      bx {:.4f}  by {:.4f}  bz {:.4f} mm", *model.base),
+        *under_base,
         say(
             "  rotation  omega {:.5f}  phi {:.5f}  kappa {:.5f} deg", *map(degrees, model.rotation)
         ),
+        *under_rotation,
+        *below,
         sigma0,
         tested,
         BLANK,
@@ -98,19 +114,44 @@ def model_document(
         BLANK,
         *(say("  {}", sentence) for sentence in diagnosis.advice),
     ]
-    return Document(_answer(model, rows, points), tuple(page), (rows, points))
+    return Document(_answer(model, accuracy, rows, points), tuple(page), (rows, points))
 
 
-def _answer(model: ModelSolution, rows: Table, points: Table) -> Answer:
+def _deviations(accuracy: ModelAccuracy) -> tuple[list[Line], list[Line], list[Line]]:
+    """Return what stands under the base, under the rotation, and below both."""
+    trace = say(
+        "  cofactors trace of Q_gg {:.2f} (lengths in bases), correlation of {} and {} {:+.3f}",
+        accuracy.trace, *accuracy.strongest,
+    )  # fmt: skip
+    if accuracy.sigma_um is None:
+        return [], [], [trace]
+    bx, by, bz = map(accuracy.of, _BASE)
+    base = say("    +-      bx {:.4f||held}  by {:.4f}  bz {:.4f} mm", bx, by, bz)
+    angles = (degrees(accuracy.of(angle) or 0.0) for angle in _ANGLES)
+    rotation = say("    +-      omega {:.5f}  phi {:.5f}  kappa {:.5f} deg", *angles)
+    mean = np.sqrt(np.nanmean(accuracy.points**2, axis=0))
+    points = say("  points    sX {:.4f}  sY {:.4f}  sZ {:.4f} mm, root mean square", *mean.tolist())
+    return [base], [rotation], [trace, points]
+
+
+def _answer(model: ModelSolution, accuracy: ModelAccuracy, rows: Table, points: Table) -> Answer:
     odds = ((row.point, row.axis, row.probability) for row in model.table)
     return {
         "left": model.left,
         "right": model.right,
         "base": list(model.base),
-        "rotation": dict(zip(("omega", "phi", "kappa"), model.rotation, strict=True)),
+        "rotation": dict(zip(_ANGLES, model.rotation, strict=True)),
         "sigma0_um": model.sigma0_um,
         "redundancy": model.redundancy,
         "iterations": model.iterations,
+        "accuracy": {
+            "sigma_um": accuracy.sigma_um,
+            "trace_q_gg": accuracy.trace,
+            "base": [accuracy.of(each) for each in _BASE],
+            "rotation": {each: accuracy.of(each) for each in _ANGLES},
+            "elements": list(accuracy.elements),
+            "correlations": accuracy.correlations.tolist(),
+        },
         "test": {
             "kind": model.test.kind,
             "alpha": model.test.alpha,

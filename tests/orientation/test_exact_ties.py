@@ -88,9 +88,20 @@ def seen_from_right(model: ModelSolution) -> np.ndarray:
     return ((points - centre) @ rotation_matrix(*model.rotation)).ravel()
 
 
-def shown(model: ModelSolution) -> np.ndarray:
+def seen_from_left(model: ModelSolution, before: ModelSolution) -> np.ndarray:
+    points = np.array([p[1:] for p in model.points]) - model.centre
+    return (points @ rotation_matrix(*before.rotation)).ravel()
+
+
+def shown(models: list[ModelSolution]) -> np.ndarray:
+    before, model = models[-2:]
     parallaxes = [row.residual * 1e-3 for row in model.table]
-    return np.array([*seen_from_right(model), *parallaxes, np.linalg.norm(model.base)])
+    return np.array([
+        *seen_from_right(model),
+        *seen_from_left(model, before),
+        *parallaxes,
+        np.linalg.norm(model.base),
+    ])  # fmt: skip
 
 
 def derivatives(chain: Chain):
@@ -111,8 +122,8 @@ def derivatives(chain: Chain):
                         if j >= 2 and point in chain.again(k):
                             at = chain.points[k + 1].index(point), j - 2
                             moved[k + 1][at] = moved[k][i, j]
-                        last = chain.oriented(moved, PROPAGATED, k, clean[k - 1] if k else None)[-1]
-                        slope = slope + sign * weight * shown(last) / STEP
+                        models = chain.oriented(moved, PROPAGATED, k, clean[k - 1] if k else None)
+                        slope = slope + sign * weight * shown(models) / STEP
                 columns.append(slope)
                 keys.append((k, point, j))
     return np.array(columns).T, keys
@@ -129,9 +140,10 @@ CHAINS = [
 @pytest.mark.parametrize("chain", CHAINS, ids=["each anew", "once", "once, five ties"])
 def test_covariances_are_those_of_the_whole_chain(chain):
     jacobian, keys = derivatives(chain)
-    model = chain.oriented(chain.measured(), EXACT)[-1]
+    before, model = chain.oriented(chain.measured(), EXACT)[-2:]
     n = len(model.points)
-    points, parallaxes, length = jacobian[: 3 * n], jacobian[3 * n : -1], jacobian[-1]
+    points, here = jacobian[: 3 * n], jacobian[3 * n : 6 * n]
+    parallaxes, length = jacobian[6 * n : -1], jacobian[-1]
     ties = model.exact.ties
 
     def agree(found, expected):
@@ -140,6 +152,10 @@ def test_covariances_are_those_of_the_whole_chain(chain):
     agree(ties.covariance, points @ points.T)
     right = [keys.index((MODELS - 1, p.point, j)) for p in model.points for j in (2, 3)]
     agree(ties.with_right, points[:, right])
+    # the left photo is held: what its rotation has gathered in the strip is no error here
+    by_point = np.einsum("kai,kbi->kab", *2 * [here.reshape(n, 3, -1)])
+    turned = rotation_matrix(*before.rotation)
+    agree(model.q_points, turned @ by_point @ turned.T)
     agree(model.q_vv, parallaxes @ parallaxes.T)
     # the unknowns are those of the right photo with the left one held: their axes are not the
     # strip's, but a length is the same in all
