@@ -8,6 +8,7 @@ from anaplot.adjustment.tested import AppliedTest, Observation
 from anaplot.console.blockline import block_line
 from anaplot.console.inwork import in_work
 from anaplot.console.rows import ShownRow
+from anaplot.orientation.accuracy import ModelAccuracy, model_accuracy
 from anaplot.orientation.results import ModelSolution, Row
 from anaplot.photogrammetry.platetransformation import TITLES
 from anaplot.station.snapshot import InnerView, Snapshot
@@ -157,10 +158,16 @@ def _orientation(solution: ModelSolution) -> list[Entry]:
         f"{name} {math.degrees(value):.5f}"
         for name, value in zip(("omega", "phi", "kappa"), solution.rotation, strict=True)
     )
+    accuracy = model_accuracy(solution)
     return [
         ("base", f"{base} mm"),
+        *_deviations(accuracy, ("bx", "by", "bz"), 1.0, 4, "mm"),
         ("rotation", f"{rotation} deg"),
+        *_deviations(accuracy, ("omega", "phi", "kappa"), math.degrees(1.0), 5, "deg"),
         ("", "of the right photo in the strip system"),
+        ("correlation", "{} with {} {:+.3f}".format(*accuracy.strongest)),
+        *_points(accuracy),
+        ("trace Q_gg", f"{accuracy.trace:.2f}, lengths in bases"),
         ("sigma0", f"{_um(solution.sigma0_um, 2)}, a priori {_um(solution.apriori_um, 2)}"),
         ("redundancy", str(solution.redundancy)),
         ("iterations", str(solution.iterations)),
@@ -170,6 +177,26 @@ def _orientation(solution: ModelSolution) -> list[Entry]:
         ("ties", ", ".join(solution.ties) or "none: first model"),
         ("flagged", ", ".join(_name(row.key) for row in solution.flagged) or "nothing"),
     ]
+
+
+def _deviations(
+    accuracy: ModelAccuracy, elements: tuple[str, ...], factor: float, digits: int, unit: str
+) -> list[Entry]:
+    values = {element: accuracy.of(element) for element in elements}
+    if accuracy.sigma_um is None:
+        return []
+    named = ", ".join(
+        f"{element} held" if value is None else f"{element} {factor * value:.{digits}f}"
+        for element, value in values.items()
+    )
+    return [("  +-", f"{named} {unit}")]
+
+
+def _points(accuracy: ModelAccuracy) -> list[Entry]:
+    if accuracy.sigma_um is None:
+        return []
+    x, y, z = accuracy.rms.tolist()
+    return [("points +-", f"X {x:.4f}, Y {y:.4f}, Z {z:.4f} mm, root mean square")]
 
 
 def _inner(view: InnerView) -> list[Entry]:

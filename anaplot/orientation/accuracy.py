@@ -51,6 +51,11 @@ class ModelAccuracy:
         return float(self.deviations[self.elements.index(element)])
 
     @property
+    def rms(self) -> Array:
+        """(3,) root mean square of the points' standard deviations [mm]."""
+        return np.asarray(np.sqrt(np.nanmean(self.points**2, axis=0)))
+
+    @property
     def strongest(self) -> tuple[str, str, float]:
         """The two elements that are correlated most, and how."""
         size = np.triu(np.abs(self.correlations), 1)

@@ -7,8 +7,6 @@ from dataclasses import replace
 from math import degrees, isfinite
 from typing import Any
 
-import numpy as np
-
 from anaplot.adjustment.tested import Observation
 from anaplot.orientation.accuracy import ModelAccuracy, model_accuracy
 from anaplot.orientation.diagnosis import diagnose
@@ -129,8 +127,9 @@ def _deviations(accuracy: ModelAccuracy) -> tuple[list[Line], list[Line], list[L
     base = say("    +-      bx {:.4f||held}  by {:.4f}  bz {:.4f} mm", bx, by, bz)
     angles = (degrees(accuracy.of(angle) or 0.0) for angle in _ANGLES)
     rotation = say("    +-      omega {:.5f}  phi {:.5f}  kappa {:.5f} deg", *angles)
-    mean = np.sqrt(np.nanmean(accuracy.points**2, axis=0))
-    points = say("  points    sX {:.4f}  sY {:.4f}  sZ {:.4f} mm, root mean square", *mean.tolist())
+    points = say(
+        "  points    sX {:.4f}  sY {:.4f}  sZ {:.4f} mm, root mean square", *accuracy.rms.tolist()
+    )
     return [base], [rotation], [trace, points]
 
 
