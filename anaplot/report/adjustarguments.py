@@ -6,9 +6,11 @@ import argparse
 from pathlib import Path
 
 from anaplot.report.arguments import (
+    add_matrix,
     add_output,
     correlation,
     percentage,
+    planted,
     positive,
     significance,
 )
@@ -25,6 +27,8 @@ __all__ = [
 def add_bridge_arguments(bridge: argparse.ArgumentParser) -> None:
     """Add what `bridge` takes."""
     bridge.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
+    _add_planted(bridge)
+    add_matrix(bridge)
     add_output(bridge, "the rows of the models")
     bridge.add_argument(
         "--fail-on-flag",
@@ -55,9 +59,19 @@ def add_bridge_arguments(bridge: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_planted(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--plant",
+        type=planted,
+        metavar="PHOTO:POINT:AXIS:UM",
+        help="show what an error in an image coordinate would do; several with commas between",
+    )
+
+
 def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
     """Add what `adjust` takes."""
     adjust.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
+    _add_planted(adjust)
     add_output(adjust, "the points")
     adjust.add_argument(
         "--fail-on-flag",

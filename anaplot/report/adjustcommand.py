@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import InputError
 from anaplot.exchange.operatorscsv import read_operators
+from anaplot.report import planting
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
@@ -100,6 +102,7 @@ def adjust(
     prior: PriorEstimator | None = None,
     components: Grouping | None = None,
     operators: str | os.PathLike[str] | None = None,
+    plant: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Computed[BlockAdjustment]:
     """Adjust a block as one bundle, from nothing but its measurements.
@@ -143,6 +146,8 @@ def adjust(
         Add variance components, image coordinates grouped like this.
     operators
         A file that says who measured which photo, for the grouping "operators".
+    plant
+        Errors "PHOTO:POINT:AXIS:UM" that are put in for a trial.
     progress
         Called with what is being done and the fraction of it (0 to 1); a `Watch` also ends the
         search for gross errors early when it is stopped.
@@ -168,6 +173,7 @@ def adjust(
     if prior is not None and components is not None:
         raise InputError("--prior and --components both estimate variances: one of them")
     given, where = block_of(block)
+    given, planted = planting.plant(given, plant)
     check_power("--hypothesis-alpha", hypothesis_alpha, given.test, where)
     who = None
     if operators is not None:
@@ -212,7 +218,8 @@ def adjust(
     tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha, given.test.power))
     found = BlockAdjustment(adjusted, tested, cleaned, earlier, estimated, parted, snooped, related)
     flagged = adjusted.any_flagged or len(found.rejected) > 0
-    return Computed(found, _document(found, snooping, correlations), flagged)
+    document = planting.with_planting(_document(found, snooping, correlations), planted)
+    return Computed(found, document, flagged)
 
 
 @takes_options(add_adjust_arguments)

@@ -8,12 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 __all__ = [
+    "add_matrix",
     "add_output",
     "between",
     "correlation",
     "length",
     "none_or_length",
     "percentage",
+    "planted",
     "positive",
     "significance",
     "sizes",
@@ -39,6 +41,15 @@ def add_output(parser: argparse.ArgumentParser, main: str, *, folder: bool = Tru
             metavar="FOLDER",
             help="write every table as CSV, and summary.json, into a new or empty folder",
         )
+
+
+def add_matrix(parser: argparse.ArgumentParser) -> None:
+    """Add the matrix Q_vv P of models."""
+    parser.add_argument(
+        "--matrix",
+        action="store_true",
+        help="print Q_vv P whole: what an error in each row changes in every other",
+    )
 
 
 def positive(text: str) -> float:
@@ -80,6 +91,22 @@ def none_or_length(text: str) -> float:
         return between(1e-9, 1e6)(text)
     except (ValueError, argparse.ArgumentTypeError):
         raise argparse.ArgumentTypeError(f"{text!r} is neither 0 nor from 1e-09 to 1e+06") from None
+
+
+def planted(text: str) -> tuple[str, ...]:
+    """Return errors "WHERE:AXIS:UM", separated by commas."""
+    parts = tuple(part.strip() for part in text.split(","))
+    for part in parts:
+        where, axis, um = ("", *part.rsplit(":", 2))[-3:]
+        try:
+            size = float(um)
+        except ValueError:
+            size = math.nan
+        if not where or axis not in ("x", "y") or not abs(size) < 1e6:
+            raise argparse.ArgumentTypeError(
+                f"{part!r} is not a place, x or y, and um, with colons between them"
+            )
+    return parts
 
 
 def percentage(text: str) -> float:

@@ -22,6 +22,7 @@ from anaplot.orientation.strip import BridgedStrip, pooled_sigma_um, stereopair
 from anaplot.orientation.strip import bridge as bridge_strips
 from anaplot.photogrammetry import block as photogrammetry
 from anaplot.photogrammetry.block import Camera, Precision, TestSettings, TieVariance
+from anaplot.report import planting
 from anaplot.report.adjustarguments import add_bridge_arguments
 from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Block, Document
@@ -95,6 +96,8 @@ def bridge(
     partner: float | None = None,
     as_given: bool = False,
     pairs: bool = False,
+    plant: Sequence[str] | None = None,
+    matrix: bool = False,
     progress: Progress | None = None,
 ) -> Computed[BridgedBlock]:
     """Form the models of every strip, one after another, as the operator would.
@@ -112,6 +115,10 @@ def bridge(
         Whether it cleans also where the a-priori sigma0 cannot be right.
     pairs
         Whether it adds the odds over two gross errors.
+    plant
+        Errors "PHOTO:POINT:AXIS:UM" that are put in for a trial.
+    matrix
+        Whether every model's document has Q_vv P whole.
     progress
         Called with what is being done and the fraction of it (0 to 1); a `Watch` also ends the
         search for gross errors early when it is stopped.
@@ -131,6 +138,7 @@ def bridge(
         raise InputError("--partner, --pairs and --as-given go with --errors")
     given, _ = block_of(block)
     check_for_bridge(given)
+    given, planted = planting.plant(given, plant)
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     with watch.searching() if errors is not None else nullcontext():
         strips = bridge_block(
@@ -143,7 +151,8 @@ def bridge(
         tuple(strip for strip, _ in parts),
         tuple(strip for strip in strips if isinstance(strip, CleanedStrip)) if errors else None,
     )
-    return Computed(found, bridge_document(given, strips), flagged)
+    document = planting.with_planting(bridge_document(given, strips, matrix=matrix), planted)
+    return Computed(found, document, flagged)
 
 
 def orient(
@@ -271,7 +280,9 @@ def _parts(strip: BridgedStrip | CleanedStrip) -> tuple[BridgedStrip, tuple[Clea
     return strip, ()
 
 
-def bridge_document(block: photogrammetry.Block, strips: Strips) -> Document:
+def bridge_document(
+    block: photogrammetry.Block, strips: Strips, *, matrix: bool = False
+) -> Document:
     """Return the document of a block's strips, as `bridge_block` returns them.
 
     A strip that ended early carries "error" beside its models.
@@ -286,6 +297,7 @@ def bridge_document(block: photogrammetry.Block, strips: Strips) -> Document:
                 number=k + 1,
                 count=len(declared.models()),
                 pooled_um=pooled_sigma_um(strip.models[: k + 1]),
+                matrix=matrix,
             )
             models.append((strip.strip, one))
             here.append(one.answer)

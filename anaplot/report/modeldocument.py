@@ -28,6 +28,7 @@ from anaplot.report.document import (
     stacked,
     table,
 )
+from anaplot.report.matrix import MATRIX, matrix_document
 
 __all__ = ["OF_MODEL", "model_document", "model_rows", "model_tables", "stacked_rows"]
 
@@ -45,6 +46,7 @@ _OFF = for_programs("off")
 _POINTS = for_programs("point", "X", "Y", "Z", "sX", "sY", "sZ")
 _ODDS = for_programs("point", "axis", "probability")
 _PER_LINE = 6
+_ALWAYS = 2  # tables of a model: rows and points
 _BASE, _ANGLES = ("bx", "by", "bz"), ("omega", "phi", "kappa")
 
 OF_MODEL = for_programs("strip", "left", "right")
@@ -52,7 +54,13 @@ OF_MODEL = for_programs("strip", "left", "right")
 
 
 def model_document(
-    model: ModelSolution, *, strip: str, number: int, count: int, pooled_um: float | None = None
+    model: ModelSolution,
+    *,
+    strip: str,
+    number: int,
+    count: int,
+    pooled_um: float | None = None,
+    matrix: bool = False,
 ) -> Document:
     """Return the document of one model.
 
@@ -66,6 +74,8 @@ def model_document(
         Name of the strip, which of its models this is (from 1), how many it has.
     pooled_um
         sigma0 pooled over the strip's models so far [um].
+    matrix
+        Whether Q_vv P is in it, whole.
     """
     diagnosis = diagnose(model)
     rows = model_rows(model.listed, diagnosis.suspects)
@@ -112,7 +122,12 @@ def model_document(
         BLANK,
         *(say("  {}", sentence) for sentence in diagnosis.advice),
     ]
-    return Document(_answer(model, accuracy, rows, points), tuple(page), (rows, points))
+    answer = _answer(model, accuracy, rows, points)
+    if not matrix:
+        return Document(answer, tuple(page), (rows, points))
+    whole = matrix_document(model.tested)
+    answer["matrix"] = whole.answer
+    return Document(answer, (*page, BLANK, *whole.page), (rows, points, *whole.tables))
 
 
 def _deviations(accuracy: ModelAccuracy) -> tuple[list[Line], list[Line], list[Line]]:
@@ -236,4 +251,9 @@ def model_tables(models: Iterable[tuple[str, Document]]) -> tuple[Table, ...]:
     return (
         stacked_rows(OF_MODEL, ((of, tables[0]) for of, tables in parts)),
         stacked("points", OF_MODEL, _POINTS, ((of, tables[1]) for of, tables in parts)),
+        *(
+            (stacked("matrix", OF_MODEL, MATRIX, ((of, tables[2]) for of, tables in parts)),)
+            if parts and len(parts[0][1]) > _ALWAYS
+            else ()
+        ),
     )

@@ -6,11 +6,13 @@ import argparse
 from pathlib import Path
 
 from anaplot.report.arguments import (
+    add_matrix,
     add_output,
     between,
     correlation,
     length,
     none_or_length,
+    planted,
     significance,
     sizes,
     whole,
@@ -56,6 +58,13 @@ def add_pattern_arguments(show: argparse.ArgumentParser) -> None:
         default="exact",
         help="how the ties err, default exact",
     )
+    show.add_argument(
+        "--plant",
+        type=planted,
+        metavar="POINT:AXIS:UM",
+        help="show what an error in a row would change in all; several with commas between",
+    )
+    add_matrix(show)
     add_output(show, "the rows")
 
 

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.reliability import SERIOUS
-from anaplot.adjustment.tested import Transfer
+from anaplot.adjustment.tested import Tested, Transfer
 from anaplot.errors import InputError
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.patterns import PATTERNS, USUAL_BASE, USUAL_D, trace_in_bases
 from anaplot.orientation.patterns import pattern as named_pattern
-from anaplot.orientation.results import Row
+from anaplot.orientation.results import ModelSolution, Row
 from anaplot.orientation.suitability import unsuitable
 from anaplot.photogrammetry.block import TieVariance
+from anaplot.photogrammetry.planting import PlantedError
 from anaplot.planning.patternplan import (
     PatternReliability,
     Place,
@@ -39,13 +40,17 @@ from anaplot.report.document import (
     Line,
     Names,
     for_programs,
+    name,
+    number,
     say,
     table,
 )
 from anaplot.report.keywords import takes_options
+from anaplot.report.matrix import matrix_document
 from anaplot.report.patterndrawing import drawing
 from anaplot.report.planarguments import add_pattern_arguments
-from anaplot.textfiles.wording import place, quoted
+from anaplot.report.planting import planted_errors
+from anaplot.textfiles.wording import hint, place, quoted
 
 __all__ = ["pattern_files", "plan_pattern_document", "planned_pattern"]
 
@@ -57,12 +62,22 @@ _LEAST_BASE = 1e-3  # mm
 _EQUAL = 5e-4  # nothing is gained where people read the same three decimals
 
 _ROWS = for_programs("point", "x_mm", "y_mm", "axis", "redn")
+_CHANGES = (
+    name("point", "POINT", 5),
+    name("axis", head="  "),
+    number("change_um", "CHANGE", 1, 8, unit="um"),
+)
 _POINTS = for_programs("label", "x_mm", "y_mm", "tie")
 _PLACES = ("x_mm", "y_mm", "doubles", "tie")
 
 
 def plan_pattern_document(
-    title: str, found: PatternReliability, *, base_derived: bool = False
+    title: str,
+    found: PatternReliability,
+    *,
+    base_derived: bool = False,
+    planted: Sequence[PlantedError] = (),
+    matrix: bool = False,
 ) -> Document:
     """Return the document of a point pattern.
 
@@ -74,6 +89,15 @@ def plan_pattern_document(
         What it is worth.
     base_derived
         Whether the base follows from the points.
+    planted
+        Errors in rows, of which the changes of all are shown.
+    matrix
+        Whether Q_vv P is shown whole.
+
+    Raises
+    ------
+    InputError
+        An error is planted in a row that there is not.
     """
     plan, solution = found.plan, found.solution
     transfers = diagnose(solution).transfers
@@ -133,7 +157,40 @@ def plan_pattern_document(
         _advice(found.advice[0]),
         *_sets(found.sets),
     ]  # fmt: skip
-    return Document(answer, tuple(page), (rows, points))
+    tables = [rows, points]
+    for key, part in _parts(solution, planted, matrix):
+        answer[key] = part.answer
+        page += [BLANK, *part.page]
+        tables += part.tables
+    return Document(answer, tuple(page), tuple(tables))
+
+
+def _parts(
+    solution: ModelSolution, planted: Sequence[PlantedError], matrix: bool
+) -> Iterator[tuple[str, Document]]:
+    if planted:
+        yield "planted", _planted_document(solution.tested, planted)
+    if matrix:
+        yield "matrix", matrix_document(solution.tested)
+
+
+def _planted_document(tested: Tested[Row], planted: Sequence[PlantedError]) -> Document:
+    """Return what errors in rows change in all of them (1983, Table 1)."""
+    keys = tested.keys
+    change = np.zeros(len(keys))
+    for one in planted:
+        key = (one.where, one.axis)
+        if key not in keys:
+            known = hint(one.where, [point for point, axis in keys if axis == one.axis])
+            raise InputError(f"--plant: no row {quoted(one.where)} {one.axis}{known}")
+        change += tested.influence[:, keys.index(key)] * one.um
+    rows = table(
+        "planted", _CHANGES, ((*key, um) for key, um in zip(keys, change.tolist(), strict=True))
+    )
+    what = ", ".join(f"{one.where} {one.axis} {one.um:+g} um" for one in planted)
+    page = (say("CHANGE OF ALL RESIDUALS by an error: {}", what).of("heading"), rows)
+    errors = [{"point": one.where, "axis": one.axis, "um": one.um} for one in planted]
+    return Document({"errors": errors, "rows": rows}, page, (rows,))
 
 
 def _place_json(place: Place) -> Answer:
@@ -265,6 +322,8 @@ def planned_pattern(
     d: float | None = None,
     c: float = 152.0,
     tie_variance: TieVariance = "exact",
+    plant: Sequence[str] | None = None,
+    matrix: bool = False,
 ) -> Computed[PatternReliability]:
     """Plan a model: redundancy numbers of a point pattern, and the point that would help most.
 
@@ -280,6 +339,10 @@ def planned_pattern(
         Camera constant [mm].
     tie_variance
         How the ties err.
+    plant
+        Errors "POINT:AXIS:UM" in rows, of which the changes of all are shown.
+    matrix
+        Whether the document has Q_vv P whole.
 
     Returns
     -------
@@ -296,5 +359,11 @@ def planned_pattern(
     planned = _planned(os.fspath(pattern), None if ties is None else str(ties), base, d, c)
     found = pattern_reliability(planned.plan, planned.x, planned.y, tie_variance)
     title = Path(pattern).name if pattern_files(pattern) else str(pattern)
-    document = plan_pattern_document(title, found, base_derived=planned.base_derived)
+    document = plan_pattern_document(
+        title,
+        found,
+        base_derived=planned.base_derived,
+        planted=planted_errors(plant or ()),
+        matrix=matrix,
+    )
     return Computed(found, document)

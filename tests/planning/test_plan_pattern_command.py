@@ -342,6 +342,53 @@ def test_what_is_not_suitable_is_said(capsys):
     assert "not suitable for on-line triangulation" in capsys.readouterr().out
 
 
+def test_the_matrix_is_that_of_the_paper(capsys, tmp_path):
+    call = ["9/3", "--tie-variance", "paper"]
+    out = said(capsys, *call, "--matrix")
+    q = np.array(out["matrix"]["values"])
+    keys = [tuple(key) for key in out["matrix"]["rows"]]
+    assert keys == [(row["point"], row["axis"]) for row in out["rows"]]
+    assert np.diag(q) == pytest.approx([row["redn"] for row in out["rows"]])
+    assert q @ q == pytest.approx(q, abs=1e-9)
+    # Figure 5: the middle tie's x has nothing to do with any y
+    middle = keys.index(("2", "x"))
+    assert q[middle, : len(keys) - 3] == pytest.approx(0.0, abs=1e-9)
+    folder = tmp_path / "tables"
+    assert main(["plan", "pattern", *call, "--matrix", "--to", str(folder)]) == 0
+    text = capsys.readouterr().out
+    assert "-0.000" not in text
+    with (folder / "matrix.csv").open(newline="") as file:
+        cells = list(csv.DictReader(file))
+    assert len(cells) == len(keys) ** 2
+    assert float(cells[1]["value"]) == pytest.approx(q[0, 1])
+    assert (cells[1]["error_point"], cells[1]["error_axis"]) == keys[1]
+
+
+def test_a_planted_error_changes_every_residual_as_its_column_says(capsys):
+    out = said(capsys, "13/5", "--matrix", "--plant", "1:y:100, 2:x:-50")
+    q, keys = np.array(out["matrix"]["values"]), [tuple(k) for k in out["matrix"]["rows"]]
+    expected = 100.0 * q[:, keys.index(("1", "y"))] - 50.0 * q[:, keys.index(("2", "x"))]
+    assert [row["change_um"] for row in out["planted"]["rows"]] == pytest.approx(expected)
+    assert out["planted"]["errors"][1] == {"point": "2", "axis": "x", "um": -50.0}
+
+
+@pytest.mark.parametrize(
+    ("plant", "what"),
+    [
+        ("7:x:100", "no row '7' x"),
+        ("12:y:100", "no row '12' y"),
+        ("1:z:100", "'1:z:100' is not a place, x or y, and um"),
+        ("1:y:much", "'1:y:much' is not a place"),
+        ("1:y", "'1:y' is not a place"),
+    ],
+)
+def test_an_error_cannot_be_planted_where_there_is_no_row(capsys, plant, what):
+    assert main(["plan", "pattern", "13/5", "--plant", plant]) == 2
+    error = capsys.readouterr().err
+    assert what in error
+    assert error.count("\n") == 1
+
+
 def test_the_two_classes_of_transfers(capsys):
     ten, twelve = said(capsys, "10/5", "--tie-variance", "paper"), said(capsys, "12")
     assert {(*t["source"], *t["target"]) for t in ten["transfers"]} == {
