@@ -166,10 +166,9 @@ def _pointing(options: argparse.Namespace) -> int:
 
 
 def _plan_pattern(options: argparse.Namespace) -> int:
-    from anaplot.report.planpattern import pattern_files, planned_pattern
-    from anaplot.report.running import run_computation
+    from anaplot.report.patterncomparison import run_plan_pattern
 
-    return run_computation(options, planned_pattern, pattern_files(options.pattern))
+    return run_plan_pattern(options)
 
 
 def _plan_simulate(options: argparse.Namespace) -> int:

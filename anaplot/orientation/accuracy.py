@@ -52,8 +52,9 @@ class ModelAccuracy:
 
     @property
     def rms(self) -> Array:
-        """(3,) root mean square of the points' standard deviations [mm]."""
-        return np.asarray(np.sqrt(np.nanmean(self.points**2, axis=0)))
+        """(3,) root mean square of the points' standard deviations [mm]; none at infinity."""
+        near = self.points[np.isfinite(self.points).all(axis=1)]
+        return np.asarray(np.sqrt(np.sum(near**2, axis=0) / max(len(near), 1)))
 
     @property
     def strongest(self) -> tuple[str, str, float]:

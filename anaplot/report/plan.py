@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from anaplot.report.patterncomparison import compared_patterns as patterns
 from anaplot.report.planblock import planned_block as block
 from anaplot.report.plannetwork import planned_network as network
 from anaplot.report.planpattern import planned_pattern as pattern
 
-__all__ = ["block", "network", "pattern"]
+__all__ = ["block", "network", "pattern", "patterns"]

@@ -31,8 +31,10 @@ def add_pattern_arguments(show: argparse.ArgumentParser) -> None:
     """Add what `plan pattern` takes."""
     show.add_argument(
         "pattern",
+        nargs="+",
         metavar="NAME|FILE",
-        help='"13", "13/5", ... or a .csv or .toml with label,x,y[,tie] (mm)',
+        help='"13", "13/5", ... or a .csv or .toml with label,x,y[,tie] (mm); several are shown '
+        "side by side",
     )
     show.add_argument(
         "--ties", choices=("3", "4", "5"), help="points shared with the preceding model"

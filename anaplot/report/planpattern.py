@@ -52,7 +52,13 @@ from anaplot.report.planarguments import add_pattern_arguments
 from anaplot.report.planting import planted_errors
 from anaplot.textfiles.wording import hint, place, quoted
 
-__all__ = ["pattern_files", "plan_pattern_document", "planned_pattern"]
+__all__ = [
+    "PointsOfPattern",
+    "pattern_files",
+    "plan_pattern_document",
+    "planned_pattern",
+    "points_of_pattern",
+]
 
 _SHOWN = 5
 _FILES = (".csv", ".toml")
@@ -258,7 +264,7 @@ def _further(place: Place, at: str) -> Line:
     return what + (" as a tie" if tie else "")
 
 
-class _Planned(NamedTuple):
+class PointsOfPattern(NamedTuple):
     """What is planned, and where a further point may lie: the ends of x and y [mm]."""
 
     plan: PlannedPattern
@@ -267,9 +273,16 @@ class _Planned(NamedTuple):
     base_derived: bool
 
 
-def _planned(
+def points_of_pattern(
     name: str, ties: str | None, base: float | None, d: float | None, c: float
-) -> _Planned:
+) -> PointsOfPattern:
+    """Return the points of a named pattern or of a file; parameters as `planned_pattern` has them.
+
+    Raises
+    ------
+    InputError
+        The name or the file is wrong.
+    """
     path = Path(name)
     if not pattern_files(name):
         return _named(name, ties, base, d, c)
@@ -282,7 +295,7 @@ def _planned(
         used = max(xs)
         if used < _LEAST_BASE:
             raise InputError(f"{place(path)}: which --base? no point lies at an x greater than 0")
-    return _Planned(
+    return PointsOfPattern(
         PlannedPattern(points, tied, used, c),
         (min(xs), max(xs)) if base is None else (0.0, used),
         (min(ys), max(ys)) if d is None else (-d, d),
@@ -290,7 +303,9 @@ def _planned(
     )
 
 
-def _named(name: str, ties: str | None, base: float | None, d: float | None, c: float) -> _Planned:
+def _named(
+    name: str, ties: str | None, base: float | None, d: float | None, c: float
+) -> PointsOfPattern:
     # Path("") is the folder itself
     if name not in PATTERNS and (not name or os.path.lexists(name)):
         raise InputError(
@@ -302,7 +317,7 @@ def _named(name: str, ties: str | None, base: float | None, d: float | None, c: 
         name = f"{name}/{ties}"
     base = USUAL_BASE if base is None else base
     d = USUAL_D if d is None else d
-    return _Planned(
+    return PointsOfPattern(
         from_pattern(named_pattern(name), base, d, c), (0.0, base), (-d, d), base_derived=False
     )
 
@@ -356,7 +371,7 @@ def planned_pattern(
     NotComputableError
         The points do not determine a model.
     """
-    planned = _planned(os.fspath(pattern), None if ties is None else str(ties), base, d, c)
+    planned = points_of_pattern(os.fspath(pattern), None if ties is None else str(ties), base, d, c)
     found = pattern_reliability(planned.plan, planned.x, planned.y, tie_variance)
     title = Path(pattern).name if pattern_files(pattern) else str(pattern)
     document = plan_pattern_document(

@@ -389,6 +389,40 @@ def test_an_error_cannot_be_planted_where_there_is_no_row(capsys, plant, what):
     assert error.count("\n") == 1
 
 
+def test_several_patterns_stand_side_by_side(capsys, tmp_path):
+    points = "label,x,y,tie\n1,0,100,yes\n2,0,0,yes\n3,0,-100,yes\n4,90,100,\n5,90,0,\n6,90,-100,\n"
+    (tmp_path / "own.csv").write_text(points)
+    names = ["6", "9/3", "10/5", "13/5", str(tmp_path / "own.csv"), "6/3"]
+    rows = said(capsys, *names)["patterns"]
+    assert [row["pattern"] for row in rows] == ["6", "9/3", "10/5", "13/5", "own.csv", "6/3"]
+    for row, pattern in zip(rows, names, strict=True):
+        one = said(capsys, pattern)
+        assert row["n"] == one["n"]
+        assert row["least_redn"] == pytest.approx(min(r["redn"] for r in one["rows"]))
+        assert row["mean_redn"] == pytest.approx(one["mean_redn"])
+        assert row["trace_q_gg"] == pytest.approx(one["trace_q_gg"])
+        assert row["critical"] == len(one["transfers"])
+        assert row["serious"] == len(one["serious_transfers"])
+    assert {**rows[4], "pattern": "6/3"} == rows[5]
+    assert main(["plan", "pattern", *names]) == 0
+    text = capsys.readouterr().out
+    assert text.count("not suitable") == 5
+    assert max(map(len, text.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["6", "9", "6"], "pattern 6 is given twice"),
+        (["6", "9", "--matrix"], "--plant and --matrix go with one pattern"),
+        (["6", "nonsense"], "no point pattern 'nonsense'"),
+    ],
+)
+def test_what_cannot_stand_side_by_side(capsys, arguments, what):
+    assert main(["plan", "pattern", *arguments]) == 2
+    assert what in capsys.readouterr().err
+
+
 def test_the_two_classes_of_transfers(capsys):
     ten, twelve = said(capsys, "10/5", "--tie-variance", "paper"), said(capsys, "12")
     assert {(*t["source"], *t["target"]) for t in ten["transfers"]} == {

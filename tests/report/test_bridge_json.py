@@ -98,7 +98,7 @@ def test_keys_and_units():
             assert list(row) == [
                 "point", "axis", "redn", "parx_um", "expd_um", "sigf", "flagged",
             ]  # fmt: skip
-        assert all(set(p) == {"point", "X", "Y", "Z"} for p in model["points"])
+        assert all(set(p) == {"point", "X", "Y", "Z", "sX", "sY", "sZ"} for p in model["points"])
     assert strip["models"][0]["ties"] == []
     # two models of one system: the rotation is that in the strip, the points agree
     first, second = ({p["point"]: p for p in m["points"]} for m in strip["models"])
@@ -144,8 +144,10 @@ def test_what_does_not_exist_is_null():
 def test_a_point_at_infinity_is_null_and_not_infinite():
     model = five_points()
     nowhere = (ModelPoint("9", float("inf"), float("nan"), -float("inf")),)
-    data = answer_of(replace(model, points=nowhere))
-    assert data["points"] == [{"point": "9", "X": None, "Y": None, "Z": None}]
+    cofactors = np.full((1, 3, 3), np.nan)
+    data = answer_of(replace(model, points=nowhere, q_points=cofactors))
+    (point,) = data["points"]
+    assert point == {"point": "9", **dict.fromkeys(("X", "Y", "Z", "sX", "sY", "sZ"))}
 
 
 def test_a_strip_that_ended_early_carries_its_error():
