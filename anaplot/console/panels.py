@@ -194,14 +194,15 @@ class HeaderPanel(_Lines):
         ]
         work = in_work(shown)
         if not work.solved:
-            done = sum(view.status != "pending" for view in work.points)
+            needed = [view for view in work.points if not view.offered]
+            done = sum(view.status != "pending" for view in needed)
             where = ""
             if shown.mono and shown.inner is None and shown.laid:
                 side = "left" if shown.laid == shown.left else "right"
-                done = sum(side in view.seen for view in work.points)
+                done = sum(side in view.seen for view in needed)
                 where = f" in {fit(shown.laid, min(cell_len(plain(shown.laid)), 12))}"
-            if work.points:
-                words = f"{done} of {len(work.points)} measured{where}"
+            if needed:
+                words = f"{done} of {len(needed)} measured{where}"
                 parts += [_GAP, (words, "$foreground-muted")]
             return parts
         critical = work.critical

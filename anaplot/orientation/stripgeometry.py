@@ -21,7 +21,7 @@ from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.tieerrors import moved_by_errors
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["Located", "Pose", "StripGeometry", "extended"]
+__all__ = ["Located", "Pose", "StripGeometry", "extended", "widened"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +33,8 @@ class Located:
     xyz
         (3,) coordinates.
     errors
-        (3, e) effects of e independent errors, each of the size of one sigma0.
+        (3, e) effects of independent errors, each of the size of one sigma0: of the first e of its
+        system, those that came later have none.
     """
 
     xyz: Array
@@ -51,7 +52,7 @@ class Pose:
     centre, rotation
         (3,) projection centre [mm] and (3, 3) rotation from image to strip system.
     errors
-        (6, e) effects of e errors on the centre [mm] and on a turn about the strip's axes [rad].
+        (6, e) likewise, on the centre [mm] and on a turn about the strip's axes [rad].
     """
 
     c: float
@@ -86,6 +87,13 @@ class StripGeometry:
     redundancy: int
     _seen: Mapping[str, Array] = field(repr=False)
     _rays: Mapping[str, tuple[int, int]] = field(repr=False)
+
+
+def widened(errors: Array, count: int) -> Array:
+    """Return effects (n, e) as (n, count): those of errors that came later are 0."""
+    out = np.zeros((len(errors), count))
+    out[:, : errors.shape[1]] = errors
+    return out
 
 
 def extended(
@@ -130,8 +138,7 @@ def extended(
     photos: dict[str, Pose] = {}
     points: dict[str, Located] = {}
     if before is not None:
-        photos = {name: _padded_pose(pose, count) for name, pose in before.photos.items()}
-        points = {p: Located(at.xyz, _padded(at.errors, count)) for p, at in before.points.items()}
+        photos, points = dict(before.photos), dict(before.points)
     photos |= {pair.left: left, pair.right: right}
     points |= {name: Located(xyz[k], errors[k]) for k, name in kept}
     f, sigma0 = solution.redundancy, solution.tested.sigma0
@@ -166,15 +173,4 @@ def _left(before: StripGeometry | None, pair: Stereopair, count: int) -> Pose:
     known = None if before is None else before.photos.get(pair.left)
     if known is None:
         return Pose(pair.c_left, pair.fixed.centre, pair.fixed.rotation, np.zeros((6, count)))
-    return _padded_pose(known, count)
-
-
-def _padded_pose(pose: Pose, count: int) -> Pose:
-    return Pose(pose.c, pose.centre, pose.rotation, _padded(pose.errors, count))
-
-
-def _padded(errors: Array, count: int) -> Array:
-    """Return errors with columns of 0 for those that came later."""
-    out = np.zeros((len(errors), count))
-    out[:, : errors.shape[1]] = errors
-    return out
+    return Pose(known.c, known.centre, known.rotation, widened(known.errors, count))

@@ -10,7 +10,7 @@ be level, as strips are that begin with a near-vertical photo, within `LEVEL_DEG
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import radians, sqrt
 from typing import NamedTuple, Protocol
@@ -21,7 +21,7 @@ from anaplot.adjustment.leastsquares import RankDefectError, adjust
 from anaplot.adjustment.tested import AppliedTest
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
-from anaplot.orientation.stripgeometry import Located
+from anaplot.orientation.stripgeometry import Located, widened
 from anaplot.photogrammetry.block import TestSettings
 from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.similarity import (
@@ -39,8 +39,10 @@ FEWEST = 2
 _UNKNOWNS = ("X0", "Y0", "Z0", "omega", "phi", "kappa", "scale")
 _AXES = ("X", "Y", "Z")
 _STEPS = 20
-_SMALL = 1e-8  # of a standard deviation
+_SMALL = 1e-6  # of a standard deviation
+_GROSS = 0.02  # of the extent: farther than inclinations of level systems and relief may move
 _LOOSE = 0.2  # of LEVEL_DEG: points that know the inclination no better do not determine it
+_SURE = 28.0  # T of three rows that chance exceeds once in 280 000: a table has many, every record
 _LOCATED = 3.0  # T of the worst point above the next by less than this: one or the other
 
 
@@ -83,7 +85,7 @@ class TiePoint(NamedTuple):
         T = (P v)' (P Q_vv P)^-1 (P v) of its three rows, in the sigma0 of the test: by how much
         v'Pv falls without the point; None where it took no part or cannot be tested.
     flagged
-        Whether a w exceeds the critical value.
+        Whether a w exceeds the critical value, or it is too far off to take part.
     """
 
     point: str
@@ -122,10 +124,11 @@ class StripTie:
         The test that flags, with the redundancy of the strips' models.
     level
         Whether the table needs systems that are level against each other.
-    placed
-        All points of the other system in this one by the similarity, if both are level. Their
-        errors are those of this system, then those of the other, then two inclinations; they are
-        the larger, the farther both systems are bent against each other, see `improved`.
+    gross
+        Points so far off that they took no part.
+    count
+        Number of errors of what it places: those of this system, then those of the other, then two
+        inclinations.
     """
 
     similarity: Similarity
@@ -134,9 +137,43 @@ class StripTie:
     sigma0: float | None
     test: AppliedTest
     level: bool
-    placed: Placed = field(repr=False)
+    count: int
+    _other: System = field(repr=False)
+    gross: tuple[str, ...]
+    _known: _Adjusted = field(repr=False)
     _noise: Array = field(repr=False)
     _seen: Array = field(repr=False)
+    _unknowns: Array = field(repr=False)
+
+    def positions(self) -> tuple[list[str], Array]:
+        """Return the names of all points of the other system, and where they lie in this one."""
+        names = list(self._other.points)
+        xyz = np.array([self._other.points[n].xyz for n in names]).reshape(-1, 3)
+        return names, self._known.similarity.apply(xyz)
+
+    def placed(self, names: Iterable[str] | None = None) -> dict[str, Located]:
+        """Return points of the other system in this one by the similarity, if both are level.
+
+        Their errors are the larger, the farther both systems are bent against each other; what the
+        discrepancies say of that is for `improved`.
+
+        Parameters
+        ----------
+        names
+            Which; None: all.
+        """
+        now, other = self._known.similarity, self._other
+        wanted = list(other.points if names is None else names)
+        xyz = now.apply(np.array([other.points[n].xyz for n in wanted]).reshape(-1, 3))
+        effects = similarity_effects(xyz - self._known.middle)
+        first = self.count - other.count - 2
+        out = {}
+        for name, at, effect in zip(wanted, xyz, effects, strict=True):
+            errors = effect @ self._unknowns
+            own = other.points[name].errors
+            errors[:, first : first + own.shape[1]] += now.scale * now.rotation @ own
+            out[name] = Located(at, errors)
+        return out
 
     def improved(self, values: Array, errors: Array) -> tuple[Array, Array]:
         """Take from values what the discrepancies of the common points say of their errors.
@@ -148,7 +185,7 @@ class StripTie:
         ----------
         values, errors
             (n,) computed from points of either system, and (n, e) their errors; the first errors
-            are those of `placed`, others may follow.
+            are those that `count` counts, others may follow.
 
         Returns
         -------
@@ -164,7 +201,16 @@ class StripTie:
     @property
     def suspects(self) -> tuple[str, ...]:
         """The flagged point that is most probably wrong, and those hard to tell from it."""
-        flagged = [p for p in self.points if p.flagged and p.size is not None]
+        return self._worst(0.0)
+
+    @property
+    def surely_wrong(self) -> str | None:
+        """The point that is wrong beyond what chance does at one of all records of a day."""
+        found = self._worst(_SURE) if self.checkable else ()
+        return found[0] if len(found) == 1 else None
+
+    def _worst(self, least: float) -> tuple[str, ...]:
+        flagged = [p for p in self.points if p.flagged and (p.size or 0.0) > least]
         flagged.sort(key=lambda p: -(p.size or 0.0))
         top = flagged[0].size or 0.0 if flagged else 0.0
         return tuple(p.point for p in flagged if top - (p.size or 0.0) < _LOCATED)
@@ -208,11 +254,16 @@ def tie_systems(
     names = [name for name in common if name not in without]
     if len(names) < FEWEST:
         raise NotComputableError(f"{len(names)} common points, {FEWEST} are needed")
-    known = _Adjusted(this, other, names, sigma0_mm, level=True)
+    start, gross = _level_start(
+        names, *(np.array([system.points[n].xyz for n in names]) for system in (other, this))
+    )
+    names = [name for name in names if name not in gross]
+    shared = _Common(this, other, names, sigma0_mm)
+    known = _Adjusted(shared, start, level=True)
     adjusted = known
     if len(names) > FEWEST:
         try:
-            alone = _Adjusted(this, other, names, sigma0_mm, level=False)
+            alone = _Adjusted(shared, known.similarity, level=False)
             adjusted = alone if alone.inclination < _LOOSE * radians(LEVEL_DEG) else known
         except NotComputableError:
             pass  # points so near one line that nothing can be tested without level systems
@@ -221,12 +272,13 @@ def tie_systems(
     total = redundancy + models[1]
     sigma0 = sqrt((adjusted.vtpv + models[0]) / total) if total > 0 else None
     rows = adjusted.tested(applied, applied.factor(sigma0))
+    at = adjusted.similarity.apply(np.array([other.points[name].xyz for name in common]))
+    gaps = (at - np.array([this.points[name].xyz for name in common])).tolist()
     points = []
-    for name in common:
-        at = adjusted.similarity.apply(other.points[name].xyz[None])[0] - this.points[name].xyz
-        x, y, z = at.tolist()
-        points.append(rows.get(name, TiePoint(name, (0, 0, 0), None, (None,) * 3, None, False)))
-        points[-1] = points[-1]._replace(difference=(x, y, z))
+    for name, (x, y, z) in zip(common, gaps, strict=True):
+        unused = TiePoint(name, (x, y, z), None, (None, None, None), None, name in gross)
+        row = rows.get(name, unused)
+        points.append(row._replace(difference=(x, y, z)))
     return StripTie(
         adjusted.similarity,
         tuple(points),
@@ -234,58 +286,92 @@ def tie_systems(
         sqrt(adjusted.vtpv / redundancy) if redundancy > 0 else None,
         applied,
         adjusted.level,
-        known.placed(),
+        shared.own_count + shared.other_count + 2,
+        other,
+        gross,
+        known,
         *known.explained(),
     )
+
+
+class _Common:
+    """The common points of two systems, with the covariances of their errors."""
+
+    def __init__(self, this: System, other: System, names: list[str], sigma0: float) -> None:
+        self.names, self.sigma0 = names, sigma0
+        self.own_count, self.other_count = this.count, other.count
+        self.target = np.array([this.points[n].xyz for n in names])
+        self.source = np.array([other.points[n].xyz for n in names])
+        self._own = np.array([widened(this.points[n].errors, this.count) for n in names])
+        self._other = np.array([widened(other.points[n].errors, other.count) for n in names])
+        rows = 3 * len(names)
+        own, others = (e.reshape(rows, -1) for e in (self._own, self._other))
+        self._c_own, self._c_other = own @ own.T, others @ others.T
+        self.tilt = radians(LEVEL_DEG) / sigma0
+
+    def covariance(self, now: Similarity, *, level: bool) -> Array:
+        """Return that of the misclosures, in units of sigma0, for a similarity."""
+        n = len(self.names)
+        turn = now.scale * now.rotation
+        half = np.matmul(turn, self._c_other.reshape(n, 3, 3 * n)).reshape(3 * n, 3 * n)
+        points: Array = np.matmul(turn, half.T.reshape(n, 3, 3 * n)).reshape(3 * n, 3 * n)
+        points += self._c_own
+        # points free of error on both sides have no covariance
+        points.flat[:: 3 * n + 1] += 1e-9 * np.trace(points) / (3 * n)
+        if not level:
+            return points
+        out = np.zeros((3 * n + 2, 3 * n + 2))
+        out[:-2, :-2] = points
+        out[-2:, -2:] = self.tilt**2 * np.eye(2)
+        return out
+
+    def errors(self, now: Similarity) -> Array:
+        """Return what every error does to the misclosures of level systems."""
+        n = 3 * len(self.names)
+        out = np.zeros((n + 2, self.own_count + self.other_count + 2))
+        out[:n, : self.own_count] = -self._own.reshape(n, -1)
+        turned = np.matmul(now.scale * now.rotation, self._other)
+        out[:n, self.own_count : -2] = turned.reshape(n, -1)
+        out[n:, -2:] = self.tilt * np.eye(2)
+        return out
 
 
 class _Adjusted:
     """The adjusted similarity; its rows are X, Y, Z of every point, and two inclinations if any."""
 
-    def __init__(
-        self, this: System, other: System, names: list[str], sigma0: float, *, level: bool
-    ) -> None:
-        self._this, self._other, self._names, self.level = this, other, names, level
-        own = np.array([this.points[n].errors for n in names])
-        others = np.array([other.points[n].errors for n in names])
-        source = np.array([other.points[n].xyz for n in names])
-        target = np.array([this.points[n].xyz for n in names])
-        self._sigma0 = sigma0
-        self._tilt = radians(LEVEL_DEG) / sigma0
-        self.similarity = _level_start(source, target)
-        n = 3 * len(names)
+    def __init__(self, common: _Common, start: Similarity, *, level: bool) -> None:
+        self._common, self.level, self.similarity = common, level, start
+        self._middle: Array = common.target.mean(axis=0)
         for _ in range(_STEPS):
             now = self.similarity
-            at = now.apply(source)
-            self._middle = at.mean(axis=0)
-            design = similarity_effects(at - self._middle).reshape(n, 7)
-            value = (at - target).ravel() / sigma0
-            turned = now.scale * np.einsum("ab,kbe->kae", now.rotation, others)
-            errors = np.concatenate((-own, turned), axis=2).reshape(n, -1)
-            if self.level:
-                design = np.concatenate((design, np.eye(7)[3:5]))
-                inclined = np.array([-now.rotation[1, 2], now.rotation[0, 2]]) / sigma0
+            design, at = self._design()
+            value = (at - common.target).ravel() / common.sigma0
+            if level:
+                inclined = np.array([-now.rotation[1, 2], now.rotation[0, 2]]) / common.sigma0
                 value = np.concatenate((value, inclined))
-            self._errors = np.zeros((len(value), errors.shape[1] + 2))
-            self._errors[:n, :-2] = errors
-            self._errors[n:, -2:] = self._tilt * np.eye(2)[: len(value) - n]
-            covariance = self._errors @ self._errors.T
-            # points free of error on both sides have no covariance
-            covariance[np.diag_indices_from(covariance)] += 1e-9 * np.trace(covariance) / n
-            self._root = np.linalg.cholesky(covariance)
-            white = np.linalg.solve(self._root, np.column_stack((design, value)))
+            self.root = np.linalg.cholesky(common.covariance(now, level=level))
+            white = np.linalg.solve(self.root, np.column_stack((design, value)))
+            self._white = white[:, :7]
             try:
                 self._solved = adjust(
-                    white[:, :7], white[:, 7], np.ones(len(value)), unknowns=_UNKNOWNS
+                    self._white, white[:, 7], np.ones(len(value)), unknowns=_UNKNOWNS
                 )
             except RankDefectError as error:
                 raise NotComputableError(f"the common points: {error}") from error
-            self.similarity = moved_similarity(now, self._middle, self._solved.x * sigma0)
+            self.similarity = moved_similarity(now, self._middle, self._solved.x * common.sigma0)
             q_xx = np.sqrt(np.diag(self._solved.q_xx))
             if float(np.abs(self._solved.x / q_xx).max()) < _SMALL:
-                self.inclination = float(q_xx[3:5].max()) * sigma0
+                self.inclination = float(q_xx[3:5].max()) * common.sigma0
                 return
         raise NotComputableError("the similarity of the common points does not converge")
+
+    def _design(self) -> tuple[Array, Array]:
+        at = self.similarity.apply(self._common.source)
+        self._middle = at.mean(axis=0)
+        design = similarity_effects(at - self._middle).reshape(-1, 7)
+        if self.level:
+            design = np.concatenate((design, np.eye(7)[3:5]))
+        return design, at
 
     @property
     def redundancy(self) -> int:
@@ -297,73 +383,64 @@ class _Adjusted:
 
     def tested(self, test: AppliedTest, factor: float | None) -> dict[str, TiePoint]:
         """Return the tested points; differences are not filled in."""
-        unwhitened = np.linalg.solve(self._root.T, np.eye(len(self._root)))
-        residual = unwhitened @ self._solved.w  # P v
+        names = self._common.names
+        n = len(names)
+        unwhitened = np.linalg.inv(self.root).T
+        residual = (unwhitened @ self._solved.w)[: 3 * n].reshape(n, 3)  # P v
         cofactor = unwhitened @ self._solved.q_vv @ unwhitened.T  # P Q_vv P
-        influence = self._root @ self._solved.q_vv @ unwhitened.T
-        r = np.einsum("ii->i", influence)
-        variance = np.einsum("ii->i", cofactor)
-        weight = np.einsum("ij,ij->i", unwhitened, unwhitened)
+        influence = self.root @ self._solved.q_vv @ unwhitened.T
+        r = np.einsum("ii->i", influence)[: 3 * n].reshape(n, 3)
+        each = np.arange(n)
+        blocks = cofactor[: 3 * n, : 3 * n].reshape(n, 3, n, 3)[each, :, each]
+        variance = np.einsum("nii->ni", blocks)
+        weight = np.einsum("ij,ij->i", unwhitened, unwhitened)[: 3 * n].reshape(n, 3)
+        # what is left of the weight tells whether a row is tested at all
+        testable = variance > 1e-9 * weight
+        scale = factor or np.nan
+        with np.errstate(divide="ignore", invalid="ignore"):
+            w = np.where(testable, residual / (np.sqrt(variance) * scale), np.nan)
+        inverse = np.linalg.pinv(blocks, rcond=1e-6, hermitian=True)
+        size = np.einsum("na,nab,nb->n", residual, inverse, residual) / scale**2
+        critical = np.inf if test.critical is None else test.critical
+        flagged = (np.abs(np.nan_to_num(w)) > critical).any(axis=1)
         out = {}
-        for k, name in enumerate(self._names):
-            rows = slice(3 * k, 3 * k + 3)
-            # what is left of the weight tells whether a row is tested at all
-            testable = (variance[rows] > 1e-9 * weight[rows]) & (factor is not None)
-            w: list[float | None] = [
-                float(value / (sqrt(var) * factor)) if good and factor else None
-                for value, var, good in zip(
-                    residual[rows], variance[rows], testable.tolist(), strict=True
-                )
-            ]
-            size = None
-            if factor and testable.any():
-                inverse = np.linalg.pinv(cofactor[rows, rows], rcond=1e-6, hermitian=True)
-                size = float(residual[rows] @ inverse @ residual[rows]) / factor**2
-            flagged = test.critical is not None and any(
-                value is not None and abs(value) > test.critical for value in w
+        for k, name in enumerate(names):
+            x, y, z = (None if value != value else value for value in w[k].tolist())
+            rx, ry, rz = r[k].tolist()
+            found = float(size[k]) if testable[k].any() and factor else None
+            out[name] = TiePoint(
+                name, (0.0, 0.0, 0.0), (rx, ry, rz), (x, y, z), found, bool(flagged[k])
             )
-            rx, ry, rz = r[rows].tolist()
-            out[name] = TiePoint(name, (0, 0, 0), (rx, ry, rz), (w[0], w[1], w[2]), size, flagged)
         return out
 
-    def explained(self) -> tuple[Array, Array]:
-        """Return the errors [mm] that explain the residuals, and what of errors residuals see."""
-        white = np.linalg.solve(self._root, self._errors)
-        seen = white - self._projected(white)
-        return self._sigma0 * self._solved.w @ seen, seen
+    def explained(self) -> tuple[Array, Array, Array]:
+        """Say what the residuals of level systems tell of errors.
 
-    def _projected(self, white: Array) -> Array:
-        design = np.linalg.solve(self._root, self._design_at())
-        out: Array = design @ (self._solved.q_xx @ (design.T @ white))
-        return out
+        Returns
+        -------
+        ndarray
+            (e,) the errors [mm] that explain them.
+        ndarray
+            (rows, e) what of the errors they see.
+        ndarray
+            (7, e) what errors do to the unknowns.
+        """
+        white = np.linalg.solve(self.root, self._common.errors(self.similarity))
+        unknowns = -self._solved.q_xx @ (self._white.T @ white)
+        seen = white + self._white @ unknowns
+        noise: Array = self._common.sigma0 * (self._solved.w @ seen)
+        return noise, seen, unknowns
 
-    def placed(self) -> Placed:
-        """Return all points of the other system in this one."""
-        solved, now = self._solved, self.similarity
-        white = np.linalg.solve(self._root, self._errors)
-        design = np.linalg.solve(self._root, self._design_at())
-        unknowns = -solved.q_xx @ (design.T @ white)
-        names = list(self._other.points)
-        xyz = now.apply(np.array([self._other.points[n].xyz for n in names]).reshape(-1, 3))
-        effects = similarity_effects(xyz - self._middle)
-        own, others = self._this.count, self._other.count
-        points = {}
-        for name, at, effect in zip(names, xyz, effects, strict=True):
-            errors = effect @ unknowns
-            errors[:, own : own + others] += (
-                now.scale * now.rotation @ self._other.points[name].errors
-            )
-            points[name] = Located(at, errors)
-        return Placed(points, own + others + 2)
-
-    def _design_at(self) -> Array:
-        at = self.similarity.apply(np.array([self._other.points[n].xyz for n in self._names]))
-        design = similarity_effects(at - self._middle).reshape(-1, 7)
-        return np.concatenate((design, np.eye(7)[3:5])) if self.level else design
+    @property
+    def middle(self) -> Array:
+        """Where the unknowns refer to."""
+        return self._middle
 
 
-def _level_start(source: Array, target: Array) -> Similarity:
-    """Return the similarity of level systems on which most pairs of points agree in plan."""
+def _level_start(
+    names: list[str], source: Array, target: Array
+) -> tuple[Similarity, tuple[str, ...]]:
+    """Return the similarity of level systems on which most points agree, and those that do not."""
     one, two = (values[:, :2] @ np.array([1.0, 1j]) for values in (source, target))
     i, j = np.triu_indices(len(one), 1)
     apart = np.abs(one[j] - one[i])
@@ -373,13 +450,20 @@ def _level_start(source: Array, target: Array) -> Similarity:
     i, j = i[good], j[good]
     factor = (two[j] - two[i]) / (one[j] - one[i])
     shift = two[i] - factor * one[i]
-    gap = np.sort(np.abs(factor[:, None] * one + shift[:, None] - two), axis=1)
+    gaps = np.abs(factor[:, None] * one + shift[:, None] - two)
     # two points always agree
-    best = int(np.argmin(gap[:, min(len(one) - 1, max(len(one) // 2, 2))]))
+    middle = np.sort(gaps, axis=1)[:, min(len(one) - 1, max(len(one) // 2, 2))]
+    best = int(np.argmin(middle))
     if not abs(factor[best]) > 0.0:
         raise NotComputableError("the common points lie in one place")
+    far = gaps[best] > max(
+        _GROSS * float(np.abs(two - two.mean()).max()), 6.0 * float(middle[best])
+    )
+    gross = np.flatnonzero(far).tolist() if len(one) - int(far.sum()) >= 3 else []
+    kept = [k for k in range(len(one)) if k not in gross]
     scale, turn = float(abs(factor[best])), float(np.angle(factor[best]))
-    height = float(np.median(target[:, 2] - scale * source[:, 2]))
+    height = float(np.median((target[:, 2] - scale * source[:, 2])[kept]))
     rotation = turns(np.array([[0.0, 0.0, turn]]))[0]
     plan = shift[best]
-    return Similarity(scale, rotation, np.array([plan.real, plan.imag, height]))
+    start = Similarity(scale, rotation, np.array([plan.real, plan.imag, height]))
+    return start, tuple(names[k] for k in gross)

@@ -107,9 +107,12 @@ def robust_similarity(source: Array, target: Array) -> tuple[Similarity, Bools] 
 def similarity_effects(at: Array) -> Array:
     """Return (n, 3, 7): effect of shift [m], rotation [rad] and scale on points (n, 3)."""
     out = np.zeros((len(at), 3, 7))
-    for axis, unit in enumerate(np.eye(3)):
+    x, y, z = at.T
+    for axis in range(3):
         out[:, axis, axis] = 1.0
-        out[:, :, 3 + axis] = np.cross(unit, at)
+    out[:, 1, 3], out[:, 2, 3] = -z, y
+    out[:, 0, 4], out[:, 2, 4] = z, -x
+    out[:, 0, 5], out[:, 1, 5] = -y, x
     out[:, :, 6] = at
     return out
 

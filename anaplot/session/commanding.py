@@ -67,6 +67,10 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
         case commands.Switch(point, axis, on):
             mode = draft.desk.mode
             switched = RowSwitched(point, axis, on)
+            if mode is not None and not isinstance(mode, Fiducials) and not on:
+                addition = mode.addition(point)
+                if addition is not None:
+                    draft.happen(addition)
             draft.happen(switched if mode is None else mode.switch(point, axis, on))
         case commands.Undo():
             _undo(draft)

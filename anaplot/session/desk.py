@@ -11,8 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from anaplot.orientation.patterns import Pattern, pattern
+from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.readings import Position
 from anaplot.planning.modelplan import Candidates
+from anaplot.session.accidents import Accident, accidents
 from anaplot.session.checkpoints import check_points
 from anaplot.session.events import Event
 from anaplot.session.heard import Abilities
@@ -23,6 +25,7 @@ from anaplot.session.referencing import KnownPlace, Referencing, asked_for, refe
 from anaplot.session.repeating import Repeating
 from anaplot.session.requests import Lay
 from anaplot.session.state import SessionState, apply
+from anaplot.session.transfer import NOTHING_KNOWN, Known, Offer, Transfer, transfer
 from anaplot.session.workflow import Outlook, outlook
 
 __all__ = ["DEFAULT_PATTERN", "NO_ERRAND", "Desk"]
@@ -44,8 +47,8 @@ class Desk:
         The point pattern of new models.
     abilities
         What the instrument can do, or None when one looks on without an instrument.
-    candidates
-        Approximate image coordinates of known points by photo, or None.
+    known
+        What is known from elsewhere: control, and marked points.
     auto_drive
         Whether the plates drive to the next point by themselves after a record.
     target
@@ -81,7 +84,7 @@ class Desk:
     outlook: Outlook
     pattern: Pattern
     abilities: Abilities | None = None
-    candidates: Candidates | None = None
+    known: Known = NOTHING_KNOWN
     auto_drive: bool = True
     target: str | None = None
     drive_target: Position | None = None
@@ -104,19 +107,30 @@ class Desk:
         *,
         point_pattern: Pattern | None = None,
         candidates: Candidates | None = None,
+        control: tuple[ControlPoint, ...] = (),
         auto_drive: bool = True,
     ) -> Desk:
-        """Return the desk at a session's state, with the plates nowhere; see its attributes."""
+        """Return the desk at a session's state, with the plates nowhere.
+
+        Parameters
+        ----------
+        state, abilities, auto_drive
+            As its attributes.
+        point_pattern
+            The point pattern of new models; None for the usual one.
+        candidates, control
+            See `anaplot.session.transfer.Known`.
+        """
         chosen = pattern(DEFAULT_PATTERN) if point_pattern is None else point_pattern
-        known = abilities is not None and state.returned is not None
+        returned = abilities is not None and state.returned is not None
         return cls(
             state,
             outlook(state),
             chosen,
             abilities,
-            candidates,
+            Known.of(control, candidates),
             auto_drive,
-            checks=check_points(state) if known else (),
+            checks=check_points(state) if returned else (),
             recomputed=recomputed_models(state),
         )
 
@@ -130,7 +144,33 @@ class Desk:
     @property
     def mode(self) -> Mode | None:
         """What is measured now; None between models."""
-        return mode_of(self.state)
+        return mode_of(self.state, self.transfer)
+
+    @property
+    def candidates(self) -> Candidates | None:
+        """Approximate image coordinates of known points by photo, or None."""
+        return self.known.candidates
+
+    @property
+    def transfer(self) -> Transfer:
+        """What follows for the model in work from what is known from elsewhere."""
+        return transfer(self.state, self.known)
+
+    @property
+    def accidents(self) -> tuple[Accident, ...]:
+        """What is wrong with the numbers of points, and with ties."""
+        return accidents(self.state, self.transfer)
+
+    @property
+    def _beyond(self) -> Accident | Offer | None:
+        """What there is to do when the model is complete and nothing in it is suspected."""
+        view, model = self.outlook, self.state.current
+        if model is None or view.next_point is not None or not view.may_accept or model.pending:
+            return None
+        if view.inner is not None or view.next_photo is not None or self.state.returned is not None:
+            return None
+        wrong = (a for a in self.accidents if a.certain and not model.is_off(a.point))
+        return next(wrong, None) or next(iter(self.transfer.offers), None)
 
     @property
     def standing(self) -> bool:
@@ -163,6 +203,15 @@ class Desk:
             _, left, right = following
             lay = Step("lay", f"lay photo {left} into the comparator")
             return Agenda((lay,), f"next model, {left} / {right}")
+        beyond, accept = self._beyond, Step("accept", "accept")
+        if isinstance(beyond, Accident):
+            again = Step("remeasure", f"remeasure {beyond.point}", beyond.point)
+            off = Step("switch off", "switch it off", beyond.point)
+            return Agenda((again, off, accept), beyond.text)
+        if isinstance(beyond, Offer):
+            name = beyond.planned.point
+            offered = Step("measure", f"measure {name} ({beyond.words})", name)
+            return Agenda((offered, Step("accept", "accept the model")))
         return self.outlook.agenda
 
     @property
@@ -170,7 +219,11 @@ class Desk:
         """What the operator is expected to point at next, or None."""
         if self.referencing is None:
             repeated = None if self.repeating is None else self.repeating.name
-            return self.check or repeated or self.outlook.next_point
+            beyond = self._beyond
+            further = beyond.planned.point if isinstance(beyond, Offer) else None
+            if isinstance(beyond, Accident):
+                further = beyond.point
+            return self.check or repeated or self.outlook.next_point or further
         return None if self.reference is None else self.reference.name
 
     @property
@@ -181,12 +234,15 @@ class Desk:
 
     @property
     def due(self) -> str | None:
-        """What comes next by itself: a check, a point of the plan, what one returned for."""
+        """What comes next by itself: a check, a point planned or offered, what one returned for."""
         mode, returned = self.mode, self.state.returned
         if mode is None or self.check is not None:
             return self.check
         if mode.pending:
             return mode.pending[0]
+        beyond = self._beyond
+        if isinstance(beyond, Offer) and not self.mono:
+            return beyond.planned.point
         if returned is None or returned.point is None or self.outlook.next_photo is not None:
             return None
         return returned.point if mode.has(returned.point) else None

@@ -10,6 +10,7 @@ from anaplot.photogrammetry.platetransformation import TransformationName
 
 __all__ = [
     "EVENT_KINDS",
+    "OFFERED",
     "Event",
     "FiducialMeasured",
     "FiducialSwitched",
@@ -34,7 +35,9 @@ __all__ = [
     "Undone",
 ]
 
-Role = Literal["tie", "new"]
+Role = Literal["tie", "new", "lateral", "control"]
+OFFERED: tuple[Role, ...] = ("lateral", "control")
+"""Roles of points that a model is complete without."""
 PhotoName = Annotated[str, "photo"]
 """A name without a slash, for a model is written left/right."""
 Reason = Literal["pointing", "identification", "transfer", "instrument"]
@@ -52,7 +55,9 @@ class PlannedPoint:
     point
         Name.
     role
-        "tie" when its model coordinates are known from the preceding model, else "new".
+        "tie" when its model coordinates are known from the preceding model, else "new"; "lateral"
+        and "control" are new ones beyond the pattern, which are known from another strip or on the
+        ground: the model is complete without them.
     xl, yl, xr, yr
         Approximate image coordinates in the left and the right photo [mm].
     """

@@ -30,6 +30,7 @@ from anaplot.session.heard import (
     Seen,
 )
 from anaplot.session.layinganew import check_recorded
+from anaplot.session.modes import Fiducials
 from anaplot.session.repeating import Repeating, repetition
 from anaplot.session.requests import ReadAnew
 from anaplot.session.workflow import Outlook
@@ -106,6 +107,7 @@ def _arrived(draft: Draft) -> None:
 def _recorded(draft: Draft, record: Record) -> None:
     """Turn a record of the plotter into a measurement, or say why not."""
     before = {row.key for row in _flagged(draft.desk.outlook)}
+    told = {accident.point for accident in draft.desk.accidents}
     pressed = draft.desk.pressed if record.switch == KEY else None
     try:
         if record.switch == KEY:
@@ -116,6 +118,9 @@ def _recorded(draft: Draft, record: Record) -> None:
         if draft.desk.check is not None:
             check_recorded(draft, name, record.position)
             return
+        addition = None if isinstance(mode, Fiducials) else mode.addition(name)
+        if addition is not None:
+            draft.happen(addition)
         measured = mode.measurement(name, record.position, record.switch)
         again = draft.desk.repeating
         if again is not None:
@@ -133,6 +138,9 @@ def _recorded(draft: Draft, record: Record) -> None:
     fresh = [row.key for row in _flagged(draft.desk.outlook) if row.key not in before]
     if fresh:
         draft.tell("warning", "flagged: " + ", ".join(f"{one} {axis}" for one, axis in fresh))
+    for accident in draft.desk.accidents:
+        if accident.point not in told:
+            draft.tell("warning", accident.text)
     draft.advance()
 
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from anaplot.errors import NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
+from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import Diagnosis, ModelSolution
 from anaplot.orientation.strip import stereopair
+from anaplot.orientation.stripgeometry import StripGeometry, extended
 from anaplot.photogrammetry.block import Block, Camera, Precision, TestSettings
 from anaplot.session.state import ModelState, SessionState
 
-__all__ = ["diagnosis_of", "preceding_models", "solve", "solve_after"]
+__all__ = ["diagnosis_of", "geometry_of", "preceding_models", "solve", "solve_after"]
 
 
 def preceding_models(state: SessionState, model: ModelState) -> tuple[ModelState, ...]:
@@ -70,6 +73,46 @@ def solve_after(
     return _solve(model, cameras, base, preceding, once, block.precision, block.test)
 
 
+def geometry_of(block: Block, models: tuple[ModelState, ...]) -> StripGeometry | None:
+    """Return a strip as far as its models are determined; None where the first is not.
+
+    Parameters
+    ----------
+    block
+        Its cameras, precision and test.
+    models
+        Consecutive models of one strip, from its first one on.
+    """
+    before: ModelState | None = None
+    solution: ModelSolution | None = None
+    geometry: StripGeometry | None = None
+    settings = (block.precision, block.test)
+    for one in models:
+        base = next(s.base for s in block.strips if s.id == one.strip)
+        once = _measured_once(before, one)
+        measured = (one, _cameras(block, one), base, solution, once)
+        try:
+            solution = _solve(*measured, *settings)
+        except NotComputableError:
+            break
+        geometry = _extended(geometry, *measured, solution)
+        before = one
+    return geometry
+
+
+@lru_cache(maxsize=256)
+def _extended(
+    geometry: StripGeometry | None,
+    model: ModelState,
+    cameras: tuple[Camera, Camera],
+    base: float | None,
+    preceding: ModelSolution | None,
+    once: frozenset[str],
+    solution: ModelSolution,
+) -> StripGeometry:
+    return extended(geometry, _pair(model, cameras, base, preceding, once), solution)
+
+
 def _measured_once(before: ModelState | None, model: ModelState) -> frozenset[str]:
     """Return the points whose left rays a model in a mono comparator took over."""
     if before is None or not model.mono:
@@ -93,7 +136,17 @@ def _solve(
     precision: Precision,
     test: TestSettings,
 ) -> ModelSolution:
-    pair = stereopair(
+    return orient(_pair(model, cameras, base, preceding, once), precision, test)
+
+
+def _pair(
+    model: ModelState,
+    cameras: tuple[Camera, Camera],
+    base: float | None,
+    preceding: ModelSolution | None,
+    once: frozenset[str],
+) -> Stereopair:
+    return stereopair(
         model.photos,
         {m.point: (m.xl, m.yl) for m in model.measured},
         {m.point: (m.xr, m.yr) for m in model.measured},
@@ -103,7 +156,6 @@ def _solve(
         off=model.off,
         once=once,
     )
-    return orient(pair, precision, test)
 
 
 @lru_cache(maxsize=256)

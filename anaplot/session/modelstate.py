@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from anaplot.aliases import Axis, Side
-from anaplot.session.events import PlannedPoint
+from anaplot.session.events import OFFERED, PlannedPoint
 from anaplot.session.innerstate import InnerState
 
 __all__ = ["Measured", "ModelState", "Sighting"]
@@ -143,9 +143,14 @@ class ModelState:
 
     @property
     def pending(self) -> tuple[PlannedPoint, ...]:
-        """The planned points not measured yet."""
-        done = {m.point for m in self.measured}
+        """The planned points not measured yet, but for those that are left out."""
+        done = {m.point for m in self.measured} | self._left_out
         return tuple(p for p in self.plan if p.point not in done)
+
+    @property
+    def _left_out(self) -> set[str]:
+        """Lateral ties and control points that were switched off instead of measured."""
+        return {p.point for p in self.plan if p.role in OFFERED and self.is_off(p.point)}
 
     def photo(self, side: Side) -> str:
         """Return the name of a side's photo."""
@@ -157,7 +162,7 @@ class ModelState:
 
     def pending_in(self, side: Side) -> tuple[PlannedPoint, ...]:
         """Return the planned points of a mono model not measured yet in one photo."""
-        done = {s.point for s in self.seen if s.side == side}
+        done = {s.point for s in self.seen if s.side == side} | self._left_out
         return tuple(p for p in self.plan if p.point not in done)
 
     def with_sighting(self, sighting: Sighting) -> Self:

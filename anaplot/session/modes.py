@@ -18,11 +18,13 @@ from anaplot.photogrammetry.readings import Position
 from anaplot.planning.fiducialplan import expected_fiducials, predicted_fiducial
 from anaplot.planning.modelplan import predicted_right
 from anaplot.session.events import (
+    OFFERED,
     Event,
     FiducialMeasured,
     FiducialSwitched,
     MonoMeasured,
     PlannedPoint,
+    PointAdded,
     PointMeasured,
     Role,
     RowSwitched,
@@ -31,18 +33,27 @@ from anaplot.session.innerstate import InnerState
 from anaplot.session.modelstate import ModelState
 from anaplot.session.plates import ReadOut, image_of, plate_of, plates_of
 from anaplot.session.state import SessionState
+from anaplot.session.transfer import Transfer
 
 __all__ = ["Fiducials", "Mode", "Pairs", "Singles", "mode_of"]
 
 
-def mode_of(state: SessionState) -> Mode | None:
-    """Return what is measured in a session's present state; None between models."""
+def mode_of(state: SessionState, known: Transfer) -> Mode | None:
+    """Return what is measured in a session's present state; None between models.
+
+    Parameters
+    ----------
+    state
+        The session's state.
+    known
+        What follows from what is known from elsewhere.
+    """
     model = state.current
     if model is None:
         return None
     if model.open_inner is not None:
         return Fiducials(state, model, model.open_inner)
-    return Singles(state, model) if model.mono else Pairs(state, model)
+    return Singles(state, model, known) if model.mono else Pairs(state, model, known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +149,7 @@ class _Points:
 
     state: SessionState
     model: ModelState
+    known: Transfer
     unit: ClassVar[str] = "point"
 
     @property
@@ -147,11 +159,20 @@ class _Points:
 
     def has(self, name: str) -> bool:
         """Whether the model has a point."""
-        return self.model.planned(name) is not None
+        return self._planned(name) is not None
 
     def missing(self, name: str) -> str:
         """Return what is said of a point that there is not."""
         return f"point {name} is not in model {self.model.name}"
+
+    def addition(self, name: str) -> PointAdded | None:
+        """Return the event that takes a point into the model that was only offered, or None."""
+        offer = None if self.model.planned(name) else self.known.offer(name)
+        return None if offer is None else PointAdded(offer.planned)
+
+    def _planned(self, name: str) -> PlannedPoint | None:
+        offer = self.known.offer(name)
+        return self.model.planned(name) or (None if offer is None else offer.planned)
 
     def switch(self, name: str, axis: Axis | None, on: bool) -> Event:
         """Return the event that switches a point's row."""
@@ -159,18 +180,22 @@ class _Points:
 
     def _images(self, name: str, *, known: bool) -> tuple[float, float, float, float]:
         """Return where a point is expected in both photos [mm]."""
-        planned = self.model.planned(name)
+        planned = self._planned(name)
         assert planned is not None
+        there = self.known.places.get(name)
+        if there is not None and planned.role in OFFERED:
+            return there[0]  # better with every point
         xr, yr = planned.xr, planned.yr
-        if not known:
+        if not known and planned.role not in OFFERED:
             seen = [(m.xl, m.yl, m.xr, m.yr) for m in self.model.used if m.point != name]
             xr, yr = predicted_right(seen, planned.xl, planned.yl) or (xr, yr)
         return planned.xl, planned.yl, xr, yr
 
     def _role(self, name: str) -> Role:
         before = self.state.preceding(self.model.strip, self.model.left)
-        known = before is not None and any(m.point == name for m in before.used)
-        return "tie" if known else "new"
+        if before is not None and any(m.point == name for m in before.used):
+            return "tie"
+        return self.known.marks.get(name) or "new"
 
 
 @dataclass(frozen=True, slots=True)

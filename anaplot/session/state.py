@@ -10,6 +10,7 @@ from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS, PlateTransformation
 from anaplot.session.events import (
+    OFFERED,
     Event,
     FiducialMeasured,
     FiducialSwitched,
@@ -397,7 +398,9 @@ def _measured(state: SessionState, event: PointMeasured) -> ModelState:
 
 
 def _switched(model: ModelState, event: RowSwitched) -> ModelState:
-    if model.measurement(event.point) is None:
+    planned = model.planned(event.point)
+    offered = planned is not None and planned.role in OFFERED
+    if model.measurement(event.point) is None and not offered:
         raise EventRefusedError(f"point {event.point} is not measured in model {model.name}")
     axes = model.axes(event.point)
     if event.axis is not None and event.axis not in axes:

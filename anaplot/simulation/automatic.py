@@ -263,6 +263,8 @@ class AutomaticOperator:
             self._handle(picture, record, (picture.next_point, None))
         elif picture.diagnosis is not None and picture.diagnosis.suspects:
             self._handle(picture, record, picture.diagnosis.suspects[0])
+        elif wrong := _wrong_ties(picture):
+            self._handle(picture, record, (wrong[0], None))
         elif not self._points_again((name,), [p.point for p in picture.points]):
             station.accept()
             record.after = picture.solution
@@ -381,6 +383,12 @@ def _pending(picture: Snapshot, point: PointView) -> bool:
         side: Side = "left" if picture.laid == picture.left else "right"
         return side not in point.seen
     return point.status == "pending"
+
+
+def _wrong_ties(picture: Snapshot) -> list[str]:
+    """Return points of the model that another strip, or the ground, certainly has elsewhere."""
+    off = {p.point for p in picture.points if p.status == "off"}
+    return [a.point for a in picture.accidents if a.certain and a.point not in off]
 
 
 class _GivenUpError(LinkError):

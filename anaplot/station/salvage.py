@@ -274,4 +274,5 @@ def _photos_of(event: Event) -> tuple[str, str] | None:
 
 def _as_known(point: PlannedPoint, known: set[str]) -> PlannedPoint:
     """Return a planned point in the role that it can have: a tie is known before."""
-    return replace(point, role="tie" if point.point in known else "new")
+    other = "new" if point.role == "tie" else point.role
+    return replace(point, role="tie" if point.point in known else other)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Literal
 
 from anaplot.aliases import Axis, Side
@@ -10,14 +10,16 @@ from anaplot.orientation.results import Diagnosis, ModelSolution
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.planning.fiducialplan import expected_fiducials
+from anaplot.session.accidents import Accident
 from anaplot.session.desk import Desk
-from anaplot.session.events import Role
+from anaplot.session.events import OFFERED, Role
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.modelstate import ModelState
 from anaplot.session.nextstep import NO_AGENDA, Agenda
 from anaplot.session.reasons import LastChange
 from anaplot.session.recomputed import Recomputed
+from anaplot.session.transfer import Mark, TieCheck, Transfer
 from anaplot.session.workflow import Outlook
 from anaplot.station.blockstatus import BlockStatus
 from anaplot.station.blockview import BlockView
@@ -66,7 +68,9 @@ class PointView:
     """One point of the current model: planned or measured position in the left photo [mm].
 
     `times` counts how often it was recorded; `off_axes` names the rows switched off. `seen`: in
-    which photos of a model in a mono comparator it was measured.
+    which photos of a model in a mono comparator it was measured. `mark`: whether it is known from
+    another strip or on the ground. `offered`: the model is complete without it; then `sigma` is
+    the standard deviation of its expected place [mm], None where it is marked.
     """
 
     point: str
@@ -77,6 +81,9 @@ class PointView:
     times: int
     off_axes: tuple[str, ...] = ()
     seen: tuple[Side, ...] = ()
+    mark: Mark = ""
+    offered: bool = False
+    sigma: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +146,7 @@ class Snapshot:
     accepted
         (left, right) of the models accepted so far.
     points
-        Points of the current model in plan order.
+        Points of the current model in plan order, then those that are offered beyond it.
     target
         The point, or during an inner orientation the fiducial, that the plates are at or driving
         to, or None.
@@ -191,6 +198,12 @@ class Snapshot:
     repeating
         How often the target was pointed at again, and how often it is to be; None when it is
         measured.
+    ties
+        The strip in work against every other one and against the control.
+    accidents
+        What is wrong with the numbers of points, and with ties.
+    hint
+        What is to be done before points of other strips can be offered, or "".
     """
 
     serial: int
@@ -231,6 +244,9 @@ class Snapshot:
     agenda: Agenda = NO_AGENDA
     drives: bool = True
     repeating: tuple[int, int] | None = None
+    ties: tuple[TieCheck, ...] = ()
+    accidents: tuple[Accident, ...] = ()
+    hint: str = ""
 
     @property
     def inner(self) -> InnerView | None:
@@ -277,7 +293,7 @@ def snapshot_of(
         model_number=number,
         model_count=count,
         accepted=tuple(m.photos for m in state.models),
-        points=() if model is None else _points(model, view),
+        points=() if model is None else _points(model, view, desk.transfer),
         target=desk.target,
         next_point=desk.next_name,
         solution=view.solution,
@@ -311,6 +327,9 @@ def snapshot_of(
         agenda=desk.agenda,
         drives=desk.abilities is not None and desk.abilities.drives,
         repeating=None if desk.repeating is None else (desk.repeating.done, desk.repeating.times),
+        ties=desk.transfer.checks,
+        accidents=desk.accidents,
+        hint=desk.transfer.hint,
     )
 
 
@@ -339,7 +358,7 @@ def _inner(block: Block, inner: InnerState, view: Outlook) -> InnerView:
     )
 
 
-def _points(model: ModelState, view: Outlook) -> tuple[PointView, ...]:
+def _points(model: ModelState, view: Outlook, known: Transfer) -> tuple[PointView, ...]:
     flagged = set() if view.solution is None else {row.point for row in view.solution.flagged}
     measured = {m.point: m for m in model.measured}
     out = []
@@ -347,11 +366,21 @@ def _points(model: ModelState, view: Outlook) -> tuple[PointView, ...]:
         name = planned.point
         m = measured.get(name)
         status = _status(m is not None, name in flagged, model.is_off(name))
+        if m is None and planned.role in OFFERED and model.is_off(name):
+            status = "off"
         off = tuple(axis for axis in model.axes(name) if (name, axis) in model.off)
         x, y = (planned.xl, planned.yl) if m is None else (m.xl, m.yl)
         times = 0 if m is None else m.times
         seen = tuple(s.side for s in model.seen if s.point == name)
-        out.append(PointView(name, planned.role, x, y, status, times, off, seen))
+        mark = known.marks.get(name, "")
+        out.append(PointView(name, planned.role, x, y, status, times, off, seen, mark))
+    for offer in known.offers:
+        name, role, x, y, *_ = astuple(offer.planned)
+        out.append(
+            PointView(
+                name, role, x, y, "pending", 0, mark=offer.mark, offered=True, sigma=offer.sigma
+            )
+        )
     return tuple(out)
 
 

@@ -157,6 +157,7 @@ class Station(Commanded):
                 candidates=self._points.known_points(state.models)
                 if candidates is None
                 else candidates,
+                control=block.control,
                 auto_drive=auto_drive,
             )
             for remark in (*recovered.remarks, pattern_verdict(chosen)):

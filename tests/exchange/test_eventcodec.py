@@ -203,7 +203,7 @@ ACCEPTED = event_to_dict(ALL[-1])
         ),
         (
             {**CHOSEN, "plan": [{**CHOSEN["plan"][0], "role": None}]},
-            ['role: must be "tie" or "new", not nothing'],
+            ['role: must be "tie" or "new" or "lateral" or "control", not nothing'],
         ),
         ({**FIDUCIAL, "side": "middle"}, ['side: must be "left" or "right"']),
         ({**FIDUCIAL, "side": None}, ['side: must be "left" or "right", not nothing']),

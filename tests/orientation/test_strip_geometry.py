@@ -6,7 +6,7 @@ from flightscene import EXACT, PAPER, TAU, fly
 
 from anaplot.orientation.model import orient
 from anaplot.orientation.strip import stereopair
-from anaplot.orientation.stripgeometry import extended
+from anaplot.orientation.stripgeometry import extended, widened
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 MODELS = 3
@@ -74,8 +74,8 @@ def test_errors_are_the_derivatives_of_the_whole_strip(precision, once):
     start = strip(flight, values, precision, once)
     expected = np.concatenate(
         [
-            *(at.errors for at in start.points.values()),
-            *(pose.errors[:3] for pose in start.photos.values()),
+            *(widened(at.errors, start.count) for at in start.points.values()),
+            *(widened(pose.errors[:3], start.count) for pose in start.photos.values()),
         ]
     )
     shared = len(set(points_of(0)) & set(points_of(1)))
@@ -94,7 +94,9 @@ def test_errors_are_the_derivatives_of_the_whole_strip(precision, once):
         for name, pose in start.photos.items():
             turn = turned(moved[0].photos[name], moved[1].photos[name]) / (2.0 * STEP)
             of_turns = np.abs(pose.errors[3:]).max(initial=1e-9)
-            assert turn == pytest.approx(pose.errors[3:, column], abs=2e-3 * of_turns)
+            assert turn == pytest.approx(
+                widened(pose.errors[3:], start.count)[:, column], abs=2e-3 * of_turns
+            )
 
 
 def test_the_first_photo_has_no_error_and_the_strip_keeps_its_sums():

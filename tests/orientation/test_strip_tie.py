@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import orient
 from anaplot.orientation.strip import stereopair
-from anaplot.orientation.stripgeometry import Located, extended
+from anaplot.orientation.stripgeometry import Located, extended, widened
 from anaplot.orientation.striptie import LEVEL_DEG, Placed, tie_systems
 from anaplot.photogrammetry.block import TestSettings
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -80,7 +80,9 @@ def by_hand(this, other, names):
         turn = np.exp(x[6]) * rotation_matrix(*x[3:6])
         cov = np.zeros((len(at), len(at)))
         for system, factor in ((this, np.eye(3)), (other, turn)):
-            e = np.concatenate([factor @ system.points[p].errors for p in names])
+            e = np.concatenate(
+                [factor @ widened(system.points[p].errors, system.count) for p in names]
+            )
             cov += e @ e.T
         cov *= SIGMA0**2
         root = np.linalg.cholesky(cov)
@@ -138,9 +140,11 @@ def test_predictions_lie_within_their_standard_deviations(flights):
 
 def _prediction_error(tie, this, point):
     """Return a prediction's difference [mm], and its errors."""
-    errors = tie.placed.points[point].errors.copy()
-    errors[:, : this.count] -= this.points[point].errors
-    return tie.improved(tie.placed.points[point].xyz - this.points[point].xyz, errors)
+    placed = tie.placed([point])[point]
+    errors = placed.errors.copy()
+    own = this.points[point].errors
+    errors[:, : own.shape[1]] -= own
+    return tie.improved(placed.xyz - this.points[point].xyz, errors)
 
 
 def test_every_common_point_makes_predictions_better(flights):
@@ -174,7 +178,7 @@ def test_two_points_need_level_strips_and_check_nothing(flights):
     assert tie.redundancy == 1
     assert not tie.checkable
     # the inclination is as uncertain as was said, and everything near the line is known
-    turned = tie.placed.points[common[0]].errors
+    turned = tie.placed()[common[0]].errors
     assert np.sqrt((turned**2).sum(axis=1))[:2].max() * SIGMA0 < 1.0
     assert LEVEL_DEG == 3.0
     with pytest.raises(NotComputableError, match="1 common points, 2 are needed"):

@@ -1,0 +1,165 @@
+"""Numbering accidents: one id in two places, two ids in one place.
+
+A parallax tells whether a point was pointed at alike in both photos. That it was another point is
+told by what is known of it elsewhere: in its strip, in the neighbouring strip, on the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot, sqrt
+from typing import NamedTuple
+
+from anaplot.photogrammetry.block import Precision
+from anaplot.session.modelstate import ModelState
+from anaplot.session.remembering import remembered
+from anaplot.session.state import SessionState
+from anaplot.session.transfer import GROUND, TieCheck, Transfer
+
+__all__ = ["Accident", "accidents"]
+
+_SIGMAS = 4.0  # of the difference of two pointings: as near as that, it is the same place
+_POINTING = 0.3  # mm: farther off, it is another point rather than a bad pointing
+_SHARP = 0.1  # mm: places less certain than this say nothing of a second name
+
+
+class Accident(NamedTuple):
+    """What is wrong with a point, in words.
+
+    Attributes
+    ----------
+    point
+        Name.
+    text
+        One sentence.
+    certain
+        Whether it is certain that this point of the model in work is the wrong one.
+    """
+
+    point: str
+    text: str
+    certain: bool
+
+
+def accidents(state: SessionState, known: Transfer) -> tuple[Accident, ...]:
+    """Return what is wrong with points of the model in work, and with ties of its strip.
+
+    Parameters
+    ----------
+    state
+        The session's state.
+    known
+        What follows from what is known elsewhere.
+    """
+    return _accidents(state.block.precision, state.models, state.current, known)
+
+
+@remembered
+def _accidents(
+    precision: Precision,
+    models: tuple[ModelState, ...],
+    model: ModelState | None,
+    known: Transfer,
+) -> tuple[Accident, ...]:
+    here = () if model is None else model.used
+    names = {m.point for m in here}
+    out = [found for check in known.checks for found in _of_check(check, names)]
+    out += [
+        Accident(
+            point,
+            f"{point} measured {mm:.1f} mm from where model {of} has it: another point?",
+            True,
+        )
+        for point, mm, of in known.strayed
+    ]
+    if model is not None:
+        out += _two_names(precision.image_um * 1e-3, models, model, known)
+    # one sentence a point: the first system that tells it
+    return tuple({found.point: found for found in reversed(out)}.values())[::-1]
+
+
+def _of_check(check: TieCheck, here: set[str]) -> Iterator[Accident]:
+    """Yield the points that another system has elsewhere."""
+    tie = check.tie
+    if tie is None or check.cleaned is None:
+        return
+    wrong = check.wrong
+    for point in wrong:
+        yield Accident(point, _elsewhere(check, point, wrong), point in here)
+    if not wrong and tie.suspects:
+        first, *others = tie.suspects
+        which = f"{first} or {' or '.join(others)}" if others else first
+        fourth = "" if tie.checkable else ": a fourth common point tells which is wrong"
+        yield Accident(first, f"{which} flagged against {check.named}{fourth}", False)
+
+
+def _elsewhere(check: TieCheck, point: str, wrong: tuple[str, ...]) -> str:
+    assert check.cleaned is not None
+    off = next(p.difference for p in check.cleaned.points if p.point == point)
+    size = sqrt(sum(d * d for d in off))
+    where = "the control list has it" if check.other == GROUND else f"{check.named} has it"
+    if size < _POINTING:
+        return f"{point} measured {1e3 * size:.0f} µm from where {where}: remeasure"
+    metres = f" ({size * check.unit_m:.1f} m)" if check.unit_m and check.other == GROUND else ""
+    places = {p.point: p.difference for p in check.cleaned.points}
+    for other in wrong:
+        # two that are interchanged are off by opposite amounts
+        gap = sqrt(sum((a + b) ** 2 for a, b in zip(off, places[other], strict=True)))
+        if other != point and gap < 0.1 * size:
+            return f"{point} and {other} interchanged? {point} is {size:.1f} mm from where {where}"
+    return f"{point} measured {size:.1f} mm{metres} from where {where}: another point?"
+
+
+def _two_names(
+    sigma0: float, models: tuple[ModelState, ...], model: ModelState, known: Transfer
+) -> Iterator[Accident]:
+    """Yield points that lie where another one lies."""
+    near = _SIGMAS * sqrt(2.0) * sigma0
+    here = model.used
+    there = _in_photos(models, model)
+    for k, m in enumerate(here):
+        for other in here[:k]:
+            left, right = (
+                hypot(m.xl - other.xl, m.yl - other.yl),
+                hypot(m.xr - other.xr, m.yr - other.yr),
+            )
+            if left < near and right < near:
+                yield _same(m.point, other.point, "")
+        for photo, x, y in ((model.left, m.xl, m.yl), (model.right, m.xr, m.yr)):
+            for name, ox, oy in there.get(photo, ()):
+                if abs(x - ox) < near and hypot(x - ox, y - oy) < near:
+                    yield _same(m.point, name, "")
+        for name, (at, sigma) in known.places.items():
+            limit = _SIGMAS * hypot(sigma, sigma0)
+            if abs(m.xl - at[0]) > limit or sigma > _SHARP:
+                continue
+            mine = (m.xl, m.yl, m.xr, m.yr)
+            there_too = all(abs(a - b) < limit for a, b in zip(mine, at, strict=True))
+            if there_too and name != m.point and model.measurement(name) is None:
+                what = "control point " if known.marks.get(name) == "control" else ""
+                yield _same(m.point, name, what)
+
+
+def _same(point: str, other: str, what: str) -> Accident:
+    return Accident(
+        point, f"{point} lies where {what}{other} lies: the same point under two names?", False
+    )
+
+
+def _in_photos(
+    models: tuple[ModelState, ...], model: ModelState
+) -> dict[str, list[tuple[str, float, float]]]:
+    """Return where points that are not of the model lie in its photos."""
+    out: dict[str, list[tuple[str, float, float]]] = {}
+    names = {p.point for p in model.plan}
+    for one in models:
+        for photo in set(one.photos) & set(model.photos):
+            if one.photos == model.photos:
+                continue
+            left = photo == one.left
+            out.setdefault(photo, []).extend(
+                (m.point, m.xl, m.yl) if left else (m.point, m.xr, m.yr)
+                for m in one.used
+                if m.point not in names
+            )
+    return out

@@ -1,0 +1,570 @@
+"""Points known from elsewhere that are due in a model, and whether what was measured agrees.
+
+Known from elsewhere are points of other strips and of the ground. Where they lie in the model's
+photos follows from the similarity between the strips, or between strip and ground, by the points
+that both have: from two such points on, better with every further one. Where all points are marked
+beforehand, their marks say it from the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from math import isfinite, radians
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.errors import NotComputableError
+from anaplot.orientation.stripgeometry import Located, Pose, StripGeometry, widened
+from anaplot.orientation.striptie import Placed, StripTie, System, tie_systems
+from anaplot.photogrammetry.block import Block, ControlPoint
+from anaplot.photogrammetry.collinearity import project, project_with_derivatives
+from anaplot.planning.modelplan import Candidates
+from anaplot.session.events import PlannedPoint, Role
+from anaplot.session.models import geometry_of
+from anaplot.session.modelstate import ModelState
+from anaplot.session.remembering import remembered
+from anaplot.session.state import SessionState
+
+__all__ = ["GROUND", "NOTHING_KNOWN", "Known", "Mark", "Offer", "TieCheck", "Transfer", "transfer"]
+
+Mark = Literal["", "lateral", "control"]
+"""What a point is beside its role in the model: known in another strip, or on the ground."""
+GROUND = "control"
+"""What the ground is called beside the names of strips."""
+
+Place = tuple[float, float, float, float]
+"""xl, yl, xr, yr [mm]."""
+
+_LATERAL = 3  # lateral ties that every model adds
+_EDGE = 3.0  # mm at the edge of a photo where nothing is offered
+_UNCERTAIN = 8.0  # mm: who drives there has to search a circle of this standard deviation at most
+_RECENT = 12  # models of the strip in work whose points tie it
+_STRAYED = 24.0  # chi-square of 3 degrees of freedom that chance exceeds once in 40 000
+_OUTLIERS = 3  # common points that are left out at most before others are placed by the rest
+# what is not known of a right photo before it is measured: base and inclination
+_BASE, _TILT = 0.05, radians(2.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """What is known from elsewhere.
+
+    Attributes
+    ----------
+    control
+        Control and check points, those that are off left out.
+    candidates
+        Approximate image coordinates of marked points by photo, or None.
+    """
+
+    control: tuple[ControlPoint, ...] = ()
+    candidates: Candidates | None = None
+
+    @classmethod
+    def of(cls, control: Iterable[ControlPoint], candidates: Candidates | None) -> Known:
+        """Return it from a block's control and its candidates."""
+        return cls(tuple(c for c in control if c.use != "off"), candidates)
+
+
+NOTHING_KNOWN = Known()
+
+
+class Offer(NamedTuple):
+    """A point known from elsewhere that is due in the model.
+
+    Attributes
+    ----------
+    planned
+        The point, and where it is expected.
+    mark
+        What it is.
+    source
+        From where it is known: a strip's name, or `GROUND`.
+    sigma
+        Standard deviation of its expected place where it is largest [mm]; None where it is marked.
+    """
+
+    planned: PlannedPoint
+    mark: Mark
+    source: str
+    sigma: float | None
+
+    @property
+    def words(self) -> str:
+        """What it is, in words."""
+        if self.mark == "lateral":
+            return f"lateral tie with strip {self.source}"
+        return "control point"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TieCheck:
+    """The strip in work against another one, or against the ground.
+
+    Attributes
+    ----------
+    strip, other
+        Names; the other is `GROUND` for the control.
+    common
+        Number of common points.
+    tie
+        The similarity by all of them; None while there is none.
+    problem
+        Why not.
+    cleaned
+        The one by those that agree; `tie` where all do.
+    wrong
+        Points that certainly do not agree with the others, the worst first.
+    unit_m
+        Metres for a unit of the discrepancies; None while the ground is not known.
+    """
+
+    strip: str
+    other: str
+    common: int
+    tie: StripTie | None
+    problem: str = ""
+    cleaned: StripTie | None = None
+    wrong: tuple[str, ...] = ()
+    unit_m: float | None = None
+
+    @property
+    def named(self) -> str:
+        """The other one in words."""
+        return "the control" if self.other == GROUND else f"strip {self.other}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transfer:
+    """What follows for the model in work from what is known from elsewhere.
+
+    Attributes
+    ----------
+    offers
+        Points due in it, beyond its plan.
+    checks
+        Its strip against the other strips and against the control.
+    marks
+        What points known from elsewhere are.
+    places
+        Where they are expected in both photos [mm] by what is known of the others, with the
+        standard deviation where it is largest; marked ones not among them.
+    strayed
+        Points of the model that an earlier model of the strip, not the one before, has elsewhere:
+        name, how far away [mm], and that model.
+    hint
+        What the operator is told while nothing can be offered, or "".
+    """
+
+    offers: tuple[Offer, ...] = ()
+    checks: tuple[TieCheck, ...] = ()
+    marks: Mapping[str, Mark] = field(default_factory=dict)
+    places: Mapping[str, tuple[Place, float]] = field(default_factory=dict)
+    strayed: tuple[tuple[str, float, str], ...] = ()
+    hint: str = ""
+
+    def offer(self, point: str) -> Offer | None:
+        """Return the offer of a point, or None."""
+        return next((o for o in self.offers if o.planned.point == point), None)
+
+
+def transfer(state: SessionState, known: Known) -> Transfer:
+    """Return what follows for the model in work; remembered."""
+    return _transfer(state.block, state.models, state.current, known)
+
+
+@remembered
+def _transfer(
+    block: Block, models: tuple[ModelState, ...], current: ModelState | None, known: Known
+) -> Transfer:
+    strip = _strip_in_work(models, current)
+    elsewhere = {m.strip for m in models} - {strip}
+    own = tuple(m for m in models if m.strip == strip)
+    again = () if current is None else _again(own, current)
+    if not strip or not (elsewhere or known.control or again):
+        return Transfer()
+    return _InWork(block, models, own, current, known, strip).transfer()
+
+
+def _strip_in_work(models: tuple[ModelState, ...], current: ModelState | None) -> str:
+    if current is not None:
+        return current.strip
+    return models[-1].strip if models else ""
+
+
+class _Poses(NamedTuple):
+    """Both photos, and (6, e) errors that only the right one has."""
+
+    left: Pose
+    right: Pose
+    free: Array | None = None
+
+
+class _InWork:
+    """A model in work with all that is known about its strip and the others."""
+
+    def __init__(
+        self,
+        block: Block,
+        models: tuple[ModelState, ...],
+        own: tuple[ModelState, ...],
+        current: ModelState | None,
+        known: Known,
+        strip: str,
+    ) -> None:
+        self._block, self._current, self._known = block, current, known
+        self._strip = strip
+        self._sigma0 = block.precision.image_um * 1e-3
+        self._own = own
+        self._control = {c.point for c in known.control}
+        self._measured: dict[str, str] = {}  # point -> another strip that has it
+        for model in models:
+            if model.strip != strip:
+                self._measured |= {m.point: model.strip for m in model.used}
+        chain = _consecutive(block, strip, own if current is None else (*own, current))
+        self._this = geometry_of(block, chain)
+        self._near = _recent(self._this, chain)
+        self._others = {
+            other.id: geometry
+            for other in block.strips
+            if other.id != strip
+            and (
+                geometry := geometry_of(
+                    block,
+                    _consecutive(block, other.id, tuple(m for m in models if m.strip == other.id)),
+                )
+            )
+        }
+        self._ground = _ground(block, known.control, self._sigma0)
+
+    def transfer(self) -> Transfer:
+        """Return everything."""
+        checks = tuple(self._check(name, other) for name, other in self._others.items())
+        if self._ground.points:
+            checks = (*checks, self._check(GROUND, self._ground))
+        unit = next((c.unit_m for c in checks if c.other == GROUND), None)
+        checks = tuple(c if c.other == GROUND else replace(c, unit_m=unit) for c in checks)
+        model = self._current
+        names = self._measured.keys() | self._control
+        marks = {name: self._mark(name) for name in names}
+        if model is None or model.open_inner is not None:
+            return Transfer(checks=checks, marks=marks)
+        expected = self._expected(checks, model)
+        offers = self._offers(model, expected)
+        places = {name: at[:2] for name, at in expected.items()}
+        return Transfer(
+            offers,
+            checks,
+            marks,
+            {name: (at, sigma) for name, (at, sigma) in places.items() if sigma is not None},
+            self._strayed(model),
+            self._hint(checks, offers, model),
+        )
+
+    def _mark(self, point: str) -> Mark:
+        if point in self._control:
+            return "control"
+        return "lateral" if point in self._measured else ""
+
+    def _check(self, name: str, other: System) -> TieCheck:
+        """Compare the strip in work with another system."""
+        this = self._near
+        if this is None:
+            return TieCheck(self._strip, name, 0, None, "the strip is not oriented yet")
+        common = [p for p in this.points if p in other.points]
+        try:
+            tie, cleaned, wrong = self._cleaned(other)
+        except NotComputableError as error:
+            return TieCheck(self._strip, name, len(common), None, str(error))
+        unit = 1.0 / cleaned.similarity.scale if name == GROUND else None
+        return TieCheck(self._strip, name, len(common), tie, "", cleaned, wrong, unit)
+
+    def _tie(self, other: System, without: tuple[str, ...]) -> StripTie:
+        assert self._near is not None
+        checks = {c.point for c in self._known.control if c.use == "check"}
+        if other is self._ground:
+            without = (*without, *checks)
+        return tie_systems(
+            self._near,
+            other,
+            self._sigma0,
+            self._block.test,
+            without=without,
+            models=_sums(self._this, other),
+        )
+
+    def _cleaned(self, other: System) -> tuple[StripTie, StripTie, tuple[str, ...]]:
+        """Return the similarity by all points, that by those which agree, and the others."""
+        tie = now = self._tie(other, ())
+        out = tie.gross
+        while (wrong := now.surely_wrong) is not None and len(out) < _OUTLIERS:
+            out = (*out, wrong)
+            now = self._tie(other, out)
+        if now.surely_wrong is not None:
+            return tie, tie, tie.gross  # more are wrong than can be told
+        return tie, now, out
+
+    # -- where points lie ------------------------------------------------------------------------
+
+    def _expected(
+        self, checks: tuple[TieCheck, ...], model: ModelState
+    ) -> dict[str, tuple[Place, float | None, str]]:
+        """Return places of points known from elsewhere, standard deviations, and sources."""
+        out: dict[str, tuple[Place, float | None, str]] = {}
+        poses = self._poses(model)
+        if poses is not None:
+            found = [(c.other, self._placed(c, poses)) for c in checks]
+            if not any(c.other == GROUND and c.cleaned for c in checks):
+                # as long as the strip itself has no fit, that of its neighbour shows the control
+                ways = ((c.other, self._by_way_of(c.other, poses)) for c in checks if c.cleaned)
+                found += [(GROUND, self._seen(*way, poses)) for _, way in ways if way]
+            for source, seen in found:
+                for name, at, sigma in seen:
+                    before = out.get(name)
+                    if before is None or sigma < (before[1] or 0.0):
+                        out[name] = (at, sigma, source)
+        in_left, in_right = (
+            (self._known.candidates or {}).get(photo, {}) for photo in model.photos
+        )
+        for name in in_left.keys() & in_right.keys():
+            if self._mark(name):
+                source = self._measured.get(name, GROUND)
+                out[name] = ((*in_left[name], *in_right[name]), None, source)
+        return out
+
+    def _placed(self, check: TieCheck, poses: _Poses) -> Iterable[tuple[str, Place, float]]:
+        """Yield the points of another system, placed in two photos, with standard deviations."""
+        tie, this = check.cleaned, self._this
+        if tie is None or this is None:
+            return
+        names = self._in_view(tie, poses)
+        points = tie.placed(names)
+        if check.other == GROUND:
+            points |= {p: at for p, at in this.points.items() if p in self._control}
+        yield from self._seen(tie, points, poses)
+
+    def _in_view(self, tie: StripTie, poses: _Poses) -> list[str]:
+        """Return the points of another system that lie about in two photos."""
+        names, xyz = tie.positions()
+        good = np.ones(len(names), dtype=bool)
+        for pose in poses[:2]:
+            n = len(names)
+            centres, turned = np.broadcast_to(pose.centre, (n, 3)), pose.rotation
+            seen = project(centres, np.broadcast_to(turned, (n, 3, 3)), np.full(n, pose.c), xyz)
+            # not far outside: what is known of a right photo may still be rough
+            good &= (seen.depth > 0.0) & (np.abs(seen.xy) < pose.c).all(axis=1)
+        return [names[k] for k in np.flatnonzero(good).tolist()]
+
+    def _seen(
+        self, tie: StripTie, points: Mapping[str, Located], poses: _Poses
+    ) -> Iterable[tuple[str, Place, float]]:
+        """Yield points in two photos."""
+        if not points:
+            return
+        count = tie.count
+        left, right = (
+            _in_photo(pose, list(points.values()), count, free)
+            for pose, free in ((poses.left, None), (poses.right, poses.free))
+        )
+        values = np.concatenate((left[0], right[0]), axis=1)
+        errors = np.concatenate((left[1], right[1]), axis=1)
+        n = len(values)
+        values, rest = tie.improved(values.ravel(), errors.reshape(4 * n, -1))
+        sigma = self._sigma0 * np.sqrt(np.einsum("ke,ke->k", rest, rest)).reshape(n, 4).max(axis=1)
+        for name, (xl, yl, xr, yr), s in zip(
+            points, values.reshape(n, 4).tolist(), sigma.tolist(), strict=True
+        ):
+            if isfinite(xl + yl + xr + yr + s):
+                yield name, (xl, yl, xr, yr), s
+
+    def _by_way_of(self, strip: str, poses: _Poses) -> tuple[StripTie, dict[str, Located]] | None:
+        """Return control that only another strip's fit to it places, as this strip has it."""
+        other, this = self._others[strip], self._near
+        missing = self._ground.points.keys() - other.points.keys()
+        if not missing or this is None:
+            return None
+        try:
+            fit = tie_systems(other, self._ground, self._sigma0, self._block.test)
+            joint = Placed(dict(other.points) | fit.placed(missing), fit.count)
+            without = tuple(p for p in missing if p in this.points)
+            tie = tie_systems(this, joint, self._sigma0, self._block.test, without=without)
+        except NotComputableError:
+            return None
+        return tie, tie.placed(p for p in self._in_view(tie, poses) if p in missing)
+
+    def _poses(self, model: ModelState) -> _Poses | None:
+        """Return both photos: the right one as a regular flight has it while it is not known."""
+        this = self._this
+        if this is None or model.left not in this.photos:
+            return None
+        left = this.photos[model.left]
+        if model.right in this.photos:
+            return _Poses(left, this.photos[model.right])
+        before = next((m.left for m in self._own if m.right == model.left), None)
+        if before is None:
+            return None
+        step = left.centre - this.photos[before].centre
+        size = float(np.linalg.norm(step))
+        free = np.diag([_BASE * size] * 3 + [_TILT] * 3) / self._sigma0
+        c = self._block.camera_of(model.right).c
+        return _Poses(left, Pose(c, left.centre + step, left.rotation, left.errors), free)
+
+    def _strayed(self, model: ModelState) -> tuple[tuple[str, float, str], ...]:
+        """Return the points that lie elsewhere than an earlier model of the strip has them."""
+        again = _again(self._own, model)
+        if not again or self._this is None or model.right not in self._this.photos:
+            return ()
+        chain = _consecutive(self._block, self._strip, self._own)
+        before = geometry_of(self._block, chain)
+        out = []
+        for name, of in again.items():
+            then = None if before is None else before.points.get(name)
+            now = self._this.points.get(name)
+            if then is None or now is None:
+                continue
+            off = now.xyz - then.xyz
+            count = max(then.errors.shape[1], now.errors.shape[1])
+            errors = widened(now.errors, count) - widened(then.errors, count)
+            cov = self._sigma0**2 * errors @ errors.T
+            if float(off @ np.linalg.solve(cov, off)) > _STRAYED:
+                out.append((name, float(np.linalg.norm(off)), of))
+        return tuple(out)
+
+    # -- what is offered -------------------------------------------------------------------------
+
+    def _offers(
+        self,
+        model: ModelState,
+        expected: Mapping[str, tuple[Place, float | None, str]],
+    ) -> tuple[Offer, ...]:
+        """Return the points due: all control, and lateral ties that are spread along the strip."""
+        planned = {p.point: p for p in model.plan}
+        in_strip = {m.point for one in self._own for m in one.used}
+        before = {m.point for one in self._own if one.right == model.left for m in one.used}
+        known = [p for name, p in planned.items() if self._mark(name) == "lateral"]
+        there = [p.xl for p in known]
+        wanted = _LATERAL - sum(p.role != "tie" for p in known)
+        control: list[Offer] = []
+        free: dict[str, Offer] = {}
+        for name, (at, sigma, source) in expected.items():
+            mark = self._mark(name)
+            if name in planned or not mark or not self._inside(model, at):
+                continue
+            if sigma is not None and sigma > _UNCERTAIN:
+                continue
+            if mark == "control":
+                role: Role = "tie" if name in before else "control"
+                control.append(Offer(PlannedPoint(name, role, *at), mark, source, sigma))
+            elif name not in in_strip:
+                free[name] = Offer(PlannedPoint(name, "lateral", *at), mark, source, sigma)
+        lateral: list[Offer] = []
+        while free and len(lateral) < wanted:
+            # the one farthest from those there are; the first of all the one farthest left
+            best = max(free, key=lambda n: _apart(free[n].planned.xl, there))
+            lateral.append(free.pop(best))
+            there.append(lateral[-1].planned.xl)
+        return tuple(sorted((*lateral, *control), key=lambda o: o.sigma or 0.0))
+
+    def _inside(self, model: ModelState, at: Place) -> bool:
+        for photo, x, y in ((model.left, *at[:2]), (model.right, *at[2:])):
+            camera = self._block.camera_of(photo)
+            reach_x, reach_y = camera.reach()
+            if camera.format is None:
+                # what is believed of a coordinate is no edge
+                reach_x = reach_y = camera.c
+            if abs(x) > reach_x - _EDGE or abs(y) > reach_y - _EDGE:
+                return False
+        return True
+
+    def _hint(
+        self, checks: tuple[TieCheck, ...], offers: tuple[Offer, ...], model: ModelState
+    ) -> str:
+        """Return how a similarity comes about where there is none."""
+        if offers or model.pending or self._this is None:
+            return ""
+        for check in checks:
+            if check.cleaned is None and check.other != GROUND and check.common < 2:
+                return (
+                    f"{check.common} of 2 points known to tie this strip to {check.named}: add one "
+                    "of its points under its own name with +, then others are driven to"
+                )
+        return ""
+
+
+def _apart(x: float, there: list[float]) -> float:
+    return min((abs(x - other) for other in there), default=-x)
+
+
+def _sums(*systems: System | None) -> tuple[float, int]:
+    """Return v'Pv and redundancy of the models of strips."""
+    strips = [s for s in systems if isinstance(s, StripGeometry)]
+    return sum(s.vtpv for s in strips), sum(s.redundancy for s in strips)
+
+
+def _consecutive(
+    block: Block, strip: str, models: tuple[ModelState, ...]
+) -> tuple[ModelState, ...]:
+    """Return models of a strip from its first one on, up to the first that is missing."""
+    by_photos = {m.photos: m for m in models}
+    out: list[ModelState] = []
+    for photos in next(s for s in block.strips if s.id == strip).models():
+        if photos not in by_photos:
+            break
+        out.append(by_photos[photos])
+    return tuple(out)
+
+
+def _again(own: tuple[ModelState, ...], model: ModelState) -> dict[str, str]:
+    """Return points measured in a strip before, not in a neighbouring model, and in which."""
+    here = {m.point for m in model.used}
+    near = {m.point for one in own if set(one.photos) & set(model.photos) for m in one.used}
+    return {
+        m.point: one.name
+        for one in own
+        for m in one.used
+        if m.point in here and m.point not in near
+    }
+
+
+def _recent(geometry: StripGeometry | None, chain: tuple[ModelState, ...]) -> System | None:
+    """Return the strip's points of its last models: far behind, nothing is tied any more."""
+    if geometry is None:
+        return None
+    names = {m.point for model in chain[-_RECENT:] for m in model.used}
+    points = {p: at for p, at in geometry.points.items() if p in names}
+    return Placed(points, geometry.count)
+
+
+@remembered
+def _ground(block: Block, control: tuple[ControlPoint, ...], sigma0: float) -> Placed:
+    """Return the points whose three ground coordinates are known [m]."""
+    whole = [(c, block.sigma_of(c)) for c in control if all(v is not None for v in c.xyz)]
+    points = {}
+    for k, (one, sigma) in enumerate(whole):
+        errors = np.zeros((3, 3 * len(whole)))
+        errors[:, 3 * k : 3 * k + 3] = np.diag(np.array(sigma) / sigma0)
+        points[one.point] = Located(np.array(one.xyz, dtype=np.float64), errors)
+    return Placed(points, 3 * len(whole))
+
+
+def _in_photo(
+    pose: Pose, points: list[Located], count: int, free: Array | None
+) -> tuple[Array, Array]:
+    """Return (n, 2) image coordinates [mm] and (n, 2, e) their errors; NaN behind the photo."""
+    n = len(points)
+    seen = project_with_derivatives(
+        np.broadcast_to(pose.centre, (n, 3)),
+        np.broadcast_to(pose.rotation, (n, 3, 3)),
+        np.full(n, pose.c),
+        np.array([p.xyz for p in points]).reshape(-1, 3),
+    )
+    width = count + 6
+    at = np.array([widened(p.errors, width) for p in points]).reshape(n, 3, width)
+    own = widened(pose.errors, width)
+    if free is not None:
+        own[:, count:] = free
+    errors = seen.photo @ own + np.einsum("nab,nbe->nae", seen.point, at)
+    return np.where(seen.depth[:, None] > 0.0, seen.xy, np.nan), errors
