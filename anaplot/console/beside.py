@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from threading import Thread
 from typing import Any, TypeVar
 
 from textual.screen import Screen
+from textual.worker import get_current_worker
 
 from anaplot.errors import AnaplotError
 
@@ -18,8 +18,6 @@ Result = TypeVar("Result")
 
 class Beside:
     """Computes in a thread what a screen shows, one after the other, the newest question last.
-
-    The thread is a daemon and waits for nobody: whoever leaves need not wait for it either.
 
     Parameters
     ----------
@@ -50,23 +48,23 @@ class Beside:
             self._again = True
             return
         self._running, self._again = True, False
-        Thread(target=self._run, name="beside", daemon=True).start()
+        self._screen.run_worker(self._run, thread=True)
 
     def _run(self) -> None:
+        worker = get_current_worker()
         try:
             told: Callable[[], None] = partial(self._done, self._compute())
         except AnaplotError as error:
             told = partial(self._failed, str(error))
         except Exception as error:  # noqa: BLE001 - measuring goes on; the operator is told
             told = partial(self._failed, f"unexpected {type(error).__name__}: {error}")
-        try:
-            self._screen.call_later(self._finish, told)
-        except RuntimeError:  # the event loop was closed meanwhile
-            if self._screen.is_running:
-                raise
+        if not worker.is_cancelled:
+            self._screen.app.call_from_thread(self._finish, told)
 
     def _finish(self, told: Callable[[], None]) -> None:
         self._running = False
+        if not self._screen.is_running:
+            return
         if self._again:
             self.wanted()
         else:

@@ -165,7 +165,10 @@ def intended(action: str, now: Situation) -> Intent:
 
 def _entered(now: Situation) -> Intent:
     """Return what Enter means: what the line NOW says, or a drive to the selected row's point."""
-    if now.now.action != "drive":
+    back = now.snapshot.returning
+    if now.now.action == "return_to" and back is not None:
+        return commands.ReturnTo(back.left, back.right, back.point, back.photo)
+    if now.now.action not in ("drive", "return_to"):
         return intended(now.now.action, now)
     if now.now.point is not None:
         return commands.Drive(now.now.point)
@@ -244,7 +247,7 @@ def _accept(snapshot: Snapshot) -> Intent:
 
 
 def _keep_counters(snapshot: Snapshot) -> Intent:
-    if not snapshot.unreferenced:
+    if not snapshot.unreferenced and not snapshot.checks:
         return Say("hint", "the counters have their reference")
     return Question(
         "Did the counters keep their origin, or were they set to it by hand? Everything "

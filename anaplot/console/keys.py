@@ -207,7 +207,13 @@ def label_now(
             return "Go there"
         drive = "Drive" if snapshot.drives else "Choose"
         laid = "Photo" if snapshot.next_photo is not None else "Model"
-        other = {"next_model": laid, "accept": "Accept", "suspend": "Resume", "add_point": "Add"}
+        other = {
+            "next_model": laid,
+            "accept": "Accept",
+            "suspend": "Resume",
+            "add_point": "Add",
+            "return_to": "Return",
+        }
         return other.get(entered, drive)
     if overview and action.id == "overview":
         return "Table"

@@ -15,7 +15,7 @@ from anaplot.station.snapshot import Snapshot
 
 __all__ = ["NOTHING", "Entered", "Now", "now_of"]
 
-Entered = Literal["drive", "next_model", "accept", "suspend", "add_point"]
+Entered = Literal["drive", "next_model", "accept", "suspend", "add_point", "return_to"]
 
 _ENTERED: Mapping[StepKind, Entered] = {
     "lay": "next_model",
@@ -24,12 +24,14 @@ _ENTERED: Mapping[StepKind, Entered] = {
     "accept": "accept",
     "resume": "suspend",
     "add": "add_point",
+    "return": "return_to",
 }
 _KEY: Mapping[StepKind, str] = {
     "accept": "accept",
     "resume": "suspend",
     "add": "add_point",
     "switch off": "switch_row",
+    "return": "drive",
 }
 
 

@@ -78,18 +78,15 @@ def run_demo_auto(demo: Demo, folder: Path, output: Output) -> int:
     AnaplotError
         The job could not be finished.
     """
-    told = 0
 
     def tell(record: ModelRecord) -> None:
-        nonlocal told
-        story = model_story(record)
-        told += len(story)
         if not output.as_json:
-            output.print(Document(None, story))
+            output.print(Document(None, model_story(record)))
 
     outcome = run_demo(demo, folder, on_accepted=tell)
     document = demo_document(demo.seed, outcome)
     output.write(document)
+    told = sum(len(model_story(record)) for record in outcome.models)
     output.print(replace(document, page=document.page[told:]))
     return 0
 
@@ -177,7 +174,8 @@ def _inner_answer(inner: InnerRecord, record: ModelRecord) -> Answer:
 
 def model_story(record: ModelRecord) -> tuple[Block, ...]:
     """Return a model's tables before and after, what was done in between, and an empty line."""
-    page: list[Block] = [say("MODEL {}/{}", record.left, record.right).of("heading")]
+    returned = ", returned to" if record.returned else ""
+    page: list[Block] = [say("MODEL {}/{}{}", record.left, record.right, returned).of("heading")]
     for inner in record.inners:
         page += _inner_story(inner, [h for h in record.handled if h.photo == inner.photo])
     points = [h for h in record.handled if not h.photo]

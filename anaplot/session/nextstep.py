@@ -19,7 +19,7 @@ __all__ = [
     "remeasured_side",
 ]
 
-StepKind = Literal["lay", "measure", "remeasure", "add", "switch off", "accept", "resume"]
+StepKind = Literal["lay", "measure", "remeasure", "add", "switch off", "accept", "resume", "return"]
 
 
 class Step(NamedTuple):

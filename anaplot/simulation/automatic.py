@@ -8,9 +8,10 @@ that he always comes to an end.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import monotonic
 from typing import Literal, NamedTuple
 
@@ -18,6 +19,7 @@ from anaplot.aliases import Axis, Side
 from anaplot.errors import AnaplotError, InputError, LinkError, NotComputableError
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.inner import InnerOrientation
+from anaplot.session.models import solve
 from anaplot.simulation.instrument import SimulatedInstrument
 from anaplot.station.snapshot import InnerView, PointView, Snapshot
 from anaplot.station.station import Station
@@ -80,6 +82,8 @@ class ModelRecord:
         What was measured again or switched off, in order; fiducials among it.
     inners
         The photos' inner orientations, left first; none where the cameras have no fiducials.
+    returned
+        Whether it had been accepted before, and he returned to it.
     """
 
     left: str
@@ -88,6 +92,7 @@ class ModelRecord:
     after: ModelSolution | None = None
     handled: list[Handled] = field(default_factory=list)
     inners: list[InnerRecord] = field(default_factory=list)
+    returned: bool = False
 
 
 class AutomaticOperator:
@@ -127,11 +132,22 @@ class AutomaticOperator:
         self._aimed = False
         self._since = 0.0
         self._records: dict[str, ModelRecord] = {}
+        self._returns: list[ModelRecord] = []
 
     @property
     def records(self) -> tuple[ModelRecord, ...]:
-        """What happened, model by model."""
-        return tuple(self._records.values())
+        """What happened, model by model; `after` is how a model stands now."""
+        state, out = self._station.state, []
+        for name, record in self._records.items():
+            again = [one for one in self._returns if f"{one.left}/{one.right}" == name]
+            handled = [h for one in (record, *again) for h in one.handled]
+            model = state.accepted(record.left, record.right)
+            after = record.after
+            if model is not None:
+                with contextlib.suppress(NotComputableError):
+                    after = solve(state, model)
+            out.append(replace(record, handled=handled, after=after))
+        return tuple(out)
 
     # -- in the background, for the console ------------------------------------------------------
 
@@ -193,8 +209,11 @@ class AutomaticOperator:
         while not self._stopping.is_set():
             self._woken.clear()
             picture = self._station.snapshot()
-            if picture.finished:
-                return
+            if picture.finished and picture.returning is None:
+                if not self._waits_for_block(picture):
+                    return
+                self._woken.wait(_READ)
+                continue
             if done != _progress(picture):
                 done = _progress(picture)
                 self._since, self._drives, self._refusals = monotonic(), 0, 0
@@ -230,6 +249,18 @@ class AutomaticOperator:
         if picture.unreferenced:
             return self._refer(picture)
         self._aimed = False
+        if self._waits_for_block(picture):
+            return False
+        if picture.returning is not None:
+            back = picture.returning
+            station.return_to(back.left, back.right, back.point, back.photo)
+            axis: Axis = "x" if back.axis == "x" else "y"
+            what = Handled(f"{back.left}/{back.right}", back.point, axis, "measured again")
+            self._returns.append(ModelRecord(back.left, back.right, handled=[what], returned=True))
+            return True
+        if picture.checks and picture.inner is None and picture.target is None:
+            self._drive(picture.checks[0])
+            return True
         if not picture.left or (picture.next_photo is not None and self._changes(picture)):
             station.next_model()
             return True
@@ -245,18 +276,19 @@ class AutomaticOperator:
             if monotonic() - self._since > _PATIENCE:
                 self._drive(picture.target, again=picture.repeating)
             return False
-        name = f"{picture.left}/{picture.right}"
+        name, record = f"{picture.left}/{picture.right}", self._record(picture)
         if picture.inner is not None:
-            record = self._records.setdefault(name, ModelRecord(picture.left, picture.right))
             self._orient(picture, picture.inner, record)
             return True
         pending = [p.point for p in picture.points if _pending(picture, p)]
         if pending:
             self._drive(pending[0])
             return True
-        record = self._records.setdefault(name, ModelRecord(picture.left, picture.right))
         if record.before is None:
             record.before = picture.solution
+        if picture.wanted is not None:
+            self._drive(picture.wanted)
+            return True
         if picture.solution is None:
             if picture.next_point is None:
                 raise NotComputableError(picture.problem or f"model {name} is not determined")
@@ -281,8 +313,9 @@ class AutomaticOperator:
         suspects = picture.diagnosis.suspects if picture.diagnosis is not None else ()
         if any(p.status == "pending" for p in picture.points) or not suspects:
             return True
-        name = f"{picture.left}/{picture.right}"
-        record = self._records.setdefault(name, ModelRecord(picture.left, picture.right))
+        if picture.wanted is not None:
+            return True
+        record = self._record(picture)
         if record.before is None:
             record.before = picture.solution
         return again[suspects[0][0]] <= _REPEATS
@@ -376,6 +409,23 @@ class AutomaticOperator:
         self._station.switch(point, axis, False)
         record.handled.append(Handled(name, point, axis, "switched off", photo))
 
+    def _record(self, picture: Snapshot) -> ModelRecord:
+        """Return what is to be told of the model in work: of its last return, or of its making."""
+        if picture.reopened:
+            names = (picture.left, picture.right)
+            if not self._returns or (self._returns[-1].left, self._returns[-1].right) != names:
+                self._returns.append(ModelRecord(*names, returned=True))
+            return self._returns[-1]
+        name = f"{picture.left}/{picture.right}"
+        return self._records.setdefault(name, ModelRecord(picture.left, picture.right))
+
+    @staticmethod
+    def _waits_for_block(picture: Snapshot) -> bool:
+        """Whether what the block says is still to come, and might be to return to a model."""
+        if picture.block_view is None or not picture.block_view.busy or picture.reopened:
+            return False
+        return all(p.status != "pending" for p in picture.points) and picture.target is None
+
 
 def _pending(picture: Snapshot, point: PointView) -> bool:
     """Whether a point is to be measured with what lies in the instrument."""
@@ -399,6 +449,8 @@ def _progress(picture: Snapshot) -> tuple[object, ...]:
     """Return what changes when, and only when, the job has come a step further."""
     return (
         picture.accepted,
+        picture.reopened,
+        picture.checks,
         picture.left,
         picture.right,
         picture.suspended,

@@ -13,8 +13,9 @@ from anaplot.session.modelstate import ModelState
 from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.state import SessionState
 from anaplot.session.workflow import Outlook, outlook
-from anaplot.station.blockview import BlockView, percent
+from anaplot.station.blockview import SURE, BlockView, percent
 from anaplot.station.modeltables import measured_in_files
+from anaplot.station.returnadvice import surely_wrong
 
 __all__ = [
     "BlockStatus",
@@ -34,8 +35,6 @@ __all__ = [
 ]
 
 ModelStanding = Literal["open", "in work", "accepted", "recomputed", "look"]
-SURE = 0.99
-"""From this probability on a suspected measurement is to be looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -379,10 +378,10 @@ def following(
         if ahead.next_point is None and ahead.may_accept:
             return NextStep("accept", opening, model)
         return NextStep("measure", opening, model, point=ahead.next_point or "")
-    for suspect in () if view is None else view.suspects:
+    suspect = None if view is None else surely_wrong(view, () if state is None else state.models)
+    if suspect is not None and suspect.accused.model is not None:
         accused = suspect.accused
-        if accused.model is not None and accused.probability > SURE:
-            return NextStep("return", opening, accused.model, accused.photo, suspect.point)
+        return NextStep("return", opening, accused.model or "", accused.photo, suspect.point)
     if opened:
         return NextStep("measure", opening, opened)
     if measured:

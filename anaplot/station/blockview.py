@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-__all__ = ["BlockView", "FlaggedCoordinate", "SuspectedPoint", "SuspectedRay", "percent"]
+__all__ = ["SURE", "BlockView", "FlaggedCoordinate", "SuspectedPoint", "SuspectedRay", "percent"]
+
+SURE = 0.99
+"""From this probability on a suspected measurement is to be looked at."""
 
 
 def percent(probability: float) -> str:

@@ -23,6 +23,7 @@ from anaplot.session.transfer import Mark, TieCheck, Transfer
 from anaplot.session.workflow import Outlook
 from anaplot.station.blockstatus import BlockStatus
 from anaplot.station.blockview import BlockView
+from anaplot.station.returnadvice import ReturnAdvice, return_advice
 
 __all__ = [
     "FiducialView",
@@ -185,6 +186,10 @@ class Snapshot:
         Whether the current model is accepted already, and the operator returned to it.
     parked
         (left, right) of the model that waits meanwhile, or None.
+    wanted
+        The point that is to be measured again in it, or None.
+    returning
+        The accepted model to return to now, and why; `expected` says it, too. None: there is none.
     checks
         Points still to be recorded again, to check how photos lie that were laid in anew.
     recomputed
@@ -238,6 +243,8 @@ class Snapshot:
     reference_point: str | None = None
     reopened: bool = False
     parked: tuple[str, str] | None = None
+    wanted: str | None = None
+    returning: ReturnAdvice | None = None
     checks: tuple[str, ...] = ()
     recomputed: tuple[Recomputed, ...] = ()
     last_change: LastChange | None = None
@@ -280,6 +287,7 @@ def snapshot_of(
     state, view = desk.state, desk.outlook
     block, model = state.block, state.current
     strip = model.strip if model is not None else ""
+    returning = return_advice(desk, None if status is None else status.block)
     number = count = 0
     if model is not None:
         models = next(s for s in block.strips if s.id == strip).models()
@@ -299,7 +307,7 @@ def snapshot_of(
         solution=view.solution,
         diagnosis=view.diagnosis,
         problem=view.problem,
-        expected=desk.expected,
+        expected=desk.expected if returning is None else returning.agenda.sentence,
         may_accept=view.may_accept,
         may_undo=state.may_undo,
         suspended=state.suspended,
@@ -321,10 +329,12 @@ def snapshot_of(
         parked=None
         if state.returned is None or state.returned.parked is None
         else state.returned.parked.photos,
+        wanted=None if state.returned is None else state.returned.point,
+        returning=returning,
         checks=desk.checks,
         recomputed=desk.recomputed,
         last_change=state.last_change,
-        agenda=desk.agenda,
+        agenda=desk.agenda if returning is None else returning.agenda,
         drives=desk.abilities is not None and desk.abilities.drives,
         repeating=None if desk.repeating is None else (desk.repeating.done, desk.repeating.times),
         ties=desk.transfer.checks,

@@ -127,30 +127,6 @@ async def test_keys_stay_live_while_a_fit_takes_its_time():
         await until(pilot, lambda: len(app.screen_stack) == 1)
 
 
-async def test_leaving_waits_for_no_computation():
-    station = FakeStation(picture(strip="1"))
-    free, begun = threading.Event(), threading.Event()
-
-    def slow(degree, without):
-        begun.set()
-        assert free.wait(60)
-        return fitted(degree, without)
-
-    station.fitted = slow
-    app = console(station)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await pilot.press("F")
-        await until(pilot, begun.is_set)
-        await pilot.press("escape")
-        await until(pilot, lambda: len(app.screen_stack) == 1)
-    # the application has ended, and its thread finds nobody to tell
-    free.set()
-    for thread in threading.enumerate():
-        if thread.name == "beside":
-            thread.join(60)
-            assert not thread.is_alive()
-
-
 def said(strips, choice=FitChoice()):  # noqa: B008 - frozen
     return "\n".join(line.plain for line in fit_lines(strips, choice, "", 72))
 

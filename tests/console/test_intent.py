@@ -7,6 +7,8 @@ from consolefake import FakeStation, picture
 
 from anaplot.console.choices import Choices
 from anaplot.console.intent import Leave, PointName, Question, Read, Say, Toggle, Turn, intended
+from anaplot.console.keymap import keys_in_force
+from anaplot.console.now import now_of
 from anaplot.console.rows import shown_rows
 from anaplot.console.situation import Situation
 from anaplot.session.commands import (
@@ -16,9 +18,11 @@ from anaplot.session.commands import (
     RecordPoint,
     Reference,
     Resume,
+    ReturnTo,
     Suspend,
     Switch,
 )
+from anaplot.station.returnadvice import ReturnAdvice
 
 pytestmark = pytest.mark.smoke
 
@@ -32,6 +36,18 @@ def now(row: int | None = 1, **changes: object) -> Situation:
         snapshot, None if row is None else rows[row], False, len(rows), Choices(), FakeStation()
     )
     return replace(found, **changes)
+
+
+BACK = ReturnAdvice("101", "102", "102-3", "y", "102", 0.997)
+
+
+def test_enter_on_the_advice_returns() -> None:
+    shown = picture(returning=BACK, agenda=BACK.agenda, target=None)
+    line = now_of(shown, keys_in_force({}))
+    assert line.text == "return to 101/102: remeasure 102-3 y: Enter (99.7 %)"
+    assert intended("drive", now(snapshot=shown, now=line)) == ReturnTo(
+        "101", "102", "102-3", "102"
+    )
 
 
 @pytest.mark.parametrize(

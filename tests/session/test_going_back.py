@@ -344,6 +344,44 @@ def measured_bench(abilities=DRIVEN, scene: Scene = SCENE, models: int = 2) -> B
     return bench
 
 
+def finished(bench: Bench, models: int) -> None:
+    """Go on until so many models are accepted."""
+    while len(bench.desk.state.models) < models:
+        if bench.desk.state.current is None:
+            bench.give(NextModel())
+        bench.measure_all()
+        bench.give(Accept())
+
+
+@pytest.mark.parametrize("abilities", [DRIVEN, UNDRIVEN])
+def test_interrupted_returned_and_continued_as_if_undisturbed(abilities) -> None:
+    undisturbed = measured_bench(abilities, models=4).desk.state
+    bench = measured_bench(abilities, models=3)
+    bench.give(NextModel())
+    bench.measure(bench.desk.due or "")
+    # interrupted: what was folded is all that is left
+    bench.desk = type(bench.desk).at(
+        fold(SCENE.start, bench.events), abilities, candidates=SCENE.made.truth
+    )
+    bench.give(ReturnTo(*THIRD))
+    again = [m.point for m in bench.desk.state.models[2].measured][::3]
+    bench.give(KeepCounters())
+    for point in again:
+        bench.measure(point)
+    bench.desk = type(bench.desk).at(
+        fold(SCENE.start, bench.events), abilities, candidates=SCENE.made.truth
+    )
+    bench.give(KeepCounters())
+    bench.give(Accept())
+    bench.give(KeepCounters())
+    finished(bench, 4)
+    after = bench.desk.state
+    assert tables(after) == tables(undisturbed)
+    assert rows_of(after.models) == rows_of(undisturbed.models)
+    assert recomputed_models(after) == ()
+    assert {m.point for m in after.models[2].measured if m.times == 2} == set(again)
+
+
 def shifted(bench: Bench, dx: float) -> None:
     """The pedal is pressed with the left plate lying elsewhere."""
     at = bench.stands
