@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import threading
@@ -79,6 +80,13 @@ def _open(options: argparse.Namespace) -> int:
     from anaplot.simulation.controls import controls_of
     from anaplot.simulation.opening import open_station
 
+    if _is_missing(options.block):
+        from anaplot.console.newblockscreen import ask_for_block
+
+        for line in ask_for_block(options.block):
+            print(line)
+        if options.port is None and not options.simulate:
+            return 0
     station = open_station(
         options.block,
         profile=options.profile,
@@ -94,6 +102,16 @@ def _open(options: argparse.Namespace) -> int:
     code = run_console(station, controls=controls_of(station))
     _part(station, before, options.block, options)
     return code
+
+
+def _is_missing(folder: Path) -> bool:
+    """Whether there is no block, nor anything else of one, and a terminal to ask for it."""
+    parts = ("block.toml", "sessions")
+    there = any(os.path.lexists(folder / part) for part in parts)
+    if there or (folder.exists() and not folder.is_dir()) or os.environ.get("TERM") == "dumb":
+        return False
+    streams = (sys.stdin, sys.stdout, sys.stderr)
+    return all(stream is not None and stream.isatty() for stream in streams)
 
 
 def _part(

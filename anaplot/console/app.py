@@ -27,9 +27,9 @@ from anaplot.console.stationlike import ControlsLike, StationLike
 if TYPE_CHECKING:
     from anaplot.console.palette import PointProvider
 
-__all__ = ["ConsoleApp", "run_console"]
+__all__ = ["THEME", "ConsoleApp", "run_console"]
 
-_THEME = Theme(
+THEME = Theme(
     name="anaplot",
     primary="#7aa6c2",
     secondary="#8fa3ad",
@@ -116,8 +116,8 @@ class ConsoleApp(App[int]):
 
     def on_mount(self) -> None:
         """Take theme and keys into force."""
-        self.register_theme(_THEME)
-        self.theme = _THEME.name
+        self.register_theme(THEME)
+        self.theme = THEME.name
         self.set_keymap(self._keys_of_user)
         self._end_on_signals()
 
