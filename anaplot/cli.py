@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from anaplot.console.terminal import need_terminal
 from anaplot.errors import AnaplotError, InputError
 from anaplot.report.adjustarguments import (
     add_adjust_arguments,
@@ -64,20 +65,28 @@ def _demo(options: argparse.Namespace) -> int:
     with demo_block(options) as (demo, folder):
         if options.auto:
             return run_demo_auto(demo, folder, Output.of(options))
-        from anaplot.console.app import run_console
-        from anaplot.simulation.controls import controls_of
-
         station = demo.open(folder, time_scale=2.0)
         before = station.state
-        code = run_console(station, controls=controls_of(station))
+        code = _show(station)
     options.simulate = True
     _part(station, before, folder, options)
     return code
 
 
-def _open(options: argparse.Namespace) -> int:
+def _show(station: Station) -> int:
+    """Show a station in the console, if there is a terminal for it; what is wrong comes first."""
+    try:
+        need_terminal()
+    except InputError:
+        station.close()
+        raise
     from anaplot.console.app import run_console
     from anaplot.simulation.controls import controls_of
+
+    return run_console(station, controls=controls_of(station))
+
+
+def _open(options: argparse.Namespace) -> int:
     from anaplot.simulation.opening import open_station
 
     if _is_missing(options.block):
@@ -99,7 +108,7 @@ def _open(options: argparse.Namespace) -> int:
         story=options.story,
     )
     before = station.state
-    code = run_console(station, controls=controls_of(station))
+    code = _show(station)
     _part(station, before, options.block, options)
     return code
 
@@ -135,9 +144,11 @@ def _replay(options: argparse.Namespace) -> int:
     from anaplot.report.replaycommand import replay_station, run_replay
 
     if options.console:
+        station = replay_station(options)
+        need_terminal()
         from anaplot.console.app import run_console
 
-        return run_console(replay_station(options))
+        return run_console(station)
     return run_replay(options)
 
 

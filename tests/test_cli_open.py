@@ -39,6 +39,17 @@ def test_options_that_make_no_sense(
     assert contents(block) == before
 
 
+def test_without_a_terminal_it_is_said(block: Path, tmp_path: Path) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    words = "the console needs a terminal, and standard"
+    one_line(anaplot("open", block, "--simulate"), 2, words)
+    one_line(anaplot("demo", env={"TMPDIR": str(temporary)}), 2, words)
+    one_line(anaplot("open", block, env={"TERM": "dumb"}), 2, "TERM is dumb")
+    assert list(temporary.iterdir()) == []
+    assert anaplot("bridge", block).returncode == 0  # the block is left unlocked
+
+
 def test_a_port_that_does_not_exist(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for port in ("/dev/does-not-exist", "socket://127.0.0.1:1"):
         result = here(capsys, "open", block, "--profile", "anaplot-ascii", "--port", port)

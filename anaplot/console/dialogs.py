@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
@@ -19,7 +20,17 @@ _LONGEST_NAME = 40
 
 
 class AskWhether(ModalScreen[bool]):
-    """A question answered by y or n; escape means no."""
+    """A question answered by y or n; escape means no.
+
+    Parameters
+    ----------
+    question
+        The question.
+    yes, no
+        What either answer means.
+    again
+        Keys that mean yes as well: those with which it was asked, (key, as people write it).
+    """
 
     DEFAULT_CSS = """
     AskWhether { align: center middle; background: $background 60%; }
@@ -33,14 +44,29 @@ class AskWhether(ModalScreen[bool]):
         Binding("n,escape", "answer(False)", "No"),
     ]
 
-    def __init__(self, question: str, *, yes: str, no: str, id: str | None = None) -> None:  # noqa: A002
+    def __init__(
+        self,
+        question: str,
+        *,
+        yes: str,
+        no: str,
+        again: tuple[tuple[str, str], ...] = (),
+        id: str | None = None,  # noqa: A002 - Textual's name
+    ) -> None:
         super().__init__(id=id)
         self._question, self._yes, self._no = plain(question), yes, no
+        self._again = dict(again)
+
+    def on_key(self, event: events.Key) -> None:
+        """Take the key with which it was asked for a yes."""
+        if event.key in self._again:
+            event.stop()
+            self.dismiss(True)
 
     def compose(self) -> ComposeResult:
         """Lay question and answers out."""
         keys = Content.assemble(
-            ("y", "bold $text-accent"),
+            (", ".join(("y", *list(self._again.values())[:1])), "bold $text-accent"),
             f" {self._yes}     ",
             ("n", "bold $text-accent"),
             f" {self._no}",

@@ -8,7 +8,7 @@ from typing import Literal
 from anaplot.console.inwork import in_work
 from anaplot.console.situation import Situation
 from anaplot.console.stationlike import ControlsLike
-from anaplot.console.wheels import TURNS
+from anaplot.console.wheels import FIELDS, TURNS
 from anaplot.session import commands
 from anaplot.session.commands import Command
 from anaplot.session.reasons import REASONS
@@ -25,6 +25,7 @@ __all__ = [
     "Toggle",
     "Turn",
     "answer",
+    "idle",
     "intended",
 ]
 
@@ -84,12 +85,13 @@ class Toggle:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Ask first, and do it when the answer is yes."""
+    """Ask first, and do it when the answer is yes; the keys of the action `again` say yes, too."""
 
     text: str
     yes: str
     no: str
-    then: Command | Leave
+    then: Command | Leave | Toggle
+    again: str = ""
 
 
 Intent = Command | Say | Question | Leave | PointName | Read | Turn | Toggle
@@ -105,8 +107,18 @@ _ALWAYS: dict[str, Intent] = {
     **{f"why_{reason}": commands.GiveReason(reason) for reason in REASONS},
     **{page: Read(page) for page in _PAGES},
 }
+_NEEDS_WHEELS = ("zoom_in", "zoom_out", "coarse")
 _OF_A_ROW = ("switch_row", "switch_point", "details")
+_NAMED = 8  # missing points that a question names
 _WHEELS_ELSEWHERE = Say("hint", "the handwheels are those of a simulated plotter's stereo view (v)")
+_HAND_OFF = Question(
+    "Take the simulated hand away? After a drive you set the mark yourself then, with the "
+    "handwheels of the stereo view (v).",
+    yes="take it away",
+    no="leave it on",
+    then=Toggle("hand"),
+    again="hand",
+)
 
 
 def intended(action: str, now: Situation) -> Intent:
@@ -155,6 +167,8 @@ def intended(action: str, now: Situation) -> Intent:
             return Say("hint", "this is a replay: one can only look on")
         case "hand" if now.controls is None:
             return Say("hint", "only a simulated plotter is worked from here")
+        case "hand" if now.hand and not now.at_wheels:
+            return _HAND_OFF
         case "hand" | "automatic":
             return Toggle(action)
         case "leave":
@@ -175,6 +189,22 @@ def _entered(now: Situation) -> Intent:
     if now.selected is not None:
         return commands.Drive(now.selected.point)
     return Say("hint", "no row is selected")
+
+
+def idle(action: str, now: Situation) -> str:
+    """Return why an action that only changes what is seen changes nothing now, or ""."""
+    if action in _NEEDS_WHEELS:
+        if not now.at_wheels:
+            return _WHEELS_ELSEWHERE.text
+        zoom = now.choices.wheels.zoom
+        if action == "zoom_in" and zoom == len(FIELDS) - 1:
+            return "this is the smallest field"
+        if action == "zoom_out" and zoom == 0:
+            return "this is the widest field"
+    diagnosis = now.snapshot.diagnosis
+    if action == "transfers" and (diagnosis is None or not diagnosis.transfers):
+        return "no critical transfers"
+    return ""
 
 
 def answer(command: Command, snapshot: Snapshot) -> str:
@@ -226,23 +256,34 @@ def _with_row(action: str, now: Situation) -> Intent:
 
 
 def _accept(snapshot: Snapshot) -> Intent:
-    """Accept inner orientation or model when that may be done; with flagged rows, ask first."""
+    """Accept inner orientation or model when that may be done; what is doubtful asks first."""
     if not snapshot.may_accept:
         reason = snapshot.problem or snapshot.expected
         what = "the model" if snapshot.inner is None else "the inner orientation"
         return Say("hint", f"{what} cannot be accepted now: {reason}")
-    flagged = len(in_work(snapshot).flagged)
-    if not flagged:
-        return commands.Accept()
-    rows = "1 row is" if flagged == 1 else f"{flagged} rows are"
+    work = in_work(snapshot)
     where = f"model {snapshot.left} / {snapshot.right}"
     if snapshot.inner is not None:
         where = f"the inner orientation of photo {snapshot.inner.photo}"
+    doubts = []
+    missing = [view.point for view in work.points if view.status == "pending"]
+    if missing:
+        names = ", ".join(missing[:_NAMED]) + (", ..." if len(missing) > _NAMED else "")
+        what = "points" if snapshot.inner is None else "fiducials"
+        count = f"{len(missing)} of {len(work.points)} {what}"
+        doubts.append(f"{where[0].upper()}{where[1:]} is incomplete, {count} to go: {names}.")
+    flagged = len(work.flagged)
+    if flagged:
+        rows = "1 row is" if flagged == 1 else f"{flagged} rows are"
+        doubts.append(f"{rows} still flagged in {where}.")
+    if not doubts:
+        return commands.Accept()
     return Question(
-        f"{rows} still flagged in {where}. Accept it?",
+        f"{' '.join(doubts)} Accept it?",
         yes="accept as it is",
         no="go on measuring",
         then=commands.Accept(),
+        again="accept",
     )
 
 

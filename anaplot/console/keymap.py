@@ -13,7 +13,7 @@ from anaplot.textfiles.kinds import Made, Text, WrongValueError
 from anaplot.textfiles.tomltable import read_toml
 from anaplot.textfiles.wording import quoted
 
-__all__ = ["default_path", "keys_in_force", "load_keymap"]
+__all__ = ["canonical_key", "default_path", "keys_in_force", "load_keymap"]
 
 _LARGEST = 64 * 1024
 _MODIFIERS = frozenset({"ctrl", "shift", "alt", "super", "hyper", "meta"})
@@ -30,7 +30,7 @@ def default_path(environment: Mapping[str, str] | None = None) -> Path:
     return folder / "anaplot" / "keymap.toml"
 
 
-def _canonical(key: str) -> str:
+def canonical_key(key: str) -> str:
     """Return the name Textual gives to a key as written: "+" is plus."""
     return _character_to_key(key) if len(key) == 1 else key
 
@@ -77,7 +77,7 @@ def load_keymap(path: Path, *, required: bool = True) -> dict[str, str]:
     owner: dict[str, str] = {}
     for action, keys in keys_in_force(keymap).items():
         for key in keys:
-            other = owner.setdefault(_canonical(key), action)
+            other = owner.setdefault(canonical_key(key), action)
             if other != action:
                 at = action if action in table else other
                 raise table.fail(f"key {quoted(key)} would mean both {other} and {action}", at)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
+from collections.abc import Callable
 from typing import ClassVar
 
 from rich.cells import cell_len
@@ -34,6 +36,8 @@ __all__ = [
 Part = tuple[str, str]
 _GAP: Part = ("   ", "")
 _NARROW_GAP: Part = (" ", "")
+_SECONDS_SHOWN = 10.0
+_MOST_SHOWN = 20
 
 
 def _width(parts: list[Part]) -> int:
@@ -120,12 +124,13 @@ class HeaderPanel(_Lines):
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
         super().__init__(id=id)
         self._snapshot: Snapshot | None = None
-        self._automatic = False
+        self._automatic, self._hand = False, True
 
-    def show(self, snapshot: Snapshot, *, automatic: bool) -> None:
-        """Show this from now on."""
-        if snapshot is not self._snapshot or automatic != self._automatic:
-            self._snapshot, self._automatic = snapshot, automatic
+    def show(self, snapshot: Snapshot, *, automatic: bool, hand: bool = True) -> None:
+        """Show this from now on; `hand`: what sets the mark is there, simulated or a person."""
+        shown = (snapshot, automatic, hand)
+        if snapshot is not self._snapshot or shown[1:] != (self._automatic, self._hand):
+            self._snapshot, self._automatic, self._hand = shown
             self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
@@ -219,7 +224,12 @@ class HeaderPanel(_Lines):
         return parts
 
     def _mode(self) -> list[Part]:
-        return [(" AUTO ", "bold reverse $text-accent")] if self._automatic else []
+        parts: list[Part] = []
+        if not self._hand:
+            parts.append((" hand off ", "bold reverse $text-warning"))
+        if self._automatic:
+            parts.append((" AUTO ", "bold reverse $text-accent"))
+        return parts
 
 
 class ReadOutLine(_Lines):
@@ -355,7 +365,15 @@ class AdvicePanel(_Lines):
 
 
 class MessagePanel(_Lines):
-    """What happened, the newest last."""
+    """What happened, the newest last; what is old goes.
+
+    With the next key all of it, and after some seconds whatever is neither warning nor error.
+
+    Parameters
+    ----------
+    clock
+        Seconds that never go back.
+    """
 
     DEFAULT_CSS = "MessagePanel { height: 1; }"
 
@@ -366,15 +384,42 @@ class MessagePanel(_Lines):
         "record": "$text-success",
     }
 
-    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+    def __init__(
+        self,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        id: str | None = None,  # noqa: A002 - Textual's name
+    ) -> None:
         super().__init__(id=id)
+        self._clock = clock
         self._messages: deque[tuple[str, str]] = deque(maxlen=200)
+        self._recent: list[tuple[str, str, float]] = []
         self._question = ""
 
     def say(self, severity: str, text: str) -> None:
         """Add a message."""
-        self._messages.append((plain(severity), plain(text)))
+        message = plain(severity), plain(text)
+        self._messages.append(message)
+        self._recent = [*self._recent[-_MOST_SHOWN:], (*message, self._clock())]
         self.show_lines()
+
+    def clear(self) -> None:
+        """Let what is shown go: it has been read."""
+        if self._recent:
+            self._recent = []
+            self.show_lines()
+
+    def age(self) -> None:
+        """Let what is old go."""
+        now = self._clock()
+        kept = [
+            (severity, text, since)
+            for severity, text, since in self._recent
+            if severity in ("warning", "error") or now - since < _SECONDS_SHOWN
+        ]
+        if len(kept) != len(self._recent):
+            self._recent = kept
+            self.show_lines()
 
     def ask(self, question: str) -> None:
         """Show this question, or none, below the messages, beside them where there is one line."""
@@ -390,7 +435,7 @@ class MessagePanel(_Lines):
         count = height - 1 if question and height > 1 else height
         lines = [
             Content.styled(self._line(severity, text, room), self._style(severity))
-            for severity, text in list(self._messages)[-count:]
+            for severity, text, _ in self._recent[-count:]
         ]
         if not question:
             return lines

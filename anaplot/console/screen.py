@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import ClassVar
 
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Horizontal
@@ -26,11 +27,12 @@ from anaplot.console.intent import (
     Toggle,
     Turn,
     answer,
+    idle,
     intended,
 )
 from anaplot.console.inwork import in_work
 from anaplot.console.keybar import KeyBar, show_key
-from anaplot.console.keymap import keys_in_force
+from anaplot.console.keymap import canonical_key, keys_in_force
 from anaplot.console.keys import bindings, key_hints
 from anaplot.console.mapview import MapView
 from anaplot.console.now import Now, now_of
@@ -203,12 +205,14 @@ class OrientationScreen(Screen[None]):
     def _poll(self) -> None:
         live = self._snapshot.link.state in _READABLE
         self.query_one(ReadOutLine).show(self._station.readout(), live=live)
+        self.query_one(MessagePanel).age()
         self._show_header()
         self._show_stereo()
 
     def _show_header(self) -> None:
         automatic = self._controls is not None and self._controls.automatic
-        self.query_one(HeaderPanel).show(self._snapshot, automatic=automatic)
+        hand = self._controls is None or self._controls.hand
+        self.query_one(HeaderPanel).show(self._snapshot, automatic=automatic, hand=hand)
 
     def _show_stereo(self) -> None:
         """Look into the eyepieces, if they are on the screen."""
@@ -304,6 +308,7 @@ class OrientationScreen(Screen[None]):
 
     def action_press(self, action: str) -> None:
         """Do what the key of an action means now."""
+        self.query_one(MessagePanel).clear()
         now, table, overview = (
             self._situation,
             self.query_one(TableView),
@@ -313,6 +318,8 @@ class OrientationScreen(Screen[None]):
             return
         if action == "overview":
             overview.toggle()
+            if now.snapshot.status is None:
+                self._say("hint", "nothing is known of the block yet")
             self._show_selected()
             return
         if overview.stands:
@@ -320,9 +327,11 @@ class OrientationScreen(Screen[None]):
             self._show_selected()
         step = None if now.at_wheels and action in TURNS else table.step(action)
         choices = self._choices.after(action)
+        idly = idle(action, now)
         if step is not None:
-            table.move(step)
-            self._selected_by_hand()
+            self._move(step)
+        elif idly:
+            self._say("hint", idly)
         elif choices is not None:
             self._choose(choices, choices.said(action))
         elif action == "next_flag":
@@ -331,6 +340,14 @@ class OrientationScreen(Screen[None]):
             self._redraw()
         else:
             self._do(intended(action, now))
+
+    def on_key(self, event: events.Key) -> None:
+        """Answer a key that means nothing here."""
+        bound = self.active_bindings.get(event.key)
+        if bound is None or bound.binding.action.startswith("app.focus"):
+            self.query_one(MessagePanel).clear()
+            helps = show_key(self._keys["help"][0])
+            self._say("hint", f"{show_key(event.key)} means nothing here ({helps} helps)")
 
     def on_key_bar_pressed(self, event: KeyBar.Pressed) -> None:
         """Do what a clicked key does."""
@@ -372,9 +389,12 @@ class OrientationScreen(Screen[None]):
         match intent:
             case Say(severity, text):
                 self._say(severity, text)
-            case Question(text, yes, no, then):
+            case Question(text, yes, no, then, again):
                 name = "leave" if then == Leave() else None
-                question = AskWhether(text, yes=yes, no=no, id=name)
+                keys = tuple(
+                    (canonical_key(key), show_key(key)) for key in self._keys.get(again, ())
+                )
+                question = AskWhether(text, yes=yes, no=no, again=keys, id=name)
                 self.app.push_screen(question, partial(self._answered, then))
             case PointName():
                 self.app.push_screen(AskName(), self._named)
@@ -421,27 +441,20 @@ class OrientationScreen(Screen[None]):
             self._say("info", said)
         self.call_after_refresh(self._show_stereo)
 
+    def _move(self, step: int) -> None:
+        """Move the cursor by rows."""
+        if said := self.query_one(TableView).moved(step):
+            self._say("hint", said)
+        self._selected_by_hand()
+
     def _next_flag(self) -> None:
         """Select the next flagged row, the most probable first."""
-        table = self.query_one(TableView)
-        before = table.selected
-        if not self._select_flag(after=before.key if before else None):
-            self._say("hint", "no flagged row")
-            return
-        if table.selected == before:
-            self._say("hint", "no other flagged row")
-        self._moved_by_hand = table.selected is None or table.selected.key != self._now.row
+        table, flagged = self.query_one(TableView), in_work(self._snapshot).flagged
+        if said := table.select_next(flagged):
+            self._say("hint", said)
+        if flagged and table.selected is not None:
+            self._moved_by_hand = table.selected.key != self._now.row
         self._show_selected()
-
-    def _select_flag(self, *, after: tuple[str, str] | None) -> bool:
-        """Select the first suspect, or the one after `after`; returns whether there is one."""
-        ranked = in_work(self._snapshot).flagged
-        if not ranked:
-            return False
-        place = ranked.index(after) + 1 if after in ranked else 0
-        wanted = ranked[place % len(ranked)]
-        table = self.query_one(TableView)
-        return any(table.select(row.key) for row in table.shown if row.key == wanted)
 
     def _redraw(self) -> None:
         self._show(self._snapshot)

@@ -176,6 +176,27 @@ class TableView(ScrollView):
             self._keep_cursor_in_sight()
             self._paint()
 
+    def moved(self, step: int) -> str:
+        """Move the cursor by rows; returns what is to be told, or ""."""
+        before = self.selected
+        self.move(step)
+        shown = self.selected
+        if shown is None:
+            return "no row is selected"
+        if shown == before:
+            return f"this is the {'first' if step < 0 else 'last'} row"
+        return "" if self.display else f"{shown.point} {shown.axis}"
+
+    def select_next(self, ranked: tuple[tuple[str, str], ...]) -> str:
+        """Select the row after the cursor's in a ranking; returns what is to be told, or ""."""
+        before = self.selected
+        here = None if before is None else before.key
+        place = ranked.index(here) + 1 if here in ranked else 0
+        wanted = ranked[place % len(ranked)] if ranked else None
+        if not any(self.select(row.key) for row in self._rows if row.key == wanted):
+            return "no flagged row"
+        return "no other flagged row" if self.selected == before else ""
+
     def on_resize(self) -> None:
         """Keep the selected row in sight."""
         self._measure()

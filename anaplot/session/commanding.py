@@ -35,6 +35,7 @@ from anaplot.session.plates import image_of, plates_of
 from anaplot.session.repeating import begin_repeating
 from anaplot.session.requests import StopDrive, TakeRecord, WarmUp, WritePoints
 from anaplot.session.state import SessionState
+from anaplot.session.undone import undone
 
 __all__ = ["decide"]
 
@@ -167,6 +168,7 @@ def _undo(draft: Draft) -> None:
         mode = draft.desk.mode
         if mode is None or not mode.has(draft.desk.target):
             draft.go_nowhere()
+    draft.tell("info", f"undone: {undone(before, after)}")
 
 
 def _give_reason(draft: Draft, reason: Reason) -> None:

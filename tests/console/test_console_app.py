@@ -859,3 +859,95 @@ async def test_flagged_rows_out_of_sight_are_counted(size):
             assert any(line.startswith("▶") for line in lines(app)[5:17])
         await pilot.click("#table", offset=(5, 13))  # the note is no row
         assert selected(app).key == ("106", "x")
+
+
+async def test_a_second_a_accepts_what_is_incomplete():
+    station = FakeStation(replace(picture(measured=11, gross=False), may_accept=True))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("a")
+        assert "Model 102 / 103 is incomplete, 2 of 13 points to go: 113" in text(app)
+        assert "y, a accept as it is" in text(app)
+        await pilot.press("escape")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        assert station.calls == []
+        await pilot.press("a", "a")
+        await came(station, "accept")
+    app = console(FakeStation(station.current), {"accept": "f9"})
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("f9", "a")
+        assert len(app.screen_stack) == 2
+        await pilot.press("f9")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+
+
+async def test_the_simulated_hand_does_not_go_silently():
+    station = FakeStation()
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("h")
+        assert "Take the simulated hand away?" in text(app)
+        assert "hand off" not in lines(app)[1]
+        await pilot.press("n")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        assert station.calls == []
+        await pilot.press("h", "h")
+        await came(station, "set_hand", False)
+        await until(pilot, lambda: lines(app)[1].rstrip().endswith("hand off"))
+        await pilot.press("h")
+        await came(station, "set_hand", True)
+        await until(pilot, lambda: "hand off" not in lines(app)[1])
+
+
+async def test_every_key_answers():
+    station = FakeStation()
+    app = console(station)
+    quiet = {"redraw"}  # the screen is drawn again, and looks the same
+    async with app.run_test(size=(160, 50)) as pilot:
+        await pilot.pause()
+        main = app.screen
+        await pilot.press("home")
+        for action in ACTIONS:
+            if action.id in quiet:
+                continue
+            station.calls.clear()
+            app.screen.query_one(MessagePanel).clear()
+            await pilot.pause()
+            before = text(app)
+            main.action_press(action.id)
+            await until(pilot, lambda before=before: text(app) != before or station.calls)
+            while app.screen is not main:
+                await pilot.press("escape")
+        for key in ("y", "i", "ctrl+x", "tab", "f11"):
+            await pilot.press(key)
+            await until(pilot, lambda: "means nothing here (? helps)" in text(app))
+        await pilot.press("home", "home")
+        assert "this is the first row" in text(app)
+        await pilot.press("end", "end")
+        assert "this is the last row" in text(app)
+
+
+async def test_old_messages_go():
+    station = FakeStation()
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        station.notice("info", "undone: 102-3 x on again")
+        await until(pilot, lambda: "undone: 102-3 x on again" in text(app))
+        await pilot.press("home")
+        assert "undone:" not in text(app)
+        await pilot.press("l")
+        assert "undone: 102-3 x on again" in text(app)
+
+
+def test_messages_age():
+    now = [0.0]
+    panel = MessagePanel(clock=lambda: now[0])
+    panel.say("error", "the link is lost")
+    panel.say("info", "a word")
+    now[0] = 9.0
+    panel.age()
+    assert len(panel.lines(80, 5)) == 2
+    now[0] = 11.0
+    panel.age()
+    assert [line.plain for line in panel.lines(80, 5)] == [" error: the link is lost"]
+    assert len(panel.history(80)) == 2

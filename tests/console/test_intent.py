@@ -6,19 +6,32 @@ import pytest
 from consolefake import FakeStation, picture
 
 from anaplot.console.choices import Choices
-from anaplot.console.intent import Leave, PointName, Question, Read, Say, Toggle, Turn, intended
+from anaplot.console.intent import (
+    Leave,
+    PointName,
+    Question,
+    Read,
+    Say,
+    Toggle,
+    Turn,
+    answer,
+    idle,
+    intended,
+)
 from anaplot.console.keymap import keys_in_force
-from anaplot.console.now import now_of
+from anaplot.console.now import Now, now_of
 from anaplot.console.rows import shown_rows
 from anaplot.console.situation import Situation
 from anaplot.session.commands import (
     Accept,
     Drive,
     KeepCounters,
+    NextModel,
     RecordPoint,
     Reference,
     Resume,
     ReturnTo,
+    Stop,
     Suspend,
     Switch,
 )
@@ -27,6 +40,16 @@ from anaplot.station.returnadvice import ReturnAdvice
 pytestmark = pytest.mark.smoke
 
 STEREO = Choices(stereo_on=True)
+
+
+def _without_hand() -> FakeStation:
+    station = FakeStation()
+    station.hand = False
+    return station
+
+
+def zoomed(by: int) -> Choices:
+    return replace(STEREO, wheels=STEREO.wheels.zoomed(by))
 
 
 def now(row: int | None = 1, **changes: object) -> Situation:
@@ -84,7 +107,13 @@ def test_enter_on_the_advice_returns() -> None:
         ("suspend", now(snapshot=picture(suspended=True)), Resume()),
         ("add_point", now(), PointName()),
         ("automatic", now(), Toggle("automatic")),
-        ("hand", now(), Toggle("hand")),
+        ("hand", now(choices=STEREO), Toggle("hand")),
+        ("hand", now(controls=_without_hand()), Toggle("hand")),
+        ("drive", now(now=Now("", "next_model")), NextModel()),
+        ("drive", now(now=Now("", "accept"), snapshot=picture(gross=False)), Accept()),
+        ("drive", now(now=Now("", "suspend"), snapshot=picture(suspended=True)), Resume()),
+        ("drive", now(now=Now("", "add_point")), PointName()),
+        ("drive", now(now=Now("", "drive", "110")), Drive("110")),
         ("left", now(choices=STEREO), Turn(-0.02, 0.0, 0.0, 0.0)),
         ("far_py_less", now(choices=STEREO), Turn(0.0, 0.0, 0.0, -0.2)),
         ("help", now(), Read("help")),
@@ -99,6 +128,19 @@ def test_what_a_key_means(action: str, situation: Situation, meaning: object) ->
     ("action", "situation", "then", "words"),
     [
         ("accept", now(), Accept(), "1 row is still flagged in model 102 / 103. Accept it?"),
+        ("hand", now(), Toggle("hand"), "Take the simulated hand away?"),
+        (
+            "accept",
+            now(snapshot=replace(picture(measured=11), may_accept=True)),
+            Accept(),
+            "Model 102 / 103 is incomplete, 2 of 13 points to go: 113, 114. Accept it?",
+        ),
+        (
+            "accept",
+            now(snapshot=replace(picture(), points=picture(measured=12).points)),
+            Accept(),
+            "Model 102 / 103 is incomplete, 1 of 13 points to go: 114. 1 row is still flagged",
+        ),
         ("leave", now(), Leave(), "Model 102 / 103 is not accepted yet."),
         (
             "keep_counters",
@@ -119,6 +161,33 @@ def test_what_is_asked_first(action: str, situation: Situation, then: object, wo
 def test_only_a_simulated_plotter_is_worked_from_here(action: str) -> None:
     assert isinstance(intended(action, now(controls=None, choices=STEREO)), Say)
     assert isinstance(intended(action, now(choices=STEREO)), Turn | Toggle)
+
+
+@pytest.mark.parametrize(
+    ("action", "situation", "words"),
+    [
+        ("zoom_in", now(), "the handwheels are those of a simulated plotter's stereo view (v)"),
+        ("coarse", now(choices=STEREO, controls=None), "the handwheels are those of"),
+        ("zoom_in", now(choices=zoomed(20)), "this is the smallest field"),
+        ("zoom_out", now(choices=zoomed(-20)), "this is the widest field"),
+        ("zoom_out", now(choices=STEREO), ""),
+        ("transfers", now(snapshot=picture(gross=False)), "no critical transfers"),
+        ("transfers", now(), ""),
+        ("sort", now(), ""),
+    ],
+)
+def test_what_changes_nothing_says_why(action: str, situation: Situation, words: str) -> None:
+    said = idle(action, situation)
+    assert said.startswith(words)
+    assert bool(said) == bool(words)
+
+
+def test_a_drive_is_told_and_where_there_is_none_what_happens_instead() -> None:
+    assert answer(Drive("103"), picture()) == "to 103"
+    undriven = picture(drives=False)
+    assert answer(Drive("103"), undriven) == "103 is next: set the mark on it, then record"
+    assert answer(Stop(), undriven) == "nothing to stop: this plotter has no drive"
+    assert answer(Accept(), picture()) == ""
 
 
 def test_the_stereo_view_takes_the_place_of_a_map_that_is_shown() -> None:

@@ -331,7 +331,8 @@ def test_undo_of_an_acceptance_lays_the_photos_again(bench: Bench) -> None:
     bench.whole_model()
     bench.give(Accept())
     decision = bench.give(Undo())
-    assert decision.requests == (WritePoints(), Lay("101", "102"))
+    told = Tell("info", "undone: model 101/102 is in work again")
+    assert decision.requests == (WritePoints(), Lay("101", "102"), told)
     assert bench.desk.target is None
     assert bench.desk.expected == "accept the model"
 
