@@ -96,9 +96,14 @@ def describe_row(shown: ShownRow, snapshot: Snapshot) -> list[Entry]:
     work = in_work(snapshot)
     view = next((v for v in work.points if v.point == shown.point), None)
     role = "" if view is None else f", {'tie' if view.role == 'tie' else 'new point'}"
+    if view is not None and view.mark:
+        role += ", control point" if view.mark == "control" else ", lateral tie"
     if snapshot.inner is not None:
         role = f", fiducial of photo {snapshot.inner.photo}"
     entries: list[Entry] = [("row", f"{shown.point} {shown.axis}{role}")]
+    if view is not None and view.offered:
+        place = "marked" if view.sigma is None else f"expected within {1e3 * view.sigma:.0f} µm"
+        entries.append(("offered", f"{place}; the model is complete without it"))
     if view is not None:
         times = {0: "not yet", 1: "once", 2: "twice"}.get(view.times, f"{view.times} times")
         if len(view.seen) == 1:
@@ -136,7 +141,12 @@ def advice_of(snapshot: Snapshot) -> list[str]:
     if block:
         # the model has the first word, and the block's is not the one for which there is no room
         sentences.insert(1, block)
-    return sentences
+    known = [accident.text for accident in snapshot.accidents]
+    if snapshot.hint:
+        known.append(snapshot.hint)
+    # a number that is wrong comes before parallaxes that may follow from it
+    first = sum(accident.certain for accident in snapshot.accidents)
+    return [*known[:first], *sentences, *known[first:]]
 
 
 def _of_model(snapshot: Snapshot) -> list[str]:

@@ -96,7 +96,7 @@ class Question:
 
 Intent = Command | Say | Question | Leave | PointName | Read | Turn | Toggle
 
-_PAGES = ("orientation", "messages", "block", "fit", "log", "pointing", "errors", "help")
+_PAGES = ("orientation", "messages", "block", "ties", "fit", "log", "pointing", "errors", "help")
 _ALWAYS: dict[str, Intent] = {
     "record": commands.RecordPoint(),
     "next_model": commands.NextModel(),

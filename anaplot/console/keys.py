@@ -102,6 +102,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("stereo", "v", "Stereo", "The stereo view in place of the map, or the map again.", 6),
     Action("overview", "w", "Where", "Where the block stands: all models; or the table again.", 8),
     Action("block", "b", "Block", "What the block as one bundle says of all its points.", 9),
+    Action("ties", "T", "Ties", "The strip against its neighbours and against the control.", 17),
     Action("fit", "F", "Fit", "The strips on the control measured so far.", 18),
     Action("pointing", "P", "", "How precise the pointing is; from there, point again."),
     Action("errors", "e", "Errors", "Gross errors of the model, by the strategy chosen there.", 16),

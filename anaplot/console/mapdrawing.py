@@ -16,6 +16,7 @@ from anaplot.adjustment.tested import Transfer
 from anaplot.console.braille import Canvas
 from anaplot.console.inwork import InWork, in_work
 from anaplot.orientation.results import Row
+from anaplot.session.transfer import Mark
 from anaplot.station.snapshot import PointView, Snapshot
 from anaplot.textfiles.wording import plain
 
@@ -25,6 +26,12 @@ _SMALLEST_EXTENT = 20.0  # mm: a single point is not blown up to the whole map
 _BAR_DOTS = 10
 _NICE = (1.0, 1.5, 2.0, 3.0, 5.0, 7.5, 10.0)
 _MARKERS = {"pending": "○", "measured": "●", "flagged": "!", "off": "x"}
+_KNOWN = {
+    "lateral": {"pending": "◇", "measured": "◆"},
+    "control": {"pending": "△", "measured": "▲"},
+    "": {},
+}
+"""Markers of points known from another strip or on the ground, where others have another one."""
 
 
 class Layer(IntEnum):
@@ -100,11 +107,16 @@ class MapProjection:
         return cls(scale, (left + right) / 2.0, (lower + upper) / 2.0, width, height)
 
 
-def _legend(canvas: Canvas, um_per_dot: float | None, transfers: bool, target: bool) -> int:
+def _legend(
+    canvas: Canvas, um_per_dot: float | None, transfers: bool, target: bool, marks: set[Mark]
+) -> int:
     """Write what the signs mean at the bottom; returns the number of rows it takes."""
     if canvas.rows < 6:
         return 0
     signs = ["○ open", "● done", "! flag", "x off"]
+    signs += [
+        f"{_KNOWN[mark]['measured']} {mark}" for mark in ("lateral", "control") if mark in marks
+    ]
     if target:
         signs.append("(●) plates here")
     if transfers:
@@ -171,7 +183,8 @@ def _mark(canvas: Canvas, column: int, row: int, view: PointView, snapshot: Snap
     layer = layers[view.status]
     if view.point == snapshot.next_point and view.status == "pending":
         layer = Layer.NEXT
-    canvas.write(column, row, _MARKERS[view.status], layer)
+    sign = _KNOWN[view.mark].get(view.status, _MARKERS[view.status])
+    canvas.write(column, row, sign, layer)
 
 
 def draw_map(
@@ -206,7 +219,8 @@ def draw_map(
     transfers = _transfers(snapshot, selected, all_transfers)
     um_per_dot = _um_per_dot(work, canvas)
     target = any(v.point == snapshot.target for v in views)
-    legend = _legend(canvas, um_per_dot, bool(transfers), target)
+    marks = {v.mark for v in views}
+    legend = _legend(canvas, um_per_dot, bool(transfers), target, marks)
     projection = MapProjection.around(
         [(v.x, v.y) for v in views],
         canvas.width,

@@ -37,7 +37,7 @@ __all__ = ["ModelList", "OverviewView"]
 _OF_TABLE = frozenset({"sort", "transfers", "layout", "stereo"})
 _ELSEWHERE = frozenset(
     {"orientation", "messages", "block", "errors", "help", "leave", "redraw", "automatic"}
-    | {"suspend", "stop", "hand", "fit", *(f"why_{reason}" for reason in REASONS)}
+    | {"suspend", "stop", "hand", "fit", "ties", *(f"why_{reason}" for reason in REASONS)}
 )
 _MOST_LINES = 12
 _STEPS = {"row_up": -1, "up": -1, "row_down": 1, "down": 1}

@@ -21,6 +21,8 @@ from anaplot.console.panels import entry_lines
 from anaplot.console.pointingpage import PointingPage
 from anaplot.console.rows import ShownRow
 from anaplot.console.stationlike import StationLike
+from anaplot.console.tiespage import TITLE as TIES_TITLE
+from anaplot.console.tiespage import ties_page
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.stripcontrol import StripOnControl
 from anaplot.textfiles.wording import plain
@@ -64,6 +66,7 @@ class Pages:
         self._station, self._snapshot, self._keys = station, station.snapshot(), keys
         self._messages, self._chosen, self._again = messages, chosen, again
         self._block: Page | None = None
+        self._ties: Page | None = None
         self._errors: ErrorsPage | None = None
         self._fit: FitPage | None = None
         self._pointing: PointingPage | None = None
@@ -81,6 +84,8 @@ class Pages:
             self._log.renew()
         if self._block is not None:
             self._block.show(block_page(snapshot.block_view, _WIDTH))
+        if self._ties is not None:
+            self._ties.show(ties_page(snapshot, _WIDTH))
         if self._errors is not None:
             self._errors.renew()
 
@@ -99,6 +104,9 @@ class Pages:
         elif page == "block":
             self._block = Page(BLOCK_TITLE, block_page(snapshot.block_view, _WIDTH))
             app.push_screen(self._block, self._block_read)
+        elif page == "ties":
+            self._ties = Page(TIES_TITLE, ties_page(snapshot, _WIDTH))
+            app.push_screen(self._ties, self._ties_read)
         elif page == "fit":
             strip = self._choice.strip or snapshot.strip
             self._choice = replace(self._choice, strip=strip)
@@ -121,6 +129,9 @@ class Pages:
 
     def _block_read(self, _: None) -> None:
         self._block = None
+
+    def _ties_read(self, _: None) -> None:
+        self._ties = None
 
     def _pointing_read(self, _: None) -> None:
         self._pointing = None

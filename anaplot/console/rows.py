@@ -11,6 +11,7 @@ from anaplot.adjustment.tested import Observation
 from anaplot.aliases import Axis
 from anaplot.console.inwork import in_work
 from anaplot.orientation.results import Row
+from anaplot.session.transfer import Mark
 from anaplot.station.snapshot import PointView, Snapshot
 
 __all__ = ["SORT_ORDERS", "RowState", "ShownRow", "SortOrder", "shown_rows", "sort_rows"]
@@ -42,6 +43,10 @@ class ShownRow:
         The only photo in which its point was measured so far, in a mono comparator, or "".
     off_um
         The parallax [um] that it would have, where it is off; None where there is none.
+    mark
+        Whether its point is known from another strip, or on the ground.
+    offered
+        Whether the model is complete without it.
     """
 
     point: str
@@ -52,6 +57,8 @@ class ShownRow:
     accused: bool = False
     half: str = ""
     off_um: float | None = None
+    mark: Mark = ""
+    offered: bool = False
 
     @property
     def key(self) -> tuple[str, Axis]:
@@ -71,7 +78,8 @@ class ShownRow:
         if self.state == "pending" and self.half and not self.expected:
             return f"{self.half} only"
         if self.state == "pending":
-            return "next" if self.expected else "pending"
+            quiet = "offered" if self.offered else "pending"
+            return "next" if self.expected else quiet
         if self.row is None:
             return "measured"
         if self.accused and self.row.w is not None:
@@ -93,7 +101,7 @@ def _row(
 ) -> ShownRow:
     key = (view.point, axis)
     if axis in view.off_axes or view.status == "off":
-        return ShownRow(view.point, axis, "off", expected, off_um=off.get(key))
+        return ShownRow(view.point, axis, "off", expected, off_um=off.get(key), mark=view.mark)
     # A point whose other row alone is off counts as measured: its plates were read.
     state: RowState = "pending" if view.status == "pending" else "measured"
     return ShownRow(
@@ -104,6 +112,8 @@ def _row(
         table.get(key),
         key == accused,
         view.seen[0] if len(view.seen) == 1 else "",
+        mark=view.mark,
+        offered=view.offered,
     )
 
 

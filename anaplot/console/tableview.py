@@ -24,6 +24,8 @@ from anaplot.textfiles.wording import plain
 __all__ = ["TableView"]
 
 _VERDICT = 13
+_MARKS = {"": " ", "lateral": "◆", "control": "▲"}
+"""Beside a row of a point that is known from another strip, or on the ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,7 +308,8 @@ class TableView(ScrollView):
             return Strip.blank(width, self._style("table--row"))
         shown = self._rows[place]
         here = place == self._cursor
-        start = f"{'▶' if here else ' '} {fit_end(shown.point, name - 1)} {shown.axis} "
+        start = f"{'▶' if here else ' '} {fit_end(shown.point, name - 1)} {shown.axis}"
+        start += _MARKS[shown.mark]
         middle = "".join(column.cell(shown, column.width) for column in columns)
         if shown.flagged:
             parts = [(start + middle, "table--flagged"), (f" {shown.verdict}", "table--flagged")]
