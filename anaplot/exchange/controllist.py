@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, Literal, cast
@@ -16,19 +17,40 @@ from anaplot.textfiles.wording import place, quoted, reason
 __all__ = ["read_control_list"]
 
 _MAX_BYTES = 64_000_000
+_SPREADS: Final = ("s", "sigma", "sd", "std", "stddev", "accuracy")
 _HEADERS: Final = {
-    "point": ("point", "name", "id", "nr", "no", "number", "pt", "point_id", "pointid", "station"),
-    "X": ("x", "e", "east", "easting"),
-    "Y": ("y", "n", "north", "northing"),
-    "Z": ("z", "h", "height", "elevation", "elev", "alt", "altitude"),
-    "sX": ("sx", "se", "sigma_x", "sigma_e", "sd_x", "std_x"),
-    "sY": ("sy", "sn", "sigma_y", "sigma_n", "sd_y", "std_y"),
-    "sZ": ("sz", "sh", "sigma_z", "sigma_h", "sd_z", "std_z"),
-    "sXY": ("sxy", "sen", "sigma_xy"),
-    "s": ("s", "sigma", "sd", "std"),
+    "point": (
+        *("point", "name", "id", "nr", "no", "number", "pt", "ptno", "ptid", "ptname"),
+        *("pointid", "pointno", "pointnr", "pointnumber", "pointname", "station", "gcp", "label"),
+        *("punkt", "punktnr", "punktnummer"),
+    ),
+    "X": ("x", "e", "east", "easting", "rechts", "rechtswert"),
+    "Y": ("y", "n", "north", "northing", "hoch", "hochwert"),
+    "Z": (
+        *("z", "h", "height", "elevation", "elev", "alt", "altitude", "höhe", "hoehe"),
+        *("ellipsoidalheight", "orthometricheight"),
+    ),
+    "s": _SPREADS,
     "use": ("use",),
 }
-_COLUMN: Final = {alias: name for name, aliases in _HEADERS.items() for alias in aliases}
+_ASIDE: Final = frozenset(("description", "desc", "remark", "remarks", "comment", "code", "note"))
+"""Columns that are there for people; they are not read."""
+
+
+def _columns_by_header() -> dict[str, str]:
+    """Return the name of a column by what its header may say, letters and digits only."""
+    found = {alias: name for name, aliases in _HEADERS.items() for alias in aliases}
+    for axis in ("X", "Y", "Z"):
+        for of in _HEADERS[axis]:
+            found |= {f"{spread}{of}": f"s{axis}" for spread in _SPREADS}
+    for of in ("xy", "en", "plan", "horizontal"):
+        found |= {f"{spread}{of}": "sXY" for spread in _SPREADS}
+    found |= {f"{spread}vertical": "sZ" for spread in _SPREADS}
+    return found | dict.fromkeys(_ASIDE, "")
+
+
+_COLUMN: Final = _columns_by_header()
+_UNIT: Final = re.compile(r"[\[(].*|_m$|\bin m$")
 _SIGMA = Blank(Made(Number(0.0), abs))
 _KINDS: Final[dict[str, Kind[Any]]] = {
     "point": NAME,
@@ -47,7 +69,8 @@ def read_control_list(path: Path) -> tuple[ControlPoint, ...]:
         Text with a header; fields are separated by commas, semicolons, tabs or blanks. Columns:
         the name (point, name, id, ...), E or X, N or Y, H or Z, and perhaps standard deviations
         (sigma for all, or sX, sY, sZ) and use; in any order, in small or capital letters, with a
-        unit in brackets or none; metres. Lines that begin with # are comments.
+        unit in brackets or none; metres. A description is not read. Lines that begin with # are
+        comments.
 
     Returns
     -------
@@ -100,13 +123,13 @@ def _columns(path: Path, number: int, header: list[str]) -> list[str]:
     """Return the name of each column; raises InputError where one is unknown or missing."""
     columns = []
     for title in header:
-        name = _COLUMN.get(title.partition("[")[0].partition("(")[0].strip().lower())
+        name = _column(title)
         if name is None:
             usual = "point, X, Y, Z (or name, E, N, H), sigma or sX, sY, sZ, use"
             raise InputError(
                 f"{place(path, number)}: unknown column {quoted(title)} (known: {usual})"
             )
-        if name in columns:
+        if name and name in columns:
             raise InputError(f"{place(path, number)}: column {name} twice ({quoted(title)})")
         columns.append(name)
     for needed in ("point", "X", "Y"):
@@ -116,6 +139,12 @@ def _columns(path: Path, number: int, header: list[str]) -> list[str]:
     return columns
 
 
+def _column(title: str) -> str | None:
+    """Return the column that a header names, "" for one that is not read, None for none known."""
+    words = _UNIT.sub("", title.strip().lower())
+    return _COLUMN.get("".join(sign for sign in words if sign.isalnum()))
+
+
 def _point(path: Path, number: int, columns: list[str], fields: list[str]) -> ControlPoint:
     if len(fields) != len(columns):
         raise InputError(
@@ -123,6 +152,8 @@ def _point(path: Path, number: int, columns: list[str], fields: list[str]) -> Co
         )
     row: dict[str, Any] = {}
     for name, field in zip(columns, fields, strict=True):
+        if not name:
+            continue
         try:
             row[name] = _KINDS[name].of_text(field)
         except WrongValueError as error:

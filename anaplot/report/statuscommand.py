@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -87,7 +88,7 @@ def block_status(folder: Path) -> tuple[BlockStatus, tuple[str, ...]]:
             state = restored(block, events)[1]
         except InputError as error:
             remarks = (f"the journal was not read: {error}",)
-    return status_of(block, state, _view(block), plain(str(folder))), remarks
+    return status_of(block, state, _view(block), plain(shlex.quote(str(folder)))), remarks
 
 
 def _view(block: Block) -> BlockView | None:

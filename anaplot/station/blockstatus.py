@@ -188,7 +188,9 @@ class BlockStatus:
             spots.append(WeakSpot(one.name, f"model {one.name}: computed anew: {one.in_words()}"))
         for model in self.models:
             if model.why:
-                spots.append(WeakSpot(model.name, f"model {model.name}: {model.why}"))
+                named_there = f"model {model.name}" in model.why
+                words = model.why if named_there else f"model {model.name}: {model.why}"
+                spots.append(WeakSpot(model.name, words))
             elif model.state == "look" and model.name not in named:
                 rows = "1 row" if model.flagged == 1 else f"{model.flagged} rows"
                 spots.append(WeakSpot(model.name, f"model {model.name}: {rows} flagged"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -68,7 +69,7 @@ class ReplayStation(Commanded):
         self._lock = threading.Lock()
         self._of_session: set[str] = set()
         self._watch = BlockWatch(self._block_seen)
-        self._status = LiveStatus(plain(str(session)))
+        self._status = LiveStatus(plain(shlex.quote(str(session))))
         self._desk = Desk.at(start(self._block))
         self._snapshot = self._first()
         self._thread: threading.Thread | None = None

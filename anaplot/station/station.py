@@ -10,6 +10,7 @@ station.
 from __future__ import annotations
 
 import contextlib
+import shlex
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -149,7 +150,7 @@ class Station(Commanded):
             self._recorder = Recorder(self._journal, time.monotonic)
             events, state = restored(block, recovered.records)
             self._points = PointsFile(folder, block, events)
-            self._status = LiveStatus(plain(str(folder)))
+            self._status = LiveStatus(plain(shlex.quote(str(folder))))
             self._desk = Desk.at(
                 state,
                 None if self._instrument is None else self._instrument.abilities,

@@ -29,6 +29,9 @@ SEVEN = ControlPoint("7", (1000.5, 2000.0, 310.25), (0.1, 0.1, 0.1))
         "# a survey\n\nH;n;E [m];Point;SIGMA(m)\n310.25;2000;1000.5;7;0.1\n",
         "id\teasting\tnorthing\theight\tsx\tsy\tsz\n7\t1000.5\t2000\t310.25\t.1\t.1\t.1\n",
         "Nr   X  Y   Z  sXY  sZ\n 7  1000.5  2000.0  310.25  0.1   0.1\n",
+        "Pt No.,North (m),East (m),Ellipsoidal Height,Std. dev. X,sigma-Y,SD_Z_m,Description\n"
+        "7,2000,1000.5,310.25,.1,.1,.1,white cross\n",
+        "Punkt;Rechtswert;Hochwert;Höhe in m;accuracy;Code\n7;1000.5;2000;310.25;0.1;\n",
         '\ufeffpoint,X,Y,Z,s,use\n"7",1000.5,2000,310.25,0.1,control\n',
     ],
 )

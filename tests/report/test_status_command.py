@@ -130,12 +130,13 @@ def test_the_session_says_what_is_in_work(
 
 
 def test_a_block_without_strips(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = tmp_path / "b"
+    folder = tmp_path / "a b"  # as a shell takes it
     write_measured(folder, models=2, measured=2, keep_models=False)
     text = (folder / "block.toml").read_text()
     before, _, after = text.partition("[[strip]]")
     (folder / "block.toml").write_text(before + after[after.index("[[photo]]") :])
     found = status(folder, capsys)
     assert found["strips"] == []
+    assert found["next"]["command"].startswith(f"anaplot adjust '{folder}'")
     assert found["next"]["do"] == "adjust"
     assert main(["status", str(tmp_path / "nowhere")]) == 2
