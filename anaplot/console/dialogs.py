@@ -10,6 +10,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.content import Content
 from textual.screen import ModalScreen
+from textual.style import Style
 from textual.widgets import Input, Static
 
 from anaplot.textfiles.wording import plain
@@ -17,6 +18,11 @@ from anaplot.textfiles.wording import plain
 __all__ = ["AskName", "AskWhether", "Page"]
 
 _LONGEST_NAME = 40
+
+
+def _clickable(text: str, action: str) -> Content:
+    """Return text on which a click does what an action of the screen does."""
+    return Content(text).stylize(Style.from_meta({"@click": f"screen.{action}"}))
 
 
 class AskWhether(ModalScreen[bool]):
@@ -65,11 +71,11 @@ class AskWhether(ModalScreen[bool]):
 
     def compose(self) -> ComposeResult:
         """Lay question and answers out."""
+        y = ", ".join(("y", *list(self._again.values())[:1]))
         keys = Content.assemble(
-            (", ".join(("y", *list(self._again.values())[:1])), "bold $text-accent"),
-            f" {self._yes}     ",
-            ("n", "bold $text-accent"),
-            f" {self._no}",
+            _clickable(f"{y} {self._yes}", "answer(True)").stylize("bold $text-accent", 0, len(y)),
+            "     ",
+            _clickable(f"n {self._no}", "answer(False)").stylize("bold $text-accent", 0, 1),
         )
         with Vertical():
             yield Static(Content(self._question), markup=False)
@@ -110,7 +116,8 @@ class AskName(ModalScreen[str | None]):
         with Vertical():
             yield Static(Content(self._title))
             yield Input(max_length=_LONGEST_NAME, compact=True)
-            yield Static(Content(f"enter {self._enter}     escape leave it"))
+            leave = _clickable("escape leave it", "cancel")
+            yield Static(Content.assemble(f"enter {self._enter}     ", leave))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Close with the name, which may be empty."""
@@ -148,7 +155,8 @@ class Page(ModalScreen[None]):
     def compose(self) -> ComposeResult:
         """Lay title and text out."""
         with Vertical():
-            yield Static(Content(f"{self._title}   (escape closes)"), classes="page--title")
+            title = Content.assemble(f"{self._title}   ", _clickable("(escape closes)", "close"))
+            yield Static(title, classes="page--title")
             with VerticalScroll(can_focus=False):
                 yield Static(Content("\n").join(self._lines), classes="page--text")
 

@@ -104,7 +104,9 @@ ACTIONS: tuple[Action, ...] = (
     Action("block", "b", "Block", "What the block as one bundle says of all its points.", 9),
     Action("ties", "T", "Ties", "The strip against its neighbours and against the control.", 17),
     Action("fit", "F", "Fit", "The strips on the control measured so far.", 18),
-    Action("pointing", "P", "", "How precise the pointing is; from there, point again."),
+    Action(
+        "pointing", "P", "Pointing", "How precise the pointing is; from there, point again.", 19
+    ),
     Action("errors", "e", "Errors", "Gross errors of the model, by the strategy chosen there.", 16),
     Action("details", "d", "More", "All that is known of the selected row.", 10),
     Action("add_point", "+", "Add", "Add a point beyond the plan.", 16),
