@@ -141,19 +141,21 @@ def strip_of(text: str, number: int) -> Strip:
     Raises
     ------
     InputError
-        It names no photos, or fewer than two, or one twice.
+        It names no photos, or fewer than two, or one twice; or several ranges, with commas.
     """
     name, equals, named = text.partition("=")
     if not equals:
         name, named = str(number), text
     name = name.strip()
+    parts = tuple(part.strip() for part in named.split(","))
+    if _several_ranges(parts):
+        raise InputError(
+            f"strip {quoted(text)}: commas part photos; every strip stands on its own: "
+            + plain("; ".join(parts), 200)
+        )
     ends = split_range(named.strip())
     try:
-        photos = (
-            photo_range(*ends)
-            if ends is not None and "," not in named
-            else tuple(part.strip() for part in named.split(","))
-        )
+        photos = photo_range(*ends) if ends is not None and len(parts) == 1 else parts
     except ValueError as error:
         raise InputError(f"strip {quoted(text)}: {plain(str(error), 200)}") from None
     if len(photos) < 2:
@@ -168,6 +170,26 @@ def strip_of(text: str, number: int) -> Strip:
     if twice is not None:
         raise InputError(f"strip {quoted(text)}: photo {quoted(twice)} twice")
     return Strip(name, photos)
+
+
+def _several_ranges(parts: Sequence[str]) -> bool:
+    """Whether what commas part can only be meant as ranges: numbers alike, no photo twice.
+
+    1-101 and 1-102 are names, though each could be a range as well.
+    """
+    seen: set[str] = set()
+    for part in parts:
+        ends = split_range(part)
+        if len(parts) == 1 or ends is None or len(ends[0]) != len(ends[1]):
+            return False
+        try:
+            photos = photo_range(*ends)
+        except ValueError:
+            return False
+        if len(photos) < 2 or not seen.isdisjoint(photos):
+            return False
+        seen.update(photos)
+    return True
 
 
 def strips_of_models(rows: Iterable[ImagePoint]) -> tuple[Strip, ...]:

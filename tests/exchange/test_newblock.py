@@ -11,6 +11,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import clear_image_points, read_block, write_new_block
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_block_toml
 from anaplot.exchange.camerafile import write_camera
+from anaplot.exchange.newblock import strip_of
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.planning.syntheticcamera import SYNTHETIC_CAMERA_FILE, with_calibration
@@ -109,3 +110,25 @@ def test_what_a_killed_writer_left_is_cleared_and_nothing_else(tmp_path):
     clear_image_points(tmp_path)
     assert set(tmp_path.iterdir()) == before
     clear_image_points(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("text", "photos"),
+    [
+        ("101-103", ("101", "102", "103")),
+        ("203-201", ("203", "202", "201")),
+        ("101, 103,105", ("101", "103", "105")),
+        # names with a dash, though 1-101 could be a range
+        ("1-101,1-102,1-103", ("1-101", "1-102", "1-103")),
+        ("F1-01,F1-02", ("F1-01", "F1-02")),
+        ("north=8-11", ("8", "9", "10", "11")),
+    ],
+)
+def test_a_strip_is_a_range_or_names(text, photos):
+    assert strip_of(text, 1).photos == photos
+
+
+def test_ranges_with_commas_are_not_taken_for_names():
+    with pytest.raises(InputError, match="every strip stands on its own: 101-103; 203-201") as said:
+        strip_of("101-103, 203-201", 1)
+    assert "\n" not in str(said.value)
