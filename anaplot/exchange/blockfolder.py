@@ -30,6 +30,7 @@ from anaplot.textfiles.wholefile import (
 from anaplot.textfiles.wording import place, reason
 
 __all__ = [
+    "IMAGE_POINTS_CSV",
     "block_files",
     "check_for_bridge",
     "clear_image_points",

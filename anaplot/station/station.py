@@ -62,6 +62,7 @@ from anaplot.session.state import SessionState
 from anaplot.station.audience import News
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.commanded import Commanded
+from anaplot.station.edited import check_unedited
 from anaplot.station.header import session_header
 from anaplot.station.inbox import Inbox, Item, Told, Traffic
 from anaplot.station.instrument import Instrument, Setup
@@ -150,6 +151,7 @@ class Station(Commanded):
             self._recorder = Recorder(self._journal, time.monotonic)
             events, state = restored(block, recovered.records)
             self._points = PointsFile(folder, block, events)
+            check_unedited(folder, block, state, self._points.of_session)
             self._status = LiveStatus(plain(shlex.quote(str(folder))))
             self._desk = Desk.at(
                 state,

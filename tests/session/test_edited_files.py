@@ -1,0 +1,131 @@
+"""A file that was changed behind the session's back is told when the block is opened again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from journaltools import append_event
+from sessionscene import Scene
+
+from anaplot.cli import main
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
+from anaplot.exchange.journal import Journal
+from anaplot.photogrammetry.block import ImagePoint
+from anaplot.session.events import Event, ModelAccepted, RowSwitched, Undone
+from anaplot.session.state import SessionState, apply
+from anaplot.station.edited import check_unedited
+from anaplot.station.imagepoints import rows_of
+from anaplot.station.sessionlog import read_history
+from anaplot.station.station import Station
+from anaplot.textfiles.wording import quoted
+
+OF_SESSION = {"101/102"}
+
+
+class Work:
+    """A block of which one model is accepted, with a row off, taken back and accepted with two."""
+
+    def __init__(self, folder: Path) -> None:
+        scene = Scene(3)
+        self.folder = folder
+        write_new_block(folder, scene.block)
+        self.states: list[SessionState] = [scene.start]
+        self._journal = Journal.open(folder, {})[0]
+        self.happen(scene.choice(scene.start, 0))
+        for event in scene.measurements(self.state):
+            self.happen(event)
+        self.first, self.second, self.third = (p.point for p in self.state.current.plan[:3])
+        self.happen(RowSwitched(self.first, "y", on=False))
+        self.happen(ModelAccepted("101", "102"))
+        self.before = rows_of(self.state.models)
+        self.happen(Undone())
+        self.happen(RowSwitched(self.second, "y", on=False))
+        self.happen(ModelAccepted("101", "102"))
+        self._journal.close()
+        self.rows = rows_of(self.state.models)
+
+    @property
+    def state(self) -> SessionState:
+        return self.states[-1]
+
+    def happen(self, event: Event) -> None:
+        append_event(self._journal, event)
+        self.states.append(apply(self.state, event))
+
+    def write(self, rows: tuple[ImagePoint, ...]) -> None:
+        write_image_points(self.folder, rows)
+
+    def check(self) -> None:
+        check_unedited(self.folder, read_block(self.folder), self.state, OF_SESSION)
+
+    def with_row(self, point: str, **changes: object) -> tuple[ImagePoint, ...]:
+        return tuple(
+            replace(row, **changes) if (row.photo, row.point) == ("102", point) else row
+            for row in self.rows
+        )
+
+
+@pytest.fixture
+def work(tmp_path: Path) -> Work:
+    return Work(tmp_path / "b")
+
+
+def test_what_the_session_wrote_now_or_before_is_no_change(work: Work) -> None:
+    assert len(read_history(work.folder)[1]) == len(work.states) - 1
+    work.check()  # no file at all: the disk was full
+    for rows in (work.rows, work.before, work.rows[:5]):
+        work.write(rows)
+        work.check()
+    # rows from elsewhere, a reason in words, and a file of an older version without the column
+    work.write((*work.rows, ImagePoint("102", "lamp", 1.0, 2.0)))
+    work.check()
+    work.write(work.with_row(work.first, reason="mark on a lorry"))
+    work.check()
+    work.write(tuple(replace(row, use="xy") for row in work.rows))
+    work.check()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("change", ["use", "x", "extra"])
+def test_an_edit_is_told_with_photo_point_and_what_to_do(
+    work: Work,
+    change: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("anaplot.console.app.run_console", lambda *_, **__: 99)
+    old = next(r for r in work.rows if (r.photo, r.point) == ("102", work.first))
+    if change == "use":
+        work.write(work.with_row(work.first, use="x", reason="looks odd"))
+        words = "use is x there and off in the journal: put it back"
+    elif change == "x":
+        work.write(work.with_row(work.first, x=1.25))
+        words = f"x, y are 1.25, {old.y} there and {old.x}, {old.y} in the journal: put them back"
+    else:
+        work.write((*work.rows, ImagePoint("102", "lamp", 1.0, 2.0, model="101/102")))
+        words = "is not in the session's journal: take the row out"
+    name = "lamp" if change == "extra" else work.first
+    before = (work.folder / "image_points.csv").read_bytes()
+    for _ in range(2):
+        assert main(["open", str(work.folder)]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert "image_points.csv: photo '102', point " in error
+        assert f"{quoted(name)} of model '101/102'" in error
+        assert words in error
+    assert (work.folder / "image_points.csv").read_bytes() == before
+    # elsewhere it is no error
+    assert main(["status", str(work.folder)]) == 0
+    capsys.readouterr()
+    work.write(work.rows)
+    with Station(work.folder) as station:
+        assert station.state.models == work.state.models
+
+
+def test_what_the_search_switched_off_is_taken_back_first(work: Work) -> None:
+    work.write(work.with_row(work.third, use="off", reason="tau"))
+    with pytest.raises(InputError, match="--apply-undo takes back"):
+        work.check()
