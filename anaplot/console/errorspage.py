@@ -16,7 +16,15 @@ from anaplot.orientation.grosserrors import strategy_findings
 from anaplot.orientation.results import ModelSolution
 from anaplot.textfiles.wording import plain
 
-__all__ = ["CHOICES", "FIRST", "ErrorsPage", "errors_line", "errors_lines", "model_findings"]
+__all__ = [
+    "ABOUT",
+    "CHOICES",
+    "FIRST",
+    "ErrorsPage",
+    "errors_line",
+    "errors_lines",
+    "model_findings",
+]
 
 CHOICES = STRATEGIES
 """Strategies in the order of the page."""
@@ -24,7 +32,7 @@ CHOICES = STRATEGIES
 FIRST = "search"
 """The strategy that the page begins with."""
 
-_ABOUT = {
+ABOUT = {
     "baarda": "the largest w beyond its critical value goes, one row a step",
     "tau": "the same with the estimated sigma0 and Pope's critical value",
     "rms": "PARX over its root mean square, all beyond the critical value at once",
@@ -77,7 +85,7 @@ def errors_lines(solution: ModelSolution | None, strategy: str, width: int) -> l
     """
     names = "   ".join(f"[{name}]" if name == strategy else name for name in CHOICES)
     lines = [Content.styled(fit(names, width), "bold $text-accent")]
-    lines += [Content(line) for line in wrap(f"{strategy}: {_ABOUT[strategy]}.", width)]
+    lines += [Content(line) for line in wrap(f"{strategy}: {ABOUT[strategy]}.", width)]
     lines.append(Content(""))
     found = None if solution is None else model_findings(solution, strategy)
     if solution is None or found is None:

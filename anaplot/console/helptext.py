@@ -7,9 +7,12 @@ from collections.abc import Mapping
 from rich.cells import cell_len
 from textual.content import Content
 
+from anaplot.adjustment.strategies import STRATEGIES
+from anaplot.console.errorspage import ABOUT
 from anaplot.console.keybar import show_key
 from anaplot.console.keys import ACTIONS, Action
 from anaplot.console.text import fit, wrap
+from anaplot.textfiles.wording import plain
 
 __all__ = ["help_lines"]
 
@@ -105,9 +108,9 @@ _ERRORS = (
         "errors page",
         "What a strategy for gross errors would reject in the model as it is oriented now, in "
         "what order and on what evidence, with the size of the error where it can be told. The "
-        "page chooses the strategy, and its verdict then stands among the advice: baarda, tau, "
-        "rms (the Bayesian paper's rule), huber, danish, search.",
+        "page chooses the strategy, and its verdict then stands among the advice.",
     ),
+    *((name, f"{ABOUT[name][0].upper()}{ABOUT[name][1:]}.") for name in STRATEGIES),
 )
 
 _BLOCK = (
@@ -155,7 +158,22 @@ _POINTING = (
 )
 
 
-def _section(title: str, pairs: tuple[tuple[str, str], ...], width: int) -> list[Content]:
+Pairs = tuple[tuple[str, str], ...]
+
+
+_KEYMAP = (
+    (
+        "keymap.toml",
+        "In the folder anaplot of your configuration folder (~/.config): lines such as "
+        'record = "f5" or accept = "f9,enter". A key means one thing; what is wrong is named '
+        "when the console starts.",
+    ),
+)
+
+
+def _section(title: str, pairs: Pairs, width: int) -> list[Content]:
+    if not pairs:
+        return []
     lines = [Content(""), Content.styled(title, "bold")]
     for name, sentence in pairs:
         if cell_len(name) > _HEAD - 1:
@@ -167,8 +185,18 @@ def _section(title: str, pairs: tuple[tuple[str, str], ...], width: int) -> list
     return lines
 
 
-def help_lines(keys: Mapping[str, tuple[str, ...]], width: int) -> list[Content]:
-    """Return the help for the keys in force, wrapped to `width` cells."""
+def help_lines(keys: Mapping[str, tuple[str, ...]], width: int, words: str = "") -> list[Content]:
+    """Return the help, the keys first.
+
+    Parameters
+    ----------
+    keys
+        Those in force, by action.
+    width
+        Cells of a line.
+    words
+        Only what has them in it.
+    """
     grouped: dict[str, list[Action]] = {}
     for action in ACTIONS:
         grouped.setdefault(action.group or action.id, []).append(action)
@@ -183,15 +211,25 @@ def help_lines(keys: Mapping[str, tuple[str, ...]], width: int) -> list[Content]
         ("^p", "The command palette: all of these by name, and points to drive to."),
         ("^q ^c", "Leave, as q does; a second time without a question."),
     )
-    return [
-        *_section("The screen", _SCREEN, width)[1:],
-        *_section("The table", _COLUMNS, width),
-        *_section("The map", _MAP, width),
-        *_section("The stereo view", _STEREO, width),
-        *_section("Gross errors", _ERRORS, width),
-        *_section("The block", _BLOCK, width),
-        *_section("The control", _FIT, width),
-        *_section("The pointing", _POINTING, width),
-        *_section("Instruments", _INSTRUMENTS, width),
-        *_section("Keys", named + palette, width),
-    ]
+    wanted = words.casefold().split()
+
+    def of(pairs: Pairs) -> Pairs:
+        return tuple(
+            pair for pair in pairs if all(word in " ".join(pair).casefold() for word in wanted)
+        )
+
+    sections = (
+        ("Keys", named + palette),
+        ("The screen", _SCREEN),
+        ("The table", _COLUMNS),
+        ("The map", _MAP),
+        ("The stereo view", _STEREO),
+        ("Gross errors", _ERRORS),
+        ("The block", _BLOCK),
+        ("The control", _FIT),
+        ("The pointing", _POINTING),
+        ("Instruments", _INSTRUMENTS),
+        ("Your keys", _KEYMAP),
+    )
+    lines = [line for title, pairs in sections for line in _section(title, of(pairs), width)]
+    return lines[1:] or [Content(f"Nothing here about {plain(words)}.")]

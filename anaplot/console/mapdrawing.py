@@ -50,6 +50,7 @@ class Layer(IntEnum):
     TARGET = 10
     FLAGGED = 11
     SELECTED = 12
+    CULPRIT = 13
 
 
 def nice_above(value: float) -> float:
@@ -181,6 +182,10 @@ def _mark(canvas: Canvas, column: int, row: int, view: PointView, snapshot: Snap
         "off": Layer.OFF,
     }
     layer = layers[view.status]
+    if view.status == "flagged" and view.point in (
+        key[0] for key in in_work(snapshot).suspects[:1]
+    ):
+        layer = Layer.CULPRIT
     if view.point == snapshot.next_point and view.status == "pending":
         layer = Layer.NEXT
     sign = _KNOWN[view.mark].get(view.status, _MARKERS[view.status])

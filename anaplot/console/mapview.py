@@ -36,7 +36,8 @@ class MapView(DrawnWidget):
         .map--measured { color: $foreground; }
         .map--next { color: $text-accent; text-style: bold; }
         .map--target { color: $text-accent; text-style: bold; }
-        .map--flagged { color: $text-error; text-style: bold reverse; }
+        .map--flagged { color: $text-error; text-style: bold; }
+        .map--culprit { color: $text-error; text-style: bold reverse; }
         .map--selected { color: $foreground; text-style: bold underline; }
     }
     """

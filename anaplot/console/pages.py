@@ -15,6 +15,7 @@ from anaplot.console.describe import describe_model, describe_row
 from anaplot.console.dialogs import Page
 from anaplot.console.errorspage import FIRST, ErrorsPage, errors_lines
 from anaplot.console.fitpage import FitChoice, FitPage
+from anaplot.console.helppage import HelpPage
 from anaplot.console.helptext import help_lines
 from anaplot.console.logpage import LogPage
 from anaplot.console.panels import entry_lines
@@ -125,7 +126,7 @@ class Pages:
             self._errors = ErrorsPage(strategy, self._errors_lines, self._choose)
             app.push_screen(self._errors, self._errors_read)
         elif page == "help":
-            app.push_screen(Page("Orientation screen", help_lines(self._keys, _WIDTH)))
+            app.push_screen(HelpPage(lambda words: help_lines(self._keys, _WIDTH, words)))
 
     def _block_read(self, _: None) -> None:
         self._block = None

@@ -88,6 +88,7 @@ class TableView(ScrollView):
         "table--ok",
         "table--quiet",
         "table--flagged",
+        "table--culprit",
         "table--next",
         "table--cursor",
     }
@@ -104,6 +105,7 @@ class TableView(ScrollView):
         .table--ok { color: $text-muted; }
         .table--quiet { color: $text-muted; }
         .table--flagged { color: $text-error; text-style: bold; }
+        .table--culprit { color: $text-error; text-style: bold reverse; }
         .table--next { color: $text-accent; }
         .table--cursor { background: $panel-lighten-1; }
     }
@@ -312,7 +314,8 @@ class TableView(ScrollView):
         start += _MARKS[shown.mark]
         middle = "".join(column.cell(shown, column.width) for column in columns)
         if shown.flagged:
-            parts = [(start + middle, "table--flagged"), (f" {shown.verdict}", "table--flagged")]
+            verdict = "table--culprit" if shown.accused else "table--flagged"
+            parts = [(start + middle, "table--flagged"), (f" {shown.verdict}", verdict)]
         elif shown.verdict == "next":
             parts = [(start + middle, "table--next"), (" next", "table--next")]
         elif shown.row is None:

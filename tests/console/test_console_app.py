@@ -11,7 +11,10 @@ from idealmodel import ideal_pair, spoiled
 from rich.cells import cell_len
 from testedrows import with_rows
 
+from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.console.app import ConsoleApp, run_console
+from anaplot.console.helptext import help_lines
+from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import ACTIONS
 from anaplot.console.panels import DetailsPane, MessagePanel, ReadOutLine
 from anaplot.console.tableview import TableView
@@ -397,13 +400,17 @@ async def test_pages_explain():
     app = console(FakeStation())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("?")
-        assert "Redundancy number: the share" in text(app)
-        pages = []
-        for key in ("down", "up", *("pagedown",) * 9, "pageup"):
+        assert "Record the point under the mark" in text(app)  # the keys come first
+        pages = [text(app)]
+        for key in ("down", "up", *("pagedown",) * 16):
             await pilot.press(key)
             pages.append(text(app))
         assert pages[1] != pages[0]
         read = "\n".join(pages)
+        # no line is skipped, the last one is there
+        whole = [line.plain.strip() for line in help_lines(keys_in_force({}), 72)]
+        assert [line for line in whole if line not in read] == []
+        assert whole[-1] in pages[-1]
         # of actions that belong together the first speaks for all
         speakers = {action.group or action.id: action for action in reversed(ACTIONS)}
         assert all(action.help in read for action in speakers.values())
@@ -951,3 +958,42 @@ def test_messages_age():
     panel.age()
     assert [line.plain for line in panel.lines(80, 5)] == [" error: the link is lost"]
     assert len(panel.history(80)) == 2
+
+
+async def test_the_help_is_filtered_and_knows_all_strategies():
+    app = console(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("?", "/")
+        await pilot.press(*"danish")
+        await until(pilot, lambda: "what lies far off soon counts nothing" in text(app))
+        assert "Record the point" not in text(app)
+        await pilot.press("q", "q")  # words, not the end
+        await until(pilot, lambda: "Nothing here about danishqq" in text(app))
+        await pilot.press("escape")
+        await until(pilot, lambda: "Record the point" in text(app))
+        await pilot.press("escape")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+    said = "\n".join(line.plain for line in help_lines(keys_in_force({}), 72))
+    assert all(f"\n{name} " in said for name in STRATEGIES)
+
+
+async def test_the_culprit_looks_different_without_colour_too():
+    solved = picture().solution
+    bad = {("102", "y"), ("103", "y")}
+    table = tuple(row._replace(flagged=row.key in bad, w=9.9) for row in solved.table)
+    points = tuple(
+        replace(p, status="flagged") if p.point in ("102", "103") else p for p in picture().points
+    )
+    station = FakeStation(
+        picture(solution=with_rows(solved, table), points=points, target=None, serial=2)
+    )
+    app = console(station)
+    async with app.run_test(size=(160, 50)) as pilot:
+        await pilot.pause()
+        marks = [
+            segment.style.reverse
+            for strip in app.screen._compositor.render_strips()
+            for segment in strip
+            if segment.text.strip() in ("!", "<< REMEASURE", "< flagged")
+        ]
+    assert sorted(map(bool, marks)) == [False, False, True, True]

@@ -45,7 +45,7 @@ def test_every_state_has_its_own_sign():
     canvas = draw_map(picture(points=tuple(points), next_point="999"), None, 60, 40)
     assert "x" in glyphs(canvas, Layer.OFF)
     assert "○" in glyphs(canvas, Layer.PENDING)
-    assert "!" in glyphs(canvas, Layer.FLAGGED)
+    assert "!" in glyphs(canvas, Layer.CULPRIT)
     assert glyphs(canvas, Layer.MEASURED).count("●") == 10
     assert glyphs(canvas, Layer.TARGET) == "()"
 
