@@ -151,8 +151,12 @@ def foot_lines(status: BlockStatus, doing: str, width: int, height: int) -> list
         facts.append(f"control {seen.control_seen} of {seen.control} measured")
     if facts:
         lines.append(_labelled("joined", ",   ".join(facts), width))
-    last = _labelled("next", f"{status.next.words}: {doing}", width, "bold")
-    room = max(height - len(lines) - 1, 0)
+    following = wrap(f"{status.next.words}: {doing}", max(width - 9, 1))[:2]
+    last = [
+        _labelled("next" if i == 0 else "", words, width, "bold")
+        for i, words in enumerate(following)
+    ]
+    room = max(height - len(lines) - len(last), 0)
     spots = [line for spot in status.weak_spots for line in wrap(f"! {spot.words}", width - 10)[:1]]
     if len(spots) > room:
         kept = max(room - 1, 0)
@@ -161,7 +165,7 @@ def foot_lines(status: BlockStatus, doing: str, width: int, height: int) -> list
         _labelled("look" if i == 0 else "", words, width, "bold $text-error")
         for i, words in enumerate(spots)
     ]
-    return [*lines, last][:height]
+    return [*lines, *last][:height]
 
 
 def _labelled(label: str, words: str, width: int, style: str = "") -> Content:

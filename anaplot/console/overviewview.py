@@ -313,6 +313,12 @@ class OverviewView(Horizontal):
             self._moved = False
         elif snapshot.left and not self._called and _recorded(before) != _recorded(snapshot):
             self.stands = False
+        if self.stands:
+            self._draw(snapshot, status, keys)
+
+    def _draw(
+        self, snapshot: Snapshot, status: BlockStatus, keys: Mapping[str, tuple[str, ...]]
+    ) -> None:
         models = self.query_one(ModelList)
         models.show(status)
         if not self._moved:
@@ -320,10 +326,12 @@ class OverviewView(Horizontal):
         self.query_one(OverviewFoot).show(status, doing(status.next, bool(snapshot.left), keys))
         self._show_map()
 
-    def toggle(self) -> None:
-        """Call it, or send it away."""
+    def toggle(self, keys: Mapping[str, tuple[str, ...]]) -> None:
+        """Call it, or send it away; `keys`: those in force."""
         self.stands = self._called = not self.stands and self._status is not None
         self._moved = False
+        if self.stands and self._before is not None and self._status is not None:
+            self._draw(self._before, self._status, keys)
 
     def give_way(self, action: str) -> None:
         """Give way to the table when an action is one that is to be seen there."""

@@ -317,7 +317,7 @@ class OrientationScreen(Screen[None]):
         if overview.stands and overview.press(action):
             return
         if action == "overview":
-            overview.toggle()
+            overview.toggle(self._keys)
             if now.snapshot.status is None:
                 self._say("hint", "nothing is known of the block yet")
             self._show_selected()

@@ -135,6 +135,9 @@ def test_the_foot_says_how_much_it_leaves_out():
     assert shown[4] == "! and 7 more to look at"
     assert shown[5] == "next    adjust the block: anaplot adjust b"
     assert len(foot_lines(found, "x", 80, 40)) == 12
+    # a command is not cut
+    shown = [line.plain.strip() for line in foot_lines(found, "anaplot adjust /a/long/path", 50, 6)]
+    assert shown[-2:] == ["next    adjust the block: anaplot adjust", "/a/long/path"]
 
 
 @pytest.mark.parametrize(
