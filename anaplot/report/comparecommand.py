@@ -10,6 +10,7 @@ from anaplot.bundle.epochs.displacementtests import EpochTests, Located, PointMo
 from anaplot.bundle.hypotheses.verdict import Verdict
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.errors import InputError
+from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.adjustarguments import add_compare_arguments
 from anaplot.report.columns import fitted
 from anaplot.report.computed import Computed
@@ -34,6 +35,8 @@ from anaplot.report.running import BlockOrFolder, block_of
 from anaplot.report.verdicts import labelled, probability, verdict_cells, verdict_json
 
 __all__ = ["compare", "compare_document"]
+
+OffRow = tuple[int, ImagePoint]
 
 _LISTED = 12
 _LABEL = 34
@@ -111,7 +114,13 @@ def compare(
         progress=progress,
     )
     tested = epoch_tests(found, alpha=alpha)
-    return Computed(tested, compare_document(tested), tested.any_moved)
+    off = [
+        (epoch, row)
+        for epoch, block in ((1, one), (2, other))
+        for row in block.image_points
+        if row.use != "xy"
+    ]
+    return Computed(tested, compare_document(tested, off), tested.any_moved)
 
 
 def _moved(verdict: Verdict | None) -> bool | None:
@@ -220,8 +229,16 @@ def _point_table(found: EpochTests) -> Table:
     return table("displacements", _POINTS, rows)
 
 
-def compare_document(found: EpochTests) -> Document:
-    """Return the document of two epochs; people read displacements in millimetres."""
+def compare_document(found: EpochTests, off: Sequence[OffRow] = ()) -> Document:
+    """Return the document of two epochs; people read displacements in millimetres.
+
+    Parameters
+    ----------
+    found
+        The tested displacements.
+    off
+        Rows of which not both coordinates count, with the number of their epoch.
+    """
     of = found.differences
     points = _point_table(found)
     sigma0 = say("no redundancy")
@@ -247,6 +264,10 @@ def compare_document(found: EpochTests) -> Document:
     for epoch, names in ((1, of.only_first), (2, of.only_second)):
         if names:
             page.append(say("  in epoch {} alone: {}", epoch, named(names, _LISTED)))
+    for epoch in (1, 2):
+        rows = [f"{r.point} in photo {r.photo} ({_gone(r)})" for of_, r in off if of_ == epoch]
+        if rows:
+            page.append(say("  switched off in epoch {}: {}", epoch, named(rows, _LISTED)))
     page += [say("  note: {}", remark).of("remark") for remark in found.remarks]
     if found.variance is not None:
         differ = found.variance.significance < found.alpha
@@ -276,7 +297,26 @@ def compare_document(found: EpochTests) -> Document:
         say("  {}, or all coordinates, together at alpha {:g}", many, found.alpha),
         *_conclusion(found),
     ]  # fmt: skip
-    return Document(_answer(found), tuple(page), (points,))
+    answer = _answer(found)
+    if off:
+        answer = {**answer, "off": [_off_json(epoch, row) for epoch, row in off]}
+    return Document(answer, tuple(page), (points,))
+
+
+def _gone(row: ImagePoint) -> str:
+    """Return which coordinates do not count."""
+    return "".join(axis for axis in "xy" if not row.counts(axis))
+
+
+def _off_json(epoch: int, row: ImagePoint) -> Answer:
+    return {
+        "epoch": epoch,
+        "photo": row.photo,
+        "point": row.point,
+        "model": row.model,
+        "use": row.use,
+        "reason": row.reason,
+    }
 
 
 def _conclusion(found: EpochTests) -> list[Block]:

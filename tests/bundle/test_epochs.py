@@ -25,7 +25,7 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.exchange.blockfolder import write_new_block
 from anaplot.photogrammetry.block import ControlPoint, ImagePoint, TestSettings
 from anaplot.photogrammetry.similarity import fit_similarity
-from anaplot.report.comparecommand import compare_document
+from anaplot.report.comparecommand import compare, compare_document
 
 pytestmark = pytest.mark.slow
 
@@ -628,6 +628,28 @@ def test_the_command(tmp_path, capsys) -> None:
     assert found["located_stable"] == []
     assert main(["compare", *folders, "--separate", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["adjustment"] == "separate"
+
+
+def test_what_is_switched_off_counts_in_neither_adjustment_and_is_listed(tmp_path, capsys) -> None:
+    first, second = epoch(11), epoch(12)
+    bad = next(row for row in second.image_points if row.point == "p13")
+    wrong = replace(second, image_points=tuple(
+        replace(row, x=row.x + 0.5, use="off") if row is bad else row
+        for row in second.image_points
+    ))  # fmt: skip
+    without = replace(second, image_points=tuple(r for r in second.image_points if r is not bad))
+    for options in ({}, {"separate": True}):
+        found, clean = (compare(first, other, **options) for other in (wrong, without))
+        np.testing.assert_allclose(
+            found.result.differences.d, clean.result.differences.d, atol=1e-9
+        )
+        assert found.result.differences.redundancy == clean.result.differences.redundancy
+        assert found.document.answer["off"] == [
+            {"epoch": 2, "photo": bad.photo, "point": "p13", "model": None, "use": "off",
+             "reason": None}
+        ]  # fmt: skip
+        assert f"switched off in epoch 2: p13 in photo {bad.photo} (xy)" in text_of(found.document)
+        assert "off" not in clean.document.answer
 
 
 def test_columns_of_the_command_never_touch() -> None:
