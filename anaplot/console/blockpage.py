@@ -2,24 +2,109 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import ClassVar
+
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
 from textual.content import Content
+from textual.geometry import Region
 
 from anaplot.console.describe import Entry
+from anaplot.console.dialogs import Page
 from anaplot.console.panels import entry_lines
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.station.blockview import BlockView, SuspectedPoint, SuspectedRay, percent
+from anaplot.station.snapshot import Snapshot
 from anaplot.textfiles.wording import plain
 
-__all__ = ["TITLE", "block_page"]
+__all__ = ["TITLE", "BlockPage", "block_page"]
 
 TITLE = "The block as one bundle"
 
+_HERE = "▶ "
 _LABEL = 14
 _MOST = 100  # points on the page; whoever has more begins with the first
 _POINT, _PHOTO, _MODEL = 15, 12, 17
 
 
-def block_page(view: BlockView | None, width: int) -> list[Content]:
+class BlockPage(Page):
+    """What the block says; Enter on a suspected point returns to the model that holds it.
+
+    Parameters
+    ----------
+    snapshot
+        What the station says.
+    back
+        Called with left, right, point and photo when the operator returns to a model.
+    width
+        Cells of a line.
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "enter", "Return to the point's model"),
+        Binding("up,k", "select(-1)", "The point before"),
+        Binding("down,j", "select(1)", "The next point"),
+    ]
+
+    def __init__(
+        self, snapshot: Snapshot, back: Callable[[str, str, str, str], None], width: int
+    ) -> None:
+        self._snapshot, self._back, self._width, self._at = snapshot, back, width, 0
+        super().__init__(TITLE, self._drawn())
+
+    def renew(self, snapshot: Snapshot) -> None:
+        """Show what the block says now."""
+        self._snapshot = snapshot
+        self.show(self._drawn())
+
+    @property
+    def _points(self) -> tuple[SuspectedPoint, ...]:
+        view = self._snapshot.block_view
+        return () if view is None or not view.solved else view.suspects[:_MOST]
+
+    def _target(self) -> tuple[str, str, str, str] | None:
+        """Return what Enter returns to, or None."""
+        if not self._points:
+            return None
+        point = self._points[min(self._at, len(self._points) - 1)]
+        ray = point.accused
+        for left, right in self._snapshot.accepted:
+            if ray.model == f"{left}/{right}":
+                return left, right, point.point, ray.photo
+        return None
+
+    def _drawn(self) -> list[Content]:
+        at = min(self._at, len(self._points) - 1) if self._points else None
+        lines = block_page(self._snapshot.block_view, self._width, at)
+        there = self._target()
+        if there is not None:
+            words = f"Enter returns to model {there[0]}/{there[1]}, for point {there[2]}"
+            lines += [Content(""), *(Content(s) for s in wrap(plain(words), self._width))]
+        return lines
+
+    def action_select(self, step: int) -> None:
+        """Select another suspected point; without one, scroll."""
+        if len(self._points) < 2:
+            self.action_scroll(step)
+            return
+        self._at = min(max(self._at + step, 0), len(self._points) - 1)
+        lines = self._drawn()
+        self.show(lines)
+        marked = next(i for i, line in enumerate(lines) if line.plain.startswith(_HERE))
+        self.query_one(VerticalScroll).scroll_to_region(
+            Region(0, marked, self._width, 3), animate=False
+        )
+
+    def action_enter(self) -> None:
+        """Return to the selected point's model, or close the page."""
+        there = self._target()
+        self.dismiss(None)
+        if there is not None:
+            self._back(*there)
+
+
+def block_page(view: BlockView | None, width: int, at: int | None = None) -> list[Content]:
     """Return the page: figures, suspected points, and what only now shows up.
 
     Parameters
@@ -28,6 +113,8 @@ def block_page(view: BlockView | None, width: int) -> list[Content]:
         What the block says; None before there is anything to adjust.
     width
         Cells of a line.
+    at
+        Which of the suspected points is selected, or None.
     """
     if view is None:
         return [
@@ -40,7 +127,7 @@ def block_page(view: BlockView | None, width: int) -> list[Content]:
         ]
     lines = entry_lines(_figures(view), width, _LABEL)
     if view.solved:
-        lines += [Content(""), *_suspects(view, width)]
+        lines += [Content(""), *_suspects(view, width, at)]
     return lines
 
 
@@ -77,15 +164,15 @@ def _figures(view: BlockView) -> list[Entry]:
     return entries
 
 
-def _suspects(view: BlockView, width: int) -> list[Content]:
+def _suspects(view: BlockView, width: int, at: int | None) -> list[Content]:
     if not view.suspects:
         return [Content("No point is flagged.")]
     head = (
         f"{'POINT':<{_POINT}}{'PHOTO':<{_PHOTO}}{'MODEL':<{_MODEL}}{'AXIS':<5}{'W':>8}{'RED-N':>7}"
     )
     lines = [Content.styled(fit(head, width), "bold $foreground-muted")]
-    for point in view.suspects[:_MOST]:
-        lines += _point(point, width)
+    for k, point in enumerate(view.suspects[:_MOST]):
+        lines += _point(point, width, here=k == at)
     if len(view.suspects) > _MOST:
         lines.append(Content(f"and {len(view.suspects) - _MOST} more points"))
     advice = "One error may flag its neighbours: remeasure the first point, then look again."
@@ -97,11 +184,12 @@ def _suspects(view: BlockView, width: int) -> list[Content]:
     return lines
 
 
-def _point(point: SuspectedPoint, width: int) -> list[Content]:
+def _point(point: SuspectedPoint, width: int, *, here: bool) -> list[Content]:
     lines = []
     for k, row in enumerate(point.flagged):
         cells = (
-            fit_end(point.point if k == 0 else "", _POINT - 1)
+            (_HERE if here and k == 0 else "")
+            + fit_end(point.point if k == 0 else "", _POINT - 1 - len(_HERE) * (here and k == 0))
             + " "
             + fit_end(row.photo, _PHOTO - 1)
             + " "

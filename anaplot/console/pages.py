@@ -9,8 +9,7 @@ from functools import partial
 from textual.app import App
 from textual.content import Content
 
-from anaplot.console.blockpage import TITLE as BLOCK_TITLE
-from anaplot.console.blockpage import block_page
+from anaplot.console.blockpage import BlockPage
 from anaplot.console.describe import describe_model, describe_row
 from anaplot.console.dialogs import Page
 from anaplot.console.errorspage import FIRST, ErrorsPage, errors_lines
@@ -48,6 +47,8 @@ class Pages:
         Called when another strategy for gross errors is looked at.
     again
         Begins to point again at something measured.
+    back
+        Returns to an accepted model: left, right, point and photo.
 
     Attributes
     ----------
@@ -62,11 +63,13 @@ class Pages:
         messages: Callable[[int], list[Content]],
         chosen: Callable[[], None],
         again: Callable[[], None],
+        back: Callable[[str, str, str, str], None],
     ) -> None:
         self.strategy: str | None = None
         self._station, self._snapshot, self._keys = station, station.snapshot(), keys
         self._messages, self._chosen, self._again = messages, chosen, again
-        self._block: Page | None = None
+        self._back = back
+        self._block: BlockPage | None = None
         self._ties: Page | None = None
         self._errors: ErrorsPage | None = None
         self._fit: FitPage | None = None
@@ -84,7 +87,7 @@ class Pages:
         if self._log is not None and _events(before) != _events(snapshot):
             self._log.renew()
         if self._block is not None:
-            self._block.show(block_page(snapshot.block_view, _WIDTH))
+            self._block.renew(snapshot)
         if self._ties is not None:
             self._ties.show(ties_page(snapshot, _WIDTH))
         if self._errors is not None:
@@ -103,7 +106,7 @@ class Pages:
         elif page == "messages":
             app.push_screen(Page("Messages", self._messages(_WIDTH)))
         elif page == "block":
-            self._block = Page(BLOCK_TITLE, block_page(snapshot.block_view, _WIDTH))
+            self._block = BlockPage(snapshot, self._back, _WIDTH)
             app.push_screen(self._block, self._block_read)
         elif page == "ties":
             self._ties = Page(TIES_TITLE, ties_page(snapshot, _WIDTH))

@@ -143,6 +143,7 @@ class OrientationScreen(Screen[None]):
             lambda width: self.query_one(MessagePanel).history(width),
             self._show_advice,
             self._point_again,
+            lambda *there: self._do(commands.ReturnTo(*there)),
         )
 
     # -- layout and life -------------------------------------------------------------------

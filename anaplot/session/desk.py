@@ -189,11 +189,8 @@ class Desk:
             needed, _ = references(self.state, self.last_measured)
             return Agenda((), asked_for(self.referencing, self.reference, needed))
         if self.check is not None:
-            words = (
-                f"the photos lie anew: record point {self.check} again, to check how "
-                f"({len(self.checks)} to go)"
-            )
-            return Agenda((Step("measure", words, self.check),))
+            step = Step("measure", f"check point {self.check}", self.check)
+            return Agenda((step,), f"the photos lie anew, {len(self.checks)} to go")
         following = self.outlook.next_model
         if self.repeating is not None and not self.state.suspended:
             moves = self.abilities is not None and self.abilities.moves

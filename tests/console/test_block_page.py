@@ -79,7 +79,7 @@ datum         free: control does not suffice yet
 only now      102-3: earlier, and not flagged before
 
 POINT          PHOTO       MODEL            AXIS        W  RED-N
-102-3          102         101/102          x      -26.79  0.703
+▶ 102-3        102         101/102          x      -26.79  0.703
                101         101/102          x       13.61  0.194
   only now (102/103), wrong: photo 102 (101/102) 98 %, photo 101
   (101/102) 2 %
@@ -212,3 +212,24 @@ async def test_foreign_names_are_shown_as_they_are(name):
         await pilot.press("escape")
         await until(pilot, lambda: len(app.screen_stack) == 1)
         assert not any(c in text(app) for c in ("\x1b", "\u202e"))
+
+
+async def test_enter_on_a_line_returns_to_its_model():
+    held = replace(VIEW, suspects=(suspect(), suspect("102-9"), suspect("7", None, 0.6)))
+    station = FakeStation(picture(block_view=held, accepted=(("101", "102"),)))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("b")
+        await until(pilot, lambda: "▶ 102-3" in text(app))
+        await pilot.press("down")
+        await until(pilot, lambda: "▶ 102-9" in text(app))
+        assert "▶ 102-3" not in text(app)
+        await pilot.press("enter")
+        await asyncio.to_thread(station.wait_for, "return_to", "101", "102", "102-9", "102")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        # where nobody knows the model, Enter closes the page
+        await pilot.press("b", "down", "down", "down")
+        await until(pilot, lambda: "▶ 7 " in text(app))
+        await pilot.press("enter")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+        assert [call[0] for call in station.calls] == ["return_to"]

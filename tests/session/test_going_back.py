@@ -408,8 +408,8 @@ def test_a_return_in_each_kind_of_instrument(abilities) -> None:
     assert len(checks) == 2
     assert point not in checks
     for left in (2, 1):
-        assert f"record point {bench.desk.check} again, to check how ({left} to go)" in (
-            bench.desk.expected
+        assert bench.desk.expected == (
+            f"check point {bench.desk.check}: the photos lie anew, {left} to go"
         )
         assert bench.desk.next_name == bench.desk.target == bench.desk.check
         bench.arrive()
