@@ -735,7 +735,7 @@ async def test_too_much_advice_says_how_much_more_there_is():
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
         assert "(+3 lines: F2)" in text(app)
-        await pilot.press("f2", "pagedown")
+        await pilot.press("f2", "pagedown", "pagedown")
         assert "sentence number 5" in text(app)
 
 
