@@ -183,3 +183,18 @@ def test_two_points_need_level_strips_and_check_nothing(flights):
     assert LEVEL_DEG == 3.0
     with pytest.raises(NotComputableError, match="1 common points, 2 are needed"):
         tie_systems(this, other, SIGMA0, BAARDA, without=set(common) - {common[0]})
+
+
+def test_points_that_are_far_off_take_no_part_and_are_named(flights):
+    other, this = flights[0]
+    common = [p for p in this.points if p in other.points]
+    one, two = common[1], common[-2]
+    # interchanged: each where the other one is
+    gap = this.points[two].xyz - this.points[one].xyz
+    tie = tie_systems(shifted(this, **{one: gap, two: -gap}), other, SIGMA0, BAARDA)
+    assert set(tie.gross) == {one, two}
+    assert tie.surely_wrong is None
+    assert {p.point for p in tie.points if p.flagged} == {one, two}
+    off = {p.point: np.array(p.difference) for p in tie.points if p.r is None}
+    assert off[one] == pytest.approx(-gap, abs=0.1)
+    assert off[two] == pytest.approx(gap, abs=0.1)
