@@ -136,7 +136,7 @@ class Page(ModalScreen[None]):
     Page > Vertical { width: 78; max-width: 98%; height: auto; max-height: 94%; }
     Page > Vertical { background: $panel; padding: 0 2; }
     Page VerticalScroll { height: auto; max-height: 100%; scrollbar-size-vertical: 1; }
-    Page .page--title { text-style: bold; color: $text-accent; height: 2; }
+    Page .page--title { dock: top; text-style: bold; color: $text-accent; height: 2; }
     Page .page--text { height: auto; width: 1fr; }
     """
 
