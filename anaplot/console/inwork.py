@@ -55,8 +55,19 @@ class InWork:
     critical: float | None = None
 
 
+_latest: tuple[Snapshot, InWork] | None = None
+
+
 def in_work(snapshot: Snapshot) -> InWork:
     """Return what is in work: y of every point, then x of every tie; or x and y of fiducials."""
+    global _latest  # every part of the screen asks of the same snapshot
+    latest = _latest
+    if latest is None or latest[0] is not snapshot:
+        latest = _latest = snapshot, _in_work(snapshot)
+    return latest[1]
+
+
+def _in_work(snapshot: Snapshot) -> InWork:
     if snapshot.inner is not None:
         return _inner(snapshot.inner)
     keys: list[tuple[str, Axis]] = [(view.point, "y") for view in snapshot.points]

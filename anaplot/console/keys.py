@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from textual.binding import Binding
 
@@ -242,6 +243,18 @@ def key_hints(now: Situation, keys: Mapping[str, tuple[str, ...]]) -> tuple[KeyH
 
     Those of an action's group stand beside it.
     """
+    label = partial(
+        label_now,
+        snapshot=now.snapshot,
+        row_off=now.row_off,
+        point_off=now.point_off,
+        stereo=now.choices.stereo,
+        coarse=now.choices.wheels.coarse,
+        hand=now.hand,
+        entered=now.now.action,
+        overview=now.overview,
+        aimed=now.aim is not None,
+    )
     return tuple(
         KeyHint(
             action.id,
@@ -250,18 +263,7 @@ def key_hints(now: Situation, keys: Mapping[str, tuple[str, ...]]) -> tuple[KeyH
                 for each in ACTIONS
                 if each is action or (action.group and each.group == action.group)
             ),
-            label_now(
-                action,
-                now.snapshot,
-                row_off=now.row_off,
-                point_off=now.point_off,
-                stereo=now.choices.stereo,
-                coarse=now.choices.wheels.coarse,
-                hand=now.hand,
-                entered=now.now.action,
-                overview=now.overview,
-                aimed=now.aim is not None,
-            ),
+            label(action),
             action.weight,
         )
         for action in ACTIONS

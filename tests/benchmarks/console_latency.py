@@ -120,7 +120,9 @@ def measure(columns: int, lines: int) -> list[float]:
             screen.type(b"g")  # lays the photos in and drives to the first point
             for count in range(13 + ROUNDS):
                 if count >= 13:
-                    screen.type(b"\r")  # back to the selected row's point
+                    screen.type(b"\x1b[F")  # the last row, by hand
+                    screen.settle()
+                    screen.type(b"\r")  # back to its point
                 if not settled.wait(10.0):
                     raise SystemExit(f"the simulated hand found no point in round {count}")
                 screen.settle()
