@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.modelstate import ModelState
 from anaplot.session.monofold import followed
 
@@ -105,9 +106,13 @@ def _with_roles(model: ModelState, preceding: ModelState) -> ModelState:
     A point that is switched off altogether stays so, whichever rows it has.
     """
     known = {m.point for m in preceding.used}
-    plan = tuple(
-        replace(point, role="tie" if point.point in known else "new") for point in model.plan
-    )
+
+    def role(point: PlannedPoint) -> Role:
+        if point.point in known:
+            return "tie"
+        return "new" if point.role == "tie" else point.role
+
+    plan = tuple(replace(point, role=role(point)) for point in model.plan)
     if plan == model.plan:
         return model
     after = replace(model, plan=plan)

@@ -511,6 +511,32 @@ def test_checks_are_sound_points_far_apart() -> None:
         assert first not in check_points(off)
 
 
+def test_what_is_flagged_in_the_next_model_is_no_check() -> None:
+    usual = check_points(apply(THREE, ModelReopened(*FIRST)))
+    ties = [point for point in usual if THREE.models[1].measurement(point) is not None]
+    assert ties
+    for point in ties:
+        state = remeasured(apply(THREE, ModelReopened(*SECOND)), point, dxr=0.2)
+        state = apply(state, ModelAccepted(*SECOND))
+        assert (point, "x") in {row.key for row in solve(state, state.models[1]).flagged}
+        assert point not in check_points(apply(state, ModelReopened(*FIRST)))
+
+
+def test_a_point_beyond_the_pattern_keeps_its_mark() -> None:
+    photos = SCENE.block.strips[0].models()[1]
+    before = SCENE.chosen(1)
+    at = before.models[0].measured[0]
+    marked = PlannedPoint("L1", "lateral", at.xl, at.yl, at.xr, at.yr)
+    assert before.current is not None
+    state = apply(before, PointAdded(marked))
+    state = apply(state, ModelReopened(*FIRST))
+    tie = before.models[0].plan[-1].point
+    state = fold(state, [RowSwitched(tie, None, False), ModelAccepted(*FIRST)])
+    assert state.current is not None
+    assert state.current.photos == photos
+    assert state.current.planned("L1") == marked
+
+
 def test_what_one_cannot_return_to_is_said() -> None:
     bench = measured_bench()
     words = refusal(bench.desk, ReturnTo(*THIRD), bench.seen)
