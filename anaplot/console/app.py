@@ -19,8 +19,10 @@ from textual.theme import Theme
 
 from anaplot.console.changedcells import ShownCells, writing_changes
 from anaplot.console.errorspage import CHOICES
+from anaplot.console.kept import Kept
 from anaplot.console.keymap import default_path, load_keymap
 from anaplot.console.keys import ACTIONS
+from anaplot.console.panels import WELCOME, AdvicePanel
 from anaplot.console.screen import OrientationScreen
 from anaplot.console.stationlike import ControlsLike, StationLike
 
@@ -71,6 +73,8 @@ class ConsoleApp(App[int]):
         The user's keys, checked, by action id.
     controls
         Those of its simulated instrument; None where it has none.
+    kept
+        What is kept from one start to the next; None: nothing.
     """
 
     TITLE = "anaplot"
@@ -88,7 +92,9 @@ class ConsoleApp(App[int]):
         keymap: dict[str, str] | None = None,
         *,
         controls: ControlsLike | None = None,
+        kept: Kept | None = None,
     ) -> None:
+        self._kept = kept
         self._shown = ShownCells()
         super().__init__()
         self._keys_of_user = dict(keymap or {})
@@ -118,8 +124,32 @@ class ConsoleApp(App[int]):
         """Take theme and keys into force."""
         self.register_theme(THEME)
         self.theme = THEME.name
+        if self._kept is not None:
+            self._take_up(self._kept)
         self.set_keymap(self._keys_of_user)
         self._end_on_signals()
+
+    def _take_up(self, kept: Kept) -> None:
+        """Go on as the console was left, and keep the theme from now on."""
+        theme = kept.theme()
+        if theme in self.available_themes:
+            self.theme = theme
+        if kept.first:
+            self.call_after_refresh(self._greet, WELCOME)
+            kept.keep(self.theme)
+        self.theme_changed_signal.subscribe(self, lambda chosen: kept.keep(chosen.name))
+
+    def _greet(self, lines: tuple[str, ...]) -> None:
+        for panel in self._main.query(AdvicePanel):
+            panel.greet(lines)
+
+    def on_key(self, _: events.Key) -> None:
+        """End the welcome with the first key."""
+        self._greet(())
+
+    def on_click(self, _: events.Click) -> None:
+        """End the welcome with the first click."""
+        self._greet(())
 
     def _end_on_signals(self) -> None:
         """Leave the screen in order when the terminal is closed or the process politely ended."""
@@ -188,7 +218,8 @@ def run_console(
         keys = (
             load_keymap(default_path(), required=False) if keymap is None else load_keymap(keymap)
         )
-        app = ConsoleApp(station, keys, controls=controls)
+        kept = Kept(default_path().with_name("console.toml"))
+        app = ConsoleApp(station, keys, controls=controls, kept=kept)
         app.run()
         return app.return_code or 0
     finally:

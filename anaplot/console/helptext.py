@@ -166,7 +166,8 @@ _KEYMAP = (
         "keymap.toml",
         "In the folder anaplot of your configuration folder (~/.config): lines such as "
         'record = "f5" or accept = "f9,enter". A key means one thing; what is wrong is named '
-        "when the console starts.",
+        "when the console starts. A theme chosen in the palette is kept beside it, in "
+        "console.toml.",
     ),
 )
 

@@ -16,6 +16,7 @@ from textual.widget import Widget
 
 from anaplot.console.describe import Entry, advice_of, describe_row
 from anaplot.console.inwork import in_work
+from anaplot.console.overview import verdict
 from anaplot.console.repainting import repaint
 from anaplot.console.rows import ShownRow
 from anaplot.console.text import fit, number, wrap
@@ -24,6 +25,7 @@ from anaplot.station.snapshot import Snapshot
 from anaplot.textfiles.wording import plain
 
 __all__ = [
+    "WELCOME",
     "AdvicePanel",
     "DetailsPane",
     "ExpectedLine",
@@ -38,6 +40,13 @@ _GAP: Part = ("   ", "")
 _NARROW_GAP: Part = (" ", "")
 _SECONDS_SHOWN = 10.0
 _MOST_SHOWN = 20
+
+WELCOME = (
+    "Welcome. The line NOW says what to do, and with which key; Enter does it.",
+    "After every point the table says which measurement is wrong, and how sure.",
+    "? explains screen and keys, u takes back, q leaves: records are on disk.",
+)
+"""What stands on the screen when it is seen for the first time."""
 
 
 def _width(parts: list[Part]) -> int:
@@ -339,6 +348,13 @@ class AdvicePanel(_Lines):
         super().__init__(id=id)
         self._snapshot: Snapshot | None = None
         self._errors = ""
+        self._welcome: tuple[str, ...] = ()
+
+    def greet(self, welcome: tuple[str, ...]) -> None:
+        """Show these lines in place of all advice, or none of them any more."""
+        if welcome != self._welcome:
+            self._welcome = welcome
+            self.show_lines()
 
     def show(self, snapshot: Snapshot, errors: str = "") -> None:
         """Show this from now on; `errors`: what the chosen strategy for gross errors says."""
@@ -347,6 +363,8 @@ class AdvicePanel(_Lines):
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return the sentences, wrapped; if they are too many, the last line says so."""
+        if self._welcome:
+            return [Content(f" {fit(line, width - 2)}") for line in self._welcome]
         if self._snapshot is None:
             return []
         lines: list[str] = []
@@ -470,22 +488,42 @@ class MessagePanel(_Lines):
 
 
 class DetailsPane(_Lines):
-    """All that is known of the selected row."""
+    """All that is known of the selected row; below it, where there is room, block and history.
+
+    Parameters
+    ----------
+    history
+        Returns what happened, the newest first, wrapped to a width.
+    """
 
     DEFAULT_CSS = "DetailsPane { background: $surface; padding: 0 1; }"
 
-    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - Textual's name
+    def __init__(
+        self,
+        history: Callable[[int], list[Content]],
+        *,
+        id: str | None = None,  # noqa: A002 - Textual's name
+    ) -> None:
         super().__init__(id=id)
+        self._history = history
         self._entries: list[Entry] = []
+        self._block: str = ""
 
     def show(self, snapshot: Snapshot, selected: ShownRow | None) -> None:
         """Show this row from now on."""
         self._entries = [] if selected is None else describe_row(selected, snapshot)
+        self._block = verdict(snapshot.block_view)
         self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return label and value pairs."""
-        return [
+        lines = [
             Content.styled("SELECTED ROW", "bold $foreground-muted"),
             *entry_lines(self._entries, width),
         ]
+        block = [Content(line) for line in wrap(self._block, width)]
+        more = [Content(""), Content.styled("BLOCK", "bold $foreground-muted"), *block]
+        more += [Content(""), Content.styled("HISTORY", "bold $foreground-muted")]
+        if height < len(lines) + len(more) + 1:
+            return lines
+        return [*lines, *more, *self._history(width)]

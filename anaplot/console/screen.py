@@ -158,7 +158,7 @@ class OrientationScreen(Screen[None]):
             yield TableView(id="table")
             yield StereoView(id="stereo")
             yield MapView(id="map")
-            yield DetailsPane(id="details")
+            yield DetailsPane(lambda w: self.query_one(MessagePanel).history(w), id="details")
         yield AdvicePanel(id="advice")
         yield MessagePanel(id="messages")
         yield KeyBar(id="keys")
@@ -304,6 +304,7 @@ class OrientationScreen(Screen[None]):
 
     def _say(self, severity: str, text: str) -> None:
         self.query_one(MessagePanel).say(severity, text)
+        self.query_one(DetailsPane).show_lines()
 
     # -- keys ------------------------------------------------------------------------------
 

@@ -1,0 +1,77 @@
+"""What the console keeps: the theme, and that it was started before."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from consolefake import FakeStation, picture
+
+from anaplot.console.app import ConsoleApp
+from anaplot.console.kept import Kept
+from anaplot.console.panels import WELCOME
+
+
+def text(app: ConsoleApp) -> str:
+    strips = app.screen._compositor.render_strips()
+    return "\n".join("".join(s.text for s in strip) for strip in strips)
+
+
+@pytest.mark.smoke
+def test_a_theme_is_kept(tmp_path: Path) -> None:
+    kept = Kept(tmp_path / "none" / "anaplot" / "console.toml")
+    assert kept.first
+    assert kept.theme() == ""
+    kept.keep('no"rd')
+    assert not kept.first
+    assert kept.theme() == 'no"rd'
+
+
+@pytest.mark.smoke
+@pytest.mark.parametrize("content", [b"\xff", b"theme = 3", b"theme", b"colour = 'x'"])
+def test_what_cannot_be_read_is_as_nothing(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "console.toml"
+    path.write_bytes(content)
+    assert Kept(path).theme() == ""
+
+
+@pytest.mark.smoke
+def test_what_cannot_be_written_is_no_fault(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    kept = Kept(tmp_path / "file" / "console.toml")
+    kept.keep("nord")
+    assert kept.theme() == ""
+
+
+async def test_the_theme_survives_and_the_welcome_is_shown_once(tmp_path: Path) -> None:
+    kept = Kept(tmp_path / "anaplot" / "console.toml")
+    station = FakeStation(picture(gross=False))
+    app = ConsoleApp(station, kept=kept)
+    async with app.run_test(size=(160, 50)) as pilot:
+        await pilot.pause()
+        assert all(line in text(app) for line in WELCOME)
+        await pilot.press("space")  # waits for nothing: the key does what it does
+        assert WELCOME[0] not in text(app)
+        app.theme = "nord"
+        await pilot.pause()
+    assert kept.theme() == "nord"
+    assert ("record_point",) in station.calls
+    again = ConsoleApp(FakeStation(), kept=kept)
+    async with again.run_test(size=(160, 50)) as pilot:
+        await pilot.pause()
+        assert again.theme == "nord"
+        assert WELCOME[0] not in text(again)
+
+
+async def test_wide_screens_show_block_and_history_too() -> None:
+    station = FakeStation(picture())
+    app = ConsoleApp(station)
+    async with app.run_test(size=(160, 50)) as pilot:
+        await pilot.press("s", "end")
+        shown = text(app)
+        assert "nothing is in it yet" in shown
+        assert "sorted by significance" in shown[shown.index("HISTORY") :]
+        assert all(word in shown for word in ("FINDS µm", "ODDS %", "BLOCK"))
+        await pilot.resize_terminal(80, 24)
+        await pilot.pause()
+        assert "HISTORY" not in text(app)
