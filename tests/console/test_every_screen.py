@@ -17,14 +17,14 @@ PAGES = {
     "H": "Who changed what",
     "e": "Gross errors of the model",
     "d": "103 y",
-    "question_mark": "Orientation screen",
+    "question_mark": "Help:",
 }
 CLICKED = {
     "Fit": "Strip on its control",
     "Pointing": "How precise the pointing is",
     "Errors": "Gross errors of the model",
     "More": "103 y",
-    "Help": "Orientation screen",
+    "Help": "Help:",
 }
 COMPUTED = {"pointing", "log", "strips_on_control"}
 
