@@ -309,9 +309,12 @@ def _leave(snapshot: Snapshot) -> Intent:
     )
     if not in_progress:
         return Leave()
+    plain = ""
+    if snapshot.link.simulated:
+        plain = "; only a plain demo is deleted (anaplot demo --keep FOLDER keeps it)"
     return Question(
         f"Model {snapshot.left} / {snapshot.right} is not accepted yet. Everything "
-        "recorded is on disk, and the work goes on here next time. Leave?",
+        f"recorded is on disk, and the work goes on here next time{plain}. Leave?",
         yes="leave",
         no="stay",
         then=Leave(),

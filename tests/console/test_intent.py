@@ -36,6 +36,7 @@ from anaplot.session.commands import (
     Switch,
 )
 from anaplot.station.returnadvice import ReturnAdvice
+from anaplot.station.snapshot import LinkView
 
 pytestmark = pytest.mark.smoke
 
@@ -205,3 +206,12 @@ def test_the_stereo_view_takes_the_place_of_a_map_that_is_shown() -> None:
         assert (after.panes, after.stereo) == (panes, stereo)
         choices = after
     assert choices.after("record") is None
+
+
+def test_the_words_on_leaving_are_true_of_a_demo_too() -> None:
+    asked = intended("leave", now())
+    assert isinstance(asked, Question)
+    assert "only a plain demo is deleted (anaplot demo --keep FOLDER keeps it)" in asked.text
+    real = intended("leave", now(snapshot=picture(link=LinkView("live", "p", "/dev/x"))))
+    assert isinstance(real, Question)
+    assert "demo" not in real.text
