@@ -142,6 +142,7 @@ class ConsoleApp(App[int]):
     def _greet(self, lines: tuple[str, ...]) -> None:
         for panel in self._main.query(AdvicePanel):
             panel.greet(lines)
+        self._main.set_class(bool(lines), "-welcome")
 
     def on_key(self, _: events.Key) -> None:
         """End the welcome with the first key."""

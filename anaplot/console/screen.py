@@ -109,6 +109,7 @@ class OrientationScreen(Screen[None]):
         &.-overview #overview { display: block; }
         &.-overview #table, &.-overview #map, &.-overview #stereo { display: none; }
         &.-overview #details, &.-overview #advice { display: none; }
+        &.-overview.-welcome #advice { display: block; }
         &.-wide #overview Vertical, &.-broad #overview Vertical { width: 82; }
         &.-wide OverviewMap, &.-broad OverviewMap { display: block; }
         &.-tall OverviewFoot { max-height: 12; }
