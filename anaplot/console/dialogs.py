@@ -160,11 +160,6 @@ class Page(ModalScreen[None]):
             with VerticalScroll(can_focus=False):
                 yield Static(Content("\n").join(self._lines), classes="page--text")
 
-    def on_resize(self, event: events.Resize) -> None:
-        """Leave the title its lines: what is scrolled is what can be seen."""
-        room = int(event.size.height * 0.94) - 2
-        self.query_one(VerticalScroll).styles.max_height = max(room, 1)
-
     def show(self, lines: list[Content]) -> None:
         """Show this from now on, scrolled as far as it was."""
         if lines != self._lines:
