@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import radians
 
@@ -24,10 +24,10 @@ from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.modelplan import standard_d
 from anaplot.planning.synthetic import Truth
 
-__all__ = ["SyntheticBlock", "synthetic_block"]
+__all__ = ["SyntheticBlock", "synthetic_block", "synthetic_plates"]
 
 _BASE = 92.0  # mm at photo scale: 60 % of 230
-_SIDE = 161.0  # mm between strips: 30 %
+_SIDE = 0.7  # of a photo's height between strips: 30 % side lap
 _SCALE = 10.0  # m on the ground for a mm at photo scale: 1 : 10 000
 _ANGLES = (1.2, 1.2, 2.0)  # standard deviations of omega, phi, kappa [deg]; at most twice occurs
 _RELIEF = 0.05  # largest height difference, as a part of c
@@ -92,71 +92,111 @@ def synthetic_block(
         raise ValueError(f"a block has strips of at least two photos, not {strips} of {photos}")
     rng = np.random.default_rng([seed, 4])
     camera = Camera("rmk", 152.4, (230.0, 230.0))
-    places, control = _places(strips, photos, camera, rng)
-    waves = rng.normal(size=(4, 3)) * [1.0, 1.0, radians(180.0)]
-    ground = {
-        name: np.array(_ORIGIN) + _SCALE * np.array([*xy, _height(xy, camera, waves)])
-        for name, xy in places.items()
-    }
-    truth: dict[str, dict[str, tuple[float, float]]] = {}
-    named = []
-    for s in range(strips):
-        ids = tuple(str(100 * (s + 1) + k + 1) for k in range(photos))
-        named.append(Strip(str(s + 1), ids, _BASE))
-        for k, photo in enumerate(ids):
-            back = s % 2 == 1
-            x = _BASE * (photos - 1 - k if back else k)
-            centre = np.array([x, _SIDE * s, camera.c]) + rng.normal(0.0, 0.015 * _BASE, 3)
-            angles = np.clip(rng.normal(size=3), -2.0, 2.0) * np.radians(_ANGLES)
-            angles[2] += radians(180.0) if back else 0.0
-            at = np.array(_ORIGIN) + _SCALE * centre
-            truth[photo] = _photographed(camera, at, rotation_matrix(*angles.tolist()), ground)
+    ids = tuple(tuple(str(100 * (s + 1) + k + 1) for k in range(photos)) for s in range(strips))
+    truth, ground, control = _flown(ids, camera, _BASE, rng)
     block = Block(
         name="synthetic",
         precision=Precision(image_um=image_um, tie_variance="exact", control_m=control_m),
         test=test or TestSettings(),
         cameras=(camera,),
         photos=tuple(Photo(photo, camera.id) for photo in truth),
-        strips=tuple(named),
+        strips=tuple(Strip(str(s + 1), photos, _BASE) for s, photos in enumerate(ids)),
         control=tuple(_control(name, ground[name], control_m, rng) for name in control),
     )
     return SyntheticBlock(block, truth, ground)
 
 
+def synthetic_plates(
+    strips: Sequence[tuple[str, ...]], camera: Camera, *, seed: int, base: float
+) -> Truth:
+    """Return true image coordinates [mm] of photos in parallel strips over one terrain.
+
+    Parameters
+    ----------
+    strips
+        Names of the photos in flight order; every second strip is flown back. Where strips are not
+        of one length they begin side by side.
+    camera
+        The camera of all.
+    seed
+        As for `synthetic_block`.
+    base
+        Base at photo scale [mm].
+    """
+    rng = np.random.default_rng([seed, 4])
+    truth, _, control = _flown(strips, camera, abs(base), rng)
+    # nobody has a list of this control
+    return {
+        photo: {point: xy for point, xy in seen.items() if point not in control}
+        for photo, seen in truth.items()
+    }
+
+
+def _flown(
+    strips: Sequence[tuple[str, ...]], camera: Camera, base: float, rng: np.random.Generator
+) -> tuple[dict[str, dict[str, tuple[float, float]]], dict[str, Array], tuple[str, ...]]:
+    """Return true image coordinates, the ground [m], and which of it is control."""
+    places, control = _places(strips, camera, base, rng)
+    waves = rng.normal(size=(4, 3)) * [1.0, 1.0, radians(180.0)]
+    ground = {
+        name: np.array(_ORIGIN) + _SCALE * np.array([*xy, _height(xy, camera, base, waves)])
+        for name, xy in places.items()
+    }
+    side, longest = _side(camera), max(map(len, strips))
+    truth: dict[str, dict[str, tuple[float, float]]] = {}
+    for s, photos in enumerate(strips):
+        back = s % 2 == 1
+        for k, photo in enumerate(photos):
+            x = base * (longest - 1 - k if back else k)
+            centre = np.array([x, side * s, camera.c]) + rng.normal(0.0, 0.015 * base, 3)
+            angles = np.clip(rng.normal(size=3), -2.0, 2.0) * np.radians(_ANGLES)
+            angles[2] += radians(180.0) if back else 0.0
+            at = np.array(_ORIGIN) + _SCALE * centre
+            truth[photo] = _photographed(camera, at, rotation_matrix(*angles.tolist()), ground)
+    return truth, ground, control
+
+
+def _side(camera: Camera) -> float:
+    """Return the distance of two strips [mm at photo scale]."""
+    height = 1.5 * camera.c if camera.format is None else camera.format[1]
+    return _SIDE * height
+
+
 def _places(
-    strips: int, photos: int, camera: Camera, rng: np.random.Generator
+    strips: Sequence[tuple[str, ...]], camera: Camera, base: float, rng: np.random.Generator
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return where points lie in plan [mm at photo scale], and which are control."""
     d = standard_d(camera)
-    positions = pattern("15").positions(_BASE, d, twin=(4.0, 4.0))
+    side, longest = _side(camera), max(map(len, strips))
+    positions = pattern("15").positions(base, d, twin=(4.0, 4.0))
     out: dict[str, Array] = {}
-    for s in range(strips):
-        for k in range(photos):
-            back = s % 2 == 1
-            for label in _UNDER + (_BETWEEN if k + 1 < photos else ()):
+    for s, photos in enumerate(strips):
+        back = s % 2 == 1
+        for k, photo in enumerate(photos):
+            for label in _UNDER + (_BETWEEN if k + 1 < len(photos) else ()):
                 x, y = positions[label]
-                along = x + _BASE * k
-                place = np.array([_BASE * (photos - 1) - along, -y] if back else [along, y])
-                place[1] += _SIDE * s
-                out[f"{100 * (s + 1) + k + 1}-{label}"] = place + rng.uniform(-1.5, 1.5, 2)
+                along = x + base * k
+                place = np.array([base * (longest - 1) - along, -y] if back else [along, y])
+                place[1] += side * s
+                out[f"{photo}-{label}"] = place + rng.uniform(-1.5, 1.5, 2)
     rows = [
         -0.9 * d,
-        *(_SIDE * (s + 0.5) for s in range(strips - 1)),
-        _SIDE * (strips - 1) + 0.9 * d,
+        *(side * (s + 0.5) for s in range(len(strips) - 1)),
+        side * (len(strips) - 1) + 0.9 * d,
     ]
     ends = (0.05, 0.5, 0.95)
     control: list[str] = []
     for y in rows:
         for part in ends:
             control.append(f"C{len(control) + 1}")
-            place = np.array([part * _BASE * (photos - 1), y])
+            place = np.array([part * base * (longest - 1), y])
             out[control[-1]] = place + rng.uniform(-6.0, 6.0, 2)
     return out, tuple(control)
 
 
-def _height(xy: Array, camera: Camera, waves: Array) -> float:
+def _height(xy: Array, camera: Camera, base: float, waves: Array) -> float:
     """Smooth terrain [mm at photo scale]: a few waves."""
-    phase = waves[:, 0] * xy[0] / _BASE + waves[:, 1] * xy[1] / _BASE + waves[:, 2]
+    phase = waves[:, 0] * xy[0] / base + waves[:, 1] * xy[1] / base + waves[:, 2]
     return _RELIEF * camera.c * float(np.sin(phase).mean())
 
 

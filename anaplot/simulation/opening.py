@@ -6,8 +6,9 @@ from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
-from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.block import Block, Camera
 from anaplot.planning.synthetic import Truth, synthetic_truth
+from anaplot.planning.syntheticblock import synthetic_plates
 from anaplot.plotter.device.hand import Photographs
 from anaplot.simulation.demo import rough
 from anaplot.simulation.instrument import PROFILE_OF_SIMULATION, SimulationSetup
@@ -143,13 +144,28 @@ def _measured(block: Block, truth: Path) -> Truth:
 
 
 def _synthetic(block: Block, seed: int) -> Truth:
+    """Return a strip's photographs, or those of strips side by side with points in common.
+
+    Strips of different cameras are flown each alone.
+    """
+    first = block.strips[0]
+    camera = block.camera_of(first.photos[0])
+    photos = [photo for strip in block.strips for photo in strip.photos]
+    alike = all(block.camera_of(photo) == camera for photo in photos)
+    if len(block.strips) > 1 and alike and len(set(photos)) == len(photos):
+        base = first.base or 0.4 * _width(camera)
+        return synthetic_plates([s.photos for s in block.strips], camera, seed=seed, base=base)
     points: dict[str, dict[str, tuple[float, float]]] = {}
     for k, strip in enumerate(block.strips):
         camera = block.camera_of(strip.photos[0])
-        width = 1.5 * camera.c if camera.format is None else camera.format[0]
         made, _, _ = synthetic_truth(
-            strip.photos, camera, seed=seed + k, base=strip.base or 0.4 * width
+            strip.photos, camera, seed=seed + k, base=strip.base or 0.4 * _width(camera)
         )
         for photo, xy in made.items():
             points.setdefault(photo, {}).update(xy)
     return points
+
+
+def _width(camera: Camera) -> float:
+    """Return a photo's width [mm], usual for its constant where the format is not stated."""
+    return 1.5 * camera.c if camera.format is None else camera.format[0]
