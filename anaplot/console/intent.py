@@ -304,17 +304,24 @@ def _leave(snapshot: Snapshot) -> Intent:
     in_progress = (
         snapshot.left
         and not snapshot.finished
-        and (snapshot.left, snapshot.right) not in snapshot.accepted
+        and (snapshot.reopened or (snapshot.left, snapshot.right) not in snapshot.accepted)
         and _measured(snapshot)
     )
     if not in_progress:
         return Leave()
+    model = f"{snapshot.left} / {snapshot.right}"
+    stands = f"Model {model} is not accepted yet."
+    if snapshot.reopened:
+        stands = (
+            f"You returned to model {model}: it stays open, and image_points.csv keeps it as it "
+            "was until you accept it again."
+        )
     plain = ""
     if snapshot.link.simulated:
         plain = "; only a plain demo is deleted (anaplot demo --keep FOLDER keeps it)"
     return Question(
-        f"Model {snapshot.left} / {snapshot.right} is not accepted yet. Everything "
-        f"recorded is on disk, and the work goes on here next time{plain}. Leave?",
+        f"{stands} Everything recorded is on disk, and the work goes on here next time{plain}. "
+        "Leave?",
         yes="leave",
         no="stay",
         then=Leave(),

@@ -185,9 +185,8 @@ def _cells(column: Column, values: Values, chosen: Index, n: int) -> list[str]:
     if column.decimals is not None:
         return _numbers(np.asarray(some, dtype=float) * column.scale, column)
     each = some.tolist() if isinstance(some, np.ndarray) else some
-    if column.form is not None:
-        return [column.none if v is None else column.form(v) for v in each]
-    texts = [column.none if v is None else str(v) for v in each]
+    write = str if column.form is None else column.form
+    texts = [column.none if v is None else write(v) for v in each]
     return texts if "".join(texts).isprintable() else [plain(text) for text in texts]
 
 

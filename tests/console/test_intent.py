@@ -144,6 +144,12 @@ def test_what_a_key_means(action: str, situation: Situation, meaning: object) ->
         ),
         ("leave", now(), Leave(), "Model 102 / 103 is not accepted yet."),
         (
+            "leave",
+            now(snapshot=replace(picture(), accepted=(("102", "103"),), reopened=True)),
+            Leave(),
+            "You returned to model 102 / 103: it stays open, and image_points.csv keeps it as it",
+        ),
+        (
             "keep_counters",
             now(snapshot=picture(unreferenced=True)),
             KeepCounters(),

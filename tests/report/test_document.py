@@ -51,6 +51,21 @@ def made(n: int, *, flagged: tuple[int, ...] = ()) -> Table:
     return table("points", COLUMNS, rows)
 
 
+@pytest.mark.parametrize("form", [None, str, lambda text: f"<{text}>"])
+def test_no_cell_controls_the_terminal_however_it_is_written(form) -> None:
+    outside = "7\x1b[2J\n\u202e\x9b"
+    columns = (
+        name("point", "POINT", 5, form=form),
+        Column("kind", "KIND", 9, form=str if form is None else form),
+    )
+    found = table("points", columns, [("9", "a"), (outside, outside)])
+    lines = table_lines(found)
+    assert len(lines) == 3
+    assert all(line.isprintable() for line in lines)
+    assert lines[2].count("7\\x1b[2J\\x0a\\u202e\\x9b") == 2
+    assert found.records()[1]["point"] == outside  # programs get it as it is
+
+
 def test_one_declaration_is_three_renderings() -> None:
     rows = (("7", 0.0123, 3, None, True, "a"), ("a\x1b8", None, 2, (1.5, -2.0), False, ""))
     found = table("points", COLUMNS, rows)
