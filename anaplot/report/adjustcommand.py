@@ -32,6 +32,7 @@ from anaplot.report.computed import Computed
 from anaplot.report.correlations import RayPair, correlated_rays, correlations_document
 from anaplot.report.document import BLANK, Document, say
 from anaplot.report.hypotheses import hypotheses_document
+from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import takes_options
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
@@ -173,6 +174,7 @@ def adjust(
     if prior is not None and components is not None:
         raise InputError("--prior and --components both estimate variances: one of them")
     given, where = block_of(block)
+    note = journal_note(block, given)
     given, planted = planting.plant(given, plant)
     check_power("--hypothesis-alpha", hypothesis_alpha, given.test, where)
     who = None
@@ -219,7 +221,7 @@ def adjust(
     found = BlockAdjustment(adjusted, tested, cleaned, earlier, estimated, parted, snooped, related)
     flagged = adjusted.any_flagged or len(found.rejected) > 0
     document = planting.with_planting(_document(found, snooping, correlations), planted)
-    return Computed(found, document, flagged)
+    return Computed(found, with_journal_notes(document, note), flagged)
 
 
 @takes_options(add_adjust_arguments)
@@ -259,12 +261,14 @@ def find_gross_errors(
         The block has no solution, also without what fits nowhere.
     """
     given, _ = block_of(block)
+    note = journal_note(block, given)
     chosen = _additional(additional, additional_sigma_um)
     problem = make_problem(given, datum=datum, additional=chosen)
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     with watch.searching():
         found = clean_block(problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch)
-    return Computed(found, errors_document(found), len(found.rejected) > 0)
+    document = with_journal_notes(errors_document(found), note)
+    return Computed(found, document, len(found.rejected) > 0)
 
 
 def _additional(name: str | None, sigma_um: float | None) -> AdditionalParameters | None:

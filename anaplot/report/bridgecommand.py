@@ -26,6 +26,7 @@ from anaplot.report import planting
 from anaplot.report.adjustarguments import add_bridge_arguments
 from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Block, Document
+from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import takes_options
 from anaplot.report.modeldocument import model_document, model_tables
 from anaplot.report.modelerrors import model_errors_document, rejected_table
@@ -137,6 +138,7 @@ def bridge(
     if errors is None and (partner is not None or pairs or as_given):
         raise InputError("--partner, --pairs and --as-given go with --errors")
     given, _ = block_of(block)
+    note = journal_note(block, given)
     check_for_bridge(given)
     given, planted = planting.plant(given, plant)
     watch = progress if isinstance(progress, Watch) else Watch(progress)
@@ -152,7 +154,7 @@ def bridge(
         tuple(strip for strip in strips if isinstance(strip, CleanedStrip)) if errors else None,
     )
     document = planting.with_planting(bridge_document(given, strips, matrix=matrix), planted)
-    return Computed(found, document, flagged)
+    return Computed(found, with_journal_notes(document, note), flagged)
 
 
 def orient(

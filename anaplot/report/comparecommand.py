@@ -29,6 +29,7 @@ from anaplot.report.document import (
     say,
     table,
 )
+from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import names_in, takes_options
 from anaplot.report.power import check_power
 from anaplot.report.running import BlockOrFolder, block_of
@@ -102,6 +103,7 @@ def compare(
     if additional is not None:
         chosen = additional_parameters(additional, additional_sigma_um)
     (one, where), (other, _) = block_of(first), block_of(second)
+    notes = journal_note(first, one), journal_note(second, other)
     check_power("--alpha", alpha, one.test, where)
     found = compare_epochs(
         one,
@@ -120,7 +122,8 @@ def compare(
         for row in block.image_points
         if row.use != "xy"
     ]
-    return Computed(tested, compare_document(tested, off), tested.any_moved)
+    document = with_journal_notes(compare_document(tested, off), *notes)
+    return Computed(tested, document, tested.any_moved)
 
 
 def _moved(verdict: Verdict | None) -> bool | None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import shlex
 from dataclasses import replace
 from pathlib import Path
 
-from anaplot.errors import AnaplotError, InputError
+from anaplot.errors import AnaplotError
 from anaplot.exchange.blockfolder import read_block
-from anaplot.exchange.journal import read_journal
 from anaplot.photogrammetry.block import Block
 from anaplot.report.columns import counted
 from anaplot.report.document import (
@@ -26,13 +24,12 @@ from anaplot.report.document import (
     whole,
 )
 from anaplot.report.document import Block as Part
+from anaplot.report.journalnote import journal_answer
 from anaplot.report.output import Output
-from anaplot.session.events import EVENT_KINDS
 from anaplot.session.recomputed import Recomputed
-from anaplot.session.state import SessionState
 from anaplot.station.blockstatus import BlockStatus, NextStep, status_of
 from anaplot.station.blockview import BlockView
-from anaplot.station.restored import restored
+from anaplot.station.edited import Journaled, journaled
 from anaplot.textfiles.wording import plain
 
 __all__ = ["block_status", "run_status", "status_document"]
@@ -65,13 +62,13 @@ def run_status(options: argparse.Namespace) -> int:
     """
     output = Output.of(options)
     output.check({"is read": (options.block,)})
-    status, remarks = block_status(options.block)
-    output.show(status_document(plain(str(options.block)), status, remarks))
+    status, found = block_status(options.block)
+    output.show(status_document(options.block, status, found))
     return 0
 
 
-def block_status(folder: Path) -> tuple[BlockStatus, tuple[str, ...]]:
-    """Return where the block in a folder stands, and what was odd on the way.
+def block_status(folder: Path) -> tuple[BlockStatus, Journaled]:
+    """Return where the block in a folder stands, and what its journal says.
 
     Raises
     ------
@@ -79,16 +76,8 @@ def block_status(folder: Path) -> tuple[BlockStatus, tuple[str, ...]]:
         The block cannot be read; a journal that does not fit it is a remark.
     """
     block = read_block(folder)
-    remarks: tuple[str, ...] = ()
-    state: SessionState | None = None
-    if os.path.lexists(folder / "sessions"):
-        try:
-            records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
-            events = [record for record in records if record.kind in EVENT_KINDS]
-            state = restored(block, events)[1]
-        except InputError as error:
-            remarks = (f"the journal was not read: {error}",)
-    return status_of(block, state, _view(block), plain(shlex.quote(str(folder)))), remarks
+    found = journaled(folder, block)
+    return status_of(block, found.state, _view(block), plain(shlex.quote(str(folder)))), found
 
 
 def _view(block: Block) -> BlockView | None:
@@ -105,18 +94,20 @@ def _view(block: Block) -> BlockView | None:
         return replace(empty, remark=str(error))
 
 
-def status_document(folder: str, status: BlockStatus, remarks: tuple[str, ...] = ()) -> Document:
+def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Document:
     """Return the document of where a block stands.
 
     Parameters
     ----------
     folder
-        How the block is called.
+        The block folder.
     status
         Where it stands.
-    remarks
-        What was odd on the way.
+    found
+        What its journal says; where that is something else than the files, it is a remark.
     """
+    note = journal_answer(folder, found)
+    remarks = [] if note is None else [note["remark"]]
     rows = [
         (strip.strip, m.left, m.right, m.state, m.sigma0_um, m.redundancy, m.flagged, m.off, m.ties)
         for strip in status.strips
@@ -140,8 +131,10 @@ def status_document(folder: str, status: BlockStatus, remarks: tuple[str, ...] =
         "lateral_ties": seen.lateral_ties,
         "control": {"points": seen.control, "seen": seen.control_seen},
         "next": {key: value or None for key, value in status.next._asdict().items()},
-        "remarks": list(remarks),
+        "remarks": remarks,
     }
+    if note is not None:
+        answer["differs_from_journal"] = note
     page: list[Part] = (
         [models, BLANK] if rows else [say("no strips: models cannot be formed"), BLANK]
     )

@@ -2,27 +2,96 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection
 from pathlib import Path
+from typing import NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import IMAGE_POINTS_CSV
+from anaplot.exchange.journal import read_journal
 from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.session.events import EVENT_KINDS
 from anaplot.session.state import SessionState, apply, start
-from anaplot.station.imagepoints import measured_here, rows_of
+from anaplot.station.imagepoints import accepted_ever, measured_here, rows_of
+from anaplot.station.restored import restored
 from anaplot.station.sessionlog import read_history
 from anaplot.textfiles.wording import place, quoted
 
-__all__ = ["check_unedited"]
+__all__ = ["EditedRow", "Journaled", "check_unedited", "edited_rows", "journaled", "told"]
 
 Name = tuple[str, str, str | None]
 _BACK = "adjust --apply-undo takes back what --apply switched off"
 
 
-def check_unedited(
+class EditedRow(NamedTuple):
+    """A row of the session's that somebody else changed.
+
+    Attributes
+    ----------
+    here
+        As the file has it.
+    journal
+        As the journal has it; None where the journal has no such row.
+    """
+
+    here: ImagePoint
+    journal: ImagePoint | None
+
+
+class Journaled(NamedTuple):
+    """What a block's journal says of it, read without a lock beside the files.
+
+    Attributes
+    ----------
+    state
+        To which it led; None where there is none, or it was not read.
+    edited
+        Rows of which the file says something else.
+    unread
+        Why it was not read, or "".
+    """
+
+    state: SessionState | None = None
+    edited: tuple[EditedRow, ...] = ()
+    unread: str = ""
+
+    def remark(self, folder: Path) -> str:
+        """Return in a line that the journal was not read or that the file differs, or ""."""
+        if self.unread or not self.edited:
+            return self.unread
+        more = len(self.edited) - 1
+        others = "" if not more else f" (and {more} more row{'s' if more > 1 else ''})"
+        return told(folder, self.edited[0]) + others
+
+
+def journaled(folder: Path, block: Block) -> Journaled:
+    """Return what the journal in a block folder says; nothing is locked, and nothing changed.
+
+    A console may be writing it: what of it is on disk counts.
+
+    Parameters
+    ----------
+    folder
+        The block folder.
+    block
+        As read from it, before: whatever of the session's stands in it is in the journal by now.
+    """
+    sessions = folder / "sessions"
+    if not os.path.lexists(sessions) or (sessions.is_dir() and not any(sessions.glob("*.jsonl"))):
+        return Journaled()
+    try:
+        records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
+        events, state = restored(block, (one for one in records if one.kind in EVENT_KINDS))
+        return Journaled(state, edited_rows(folder, block, state, accepted_ever(events)))
+    except InputError as error:
+        return Journaled(unread=f"the journal was not read: {error}")
+
+
+def edited_rows(
     folder: Path, block: Block, state: SessionState, of_session: Collection[str]
-) -> None:
-    """Refuse a file of which a row of the session's was changed by somebody else.
+) -> tuple[EditedRow, ...]:
+    """Return the rows of the session's that somebody else changed.
 
     The file may lag behind the journal (a full disk, a power cut): what the session has ever
     written is no change. Nor are reasons, and rows of models that it never accepted.
@@ -41,7 +110,7 @@ def check_unedited(
     Raises
     ------
     InputError
-        The first row that differs: photo and point, both versions, and what to do.
+        The journal cannot be read.
     """
     own = {_name(row): row for row in rows_of(state.models)}
     uses = _has_use(folder / IMAGE_POINTS_CSV)
@@ -57,13 +126,34 @@ def check_unedited(
 
     other = [row for row in block.image_points if differs(row)]
     if not other:
-        return
+        return ()
     written, ever = _written(folder, block)
-    for row in other:
-        known = (row.photo, row.point, row.x, row.y) in ever
-        if known and (not uses or (*_name(row), row.x, row.y, row.use) in written):
-            continue
-        raise InputError(f"{place(folder / IMAGE_POINTS_CSV)}: {_told(row, own.get(_name(row)))}")
+
+    def known(row: ImagePoint) -> bool:
+        if (row.photo, row.point, row.x, row.y) not in ever:
+            return False
+        return not uses or (*_name(row), row.x, row.y, row.use) in written
+
+    return tuple(EditedRow(row, own.get(_name(row))) for row in other if not known(row))
+
+
+def check_unedited(
+    folder: Path, block: Block, state: SessionState, of_session: Collection[str]
+) -> None:
+    """Refuse a file of which a row of the session's was changed by somebody else.
+
+    Parameters
+    ----------
+    folder, block, state, of_session
+        As `edited_rows` has them.
+
+    Raises
+    ------
+    InputError
+        The first row that differs: photo and point, both versions, and what to do.
+    """
+    for row in edited_rows(folder, block, state, of_session):
+        raise InputError(told(folder, row))
 
 
 def _name(row: ImagePoint) -> Name:
@@ -90,6 +180,11 @@ def _written(folder: Path, block: Block) -> tuple[set[object], set[object]]:
             written.update((*_name(r), r.x, r.y, r.use) for r in rows_of(state.models))
             ever.update(measured_here(state.models))
     return written, ever
+
+
+def told(folder: Path, edited: EditedRow) -> str:
+    """Return in words what was changed in a folder's file, and what to do."""
+    return f"{place(folder / IMAGE_POINTS_CSV)}: {_told(edited.here, edited.journal)}"
 
 
 def _told(row: ImagePoint, mine: ImagePoint | None) -> str:

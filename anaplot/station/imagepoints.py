@@ -6,10 +6,11 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 from anaplot.photogrammetry.block import ImagePoint, Use
+from anaplot.session.events import Event, ModelAccepted
 from anaplot.session.reasons import REASONS, RowReason, reason_of
 from anaplot.session.state import ModelState
 
-__all__ = ["measured_here", "merged_rows", "rows_of"]
+__all__ = ["accepted_ever", "measured_here", "merged_rows", "rows_of"]
 
 Key = tuple[str, str, float, float]
 
@@ -77,6 +78,11 @@ def measured_here(models: Iterable[ModelState]) -> set[Key]:
         for m in model.measured
         for key in ((model.left, m.point, m.xl, m.yl), (model.right, m.point, m.xr, m.yr))
     }
+
+
+def accepted_ever(events: Iterable[Event]) -> set[str]:
+    """Return the names "left/right" of models that were accepted once, undone or not."""
+    return {f"{event.left}/{event.right}" for event in events if isinstance(event, ModelAccepted)}
 
 
 def merged_rows(

@@ -9,11 +9,11 @@ from pathlib import Path
 from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.modelplan import Candidates
-from anaplot.session.events import Event, ModelAccepted
+from anaplot.session.events import Event
 from anaplot.session.modelstate import ModelState
 from anaplot.session.reasons import RowReason
 from anaplot.session.state import SessionState
-from anaplot.station.imagepoints import measured_here, merged_rows
+from anaplot.station.imagepoints import accepted_ever, measured_here, merged_rows
 
 __all__ = ["PointsFile"]
 
@@ -43,9 +43,7 @@ class PointsFile:
 
     def happened(self, events: Iterable[Event]) -> None:
         """Take notice of events: what was accepted once, undone or not, is the session's own."""
-        self.of_session.update(
-            f"{event.left}/{event.right}" for event in events if isinstance(event, ModelAccepted)
-        )
+        self.of_session |= accepted_ever(events)
 
     def holds(self, state: SessionState) -> bool:
         """Whether it was last written for the accepted models of a state."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from clibench import contents
 from journaltools import append_event
 from sessionscene import Scene
 
@@ -14,9 +16,11 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.exchange.journal import Journal
 from anaplot.photogrammetry.block import ImagePoint
+from anaplot.report.adjustcommand import adjust, find_gross_errors
+from anaplot.report.comparecommand import compare
 from anaplot.session.events import Event, ModelAccepted, RowSwitched, Undone
 from anaplot.session.state import SessionState, apply
-from anaplot.station.edited import check_unedited
+from anaplot.station.edited import check_unedited, journaled
 from anaplot.station.imagepoints import rows_of
 from anaplot.station.sessionlog import read_history
 from anaplot.station.station import Station
@@ -28,8 +32,8 @@ OF_SESSION = {"101/102"}
 class Work:
     """A block of which one model is accepted, with a row off, taken back and accepted with two."""
 
-    def __init__(self, folder: Path) -> None:
-        scene = Scene(3)
+    def __init__(self, folder: Path, photos: int = 3) -> None:
+        scene = Scene(photos)
         self.folder = folder
         write_new_block(folder, scene.block)
         self.states: list[SessionState] = [scene.start]
@@ -71,6 +75,11 @@ class Work:
 @pytest.fixture
 def work(tmp_path: Path) -> Work:
     return Work(tmp_path / "b")
+
+
+@pytest.fixture
+def one_model(tmp_path: Path) -> Work:
+    return Work(tmp_path / "b", photos=2)
 
 
 def test_what_the_session_wrote_now_or_before_is_no_change(work: Work) -> None:
@@ -129,3 +138,103 @@ def test_what_the_search_switched_off_is_taken_back_first(work: Work) -> None:
     work.write(work.with_row(work.third, use="off", reason="tau"))
     with pytest.raises(InputError, match="--apply-undo takes back"):
         work.check()
+
+
+def test_who_computes_from_the_files_notes_what_open_refuses(
+    one_model: Work, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = one_model
+    work.write((*work.rows, ImagePoint("102", "lamp", 1.0, 2.0)))
+    assert journaled(work.folder, read_block(work.folder)).state == work.state
+    before = contents(work.folder)
+    quiet, plain = computed(work, capsys)
+    assert "differs_from_journal" not in "".join(map(str, quiet))
+    work.write(
+        tuple(
+            replace(row, x=row.x + 0.002) if row.photo == "102" and row.point in some else row
+            for some in [(work.first, work.third)]
+            for row in work.rows
+        )
+    )
+    with pytest.raises(InputError) as refused:
+        work.check()
+    loud, told = computed(work, capsys)
+    remark = f"{refused.value} (and 1 more row)"
+    own = {(r.photo, r.point): r for r in work.rows}
+    for answer in loud:
+        note = answer["differs_from_journal"]
+        assert (note["count"], note["remark"]) == (2, remark)
+        assert [(r["photo"], r["point"], r["model"]) for r in note["rows"]] == [
+            ("102", point, "101/102") for point in sorted((work.first, work.third))
+        ]
+        for row in note["rows"]:
+            mine = own[row["photo"], row["point"]]
+            assert row["journal"] == {"x": mine.x, "y": mine.y, "use": mine.use}
+            assert row["file"]["x"] == mine.x + 0.002
+    assert remark in loud[0]["remarks"]
+    assert "note: " not in plain
+    assert told.endswith(f"note: {remark}\n")
+    # nothing is written, and nothing locked
+    assert {name for name in contents(work.folder) if "sessions" in name} == {
+        name for name in before if "sessions" in name
+    }
+    stable = [row.point for row in work.rows if row.photo == "102" and row.use == "xy"]
+    second = compare(write_plain(work), work.folder, stable=stable[-4:]).to_dict()
+    assert [note and note["count"] for note in second["differs_from_journal"]] == [None, 2]
+
+
+def computed(work: Work, capsys: pytest.CaptureFixture[str]) -> tuple[list[dict], str]:
+    capsys.readouterr()
+    assert main(["status", str(work.folder), "--json"]) == 0
+    answers = [json.loads(capsys.readouterr().out)]
+    assert main(["bridge", str(work.folder), "--json"]) == 0
+    answers.append(json.loads(capsys.readouterr().out))
+    assert main(["bridge", str(work.folder)]) == 0
+    text = capsys.readouterr().out
+    answers.append(adjust(work.folder, datum="free").to_dict())
+    answers.append(find_gross_errors(work.folder, "tau", datum="free").to_dict())
+    return answers, text
+
+
+def write_plain(work: Work) -> Path:
+    folder = work.folder.parent / "plain"
+    write_new_block(folder, work.states[0].block)
+    write_image_points(folder, work.rows)
+    return folder
+
+
+@pytest.mark.parametrize("fault", ["newer", "damaged", "other block", "held", "torn", "no journal"])
+def test_a_journal_that_cannot_be_read_is_noted_and_stands_in_nobodys_way(
+    one_model: Work, fault: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = one_model
+    work.write(work.rows)
+    path = work.folder / "sessions" / "0001.jsonl"
+    whole = path.read_bytes()
+    changed, words = {
+        "newer": (whole.replace(b'"format":1', b'"format":7'), "newer version"),
+        "damaged": (whole.replace(b'"101"', b'"191"', 1), "line "),
+        "other block": (whole.replace(b'"strip":"1"', b'"strip":"9"'), "line "),
+        "torn": (whole + whole.splitlines()[-1][:30], ""),
+        "held": (whole, ""),
+        "no journal": (b"", ""),
+    }[fault]
+    path.write_bytes(changed)
+    if fault == "no journal":
+        path.unlink()
+    if fault == "held":
+        with Journal.open(work.folder, {})[0]:
+            answers, text = computed(work, capsys)
+    else:
+        answers, text = computed(work, capsys)
+    if not words:
+        assert "differs_from_journal" not in "".join(map(str, answers))
+        assert "note: " not in text
+        return
+    assert changed != whole
+    for answer in answers:
+        note = answer["differs_from_journal"]
+        assert (note["count"], note["rows"]) == (None, [])
+        assert note["remark"].startswith("the journal was not read: ")
+        assert words in note["remark"]
+    assert text.endswith(f"note: {note['remark']}\n")

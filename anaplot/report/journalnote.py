@@ -1,0 +1,100 @@
+"""That a block's files say something else than its journal: a note, and no error."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.report.document import Answer, Document, Line, say
+from anaplot.report.running import BlockOrFolder
+
+if TYPE_CHECKING:
+    from anaplot.station.edited import Journaled
+
+__all__ = ["journal_answer", "journal_note", "with_journal_notes"]
+
+_MOST = 10
+
+
+def journal_note(folder: BlockOrFolder, block: Block) -> Answer | None:
+    """Return how the files of a block folder differ from its journal.
+
+    The journal is read without a lock and never stands in the way: one that is damaged, or that a
+    newer version wrote, is noted as well.
+
+    Parameters
+    ----------
+    folder
+        Where the block comes from; there is nothing to say of one that is in no folder.
+    block
+        As read from it.
+
+    Returns
+    -------
+    dict or None
+        As `journal_answer` has it.
+    """
+    if isinstance(folder, Block) or not os.path.lexists(Path(folder) / "sessions"):
+        return None
+    # only blocks with a session need what a session needs
+    from anaplot.station.edited import journaled
+
+    return journal_answer(Path(folder), journaled(Path(folder), block))
+
+
+def journal_answer(folder: Path, found: Journaled) -> Answer | None:
+    """Return what programs read of the difference: the first rows, how many, and the remark.
+
+    Parameters
+    ----------
+    folder
+        The block folder.
+    found
+        What its journal says.
+
+    Returns
+    -------
+    dict or None
+        "count" of rows that differ (None: the journal was not read), the first of them as "rows",
+        and the "remark" for people; None where nothing differs.
+    """
+    remark = found.remark(folder)
+    if not remark:
+        return None
+    rows = [
+        {
+            "photo": here.photo,
+            "point": here.point,
+            "model": here.model,
+            "file": _row(here),
+            "journal": None if mine is None else _row(mine),
+        }
+        for here, mine in found.edited[:_MOST]
+    ]
+    count = None if found.unread else len(found.edited)
+    return {"count": count, "rows": rows, "remark": remark}
+
+
+def _row(row: ImagePoint) -> Answer:
+    return {"x": row.x, "y": row.y, "use": row.use}
+
+
+def with_journal_notes(document: Document, *notes: Answer | None) -> Document:
+    """Return a document that ends with the notes on its blocks, where there are any.
+
+    Programs find the note under "differs_from_journal"; of several blocks a list, None where
+    nothing differs.
+    """
+    lines = [_line(note) for note in notes if note is not None]
+    if not lines:
+        return document
+    told = notes[0] if len(notes) == 1 else list(notes)
+    answer = document.answer | {"differs_from_journal": told}
+    return replace(document, answer=answer, page=(*document.page, *lines))
+
+
+def _line(note: Answer) -> Line:
+    return say("note: {}", note["remark"]).of("remark")
