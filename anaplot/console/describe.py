@@ -157,7 +157,7 @@ def _of_model(snapshot: Snapshot) -> list[str]:
         sentences += snapshot.diagnosis.advice
     if snapshot.solution is not None:
         sentences += snapshot.solution.remarks
-    return sentences
+    return list(dict.fromkeys(sentences))  # the advice begins with the remarks
 
 
 def _orientation(solution: ModelSolution) -> list[Entry]:

@@ -70,7 +70,11 @@ _LEAVES = Agenda(
     (Step("remeasure", "remeasure, add or switch points"), Step("accept", "accept")),
     "it stays as it was",
 )
-_FINISHED = Agenda((), "every model is accepted: the strip is finished")
+
+
+def _finished(state: SessionState) -> Agenda:
+    what = "strip" if len(state.block.strips) == 1 else "block"
+    return Agenda((), f"every model is accepted: the {what} is finished")
 
 
 def next_model(state: SessionState) -> tuple[str, str, str] | None:
@@ -87,7 +91,7 @@ def outlook(state: SessionState) -> Outlook:
     following = next_model(state)
     if state.current is None:
         if following is None:
-            agenda = _FINISHED
+            agenda = _finished(state)
         else:
             lay = Step("lay", f"lay photos {following[1]} and {following[2]}")
             agenda = Agenda((lay,), "next model")

@@ -6,6 +6,7 @@ from testedrows import observation, with_rows
 from anaplot.adjustment.tested import AppliedTest, Observation
 from anaplot.console.describe import advice_of, describe_model, describe_row
 from anaplot.console.rows import shown_rows, sort_rows
+from anaplot.orientation.results import Diagnosis
 
 
 def keys(rows):
@@ -118,3 +119,12 @@ def test_the_problem_is_said_first():
     remarks = replace(solution(), remarks=("points badly spread",))
     assert advice_of(picture(solution=remarks, problem="no ties"))[0] == "no ties"
     assert advice_of(picture(solution=remarks))[-1] == "points badly spread"
+
+
+def test_a_remark_that_the_advice_begins_with_is_said_once():
+    remark = "no redundancy: an orientation without any check"
+    shown = picture(
+        solution=replace(picture().solution, remarks=(remark,)),
+        diagnosis=Diagnosis((), (), (remark, "nothing is flagged"), ()),
+    )
+    assert [said for said in advice_of(shown) if said == remark] == [remark]

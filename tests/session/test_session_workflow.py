@@ -181,3 +181,4 @@ def test_strips_follow_one_another(scene: Scene) -> None:
     assert next_model(state) == ("b", "103", "104")
     state = fold(state, [ModelChosen("b", "103", "104", ()), ModelAccepted("103", "104")])
     assert next_model(state) is None
+    assert outlook(state).expected == "every model is accepted: the block is finished"
