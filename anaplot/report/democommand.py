@@ -28,13 +28,15 @@ from anaplot.report.document import (
 from anaplot.report.innerdocument import fiducial_table, photo_document
 from anaplot.report.modeldocument import model_rows, stacked_rows
 from anaplot.report.output import Output
-from anaplot.simulation.automatic import Handled, InnerRecord, ModelRecord
+from anaplot.simulation.automatic import InnerRecord, ModelRecord
 from anaplot.simulation.demo import Demo, Outcome, run_demo
 from anaplot.simulation.mistakes import Planted
+from anaplot.simulation.stages import Handled, earliest_stage
 
 __all__ = ["demo_block", "demo_document", "model_story", "run_demo_auto"]
 
 _PLANTED = for_programs(*Planted._fields)
+_STAGES = for_programs("model", "point", "photo", "axis", "kind", "earliest", "stage")
 _OF_TABLE = for_programs("left", "right", "when")
 _TITLES = {
     "planted": "planted",
@@ -104,7 +106,8 @@ def demo_document(seed: int, outcome: Outcome) -> Document:
     entries = {key: _planted(key, getattr(outcome, key)) for key in _TITLES}
     stories = [block for record in outcome.models for block in model_story(record)]
     told = [line for key in _TITLES for line in _told(_TITLES[key], getattr(outcome, key))]
-    answer = {"seed": seed, **entries, "models": [_answer(record) for record in outcome.models]}
+    models, stages = [_answer(record) for record in outcome.models], _stages(outcome)
+    answer = {"seed": seed, **entries, "models": models, "stages": stages}
     parts = (
         ((record.left, record.right, when), model_rows(solution.listed))
         for record in outcome.models
@@ -114,12 +117,21 @@ def demo_document(seed: int, outcome: Outcome) -> Document:
     return Document(
         answer,
         (*stories, say("MISTAKES PLANTED WITH SEED {}", seed).of("heading"), *told),
-        (*entries.values(), stacked_rows(_OF_TABLE, parts)),
+        (*entries.values(), stages, stacked_rows(_OF_TABLE, parts)),
     )
 
 
 def _planted(key: str, entries: Iterable[Planted]) -> Table:
     return table(key, _PLANTED, entries)
+
+
+def _stages(outcome: Outcome) -> Table:
+    """Return of every mistake found the earliest stage that can show it, and where it was found."""
+    rows = (
+        (p.model, p.point, p.photo, p.axis, p.kind, earliest_stage(p), outcome.stages[p])
+        for p in outcome.found
+    )
+    return table("stages", _STAGES, rows)
 
 
 def _told(title: str, entries: tuple[Planted, ...]) -> list[Line]:

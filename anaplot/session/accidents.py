@@ -34,11 +34,14 @@ class Accident(NamedTuple):
         One sentence.
     certain
         Whether it is certain that this point of the model in work is the wrong one.
+    against
+        What has it elsewhere: another strip's name, `GROUND`, or "" for its own strip.
     """
 
     point: str
     text: str
     certain: bool
+    against: str = ""
 
 
 def accidents(state: SessionState, known: Transfer) -> tuple[Accident, ...]:
@@ -85,12 +88,13 @@ def _of_check(check: TieCheck, here: set[str]) -> Iterator[Accident]:
         return
     wrong = check.wrong
     for point in wrong:
-        yield Accident(point, _elsewhere(check, point, wrong), point in here)
+        yield Accident(point, _elsewhere(check, point, wrong), point in here, check.other)
     if not wrong and tie.suspects:
         first, *others = tie.suspects
         which = f"{first} or {' or '.join(others)}" if others else first
         fourth = "" if tie.checkable else ": a fourth common point tells which is wrong"
-        yield Accident(first, f"{which} flagged against {check.named}{fourth}", False)
+        text = f"{which} flagged against {check.named}{fourth}"
+        yield Accident(first, text, False, check.other)
 
 
 def _elsewhere(check: TieCheck, point: str, wrong: tuple[str, ...]) -> str:

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from time import monotonic
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from anaplot.aliases import Axis, Side
 from anaplot.errors import AnaplotError, InputError, LinkError, NotComputableError
@@ -21,10 +21,11 @@ from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.session.models import solve
 from anaplot.simulation.instrument import SimulatedInstrument
+from anaplot.simulation.stages import Handled, Stage, stage_of_point
 from anaplot.station.snapshot import InnerView, PointView, Snapshot
 from anaplot.station.station import Station
 
-__all__ = ["AutomaticOperator", "Handled", "InnerRecord", "ModelRecord"]
+__all__ = ["AutomaticOperator", "InnerRecord", "ModelRecord"]
 
 _REPEATS = 2
 _PATIENCE = 5.0  # s without a record before he drives to the point again
@@ -35,19 +36,6 @@ _ATTEMPTS = 8  # drives to one point without a record
 _REFUSALS = 5  # commands refused one after the other: that it was nobody else's doing is clear then
 
 Row = tuple[str, Axis | None]
-
-
-class Handled(NamedTuple):
-    """A row that was flagged and measured again or switched off; axis None: the whole point.
-
-    For a fiducial `point` is its name and `photo` the photo; for a point `photo` is empty.
-    """
-
-    model: str
-    point: str
-    axis: Axis | None
-    action: str
-    photo: str = ""
 
 
 @dataclass(slots=True)
@@ -133,6 +121,12 @@ class AutomaticOperator:
         self._since = 0.0
         self._records: dict[str, ModelRecord] = {}
         self._returns: list[ModelRecord] = []
+        self._handled: list[Handled] = []
+
+    @property
+    def handled(self) -> tuple[Handled, ...]:
+        """What was measured again or switched off in all models, in the order of time."""
+        return tuple(self._handled)
 
     @property
     def records(self) -> tuple[ModelRecord, ...]:
@@ -255,8 +249,12 @@ class AutomaticOperator:
             back = picture.returning
             station.return_to(back.left, back.right, back.point, back.photo)
             axis: Axis = "x" if back.axis == "x" else "y"
-            what = Handled(f"{back.left}/{back.right}", back.point, axis, "measured again")
-            self._returns.append(ModelRecord(back.left, back.right, handled=[what], returned=True))
+            # the block can be sure of it as soon as the next model has it, too
+            stage: Stage = "next model" if picture.left == back.right else "block"
+            name = f"{back.left}/{back.right}"
+            again = ModelRecord(back.left, back.right, returned=True)
+            self._returns.append(again)
+            self._note(again, Handled(name, back.point, axis, "measured again", stage=stage))
             return True
         if picture.checks and picture.inner is None and picture.target is None:
             self._drive(picture.checks[0])
@@ -354,9 +352,9 @@ class AutomaticOperator:
         row = inner.suspects[0] if inner.suspects else None
         if row is not None and not inner.solution.locatable and times[row[0]] > _REPEATS:
             # each was measured again, and which one to leave out cannot be known
-            record.handled.append(
-                Handled(f"{picture.left}/{picture.right}", *row, "accepted as it is", inner.photo)
-            )
+            name = f"{picture.left}/{picture.right}"
+            what = Handled(name, *row, "accepted as it is", inner.photo, "inner orientation")
+            self._note(record, what)
             row = None
         if row is not None:
             self._handle(picture, record, row)
@@ -394,6 +392,8 @@ class AutomaticOperator:
         name = f"{picture.left}/{picture.right}"
         inner = picture.inner
         photo = "" if inner is None else inner.photo
+        told = stage_of_point(point, picture.accidents)
+        stage: Stage = told if inner is None else "inner orientation"
         # counted by the session, so that an interrupted job goes on as if it had not been
         if inner is None:
             times = next(p.times for p in picture.points if p.point == point)
@@ -403,11 +403,15 @@ class AutomaticOperator:
             # driven to a second time when the line failed, but measured once
             if (name, photo, row, times) not in self._noted:
                 self._noted.add((name, photo, row, times))
-                record.handled.append(Handled(name, point, axis, "measured again", photo))
+                self._note(record, Handled(name, point, axis, "measured again", photo, stage))
             self._drive(point)
             return
         self._station.switch(point, axis, False)
-        record.handled.append(Handled(name, point, axis, "switched off", photo))
+        self._note(record, Handled(name, point, axis, "switched off", photo, stage))
+
+    def _note(self, record: ModelRecord, handled: Handled) -> None:
+        record.handled.append(handled)
+        self._handled.append(handled)
 
     def _record(self, picture: Snapshot) -> ModelRecord:
         """Return what is to be told of the model in work: of its last return, or of its making."""

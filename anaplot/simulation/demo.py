@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,14 +13,15 @@ from anaplot.photogrammetry.block import TestSettings
 from anaplot.planning.modelplan import Candidates
 from anaplot.planning.synthetic import SyntheticStrip, synthetic_strip
 from anaplot.planning.syntheticcamera import with_calibration
-from anaplot.simulation.automatic import AutomaticOperator, Handled, ModelRecord
+from anaplot.simulation.automatic import AutomaticOperator, ModelRecord
 from anaplot.simulation.instrument import SimulationSetup
 from anaplot.simulation.laidplates import Placements, random_placements
 from anaplot.simulation.mistakes import Planted, Plot, plant_mistakes
+from anaplot.simulation.stages import Handled, Stage, stage_found
 from anaplot.simulation.wrongfiducial import plant_wrong_fiducial
 from anaplot.station.station import DEFAULT_PATTERN, Station
 
-__all__ = ["DEFAULT_MODELS", "DEFAULT_SEED", "Demo", "Outcome", "rough", "run_demo"]
+__all__ = ["DEFAULT_MODELS", "DEFAULT_SEED", "Demo", "Outcome", "judge", "rough", "run_demo"]
 
 DEFAULT_MODELS = 4
 DEFAULT_SEED = 1
@@ -132,6 +133,8 @@ class Outcome:
         Rows taken for wrong that were not: entries like the planted ones, of size 0.
     models
         Tables before and after, and what was done, model by model.
+    stages
+        Of those found: at which stage.
     """
 
     planted: tuple[Planted, ...]
@@ -140,11 +143,13 @@ class Outcome:
     missed: tuple[Planted, ...]
     false_flags: tuple[Planted, ...]
     models: tuple[ModelRecord, ...]
+    stages: Mapping[Planted, Stage] = field(default_factory=dict)
 
 
-def judge(planted: tuple[Planted, ...], models: tuple[ModelRecord, ...]) -> Outcome:
+def judge(planted: tuple[Planted, ...], operator: AutomaticOperator) -> Outcome:
     """Compare what was planted with what the operator did."""
-    handled = [h for record in models for h in record.handled]
+    handled, models = operator.handled, operator.records
+    stages = {p: stage for p in planted if (stage := stage_found(p, handled)) is not None}
     touched = {(h.model, h.point, h.photo) for h in handled}
     again = {(h.model, h.point, h.photo) for h in handled if h.action == "measured again"}
     own = tuple(p for p in planted if (p.model, *_what(p)) in touched)
@@ -160,6 +165,7 @@ def judge(planted: tuple[Planted, ...], models: tuple[ModelRecord, ...]) -> Outc
         missed=tuple(p for p in planted if p.detectable and p not in own),
         false_flags=tuple(false_flags),
         models=models,
+        stages=stages,
     )
 
 
@@ -205,4 +211,4 @@ def run_demo(
                 f"{folder}: image_points.csv could not be written; the measurements are safe in "
                 "the journal"
             )
-        return judge(demo.plot.planted, operator.records)
+        return judge(demo.plot.planted, operator)

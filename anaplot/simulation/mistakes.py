@@ -10,17 +10,27 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from anaplot.aliases import Axis
-from anaplot.errors import NotComputableError
+from anaplot.errors import InputError, NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.patterns import Pattern
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Block
-from anaplot.planning.modelplan import Candidates, PlannedPosition, plan_positions
+from anaplot.planning.modelplan import Candidates, plan_positions
 from anaplot.plotter.device.hand import Offsets
 
-__all__ = ["SMALLEST", "Kind", "Planted", "Plot", "plant_mistakes"]
+__all__ = [
+    "SMALLEST",
+    "Kind",
+    "ModelMistakes",
+    "Planted",
+    "Plot",
+    "next_model_error",
+    "plant_mistakes",
+    "smallest_sizes",
+    "swapped_pair",
+]
 
 Kind = Literal[
     "gross parallax",
@@ -29,6 +39,9 @@ Kind = Literal[
     "swapped pair",
     "pair swapped alike",
     "wrong fiducial",
+    "transfer error",
+    "wrong lateral tie",
+    "wrong control point",
     "none",
 ]
 Truth = Mapping[str, Mapping[str, tuple[float, float]]]
@@ -77,12 +90,26 @@ class Plot:
     offsets: Mapping[tuple[str, str, str], Offsets]
 
 
-class _Model(NamedTuple):
+class ModelMistakes(NamedTuple):
+    """A model in which mistakes are planted.
+
+    Attributes
+    ----------
+    photos, name
+        (left, right), and as "left/right".
+    points
+        What is measured in it.
+    ties
+        Points of it that the preceding model has.
+    smallest
+        (point, axis) -> size of the smallest mistake that its table shows for certain [mm].
+    """
+
     photos: tuple[str, str]
     name: str
-    plan: tuple[PlannedPosition, ...]
+    points: tuple[str, ...]
     ties: frozenset[str]
-    smallest: Mapping[tuple[str, str], float]  # row -> smallest planted size [mm]
+    smallest: Mapping[tuple[str, str], float]
 
 
 def plant_mistakes(
@@ -150,7 +177,7 @@ def plant_mistakes(
 def _repaired(
     block: Block,
     truth: Truth,
-    model: _Model,
+    model: ModelMistakes,
     before: ModelSolution | None,
     hidden: Mapping[str, Offsets],
     shown: Mapping[str, Offsets],
@@ -170,7 +197,7 @@ def _repaired(
     left, right = model.photos
     wrong = dict(hidden) | dict(shown)
     off: set[tuple[str, str]] = set()
-    names = [p.point for p in model.plan]
+    names = model.points
     for _ in range(2 * len(names)):
         none = Offsets()
         at = {name: wrong.get(name, none) for name in names}
@@ -207,9 +234,11 @@ def _repaired(
     return None
 
 
-def _models(block: Block, truth: Truth, candidates: Candidates, pattern: Pattern) -> list[_Model]:
+def _models(
+    block: Block, truth: Truth, candidates: Candidates, pattern: Pattern
+) -> list[ModelMistakes]:
     """Return the models as they will be planned, with the smallest sizes of mistakes."""
-    out: list[_Model] = []
+    out: list[ModelMistakes] = []
     strip = block.strips[0]
     solution: ModelSolution | None = None
     before: Mapping[str, tuple[float, float]] = {}
@@ -232,28 +261,88 @@ def _models(block: Block, truth: Truth, candidates: Candidates, pattern: Pattern
             base=strip.base,
         )
         solution = orient(pair, block.precision, block.test)
-        sigma = block.precision.image_um * 1e-3
-        smallest: dict[tuple[str, str], float] = {
-            row.key: SMALLEST * sigma * sqrt(q / max(row.r, 1e-9))
-            for row, q in zip(solution.table, solution.q_l.tolist(), strict=True)
-        }
         out.append(
-            _Model(
+            ModelMistakes(
                 (left, right),
                 f"{left}/{right}",
-                plan,
+                tuple(names),
                 frozenset(name for name in names if name in before),
-                smallest,
+                smallest_sizes(block, solution),
             )
         )
         before = {name: truth[right][name] for name in names}
     return out
 
 
+def smallest_sizes(block: Block, model: ModelSolution) -> dict[tuple[str, str], float]:
+    """Return for every row of a model's table the smallest mistake that it shows for certain [mm].
+
+    Parameters
+    ----------
+    block
+        For its a-priori sigma0.
+    model
+        Without mistakes.
+    """
+    sigma = block.precision.image_um * 1e-3
+    return {
+        row.key: SMALLEST * sigma * sqrt(q / max(row.r, 1e-9))
+        for row, q in zip(model.table, model.q_l.tolist(), strict=True)
+    }
+
+
+def swapped_pair(model: ModelMistakes, truth: Truth) -> tuple[list[Planted], dict[str, Offsets]]:
+    """Interchange the names of two neighbours in the right photo.
+
+    Parameters
+    ----------
+    model
+        Where it happens.
+    truth
+        True image coordinates [mm].
+
+    Raises
+    ------
+    InputError
+        No two points of the model differ enough.
+    """
+    pair = _closest_pair(model, truth, list(model.points))
+    if pair is None:
+        raise InputError(f"model {model.name} has no two points whose interchange shows")
+    return _swapped(model, truth, pair)
+
+
+def next_model_error(
+    model: ModelMistakes, following: ModelMistakes, spoiled: set[str], rng: np.random.Generator
+) -> tuple[Planted, dict[str, Offsets]]:
+    """Miss a point in x that is no tie of its model, but one of the next.
+
+    Parameters
+    ----------
+    model, following
+        Where it happens, and where it shows.
+    spoiled
+        Points that have a mistake already.
+    rng
+        Chooses.
+
+    Raises
+    ------
+    InputError
+        The models have no such point.
+    """
+    later = sorted(following.ties - model.ties - spoiled)
+    if not later:
+        raise InputError(f"model {following.name} has no tie for a mistake of {model.name}")
+    point = later[int(rng.integers(len(later)))]
+    (planted,), moved = _x_error(model, point, following.name, False, rng)
+    return planted, moved
+
+
 def _detectable(
-    kind: Kind, model: _Model, truth: Truth, spoiled: set[str], rng: np.random.Generator
+    kind: Kind, model: ModelMistakes, truth: Truth, spoiled: set[str], rng: np.random.Generator
 ) -> tuple[list[Planted], dict[str, Offsets]]:
-    names = [p.point for p in model.plan if p.point not in spoiled]
+    names = [point for point in model.points if point not in spoiled]
     if kind == "x error":
         ties = sorted(model.ties - spoiled)
         if ties:
@@ -278,7 +367,11 @@ def _detectable(
 
 
 def _x_error(
-    model: _Model, point: str, shows_in: str | None, detectable: bool, rng: np.random.Generator
+    model: ModelMistakes,
+    point: str,
+    shows_in: str | None,
+    detectable: bool,
+    rng: np.random.Generator,
 ) -> tuple[list[Planted], dict[str, Offsets]]:
     smallest = model.smallest.get((point, "x"), 0.1)
     size = _sign(rng) * smallest * float(rng.uniform(1.1, 2.0))
@@ -291,8 +384,8 @@ def _x_error(
 
 def _hidden(
     kind: Kind,
-    model: _Model,
-    following: _Model | None,
+    model: ModelMistakes,
+    following: ModelMistakes | None,
     truth: Truth,
     rng: np.random.Generator,
 ) -> tuple[list[Planted], dict[str, Offsets]]:
@@ -318,14 +411,14 @@ def _hidden(
                 for e in entries
             ]
             return hidden, offsets
-    free = [p.point for p in model.plan if p.point not in model.ties]
+    free = [point for point in model.points if point not in model.ties]
     choice = later or free
     point = choice[int(rng.integers(len(choice)))]
     return _x_error(model, point, following.name if following and later else None, False, rng)
 
 
 def _swapped(
-    model: _Model, truth: Truth, pair: tuple[str, str]
+    model: ModelMistakes, truth: Truth, pair: tuple[str, str]
 ) -> tuple[list[Planted], dict[str, Offsets]]:
     """Two neighbours interchanged in the right photo."""
     entries, offsets = [], {}
@@ -341,7 +434,7 @@ def _swapped(
 
 
 def _closest_pair(
-    model: _Model, truth: Truth, names: list[str], least_dx: float = 0.0
+    model: ModelMistakes, truth: Truth, names: list[str], least_dx: float = 0.0
 ) -> tuple[str, str] | None:
     """Return the two points that are easiest to mix up and yet differ enough [mm] to show."""
     right = truth[model.photos[1]]

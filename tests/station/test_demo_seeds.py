@@ -173,6 +173,11 @@ def test_the_json_is_what_the_contract_says(tmp_path: Path) -> None:
             assert isinstance(entry["size_um"], float)
     assert answer["planted"]
     assert [p for p in answer["found"] if p not in answer["planted"]] == []
+    where = ("model", "point", "photo", "axis", "kind")
+    told = {tuple(entry[key] for key in where): entry for entry in answer["stages"]}
+    assert [tuple(p[key] for key in where) for p in answer["found"]] == list(told)
+    for entry in told.values():
+        assert entry["stage"] == entry["earliest"]
     for model in answer["models"]:
         for table in (model["before"], model["after"]):
             assert table
