@@ -13,6 +13,7 @@ from anaplot.console.inwork import in_work
 from anaplot.orientation.results import Row
 from anaplot.session.transfer import Mark
 from anaplot.station.snapshot import PointView, Snapshot
+from anaplot.textfiles.wording import plain
 
 __all__ = ["SORT_ORDERS", "RowState", "ShownRow", "SortOrder", "shown_rows", "sort_rows"]
 
@@ -47,6 +48,8 @@ class ShownRow:
         Whether its point is known from another strip, or on the ground.
     offered
         Whether the model is complete without it.
+    taken_for
+        The point with which its point is interchanged, or "".
     """
 
     point: str
@@ -59,6 +62,7 @@ class ShownRow:
     off_um: float | None = None
     mark: Mark = ""
     offered: bool = False
+    taken_for: str = ""
 
     @property
     def key(self) -> tuple[str, Axis]:
@@ -82,6 +86,8 @@ class ShownRow:
             return "next" if self.expected else quiet
         if self.row is None:
             return "measured"
+        if self.taken_for:
+            return f"<< is {plain(self.taken_for)}?"
         if self.accused and self.row.w is not None:
             return "<< REMEASURE"
         if self.row.flagged:
@@ -98,6 +104,7 @@ def _row(
     table: dict[Row, Observation[Row]],
     accused: tuple[str, str | None] | None,
     off: dict[Row, float],
+    interchanged: tuple[str, ...],
 ) -> ShownRow:
     key = (view.point, axis)
     if axis in view.off_axes or view.status == "off":
@@ -114,6 +121,9 @@ def _row(
         view.seen[0] if len(view.seen) == 1 else "",
         mark=view.mark,
         offered=view.offered,
+        taken_for=next((p for p in interchanged if p != view.point), "")
+        if view.point in interchanged
+        else "",
     )
 
 
@@ -128,8 +138,9 @@ def shown_rows(snapshot: Snapshot) -> tuple[ShownRow, ...]:
     accused = work.suspects[0] if work.suspects else None
     off = {row.key: row.residual for row in work.off if isfinite(row.residual)}
     views = {view.point: view for view in work.points}
+    interchanged = () if snapshot.diagnosis is None else snapshot.diagnosis.interchanged
     return tuple(
-        _row(views[point], axis, point == snapshot.next_point, table, accused, off)
+        _row(views[point], axis, point == snapshot.next_point, table, accused, off, interchanged)
         for point, axis in work.keys
     )
 

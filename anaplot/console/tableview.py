@@ -313,8 +313,9 @@ class TableView(ScrollView):
         start = f"{'▶' if here else ' '} {fit_end(shown.point, name - 1)} {shown.axis}"
         start += _MARKS[shown.mark]
         middle = "".join(column.cell(shown, column.width) for column in columns)
-        if shown.flagged:
-            verdict = "table--culprit" if shown.accused else "table--flagged"
+        if shown.flagged or (shown.taken_for and shown.row is not None):
+            accused = shown.accused or shown.taken_for
+            verdict = "table--culprit" if accused else "table--flagged"
             parts = [(start + middle, "table--flagged"), (f" {shown.verdict}", verdict)]
         elif shown.verdict == "next":
             parts = [(start + middle, "table--next"), (" next", "table--next")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import dist, sqrt
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from anaplot.adjustment.tested import (
     sum_by_point,
 )
 from anaplot.aliases import Array
+from anaplot.orientation.interchange import Interchange, interchange_of
 from anaplot.orientation.residuals import residual_system
 from anaplot.orientation.results import Diagnosis, ModelSolution, Row
 
@@ -39,11 +41,15 @@ def diagnose(solution: ModelSolution) -> Diagnosis:
     partners = solution.tested.partners()
     evidence = _evidence(solution)
     suspects = _suspects(solution, evidence)
+    interchange = interchange_of(solution)
+    if interchange is not None:
+        suspects = _of_first(interchange.points, suspects, solution.tested.keys)
     return Diagnosis(
         transfers=_transfers(solution),
         partners=partners,
-        advice=_advice(solution, evidence, suspects, partners),
+        advice=_advice(solution, evidence, suspects, partners, interchange),
         suspects=suspects,
+        interchanged=() if interchange is None else interchange.points,
     )
 
 
@@ -163,13 +169,26 @@ def _suspects(solution: ModelSolution, evidence: _Evidence) -> tuple[Row, ...]:
     return tuple(sorted(doubted, key=order))
 
 
+def _of_first(
+    points: tuple[str, str], suspects: tuple[Row, ...], keys: Sequence[Row]
+) -> tuple[Row, ...]:
+    """Return the rows to doubt with those of two points first, which are doubted in any case."""
+    own = [row for row in suspects if row[0] in points]
+    own += [(point, "y") for point in points if (point, "y") in keys and (point, "y") not in own]
+    return *own, *(row for row in suspects if row not in own)
+
+
 def _advice(
     solution: ModelSolution,
     evidence: _Evidence,
     suspects: tuple[Row, ...],
     partners: tuple[Partner[Row], ...],
+    interchange: Interchange | None,
 ) -> tuple[str, ...]:
     out = list(solution.remarks)
+    if interchange is not None:
+        # one mistake explains all: what the table takes for single errors is none
+        return interchange.text, *out
     if not suspects:
         sigma0 = solution.sigma0_um
         if sigma0 is not None and sigma0 > _SUSPICIOUS * solution.apriori_um:

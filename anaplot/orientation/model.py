@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from math import inf
 
 import numpy as np
@@ -11,6 +12,7 @@ from anaplot.adjustment.tested import Dense, Observation, Tested, examine
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
+from anaplot.orientation.interchange import Interchange, interchanged
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelPoint, ModelSolution, Row
 from anaplot.orientation.solver import (
@@ -34,6 +36,7 @@ UNKNOWNS = ("bx", "beta_y", "beta_z", "kappa", "phi", "omega")
 BADLY_SPREAD = 200.0
 """Condition number above which the operator is told that the points are badly spread."""
 
+_EVERY_PAIR_UP_TO = 10  # points of a model in which an interchange can turn the orientation round
 _DUST_UM = 1e-6  # a parallax below this is rounding, whatever it is divided by
 
 
@@ -44,13 +47,19 @@ class WrongPointsError(NotComputableError):
     ----------
     suspects
         Their names, the worst first.
+    interchanged
+        The two points whose records are exchanged, or ().
     """
 
-    def __init__(self, model: str, suspects: tuple[str, ...]) -> None:
+    def __init__(
+        self, model: str, suspects: tuple[str, ...], interchange: Interchange | None = None
+    ) -> None:
         self.suspects = suspects
+        self.interchanged = () if interchange is None else interchange.points
+        what = f"the other points agree: remeasure {suspects[0]}"
         super().__init__(
-            f"model {model}: no orientation with {', '.join(suspects)}; the other points agree: "
-            f"remeasure {suspects[0]}"
+            f"model {model}: no orientation with {', '.join(suspects)}; "
+            + (what if interchange is None else interchange.text)
         )
 
 
@@ -87,11 +96,11 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
     apriori_mm = precision.image_um * 1e-3
     found, suspects = find_orientation(pair, conditions, bx, apriori_mm)
     if suspects and (found is None or not found.usable):
-        raise WrongPointsError(pair.name, suspects)
+        raise _hopeless(pair, precision, suspects)
     if found is None:
-        raise _not_found_error(pair, conditions, bx)
+        raise _hopeless(pair, precision, (), _not_found_error(pair, conditions, bx))
     if not found.along:
-        raise _turned_error(pair)
+        raise _hopeless(pair, precision, (), _turned_error(pair))
     solution = found.solution
     state = solution.state
     points, behind = _model_points(pair, found)
@@ -102,13 +111,14 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         adjusted = adjust(design, solution.rows[6] * np.sqrt(q_l), q_l, unknowns=unknowns)
     except RankDefectError as error:
         if suspects:
-            raise WrongPointsError(pair.name, suspects) from error
+            raise _hopeless(pair, precision, suspects) from error
         raise _undetermined_error(pair, error) from error
     if found.in_front < IN_FRONT:
-        raise NotComputableError(
+        behind_error = NotComputableError(
             f"model {pair.name}: {len(behind)} of {len(points)} points would lie behind a photo; "
             "are the photos interchanged, or is one mirrored?"
         )
+        raise _hopeless(pair, precision, (), behind_error)
     exact = None
     if precision.tie_variance == "exact":
         exact = exact_statistics(pair, conditions, state, design, adjusted.q_vv)
@@ -135,7 +145,27 @@ def orient(pair: Stereopair, precision: Precision, test: TestSettings) -> ModelS
         exact=exact,
         off_rows=_off_rows(pair, state, precision.tie_variance),
         measured=(pair.aside or pair).points,
+        pair=pair,
     )
+
+
+def _hopeless(
+    pair: Stereopair,
+    precision: Precision,
+    suspects: tuple[str, ...],
+    error: NotComputableError | None = None,
+) -> NotComputableError:
+    """Return the error of a pair without orientation: an interchange, wrong points, or another."""
+    pairs: list[tuple[str, str]] = []
+    if len(suspects) == 2:
+        pairs = [(a, b) for a, b in combinations(pair.points, 2) if {a, b} == set(suspects)]
+    elif not suspects and len(pair.points) <= _EVERY_PAIR_UP_TO:
+        pairs = list(combinations(pair.points, 2))
+    apriori_mm = precision.image_um * 1e-3
+    exchanged = interchanged(pair, precision.tie_variance, apriori_mm, pairs)
+    if exchanged is not None:
+        return WrongPointsError(pair.name, exchanged.points, exchanged)
+    return error or WrongPointsError(pair.name, suspects)
 
 
 def _off_rows(

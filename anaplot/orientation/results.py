@@ -10,6 +10,7 @@ import numpy as np
 
 from anaplot.adjustment.tested import Observation, Partner, Tested, TestedInMicrometres, Transfer
 from anaplot.aliases import Array, Axis
+from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.tieerrors import ExactStatistics
 from anaplot.photogrammetry.block import TieVariance
 
@@ -78,6 +79,8 @@ class ModelSolution(TestedInMicrometres[Row]):
         NaN where there is none.
     measured
         Names of all points measured, also of those switched off, in the order of the left photo.
+    pair
+        What it was computed from; None where that is not known.
     """
 
     left: str
@@ -101,6 +104,7 @@ class ModelSolution(TestedInMicrometres[Row]):
     exact: ExactStatistics | None = field(default=None, repr=False)
     off_rows: tuple[Observation[Row], ...] = ()
     measured: tuple[str, ...] = ()
+    pair: Stereopair | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:
@@ -145,10 +149,14 @@ class Diagnosis:
         Sentences: what to do next, the most useful first.
     suspects
         (point, axis) of flagged rows, the most probable first; under "exact" also of rows that
-        are not flagged but may be why others are.
+        are not flagged but may be why others are. Where two points are interchanged, their rows
+        come first.
+    interchanged
+        The two points whose records are exchanged, or ().
     """
 
     transfers: tuple[Transfer[Row], ...]
     partners: tuple[Partner[Row], ...]
     advice: tuple[str, ...]
     suspects: tuple[Row, ...]
+    interchanged: tuple[str, ...] = ()

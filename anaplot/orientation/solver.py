@@ -16,6 +16,7 @@ from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.conditionequations import ConditionEquations, ModelUnknowns
 from anaplot.orientation.pair import Stereopair
+from anaplot.photogrammetry.block import TieVariance
 from anaplot.photogrammetry.intersection import Intersection
 from anaplot.photogrammetry.rotation import turn
 
@@ -23,6 +24,7 @@ __all__ = [
     "IN_FRONT",
     "ConvergedOrientation",
     "FoundOrientation",
+    "agreement",
     "find_orientation",
     "iterate",
     "vertical_start",
@@ -34,6 +36,7 @@ IN_FRONT = 0.75
 
 CONVERGED = 1e-10
 _MAX_ITERATIONS = 60
+_FEW_ITERATIONS = 12  # what is right converges in fewer
 _PAIRS_UP_TO = 16  # points of a model in which two wrong ones are looked for
 _FAR = 0.15  # rad, and of the base: beyond, a gross error is no longer a linear matter
 _LARGEST_DAMPING = 1e8
@@ -73,6 +76,7 @@ def iterate(
     start: ModelUnknowns,
     *,
     ties: bool = True,
+    most: int = _MAX_ITERATIONS,
 ) -> ConvergedOrientation | None:
     """Iterate from a start to convergence; None when it does not converge.
 
@@ -81,11 +85,11 @@ def iterate(
     at its end, by the adjustment.
     """
     with np.errstate(all="ignore"):
-        return _iterate(conditions, start, ties)
+        return _iterate(conditions, start, ties, most)
 
 
 def _iterate(
-    conditions: ConditionEquations, start: ModelUnknowns, ties: bool
+    conditions: ConditionEquations, start: ModelUnknowns, ties: bool, most: int
 ) -> ConvergedOrientation | None:
     with_scale = ties and not conditions.first
     first = 0 if with_scale else 1
@@ -93,7 +97,7 @@ def _iterate(
     rows = conditions.evaluate(state, ties=with_scale)
     normal = rows @ rows.T
     damping = 0.0
-    for count in range(1, _MAX_ITERATIONS + 1):
+    for count in range(1, most + 1):
         square = float(normal[6, 6])
         if not square < inf:
             return None
@@ -268,6 +272,27 @@ def find_orientation(
     return best, ()
 
 
+def agreement(pair: Stereopair, tie_variance: TieVariance, apriori_mm: float) -> float | None:
+    """Return F'PF [mm^2] where all rows of a pair agree, found from a single start; else None.
+
+    Parameters
+    ----------
+    pair
+        The measurements.
+    tie_variance
+        How the ties are weighted.
+    apriori_mm
+        A-priori sigma0 [mm].
+    """
+    conditions = ConditionEquations(pair, tie_variance)
+    if not (conditions.first or conditions.x_index):
+        return None
+    found = _direct(pair, conditions, pair.base, _FEW_ITERATIONS)
+    if found is None or not _fits(pair, conditions, found, apriori_mm, least=1):
+        return None
+    return found.solution.sum_of_squares
+
+
 def vertical_start(
     pair: Stereopair, conditions: ConditionEquations, bx: float | None
 ) -> ModelUnknowns:
@@ -277,9 +302,12 @@ def vertical_start(
 
 
 def _direct(
-    pair: Stereopair, conditions: ConditionEquations, bx: float | None
+    pair: Stereopair,
+    conditions: ConditionEquations,
+    bx: float | None,
+    most: int = _MAX_ITERATIONS,
 ) -> FoundOrientation | None:
-    return _finish(conditions, vertical_start(pair, conditions, bx), direct=True)
+    return _finish(conditions, vertical_start(pair, conditions, bx), direct=True, most=most)
 
 
 def _interchanged(pair: Stereopair, conditions: ConditionEquations, apriori_mm: float) -> bool:
@@ -302,13 +330,20 @@ def _far(found: FoundOrientation, agreed: FoundOrientation) -> bool:
 
 
 def _fits(
-    pair: Stereopair, conditions: ConditionEquations, found: FoundOrientation, apriori_mm: float
+    pair: Stereopair,
+    conditions: ConditionEquations,
+    found: FoundOrientation,
+    apriori_mm: float,
+    least: int = 2,
 ) -> bool:
-    """Whether a result is beyond doubt: it looks like an aerial model and its rows agree."""
+    """Whether a result is beyond doubt: it looks like an aerial model and its rows agree.
+
+    `least`: the redundancy that says so.
+    """
     freedom = conditions.row_count - (5 if conditions.first else 6)
     state = found.solution.state
     return (
-        freedom > 1
+        freedom >= least
         and found.solution.sum_of_squares < freedom * (3.0 * apriori_mm) ** 2
         and found.in_front >= IN_FRONT
         and _tilt(pair, state.rotation) < 0.45
@@ -392,11 +427,15 @@ def _strangeness(pair: Stereopair, found: FoundOrientation) -> float:
 
 
 def _finish(
-    conditions: ConditionEquations, start: ModelUnknowns, *, direct: bool = False
+    conditions: ConditionEquations,
+    start: ModelUnknowns,
+    *,
+    direct: bool = False,
+    most: int = _MAX_ITERATIONS,
 ) -> FoundOrientation | None:
     """Coplanarity first (where it suffices), then the sign and size of bx, then all conditions."""
     if conditions.first:
-        solution = iterate(conditions, start)
+        solution = iterate(conditions, start, most=most)
         if solution is None:
             return None
         found = FoundOrientation(solution, conditions.meet(solution.state))
@@ -415,7 +454,7 @@ def _finish(
     size = conditions.bx_of_ties(start.beta_z, start.rotation)
     if size is None or size == 0.0:
         return None
-    solution = iterate(conditions, start._replace(bx=size))
+    solution = iterate(conditions, start._replace(bx=size), most=most)
     if solution is None:
         return None
     return FoundOrientation(solution, conditions.meet(solution.state))

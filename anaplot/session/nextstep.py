@@ -76,7 +76,12 @@ class Again(NamedTuple):
 
 
 def next_step(
-    model: ModelState, suspects: tuple[str, ...], *, solved: bool, again: Again | None = None
+    model: ModelState,
+    suspects: tuple[str, ...],
+    *,
+    solved: bool,
+    again: Again | None = None,
+    interchanged: tuple[str, ...] = (),
 ) -> Expectation:
     """Say what comes next in a model.
 
@@ -90,17 +95,28 @@ def next_step(
         Whether the model is determined.
     again
         What the operator returned to the model for, or None: it comes before other suspects.
+    interchanged
+        Two points whose records are exchanged, or ().
     """
     if again is not None:
         suspects = (again.point, *(point for point in suspects if point != again.point))
     side = None if again is None else again.side
     step = _single(model, suspects, side) if model.mono else _pair(model, suspects)
     if step is not None:
-        return step
+        return _naming(step, interchanged)
     if solved:
         return Expectation(None, Agenda((Step("accept", "accept the model"),)))
     add = Step("add", "add or re-measure points")
     return Expectation(None, Agenda((add,), "the model is not determined"))
+
+
+def _naming(step: Expectation, interchanged: tuple[str, ...]) -> Expectation:
+    """Say that one of two interchanged points is measured again because they are."""
+    first, *others = step.agenda.steps
+    if first.point not in interchanged:
+        return step
+    named = first._replace(words=f"{' and '.join(interchanged)} interchanged? {first.words}")
+    return step._replace(agenda=step.agenda._replace(steps=(named, *others)))
 
 
 def _pair(model: ModelState, suspects: tuple[str, ...]) -> Expectation | None:

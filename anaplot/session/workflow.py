@@ -105,16 +105,25 @@ def outlook(state: SessionState) -> Outlook:
     diagnosis: Diagnosis | None = None
     problem = ""
     suspects: tuple[str, ...] = ()
+    interchanged: tuple[str, ...] = ()
     if model.measured:
         try:
             solution = solve(state, model)
             diagnosis = diagnosis_of(solution)
             suspects = tuple(dict.fromkeys(point for point, _ in diagnosis.suspects))
+            interchanged = diagnosis.interchanged
         except WrongPointsError as error:
             problem, suspects = str(error), error.suspects
+            interchanged = error.interchanged
         except NotComputableError as error:
             problem = str(error)
-    step = next_step(model, suspects, solved=solution is not None, again=_again(state, model))
+    step = next_step(
+        model,
+        suspects,
+        solved=solution is not None,
+        again=_again(state, model),
+        interchanged=interchanged,
+    )
     agenda, leaves = step.agenda, state.returned is not None and state.unchanged
     if leaves and step.point is None and step.lay is None:
         agenda = _LEAVES

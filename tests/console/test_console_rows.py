@@ -29,6 +29,15 @@ def test_verdicts_in_words():
     assert shown_rows(picture(measured=5))[0].verdict == "measured"
 
 
+def test_rows_of_an_interchanged_pair_name_the_other_point():
+    snapshot = picture()
+    told = replace(snapshot.diagnosis, interchanged=("103", "104"))
+    rows = {row.key: row for row in shown_rows(replace(snapshot, diagnosis=told))}
+    assert rows["103", "y"].verdict == "<< is 104?"
+    assert rows["104", "y"].verdict == "<< is 103?"
+    assert rows["102", "y"].verdict == "ok"
+
+
 def test_a_row_that_cannot_be_tested_says_so():
     blind = observation("102", "y", 0.0, 0.0, 0.0, None)
     bare = observation("103", "y", 1.0, 0.3, None, None)

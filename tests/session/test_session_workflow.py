@@ -146,6 +146,21 @@ def test_points_so_wrong_that_there_is_no_orientation(scene: Scene) -> None:
         assert view.diagnosis is None
 
 
+def test_an_interchanged_pair_is_named_as_one(scene: Scene) -> None:
+    state = scene.whole(scene.chosen())
+    assert state.current is not None
+    first, second = (state.current.plan[k].point for k in (3, 9))
+    one, other = scene.measurement(state, first), scene.measurement(state, second)
+    for event, wrong in ((one, other), (other, one)):
+        state = apply(state, replace(event, xr=wrong.xr, yr=wrong.yr))
+    view = outlook(state)
+    named = f"{first} and {second} interchanged"
+    said = view.problem if view.diagnosis is None else view.diagnosis.advice[0]
+    assert named in said
+    assert view.expected.startswith(f"{named}? remeasure {view.next_point}")
+    assert view.next_point in (first, second)
+
+
 def test_a_whole_plan_that_does_not_determine_the_model(scene: Scene) -> None:
     chosen = scene.choice(scene.start, 0)
     state = scene.whole(apply(scene.start, replace(chosen, plan=chosen.plan[:4])))
