@@ -101,7 +101,7 @@ def rooms(graph: Mapping[str, set[str]]) -> dict[str, set[str]]:
 def classes(house: Mapping[str, tuple[Path, ast.Module]]) -> Iterator[tuple[str, ast.ClassDef]]:
     """Yield every class with its module."""
     for name, (_, tree) in house.items():
-        for node in ast.walk(tree):
+        for node in _statements(tree):
             if isinstance(node, ast.ClassDef):
                 yield name, node
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from ast import Module
 from pathlib import Path
 
+import pytest
 from house import circles, classes, imports, length, lines, modules, rooms
 
 ROOT = Path(__file__).parents[1]
 
 
-def test_nothing_imports_itself_by_way_of_others() -> None:
-    graph = imports(modules(ROOT))
+@pytest.fixture(scope="module")
+def house() -> dict[str, tuple[Path, Module]]:
+    return modules(ROOT)
+
+
+def test_nothing_imports_itself_by_way_of_others(house: dict[str, tuple[Path, Module]]) -> None:
+    graph = imports(house)
     assert len(graph) > 100
     assert circles(graph) == []
     assert circles(rooms(graph)) == []
@@ -29,7 +36,8 @@ def test_circles_are_found_wherever_an_import_stands(tmp_path: Path) -> None:
     assert circles(imports(modules(tmp_path))) == [names]
 
 
-def test_no_class_and_no_module_is_larger_than_one_can_hold() -> None:
-    house = modules(ROOT)
+def test_no_class_and_no_module_is_larger_than_one_can_hold(
+    house: dict[str, tuple[Path, Module]],
+) -> None:
     assert [node.name for _, node in classes(house) if length(node) >= 400] == []
     assert [name for name, (file, _) in house.items() if lines(file) >= 600] == []

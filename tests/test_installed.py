@@ -5,6 +5,8 @@ import sys
 import zipfile
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[1]
 LIST = (
     "from anaplot.plotter.profile import find_profiles, load_profile\n"
@@ -24,6 +26,7 @@ def profiles_of(where: Path, cwd: Path) -> list[list[str]]:
     return [line.split(maxsplit=2) for line in done.stdout.splitlines()]
 
 
+@pytest.mark.slow
 def test_the_wheel_carries_the_profiles_of_the_source_tree(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     subprocess.run(

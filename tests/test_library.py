@@ -188,6 +188,7 @@ def test_what_cannot_be_searched_with_is_said_before_the_block_is_read() -> None
 # --- what it gives --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "call"),
     [
@@ -272,6 +273,7 @@ def test_columns_are_arrays_with_the_keys_of_json(here: Path) -> None:
         found.to_columns("point")
 
 
+@pytest.mark.slow
 def test_a_search_is_the_part_of_the_adjustment(here: Path) -> None:
     found = anaplot.find_gross_errors("myblock", "search", pairs=True)
     whole = anaplot.adjust("myblock", errors="search", pairs=True)
@@ -362,6 +364,7 @@ def test_a_strip_that_ends_early_says_why(here: Path) -> None:
     assert second.error is None
 
 
+@pytest.mark.slow
 def test_a_replay_gives_the_models_of_the_session(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -377,6 +380,7 @@ def test_a_replay_gives_the_models_of_the_session(
 # --- the page -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(EXAMPLES)))
 def test_the_examples_of_the_page(number: int, here: Path) -> None:
     code = EXAMPLES[number]

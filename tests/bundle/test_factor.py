@@ -38,6 +38,7 @@ def system(seed: int, n: int, d: int, g: int, reach: float, leaf: int):
     return dense, pattern, blocks, border, dense[n * d :, n * d :]
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 10_000),
     st.integers(1, 60),

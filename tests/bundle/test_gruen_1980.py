@@ -39,6 +39,7 @@ def solved(n, side, distance, **options):
     return adjust_bundle(problem, scene.start(problem))
 
 
+@pytest.mark.slow
 def test_table_2_within_002_in_all_cells_but_one() -> None:
     outside = []
     for column, (n, side) in enumerate(BLOCKS):

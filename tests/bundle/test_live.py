@@ -109,6 +109,7 @@ def test_errors_leave_the_last_answer() -> None:
     np.testing.assert_allclose(again.adjusted.v, answer.adjusted.v, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("named", ["ebner", "physical"])
 def test_additional_parameters_stay_with_a_growing_block(named: str) -> None:
     scene = aerial(2, 4, per_base=2, noise_um=5.0, control_sigma=0.05)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -44,6 +45,7 @@ def well_seen(block: Block) -> list[int]:
     return [k for k, row in rows if count[row.point] > 3 and row.point not in control]
 
 
+@cache
 def scene() -> Scene:
     return aerial(2, 3, per_base=2, noise_um=5.0, control_sigma=0.05)
 
@@ -135,6 +137,7 @@ def test_gross_errors_that_are_off_do_no_harm() -> None:
     assert off.off_rays()[c][0] == pytest.approx(-8000.0, abs=100.0)
 
 
+@pytest.mark.slow
 def test_a_search_for_gross_errors_never_looks_at_what_is_off() -> None:
     block = scene().block
     rows = list(block.image_points)

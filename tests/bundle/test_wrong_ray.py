@@ -16,6 +16,7 @@ from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import TestSettings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tau", "baarda"])
 def test_a_ray_is_accused_as_often_rightly_as_is_said(kind) -> None:
     scene = aerial(1, 3, per_base=1, control_sigma=0.05, test=TestSettings(kind=kind))

@@ -34,6 +34,7 @@ def packed(block: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return file.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_round_trip(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, again = tmp_path / "b.zip", tmp_path / "new" / "again"
     assert main(["pack", str(block), "-o", str(file)]) == 0
@@ -115,6 +116,7 @@ def test_what_claims_too_much_is_refused(tmp_path: Path) -> None:
     refused(b"no zip at all", tmp_path, "not a sound zip file")
 
 
+@pytest.mark.slow
 @given(data=st.data())
 def test_damaged_bytes_are_refused_or_the_same_block(  # type: ignore[no-untyped-def]
     packed: bytes, tmp_path_factory: pytest.TempPathFactory, data

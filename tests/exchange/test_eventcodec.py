@@ -136,6 +136,7 @@ ALL = [
 ]
 
 
+@pytest.mark.slow
 @given(events)
 def test_every_event_comes_back_equal(event):
     data = event_to_dict(event)

@@ -94,6 +94,7 @@ def test_the_originals_are_good(folder):
     assert (len(block.image_points), len(block.control)) == (3, 2)
 
 
+@pytest.mark.slow
 @given(st.binary(max_size=300))
 def test_any_bytes_anywhere(folder, data):
     assert read(folder, data, POINTS, CONTROL) is None
@@ -102,6 +103,7 @@ def test_any_bytes_anywhere(folder, data):
         assert block is None or b"point" in data
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(damaged(TOML))
 def test_a_damaged_toml(folder, data):
@@ -114,6 +116,7 @@ def test_a_damaged_toml(folder, data):
         assert {photo for strip in block.strips for photo in strip.photos} <= set(photos)
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(damaged(POINTS), damaged(CONTROL))
 def test_damaged_tables(folder, points, control):
@@ -125,6 +128,7 @@ def test_damaged_tables(folder, points, control):
             assert {row.photo for row in block.image_points} <= {"101", "102", "103"}
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(
     st.binary(max_size=200)

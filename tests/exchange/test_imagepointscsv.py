@@ -251,6 +251,7 @@ rows = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(rows, max_size=8, unique_by=lambda row: (row.photo, row.point, row.model)))
 def test_written_points_are_read_back_equal(tmp_path_factory, points):
     folder = _block_folder(tmp_path_factory)
@@ -441,6 +442,6 @@ def test_uses_and_reasons_come_back(tmp_path_factory, decided):
     header = text.splitlines()[0].split(",")
     assert ("use" in header) == any(row.use != "xy" for row in rows)
     assert ("reason" in header) == any(row.reason is not None for row in rows)
-    path = tmp_path_factory.mktemp("points") / "image_points.csv"
+    path = tmp_path_factory.getbasetemp() / "uses.csv"
     path.write_text(text, encoding="utf-8")
     assert parse_image_points(path, block) == rows

@@ -125,6 +125,7 @@ def test_every_flipped_bit_is_noticed(folder):
                 assert plain(seen.records) == expected(4)[: len(seen.records)]
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(st.data())
 def test_random_damage_never_yields_a_wrong_record(folder, data):

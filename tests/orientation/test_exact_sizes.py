@@ -80,6 +80,7 @@ def simulated(name, *, strips=24, models=5, once=False, seed=1983, skipped=1):
 CASES = [("6/3", False), ("6/3", True), ("9/3", False), ("13/5", False), ("13/5", True)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "once"), CASES)
 def test_the_estimated_sigma_is_the_stated_one(name, once):
     found = simulated(name, once=once)

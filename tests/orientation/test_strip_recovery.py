@@ -138,6 +138,7 @@ def test_the_fixed_point_has_the_weights_of_the_converged_unknowns(seed, precisi
             assert rows[6, len(f_p) :] == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(seeds, st.sampled_from(["1a", "1c", "2d"]), st.floats(0.1, 8.0))
 def test_converged_means_that_the_next_undamped_correction_is_nothing(seed, point, size):

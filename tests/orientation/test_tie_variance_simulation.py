@@ -65,6 +65,7 @@ def mean_sigma(models):
     return float(np.mean([model.sigma0_um**2 for model in models])) ** 0.5
 
 
+@pytest.mark.slow
 def test_propagated_flags_as_many_x_rows_as_alpha_says():
     models = second_models(PROPAGATED)
     rows = x_rows(models)
@@ -73,6 +74,7 @@ def test_propagated_flags_as_many_x_rows_as_alpha_says():
     assert mean_sigma(models) == pytest.approx(5.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_paper_shows_the_documented_excess():
     models = second_models(PAPER)
     rows = x_rows(models)

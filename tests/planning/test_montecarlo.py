@@ -239,7 +239,13 @@ def shown(scenario: Scenario, tally: Tally, confidence: float = 0.95) -> tuple[S
     return figures(tally, quantities, scenario.references, confidence)
 
 
-@pytest.mark.parametrize("name", scenarios())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=pytest.mark.slow) if n == "strategies-tilted" else n
+        for n in scenarios()
+    ],
+)
 def test_every_scenario_says_what_it_counts(name: str) -> None:
     scenario = scenarios()[name]
     methods = tuple(m for m in scenario.methods if m not in ("search", "odds", "sure"))
@@ -256,6 +262,7 @@ def test_every_scenario_says_what_it_counts(name: str) -> None:
         assert count.total**2 <= 2 * count.squares * (1 + 1e-12)
 
 
+@pytest.mark.slow
 def test_errors_are_located_as_often_as_found_independently() -> None:
     for name in ("kratky-1983-6-3", "kratky-1983-9-3", "kratky-1983-13-5"):
         scenario = scenarios()[name]

@@ -13,6 +13,8 @@ from anaplot.cli import main
 from anaplot.planning.patternplan import PlannedPattern
 from anaplot.report.patterndrawing import drawing
 
+pytestmark = pytest.mark.slow  # whole commands, as in the rooms that are slow
+
 LENGTHS = ["--base", "90", "--d", "100", "--c", "152"]
 
 

@@ -24,7 +24,10 @@ def simulated(capsys, *call: str) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("name", WITHOUT_ERROR)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow) if n == "size-strips" else n for n in WITHOUT_ERROR],
+)
 def test_good_rows_are_flagged_at_the_significance_asked_for(name, capsys) -> None:
     runs = {"size-strips": "60"}.get(name, "500")
     got = simulated(capsys, name, "--alpha", "0.05", "--runs", runs, "--strategy", "baarda")

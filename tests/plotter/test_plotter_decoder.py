@@ -711,6 +711,7 @@ def test_garbage_between_records_never_yields_a_reading_that_was_not_sent(name, 
 SPOKEN: dict = {}
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(
     chunks=st.lists(st.tuples(st.binary(max_size=80), st.floats(0.0, 3.0)), max_size=15),

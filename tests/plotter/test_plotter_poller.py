@@ -119,6 +119,7 @@ def test_a_line_that_is_never_quiet_is_asked_all_the_same():
     assert at / 100 == pytest.approx(4 * ONE.timeout)
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 10**6),
     lost=st.floats(0.0, 0.5),

@@ -240,6 +240,7 @@ def test_any_bytes_are_a_profile_or_an_input_error(raw):
         parse_profile(raw, "fuzz.toml")
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(st.data())
 def test_a_damaged_profile_is_a_profile_or_an_input_error(data):
@@ -276,6 +277,7 @@ TOKENS = st.sampled_from(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=400)
 @given(st.sampled_from(SOURCES), st.integers(0, 10_000), TOKENS)
 def test_a_value_of_another_type_is_refused_or_taken_never_a_crash(raw, number, token):

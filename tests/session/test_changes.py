@@ -122,6 +122,7 @@ def test_an_undone_measurement_says_what_stands_again(scene: Scene) -> None:
     assert (back_right.old, back_right.new) == (again.new, again.old)
 
 
+@pytest.mark.slow
 def test_in_a_mono_comparator_each_photo_by_itself(scene: Scene) -> None:
     bench = Bench.of(scene.block, MONO, truth=scene.made.truth)
     bench.give(NextModel())

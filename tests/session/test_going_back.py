@@ -87,6 +87,7 @@ def test_a_model_left_as_it_was_changes_nothing(model: int, by_undo: bool) -> No
     assert rows_of(after.models) == rows_of(THREE.models)
 
 
+@pytest.mark.slow
 @given(st.sets(st.integers(0, 12), min_size=1))
 def test_the_same_values_again_give_the_same_tables(which: set[int]) -> None:
     state = apply(THREE, ModelReopened(*FIRST))
