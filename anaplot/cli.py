@@ -65,6 +65,7 @@ def _demo(options: argparse.Namespace) -> int:
     with demo_block(options) as (demo, folder):
         if options.auto:
             return run_demo_auto(demo, folder, Output.of(options))
+        need_terminal()
         station = demo.open(folder, time_scale=2.0)
         before = station.state
         code = _show(station)
@@ -74,12 +75,7 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _show(station: Station) -> int:
-    """Show a station in the console, if there is a terminal for it; what is wrong comes first."""
-    try:
-        need_terminal()
-    except InputError:
-        station.close()
-        raise
+    """Show a station in the console."""
     from anaplot.console.app import run_console
     from anaplot.simulation.controls import controls_of
 
@@ -87,11 +83,21 @@ def _show(station: Station) -> int:
 
 
 def _open(options: argparse.Namespace) -> int:
-    from anaplot.simulation.opening import open_station
+    from anaplot.simulation.opening import check_options, open_station, truth_of
 
     if _is_missing(options.block):
         from anaplot.console.newblockscreen import ask_for_block
 
+        # whoever answers the questions is not told afterwards what was wrong before
+        check_options(
+            profile=options.profile,
+            port=options.port,
+            simulate=options.simulate,
+            truth=options.truth,
+            point_pattern=options.pattern,
+        )
+        if options.truth is not None:
+            truth_of(options.truth)
         for line in ask_for_block(options.block):
             print(line)
         if options.port is None and not options.simulate:
@@ -106,6 +112,7 @@ def _open(options: argparse.Namespace) -> int:
         point_pattern=options.pattern,
         operator=options.operator,
         story=options.story,
+        ready=need_terminal,
     )
     before = station.state
     code = _show(station)

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -258,6 +259,12 @@ def test_no_such_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
 
 # root may write everywhere, unless the right to do so is taken away
 POWERFUL = hasattr(os, "geteuid") and os.geteuid() == 0
+WITH_TERMINAL = """
+import sys
+from anaplot import cli
+cli.need_terminal = lambda: None
+sys.exit(cli.main(sys.argv[1:]))
+"""
 HUMBLE = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]
 
 
@@ -270,7 +277,15 @@ def test_a_read_only_folder_serves_the_bridge_and_not_the_console(block: Path) -
     try:
         result = anaplot("bridge", block, prefix=prefix)
         assert (result.returncode, result.stderr) == (0, "")
-        result = anaplot("open", block, "--simulate", prefix=prefix)
+        python = [*prefix, sys.executable, "-c", WITH_TERMINAL]
+        result = subprocess.run(
+            [*python, "open", str(block), "--simulate"],
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT,
+            env=environment(),
+            check=False,
+        )
         one_line(result, 2, "sessions", "cannot be made")
     finally:
         block.chmod(0o755)

@@ -6,11 +6,19 @@ from pathlib import Path
 
 import pytest
 from clibench import anaplot, contents, here, make_block, one_line
+from journaltools import append_event
 
 from anaplot.cli import main
 from anaplot.exchange.journal import Journal
+from anaplot.session.events import ModelAccepted
 
 pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There is a terminal as far as commands in this process can tell."""
+    monkeypatch.setattr("anaplot.cli.need_terminal", lambda: None)
 
 
 @pytest.fixture
@@ -39,14 +47,55 @@ def test_options_that_make_no_sense(
     assert contents(block) == before
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--simulate", "--port", "/dev/ttyS0"), "exclude each other"),
+        (("--truth", "x"), "--truth goes with --simulate"),
+        (("--profile", "anaplot-ascii"), "both --profile and --port"),
+        (("--pattern", "14"), "no point pattern '14'"),
+        (("--simulate", "--profile", "no-such"), "no-such"),
+        (("--simulate", "--truth", "/nowhere"), "no such folder"),
+    ],
+)
+def test_options_that_make_no_sense_are_told_before_a_new_block_is_asked_for(
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Path] = []
+    monkeypatch.setattr("anaplot.cli._is_missing", lambda _: True)
+    monkeypatch.setattr("anaplot.console.newblockscreen.ask_for_block", asked.append)
+    folder = tmp_path / "new"
+    one_line(here(capsys, "open", folder, *arguments), 2, words)
+    assert asked == []
+    assert not folder.exists()
+
+
+def test_a_journal_that_does_not_fit_gets_no_record_of_an_opening(
+    block: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    journal, _ = Journal.open(block, {})
+    append_event(journal, ModelAccepted("7", "8"))
+    journal.close()
+    before = contents(block)
+    one_line(here(capsys, "open", block, "--simulate"), 2, "does not fit block.toml")
+    assert contents(block) == before
+
+
 def test_without_a_terminal_it_is_said(block: Path, tmp_path: Path) -> None:
     temporary = tmp_path / "temporary"
     temporary.mkdir()
+    before = contents(block)
     words = "the console needs a terminal, and standard"
     one_line(anaplot("open", block, "--simulate"), 2, words)
     one_line(anaplot("demo", env={"TMPDIR": str(temporary)}), 2, words)
     one_line(anaplot("open", block, env={"TERM": "dumb"}), 2, "TERM is dumb")
     assert list(temporary.iterdir()) == []
+    assert contents(block) == before  # no session, and no folder for one
+    assert not (block / "sessions").exists()
     assert anaplot("bridge", block).returncode == 0  # the block is left unlocked
 
 
@@ -57,11 +106,11 @@ def test_a_port_that_does_not_exist(block: Path, capsys: pytest.CaptureFixture[s
         assert result.stdout == ""
 
 
-def test_a_block_that_is_open_elsewhere(block: Path) -> None:
+def test_a_block_that_is_open_elsewhere(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     journal, _ = Journal.open(block, {})
     with journal:
         before = contents(block)
-        one_line(anaplot("open", block, "--simulate"), 2, "open in another anaplot")
+        one_line(here(capsys, "open", block, "--simulate"), 2, "open in another anaplot")
         assert contents(block) == before
         assert anaplot("bridge", block).returncode == 0
 

@@ -100,6 +100,7 @@ class Journal:
         *,
         clock: Callable[[], float] = time.time,
         keep: Keep | None = None,
+        accept: Callable[[tuple[JournalRecord, ...]], None] | None = None,
         roll_bytes: int = ROLL_BYTES,
     ) -> tuple[Self, Recovered]:
         """Lock a block, verify its journal, mend a torn tail and go on where the journal ends.
@@ -115,6 +116,9 @@ class Journal:
             Seconds since 1970 in UTC, for the records' times.
         keep
             Which kinds of records are wanted in what is recovered (all, when left out).
+        accept
+            Called with what is recovered before anything is written; what it raises leaves the
+            journal as it was.
         roll_bytes
             Length of a file from which the next record begins a new one.
 
@@ -141,6 +145,8 @@ class Journal:
             _check_files(sessions)
             _sync_entries(folder)
             scan = scan_folder(sessions, keep)
+            if accept is not None:
+                accept(scan.records)
             remarks = [*scan.remarks, *journal._begin(scan.files)]
         except BaseException:
             journal._leave()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
+from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block, Camera
 from anaplot.planning.synthetic import Truth, synthetic_truth
 from anaplot.planning.syntheticblock import synthetic_plates
 from anaplot.plotter.device.hand import Photographs
+from anaplot.plotter.profile import load_profile
 from anaplot.simulation.demo import rough
 from anaplot.simulation.instrument import PROFILE_OF_SIMULATION, SimulationSetup
 from anaplot.simulation.laidplates import laid_photographs, random_placements
@@ -17,7 +20,38 @@ from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.station import DEFAULT_PATTERN, Station
 from anaplot.textfiles.wording import place
 
-__all__ = ["open_station", "plates_in", "truth_of"]
+__all__ = ["check_options", "open_station", "plates_in", "truth_of"]
+
+
+def _at_once() -> None:
+    """Wait for nothing."""
+
+
+def check_options(
+    *,
+    profile: str | None = None,
+    port: str | None = None,
+    simulate: bool = False,
+    truth: Path | None = None,
+    point_pattern: str | None = None,
+) -> None:
+    """Refuse options that no block makes right; `open_station` says what they are.
+
+    Raises
+    ------
+    InputError
+        Options that contradict each other, a profile or point pattern that does not exist.
+    """
+    if simulate and port is not None:
+        raise InputError("--simulate and an instrument's --port exclude each other")
+    if truth is not None and not simulate:
+        raise InputError("--truth goes with --simulate")
+    if profile is not None:
+        if port is None and not simulate:
+            raise InputError("an instrument needs both --profile and --port")
+        load_profile(profile)
+    if point_pattern is not None:
+        pattern(point_pattern)
 
 
 def open_station(
@@ -32,6 +66,7 @@ def open_station(
     operator: str = "",
     story: str = "",
     time_scale: float = 1.0,
+    ready: Callable[[], None] = _at_once,
 ) -> Station:
     """Open a station on a block folder.
 
@@ -56,6 +91,9 @@ def open_station(
         Name for the journal, and what the session is about.
     time_scale
         Simulated seconds per second.
+    ready
+        Called when options and block are found right, before an instrument or the journal is
+        touched; what it raises leaves everything as it is.
 
     Raises
     ------
@@ -64,10 +102,9 @@ def open_station(
     LinkError
         The plotter cannot be reached.
     """
-    if simulate and port is not None:
-        raise InputError("--simulate and an instrument's --port exclude each other")
-    if truth is not None and not simulate:
-        raise InputError("--truth goes with --simulate")
+    check_options(
+        profile=profile, port=port, simulate=simulate, truth=truth, point_pattern=point_pattern
+    )
     block = read_block(folder)
     if not block.strips:
         raise InputError(
@@ -81,10 +118,12 @@ def open_station(
         raise InputError("an instrument needs both --profile and --port")
     if not simulate:
         plotter = InstrumentSetup(profile, port) if profile and port else None
+        ready()
         return Station(
             folder, plotter=plotter, point_pattern=point_pattern, operator=operator, story=story
         )
     points = _synthetic(block, seed) if truth is None else _measured(block, truth)
+    ready()
     return Station(
         folder,
         plotter=SimulationSetup(

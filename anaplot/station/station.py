@@ -62,15 +62,13 @@ from anaplot.session.state import SessionState
 from anaplot.station.audience import News
 from anaplot.station.blockwatch import BlockWatch
 from anaplot.station.commanded import Commanded
-from anaplot.station.edited import check_unedited
 from anaplot.station.header import session_header
 from anaplot.station.inbox import Inbox, Item, Told, Traffic
 from anaplot.station.instrument import Instrument, Setup
 from anaplot.station.journaling import Recorder
 from anaplot.station.livestatus import LiveStatus
-from anaplot.station.pointsfile import PointsFile
-from anaplot.station.restored import restored
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
+from anaplot.station.takenup import TakenUp
 from anaplot.station.worker import Worker
 from anaplot.textfiles.wording import plain
 
@@ -141,17 +139,17 @@ class Station(Commanded):
                 undo.callback(self._instrument.close)
                 link = self._instrument.link
                 self._inbox.time = lambda: link.event_time
+            taken_up = TakenUp(folder, block)
             self._journal, recovered = Journal.open(
                 folder,
                 session_header(block, operator, self._instrument, story),
                 keep=lambda kind: kind in EVENT_KINDS,
+                accept=taken_up.take,
             )
             undo.callback(self._journal.close)
             clear_image_points(folder)
             self._recorder = Recorder(self._journal, time.monotonic)
-            events, state = restored(block, recovered.records)
-            self._points = PointsFile(folder, block, events)
-            check_unedited(folder, block, state, self._points.of_session)
+            events, state, self._points = taken_up.events, taken_up.state, taken_up.points
             self._status = LiveStatus(plain(shlex.quote(str(folder))))
             self._desk = Desk.at(
                 state,
