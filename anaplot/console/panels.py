@@ -246,7 +246,8 @@ class ReadOutLine(_Lines):
 
     Before a photo's inner orientation is accepted its coordinates are those of the plate, and in
     place of the parallaxes, which mean nothing then, stands which photo's they are. A mono
-    comparator has x and y only.
+    comparator has x and y only. Of a device that speaks only when it records the last read-out
+    stays, dimmed and called old.
     """
 
     DEFAULT_CSS = "ReadOutLine { height: 1; background: $surface; text-style: bold; }"
@@ -255,11 +256,15 @@ class ReadOutLine(_Lines):
         super().__init__(id=id)
         self._readout: ReadOut | None = None
         self._live = False
+        self._old = False
 
     def show(self, readout: ReadOut | None, *, live: bool) -> None:
         """Show this read-out; one of a link that is not live is not shown as if it were."""
-        if readout != self._readout or live != self._live:
-            self._readout, self._live = readout, live
+        old = live and self._live and readout is None and self._readout is not None
+        if old:
+            readout = self._readout
+        if (readout, live, old) != (self._readout, self._live, self._old):
+            self._readout, self._live, self._old = readout, live, old
             self.show_lines()
 
     def lines(self, width: int, height: int) -> list[Content]:
@@ -277,8 +282,9 @@ class ReadOutLine(_Lines):
             names, most = ("x", "y", "", "", "", ""), 2
         for name, value in list(zip(names, values, strict=True))[:most]:
             shown = "–".rjust(8) if value is None else f"{value:8.3f}"
-            parts += [(f"{gap}{name} ", "$foreground-muted not bold"), (shown, "")]
-        parts.append((" mm", "$foreground-muted not bold"))
+            style = "$foreground-muted not bold" if self._old else ""
+            parts += [(f"{gap}{name} ", "$foreground-muted not bold"), (shown, style)]
+        parts.append((" old" if self._old else " mm", "$foreground-muted not bold"))
         if plates:
             parts += [(gap, ""), (f" {plates} ", "reverse $text-accent")]
         return [Content.assemble(*parts)]

@@ -285,6 +285,27 @@ def test_the_readout_says_which_photo():
             assert cell_len(shown.plain) <= width
 
 
+def test_the_last_readout_of_a_device_that_is_silent_stays_and_is_called_old(monkeypatch):
+    line = ReadOutLine()
+    monkeypatch.setattr(line, "show_lines", lambda: None)
+    last = ReadOut(1.25, 2.5, 1.25, 2.5, mono=True)
+    for width in (80, 160):
+        line.show(last, live=True)
+        assert "old" not in line.lines(width, 1)[0].plain
+        line.show(None, live=True)
+        (shown,) = line.lines(width, 1)
+        assert "1.250" in shown.plain
+        assert shown.plain.rstrip().endswith("old")
+        assert cell_len(shown.plain) <= width
+        line.show(replace(last, xl=7.5), live=True)
+        assert "7.500" in line.lines(width, 1)[0].plain
+        assert "old" not in line.lines(width, 1)[0].plain
+        line.show(None, live=False)  # the link is down: nothing is known
+        assert "7.500" not in line.lines(width, 1)[0].plain
+        line.show(None, live=True)
+        assert "7.500" not in line.lines(width, 1)[0].plain
+
+
 def test_rows_and_words():
     snapshot = scene(inner(8, "3"))
     rows = shown_rows(snapshot)
