@@ -19,6 +19,12 @@ def test_no_default_key_means_two_things():
     assert len({action.id for action in ACTIONS}) == len(ACTIONS)
 
 
+def test_the_document_lists_every_action_with_its_default_keys():
+    text = (Path(__file__).parents[2] / "docs" / "keymap.md").read_text(encoding="utf-8")
+    listed = [line for line in text.splitlines() if line.startswith("| `")]
+    assert listed == [f"| `{a.id}` | `{a.keys}` | {a.help} |" for a in ACTIONS]
+
+
 def test_a_keymap_is_read(tmp_path):
     path = write(tmp_path, 'record = "f5, ctrl+r"\naccept = "A"\nadd_point = "+"\n')
     keymap = load_keymap(path)
