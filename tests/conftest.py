@@ -9,8 +9,11 @@ The fast lane (`-m "not slow"`) has the mathematics, the session and the codecs.
 terminals, lines and commands are slow as wholes, but for what is marked `smoke`.
 """
 
+import atexit
 import os
+import shutil
 import signal
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -19,6 +22,11 @@ from hypothesis import HealthCheck, settings
 # before anything imports numpy, which reads them once
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+
+# no test, and no command that it starts, reads or writes the configuration of who runs it
+_configuration = tempfile.mkdtemp(prefix="anaplot-tests-")
+atexit.register(shutil.rmtree, _configuration, ignore_errors=True)
+os.environ["XDG_CONFIG_HOME"] = _configuration
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
