@@ -10,6 +10,7 @@ from consolefake import FakeStation, picture
 from anaplot.console.app import ConsoleApp
 from anaplot.console.kept import Kept
 from anaplot.console.panels import WELCOME
+from anaplot.console.tableview import TableView
 
 
 def text(app: ConsoleApp) -> str:
@@ -75,3 +76,24 @@ async def test_wide_screens_show_block_and_history_too() -> None:
         await pilot.resize_terminal(80, 24)
         await pilot.pause()
         assert "HISTORY" not in text(app)
+
+
+async def test_the_culprit_is_told_apart_where_the_environment_wants_no_colour(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+    app = ConsoleApp(FakeStation(picture()))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert app.no_color
+        table = app.screen.query_one(TableView)
+        lines = [table.render_line(y) for y in range(table.size.height)]
+    accused = [line for line in lines if "REMEASURE" in line.text]
+    (line,) = accused
+    assert sum("<<" in other.text for other in lines) == 1
+    (verdict,) = (segment for segment in line if "REMEASURE" in segment.text)
+    assert verdict.style is not None
+    assert verdict.style.bold
+    assert verdict.style.reverse  # neither is a colour
+    others = [segment for other in lines if other is not line for segment in other]
+    assert not any(segment.style and segment.style.reverse for segment in others)
