@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from math import hypot
 
 import numpy as np
@@ -61,14 +61,15 @@ def plant_in_block(block: Block, truth: Truth, models: Sequence[ModelState], see
     if len(own) < 2 or last.strip == block.strips[0].id:
         raise InputError("mistakes of every kind need a strip of two models and another strip")
     first, second = _with_sizes(block, truth, own[:2])
-    pair, swapped = swapped_pair(first, truth)
-    hidden, missed = next_model_error(first, second, set(swapped), rng)
-    transferred, beside = _transfer_error(second, set(missed) | set(swapped), rng)
+    # of a control point the control tells before the model or the next one does
+    given = {c.point for c in block.control}
+    pair, swapped = swapped_pair(first, truth, given)
+    hidden, missed = next_model_error(first, second, given | swapped.keys(), rng)
+    transferred, beside = _transfer_error(second, given | swapped.keys() | missed.keys(), rng)
     measured = {p.point for model in models[:-1] for p in model.plan}
     here = {p.point for model in models[:-1] if model.strip == last.strip for p in model.plan}
     ties = [p.point for p in last.plan if p.role == "lateral" and p.point not in here]
-    control = {c.point for c in block.control} - measured
-    known = [p.point for p in last.plan if p.point in control]
+    known = [p.point for p in last.plan if p.point in given - measured]
     lateral, aside = _other_detail("wrong lateral tie", last, ties, rng)
     ground, apart = _other_detail("wrong control point", last, known, rng)
     fiducial, offsets = plant_wrong_fiducial(block, seed)
@@ -104,10 +105,10 @@ def _with_sizes(
 
 
 def _transfer_error(
-    model: ModelMistakes, spoiled: set[str], rng: np.random.Generator
+    model: ModelMistakes, spared: Set[str], rng: np.random.Generator
 ) -> tuple[Planted, dict[str, Offsets]]:
     """Take a tie for a detail beside it at another height: a parallax in x gives it away."""
-    ties = sorted(model.ties - spoiled)
+    ties = sorted(model.ties - spared)
     if not ties:
         raise InputError(f"model {model.name} has no tie that could be taken for another detail")
     point = ties[int(rng.integers(len(ties)))]

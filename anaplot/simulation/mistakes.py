@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from math import sqrt
 from typing import Literal, NamedTuple
@@ -291,7 +291,9 @@ def smallest_sizes(block: Block, model: ModelSolution) -> dict[tuple[str, str], 
     }
 
 
-def swapped_pair(model: ModelMistakes, truth: Truth) -> tuple[list[Planted], dict[str, Offsets]]:
+def swapped_pair(
+    model: ModelMistakes, truth: Truth, spared: Set[str]
+) -> tuple[list[Planted], dict[str, Offsets]]:
     """Interchange the names of two neighbours in the right photo.
 
     Parameters
@@ -300,20 +302,22 @@ def swapped_pair(model: ModelMistakes, truth: Truth) -> tuple[list[Planted], dic
         Where it happens.
     truth
         True image coordinates [mm].
+    spared
+        Points that are to stay right.
 
     Raises
     ------
     InputError
         No two points of the model differ enough.
     """
-    pair = _closest_pair(model, truth, list(model.points))
+    pair = _closest_pair(model, truth, [p for p in model.points if p not in spared])
     if pair is None:
         raise InputError(f"model {model.name} has no two points whose interchange shows")
     return _swapped(model, truth, pair)
 
 
 def next_model_error(
-    model: ModelMistakes, following: ModelMistakes, spoiled: set[str], rng: np.random.Generator
+    model: ModelMistakes, following: ModelMistakes, spared: Set[str], rng: np.random.Generator
 ) -> tuple[Planted, dict[str, Offsets]]:
     """Miss a point in x that is no tie of its model, but one of the next.
 
@@ -321,8 +325,8 @@ def next_model_error(
     ----------
     model, following
         Where it happens, and where it shows.
-    spoiled
-        Points that have a mistake already.
+    spared
+        Points that are to have none.
     rng
         Chooses.
 
@@ -331,7 +335,7 @@ def next_model_error(
     InputError
         The models have no such point.
     """
-    later = sorted(following.ties - model.ties - spoiled)
+    later = sorted(following.ties - model.ties - spared)
     if not later:
         raise InputError(f"model {following.name} has no tie for a mistake of {model.name}")
     point = later[int(rng.integers(len(later)))]
