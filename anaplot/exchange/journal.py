@@ -8,6 +8,7 @@ import os
 import stat
 import threading
 import time
+import zlib
 from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple, Self
 from anaplot.errors import InputError
 from anaplot.exchange.journalread import (
     SESSIONS,
+    Choice,
     FileScan,
     Recovered,
     event_of,
@@ -23,6 +25,7 @@ from anaplot.exchange.journalread import (
     read_journal,
     scan_folder,
 )
+from anaplot.exchange.journalsnapshot import SNAPSHOT, Before, parts_of, said_of
 from anaplot.exchange.lockfile import FolderLock
 from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
@@ -55,12 +58,17 @@ _BINARY: int = getattr(os, "O_BINARY", 0)
 
 
 class _Place(NamedTuple):
-    """The end of the journal: open file, its length, sequence number of the last record."""
+    """The end of the journal: open file, its length, sequence number of the last record.
+
+    Also what a snapshot says of all before it: number of lines and CRC-32 of the file.
+    """
 
     descriptor: int
     path: Path
     size: int
     seq: int
+    lines: int
+    crc: int
 
 
 class Journal:
@@ -90,6 +98,7 @@ class Journal:
         self._lock = lock
         self._mutex = threading.RLock()
         self._end: _Place | None = None
+        self._before: list[Before] = []
         self._unusable = ""
 
     @classmethod
@@ -100,7 +109,8 @@ class Journal:
         *,
         clock: Callable[[], float] = time.time,
         keep: Keep | None = None,
-        accept: Callable[[tuple[JournalRecord, ...]], None] | None = None,
+        accept: Callable[[Recovered], None] | None = None,
+        choose: Choice | None = None,
         roll_bytes: int = ROLL_BYTES,
     ) -> tuple[Self, Recovered]:
         """Lock a block, verify its journal, mend a torn tail and go on where the journal ends.
@@ -119,6 +129,8 @@ class Journal:
         accept
             Called with what is recovered before anything is written; what it raises leaves the
             journal as it was.
+        choose
+            Chooses the snapshot behind which records are wanted; None: all records are.
         roll_bytes
             Length of a file from which the next record begins a new one.
 
@@ -144,14 +156,14 @@ class Journal:
         try:
             _check_files(sessions)
             _sync_entries(folder)
-            scan = scan_folder(sessions, keep)
+            scan = scan_folder(sessions, keep, choose)
             if accept is not None:
-                accept(scan.records)
+                accept(Recovered(scan.records, (), scan.snapshot))
             remarks = [*scan.remarks, *journal._begin(scan.files)]
         except BaseException:
             journal._leave()
             raise
-        return journal, Recovered(scan.records, tuple(remarks))
+        return journal, Recovered(scan.records, tuple(remarks), scan.snapshot)
 
     @property
     def path(self) -> Path:
@@ -221,6 +233,36 @@ class Journal:
             self._put(end, bytes(data), seq, durable)
             return seq
 
+    def append_snapshot(self, text: str, block: str, events: int) -> None:
+        """Write what the records so far led to.
+
+        Parameters
+        ----------
+        text
+            That, in ASCII.
+        block
+            Digest of the block of which it is said.
+        events
+            How many events there are so far.
+
+        Raises
+        ------
+        JournalError
+            It was refused; parts that stand alone say nothing.
+        """
+        with self._mutex:
+            parts = parts_of(text)
+            self.append_many([], durable=False)  # begin the next file first, when it is time
+            start = self._place()
+            self.append_many(parts, durable=False)
+            end = self._place()
+            before = [*self._before, (end.size, end.crc)]
+            said = said_of(block, events, len(parts), end.size - start.size, end.lines, before)
+            # behind its parts, in the same file
+            line = encode_line(end.seq + 1, self._stamp(), SNAPSHOT, said, durable=False)
+            self._check_usable(end)
+            self._put(end, line, end.seq + 1, durable=False)
+
     def close(self) -> None:
         """Bring everything to disk and give the block free; a second call does nothing.
 
@@ -255,8 +297,10 @@ class Journal:
             self._end = self._new_file(1, 0)
             return []
         last = files[-1]
+        self._before = [(file.good_bytes, file.crc) for file in files[:-1]]
         descriptor, size, remarks = _mended(last)
-        end = self._end = _Place(descriptor, last.path, size, last.last_seq)
+        crc = zlib.crc32(b"\n" * (size - last.good_bytes), last.crc)
+        end = self._end = _Place(descriptor, last.path, size, last.last_seq, last.lines, crc)
         if size >= self._roll_bytes:
             self._roll(end)
         else:
@@ -283,7 +327,7 @@ class Journal:
                 raise
         except OSError as error:
             raise JournalError(f"{place(path)}: cannot be written: {reason(error)}") from error
-        return _Place(descriptor, path, len(line), seq + 1)
+        return _Place(descriptor, path, len(line), seq + 1, 1, zlib.crc32(line))
 
     # -- writing -------------------------------------------------------------------------------
 
@@ -296,6 +340,7 @@ class Journal:
             self._sync_failed(end, error)
             raise self._refusal(end, reason(error)) from error
         new = self._end = self._new_file(int(end.path.stem) + 1, end.seq)
+        self._before.append((end.size, end.crc))
         os.close(end.descriptor)
         return new
 
@@ -310,7 +355,12 @@ class Journal:
             if durable:
                 syncing = True
                 _sync(end.descriptor)
-            self._end = end._replace(size=end.size + len(data), seq=seq)
+            self._end = end._replace(
+                size=end.size + len(data),
+                seq=seq,
+                lines=end.lines + seq - end.seq,
+                crc=zlib.crc32(data, end.crc),
+            )
         except BaseException as error:
             # Also when interrupted: what is not acknowledged must not hold a sequence number.
             self._take_back(end)

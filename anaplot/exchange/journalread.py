@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import zlib
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import BinaryIO
 
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_from_payload
+from anaplot.exchange.journalsnapshot import Snapshot, snapshots_of
 from anaplot.exchange.recordline import (
     JOURNAL_FORMAT,
     MAX_LINE,
@@ -27,6 +30,7 @@ from anaplot.textfiles.wording import place, plain, reason
 __all__ = [
     "MAX_FILE_BYTES",
     "SESSIONS",
+    "Choice",
     "FileScan",
     "Recovered",
     "Scan",
@@ -45,8 +49,13 @@ SESSIONS = "sessions"
 MAX_FILE_BYTES = 256_000_000
 """Largest file that is read: four times the length at which the next one is begun."""
 
+_CHUNK = 1 << 20
 _BEGINNING = b'{"seq":'
 _FILE_NAME = re.compile(r"([0-9]{4,99})\.jsonl")
+
+
+Choice = Callable[[Iterable[Snapshot]], Snapshot | None]
+"""Chooses from snapshots that can be trusted, youngest first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +68,13 @@ class Recovered:
         The records in order, those left out whose kind was not wanted.
     remarks
         Sentences for the operator: a torn tail, a file that does not belong here.
+    snapshot
+        The snapshot behind which the records stand; None: they are all there are.
     """
 
     records: tuple[JournalRecord, ...]
     remarks: tuple[str, ...]
+    snapshot: Snapshot | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +121,8 @@ class FileScan:
         What follows the good lines, or None.
     lacks_end
         The last record is whole but for the end of its line.
+    lines, crc
+        Number and CRC-32 of its good lines.
     """
 
     path: Path
@@ -117,6 +131,8 @@ class FileScan:
     last_seq: int
     tail: Tail | None
     lacks_end: bool
+    lines: int
+    crc: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +142,7 @@ class Scan:
     files: tuple[FileScan, ...]
     records: tuple[JournalRecord, ...]
     remarks: tuple[str, ...]
+    snapshot: Snapshot | None = None
 
 
 def read_journal(path: Path, *, keep: Keep | None = None) -> Recovered:
@@ -224,8 +241,11 @@ def numbered_files(folder: Path) -> tuple[dict[int, Path], tuple[str, ...]]:
     return numbered, tuple(remarks)
 
 
-def scan_folder(folder: Path, keep: Keep | None) -> Scan:
+def scan_folder(folder: Path, keep: Keep | None, choose: Choice | None = None) -> Scan:
     """Verify all files of a journal in order.
+
+    What stands before a snapshot that is chosen is verified by its checksum, and no record of it
+    returned.
 
     Raises
     ------
@@ -236,15 +256,36 @@ def scan_folder(folder: Path, keep: Keep | None) -> Scan:
     files: list[FileScan] = []
     records: list[JournalRecord] = []
     last_number = max(numbered, default=0)
-    seq = 0
     for expected, number in enumerate(sorted(numbered), 1):
         if number != expected:
             missing = place(folder / f"{expected:04d}.jsonl")
             raise InputError(f"{missing}: is missing, but there is {numbered[number].name}")
+    chosen = _chosen([numbered[number] for number in sorted(numbered)], choose)
+    seq = 0
+    for number in sorted(numbered):
+        is_last = number == last_number
+        if chosen is not None and not is_last:
+            files.append(_known(numbered[number], chosen.before[number - 1]))
+            continue
         reader = _FileReader(numbered[number], seq, keep, records)
-        files.append(reader.scan(is_last=number == last_number))
+        files.append(reader.scan(is_last=is_last, behind=chosen))
         seq = files[-1].last_seq
-    return Scan(tuple(files), tuple(records), remarks)
+    return Scan(tuple(files), tuple(records), remarks, chosen)
+
+
+def _chosen(paths: list[Path], choose: Choice | None) -> Snapshot | None:
+    if choose is None or not paths:
+        return None
+    try:
+        return choose(snapshots_of(paths, MAX_FILE_BYTES))
+    except (OSError, InputError):
+        return None  # whoever reads the lines says what is wrong
+
+
+def _known(path: Path, before: tuple[int, int]) -> FileScan:
+    """Return what is known of a file before that of a snapshot: only its bytes were looked at."""
+    size, crc = before
+    return FileScan(path, size, size, 0, None, False, 0, crc)
 
 
 def check_format(number: object, file: str, line: int) -> None:
@@ -287,17 +328,23 @@ class _FileReader:
         self._keep = keep
         self._records = records
 
-    def scan(self, *, is_last: bool) -> FileScan:
+    def scan(self, *, is_last: bool, behind: Snapshot | None = None) -> FileScan:
         try:
             with open_input(self._path, MAX_FILE_BYTES) as file:
-                return self._scan(file, is_last)
+                return self._scan(file, is_last, behind)
         except OSError as error:
             raise InputError(f"{self._name}: cannot be read: {reason(error)}") from error
 
-    def _scan(self, file: BinaryIO, is_last: bool) -> FileScan:
+    def _scan(self, file: BinaryIO, is_last: bool, behind: Snapshot | None) -> FileScan:
         # The length now is the end: whoever writes meanwhile is not half seen.
         size = os.fstat(file.fileno()).st_size
-        good = line = 0
+        good = line = crc = 0
+        if behind is not None:
+            good, line, crc, self._seq = behind.size, behind.lines, behind.crc, behind.seq
+            left = good
+            while left > 0 and (chunk := file.read(min(_CHUNK, left))):
+                left -= len(chunk)
+        whole = line
         tail: Tail | None = None
         lacks_end = False
         while good < size:
@@ -321,9 +368,11 @@ class _FileReader:
             if wanted and (self._keep is None or self._keep(record.kind)):
                 self._records.append(record)
             good += len(raw)
+            crc = zlib.crc32(raw, crc)
+            whole = line
         if line == 0 and not is_last:
             raise InputError(f"{self._name}: is empty, but files follow it")
-        return FileScan(self._path, good, size, self._seq or 0, tail, lacks_end)
+        return FileScan(self._path, good, size, self._seq or 0, tail, lacks_end, whole, crc)
 
     def _wanted(self, kind: str) -> bool:
         return self._keep is None or kind in ("header", "opened") or self._keep(kind)

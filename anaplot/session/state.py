@@ -103,6 +103,11 @@ class SessionState:
         """Whether there is anything to take back."""
         return bool(self._history)
 
+    @property
+    def undo_is_full(self) -> bool:
+        """Whether as many events may be taken back as are ever remembered."""
+        return len(self._history) == _HISTORY
+
     def accepted(self, left: str, right: str) -> ModelState | None:
         """Return the accepted model of two photos, or None."""
         return next((m for m in self.models if m.left == left and m.right == right), None)

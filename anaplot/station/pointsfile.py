@@ -30,15 +30,14 @@ class PointsFile:
         The block folder.
     block
         As read from it.
-    before
-        The events of the sessions before.
+    of_session
+        Names "left/right" of the models that were accepted in the sessions before.
     """
 
-    def __init__(self, folder: Path, block: Block, before: Iterable[Event]) -> None:
+    def __init__(self, folder: Path, block: Block, of_session: Iterable[str]) -> None:
         self._folder = folder
         self.block = block
-        self.of_session: set[str] = set()
-        self.happened(before)
+        self.of_session = set(of_session)
         self._written: _Written | None = None if self.of_session else ((), ())
 
     def happened(self, events: Iterable[Event]) -> None:

@@ -45,6 +45,7 @@ from anaplot.station.payloads import (
     refusal,
     table_of,
 )
+from anaplot.station.snapshotcheck import SnapshotCheck
 from anaplot.station.tables import inner_table_difference, table_difference
 from anaplot.textfiles.wording import quoted
 
@@ -200,6 +201,7 @@ def replay(
     """
     desk = Desk.at(start(block))
     line = _Decoding()
+    snapshots = SnapshotCheck()
     for record in records:
         if pace is not None:
             pace(record)
@@ -219,6 +221,7 @@ def replay(
                 desk = desk.folded(event)
             except EventRefusedError as error:
                 raise InputError(f"{record.file} line {record.line}: {error}") from error
+            snapshots.happened(event)
             if isinstance(event, InnerAccepted):
                 difference = _accepted_otherwise(event, desk.state, inner)
         elif record.kind == "table":
@@ -232,6 +235,8 @@ def replay(
                 None if inner is None else inner.state,
                 None if inner is None else inner.solution,
             )
+        else:
+            difference = snapshots.difference(record, desk.state)
         yield Step(
             record=record,
             desk=desk,

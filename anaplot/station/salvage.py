@@ -17,6 +17,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import JournalRecord, event_of
 from anaplot.exchange.journalread import SESSIONS
+from anaplot.exchange.journalsnapshot import PART, SNAPSHOT
 from anaplot.exchange.recordline import JOURNAL_FORMAT, encode_line
 from anaplot.exchange.salvage import Gap, read_what_can_be_read
 from anaplot.session.events import (
@@ -161,6 +162,8 @@ class _Fold:
     def _taken(self, record: JournalRecord, *, first: bool) -> list[bytes]:
         """Return the lines that a record becomes."""
         try:
+            if record.kind in (SNAPSHOT, PART):
+                return []  # it follows from the events, and another file stands before it now
             if record.kind in EVENT_KINDS:
                 events = self._happened(record, event_of(record))
                 lines = [self._line(record.time, e.kind, event_to_payload(e)) for e in events]

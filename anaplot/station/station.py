@@ -19,7 +19,7 @@ from pathlib import Path
 
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import clear_image_points, read_block
-from anaplot.exchange.journal import Journal, JournalError
+from anaplot.exchange.journal import JournalError
 from anaplot.orientation.model import warm_up
 from anaplot.orientation.patterns import pattern
 from anaplot.orientation.suitability import pattern_verdict
@@ -30,7 +30,7 @@ from anaplot.session.commanding import decide
 from anaplot.session.commands import Command, TurnWheels
 from anaplot.session.desk import DEFAULT_PATTERN, Desk
 from anaplot.session.draft import Decision, Note
-from anaplot.session.events import EVENT_KINDS, Event
+from anaplot.session.events import Event
 from anaplot.session.heard import (
     DriveBegun,
     DriveFailed,
@@ -67,6 +67,7 @@ from anaplot.station.inbox import Inbox, Item, Told, Traffic
 from anaplot.station.instrument import Instrument, Setup
 from anaplot.station.journaling import Recorder
 from anaplot.station.livestatus import LiveStatus
+from anaplot.station.restored import Snapshots
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
 from anaplot.station.takenup import TakenUp
 from anaplot.station.worker import Worker
@@ -140,16 +141,15 @@ class Station(Commanded):
                 link = self._instrument.link
                 self._inbox.time = lambda: link.event_time
             taken_up = TakenUp(folder, block)
-            self._journal, recovered = Journal.open(
-                folder,
-                session_header(block, operator, self._instrument, story),
-                keep=lambda kind: kind in EVENT_KINDS,
-                accept=taken_up.take,
+            self._journal, recovered = taken_up.open(
+                session_header(block, operator, self._instrument, story)
             )
             undo.callback(self._journal.close)
             clear_image_points(folder)
             self._recorder = Recorder(self._journal, time.monotonic)
-            events, state, self._points = taken_up.events, taken_up.state, taken_up.points
+            past, self._points = taken_up.past, taken_up.points
+            state = past.state
+            self._snapshots = Snapshots(self._journal, block, past)
             self._status = LiveStatus(plain(shlex.quote(str(folder))))
             self._desk = Desk.at(
                 state,
@@ -166,7 +166,7 @@ class Station(Commanded):
                     self._news.tell("warning", remark)
             self._write_points()
             if self._instrument is not None:
-                self._open(self._instrument, events)
+                self._open(self._instrument, past.events)
             undo.pop_all()
         self._tell_watch()
         self._snapshot = self._picture()
@@ -386,6 +386,7 @@ class Station(Commanded):
         before, self._desk = self._desk, decision.after
         self._news.any |= self._desk is not before
         self._points.happened(decision.events)
+        self._snapshots.happened(decision.events, self._desk.state)
         remark = self._recorder.tables(before.outlook, self._desk.outlook)
         if remark:
             self._news.tell("warning", remark)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from anaplot.exchange.journal import JournalRecord
+from anaplot.exchange.journal import Journal, Recovered
 from anaplot.photogrammetry.block import Block
-from anaplot.session.events import Event
-from anaplot.session.state import SessionState, start
+from anaplot.session.events import EVENT_KINDS
+from anaplot.session.state import start
 from anaplot.station.edited import check_unedited
 from anaplot.station.pointsfile import PointsFile
-from anaplot.station.restored import restored
+from anaplot.station.restored import Past, choice_for, past_of
 
 __all__ = ["TakenUp"]
 
@@ -28,10 +29,8 @@ class TakenUp:
 
     Attributes
     ----------
-    events
-        What happened in the sessions before.
-    state
-        To which it led.
+    past
+        What happened in the sessions before, and the state to which it led.
     points
         The file image_points.csv, and what of it is the session's own.
     """
@@ -39,11 +38,20 @@ class TakenUp:
     def __init__(self, folder: Path, block: Block) -> None:
         self._folder = folder
         self._block = block
-        self.events: tuple[Event, ...] = ()
-        self.state: SessionState = start(block)
+        self.past = Past((), 0, start(block), frozenset())
         self.points = PointsFile(folder, block, ())
 
-    def take(self, records: Iterable[JournalRecord]) -> None:
+    def open(self, header: Mapping[str, Any]) -> tuple[Journal, Recovered]:
+        """Open the journal, and take up what it says; errors as `Journal.open` and `take`."""
+        return Journal.open(
+            self._folder,
+            header,
+            keep=lambda kind: kind in EVENT_KINDS,
+            accept=self.take,
+            choose=choice_for(self._block, header),
+        )
+
+    def take(self, recovered: Recovered) -> None:
         """Take up the session where its journal ends.
 
         Raises
@@ -51,6 +59,6 @@ class TakenUp:
         InputError
             The journal does not fit the block, or somebody else changed a row of the session's.
         """
-        self.events, self.state = restored(self._block, records)
-        self.points = PointsFile(self._folder, self._block, self.events)
-        check_unedited(self._folder, self._block, self.state, self.points.of_session)
+        self.past = past = past_of(self._folder, self._block, recovered)
+        self.points = PointsFile(self._folder, self._block, past.of_session)
+        check_unedited(self._folder, self._block, past.state, self.points.of_session)

@@ -28,9 +28,10 @@ from anaplot.session.events import (
     PlannedPoint,
     PointMeasured,
 )
+from anaplot.session.state import apply, start
 from anaplot.simulation.demo import Demo
 from anaplot.station.header import session_header
-from anaplot.station.restored import restored
+from anaplot.station.restored import Past, Snapshots, restored
 from anaplot.station.station import Station
 
 POINTS = 13  # a model
@@ -70,11 +71,16 @@ def write(folder: Path, points: int) -> None:
     )
     write_new_block(folder, block)
     ties: list[str] = []
-    with Journal.open(folder, session_header(read_block(folder), "", None, ""))[0] as journal:
+    block = read_block(folder)
+    with Journal.open(folder, session_header(block, "", None, ""))[0] as journal:
+        state = start(block)
+        snapshots = Snapshots(journal, block, Past((), 0, state, frozenset()))
         for k in range(1, models + 1):
             for event in model(k, ties, random):
                 records = [("traffic", _TRAFFIC), (event.kind, event_to_payload(event))]
                 journal.append_many([*records, ("table", _TABLE)], durable=False)
+                state = apply(state, event)
+                snapshots.happened([event], state)
             ties = [f"{k}-{i}" for i in range(TIES)]
 
 
@@ -88,7 +94,7 @@ def measured(folder: Path) -> dict[str, float]:
     records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
     times["lines"] = time.perf_counter() - begin
     begin = time.perf_counter()
-    restored(block, (record for record in records if record.kind in EVENT_KINDS))
+    restored(block, records)
     times["events"] = time.perf_counter() - begin
     for what in ("opened", "again"):
         begin = time.perf_counter()

@@ -26,6 +26,8 @@ from anaplot.plotter.device.hand import Offsets
 from anaplot.session.events import FiducialMeasured, PointMeasured
 from anaplot.session.state import SessionState, fold, start
 from anaplot.simulation.demo import Demo
+from anaplot.station import restored
+from anaplot.station.replay import replay_session
 from anaplot.station.station import Station
 
 MODELS, SEED = 2, 3
@@ -185,6 +187,25 @@ def test_reopened_the_state_is_equal(bench: Bench) -> None:
     again.undo()
     assert again.state.current is not None
     assert again.state.current.off == frozenset()
+
+
+def test_snapshots_of_a_session_say_what_its_events_lead_to(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(restored, "SPACING", 10)
+    station, watch = bench.open()
+    for _ in range(2):
+        station.next_model()
+        measure_all(station, watch)
+        station.accept()
+    station.undo()
+    before = station.state
+    station.close()
+    folder = station.folder
+    kinds = [record.kind for record in read_journal(folder).records]
+    assert kinds.count("snapshot") == kinds.count("snapshot-part") == 2
+    replayed = replay_session(folder)
+    assert (replayed.state, replayed.differences) == (before, ())
 
 
 def test_after_reopening_nothing_is_recorded_before_a_drive(bench: Bench) -> None:

@@ -1,0 +1,47 @@
+"""Whether the snapshots of a journal say what its events lead to."""
+
+from __future__ import annotations
+
+from anaplot.errors import InputError
+from anaplot.exchange.journal import JournalRecord
+from anaplot.exchange.journalsnapshot import PART, SNAPSHOT, VERSION, text_of
+from anaplot.exchange.statecodec import state_from_text
+from anaplot.session.events import Event
+from anaplot.session.state import SessionState, start
+from anaplot.station.imagepoints import accepted_ever
+
+__all__ = ["SnapshotCheck"]
+
+_OTHERWISE = "the snapshot says otherwise than the events before it"
+
+
+class SnapshotCheck:
+    """Compares every snapshot with the fold of all events before it."""
+
+    def __init__(self) -> None:
+        self._parts: list[JournalRecord] = []
+        self._count = 0
+        self._ever: frozenset[str] = frozenset()
+
+    def happened(self, event: Event) -> None:
+        """Take notice of an event."""
+        self._count += 1
+        self._ever |= accepted_ever((event,))
+
+    def difference(self, record: JournalRecord, state: SessionState) -> str | None:
+        """Return what differs between a snapshot's record and the state; None: nothing."""
+        if record.kind == PART:
+            self._parts.append(record)
+            return None
+        parts, self._parts = self._parts, []
+        if record.kind != SNAPSHOT or record.payload.get("version") != VERSION:
+            return None
+        text = text_of(parts)
+        if text is None:
+            return "the snapshot cannot be read"
+        try:
+            said, ever = state_from_text(text, start(state.block))
+        except InputError as error:
+            return str(error)
+        same = said == state and said.last_change == state.last_change and ever == self._ever
+        return None if same and record.payload.get("events") == self._count else _OTHERWISE

@@ -1,0 +1,388 @@
+"""Snapshots in a journal: they say what the events lead to, and nothing when they are damaged."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import test_inner_rules
+import test_mono_fold
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sessionscene import Scene
+from test_going_back import mono, three
+from test_session_fold import Draft, drafts, played
+
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block, write_new_block
+from anaplot.exchange.eventcodec import event_to_payload
+from anaplot.exchange.journal import Journal, JournalError, read_journal
+from anaplot.exchange.journalread import MAX_FILE_BYTES
+from anaplot.exchange.journalsnapshot import snapshots_of
+from anaplot.exchange.statecodec import StateWriter, state_from_text
+from anaplot.photogrammetry.block import Block
+from anaplot.session import state as state_module
+from anaplot.session.events import (
+    EVENT_KINDS,
+    Event,
+    ModelAccepted,
+    ModelReopened,
+    ReasonGiven,
+    RowSwitched,
+    Undone,
+)
+from anaplot.session.state import EventRefusedError, SessionState, apply, start
+from anaplot.station import restored as restored_module
+from anaplot.station.imagepoints import accepted_ever
+from anaplot.station.replay import replay_session
+from anaplot.station.restored import Past, Snapshots, choice_for, past_of, restored
+from anaplot.station.salvage import salvage
+from anaplot.station.station import Station
+
+UNDO = 8
+
+
+def read_back(state: SessionState, ever: Iterable[str] = ()) -> SessionState:
+    said, names = state_from_text(StateWriter().text(state, frozenset(ever)), start(state.block))
+    assert names == frozenset(ever)
+    return said
+
+
+def check_same(one: SessionState, other: SessionState) -> None:
+    """Equal also in what equality leaves out."""
+    assert one == other
+    assert one.last_change == other.last_change
+
+
+@given(drafts)
+@settings(max_examples=60)
+def test_a_state_is_read_back_equal(steps: list[Draft]) -> None:
+    events, states = played(steps)
+    check_same(read_back(states[-1], accepted_ever(events)), states[-1])
+    assert not read_back(states[-1]).may_undo
+
+
+@given(drafts, st.integers(0, 120))
+@settings(max_examples=60)
+def test_what_happens_behind_a_snapshot_leads_where_the_whole_fold_does(
+    steps: list[Draft], at: int
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(state_module, "_HISTORY", UNDO)
+        events, states = played(steps)
+        at = min(at, len(events))
+        try:
+            behind, full = read_back(states[at]), False
+            for event in events[at:]:
+                behind = apply(behind, event)
+                full = full or behind.undo_is_full
+        except EventRefusedError:
+            return  # an undo reaches before the snapshot: it is passed over
+        check_same(behind, states[-1])
+        if full:
+            assert behind._history == states[-1]._history
+
+
+def _fiducials(kind: int, number: int, flag: bool) -> test_inner_rules.Draft:
+    return test_inner_rules.Draft(kind, number, flag)
+
+
+def _photos(kind: int, number: int, flag: bool) -> test_mono_fold.Draft:
+    return test_mono_fold.Draft(kind, number, "left" if flag else "right")
+
+
+@given(
+    st.sampled_from(((test_inner_rules.SCENE, _fiducials), (test_mono_fold.SCENE, _photos))),
+    st.lists(st.tuples(st.integers(0, 12), st.integers(0, 40), st.booleans()), max_size=100),
+)
+@settings(max_examples=60)
+def test_so_are_fiducials_and_models_of_one_photo_after_the_other(
+    made: tuple[Scene, Callable[[int, int, bool], Draft]], steps: list[tuple[int, int, bool]]
+) -> None:
+    scene, draft = made
+    state = scene.start
+    for step in steps:
+        with suppress(EventRefusedError):
+            state = apply(state, draft(*step).event(state))
+    check_same(read_back(state), state)
+
+
+def test_so_are_accepted_everner_orientations() -> None:
+    scene = test_inner_rules.SCENE
+    state = scene.whole(scene.chosen(2))
+    assert state.current is not None
+    assert all(inner.accepted for model in (*state.models, state.current) for inner in model.inner)
+    check_same(read_back(state), state)
+
+
+def test_models_returned_to_and_mono_ones_are_read_back_equal() -> None:
+    for state in (three(), mono()):
+        models = state.models
+        assert models
+        back = apply(state, ModelReopened(*models[0].photos))
+        check_same(read_back(back), back)
+        off = apply(back, RowSwitched(models[0].measured[0].point, None, on=False))
+        check_same(read_back(off), off)
+        given_ = apply(off, ReasonGiven("pointing"))
+        check_same(read_back(given_), given_)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", "null", "[[],[1],null,false,0,null,null,[],[],null,[]]"]
+)
+def test_what_is_no_state_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="snapshot"):
+        state_from_text(text, Scene(3).start)
+
+
+def test_models_that_do_not_fit_the_block_are_refused() -> None:
+    state = three()
+    first = state.models[0]
+    for wrong in (
+        replace(first, strip="9"),
+        replace(first, left="999"),
+        replace(first, left=first.right, right=first.left),
+        replace(first, plan=first.plan[1:]),
+    ):
+        with pytest.raises(InputError, match="does not fit the block"):
+            read_back(replace(state, models=(wrong, *state.models[1:])))
+
+
+def open_session(folder: Path, block: Block, header: dict[str, object]) -> tuple[Journal, Past]:
+    """Open a block's journal as a station does."""
+    journal, recovered = Journal.open(
+        folder, header, keep=lambda kind: kind in EVENT_KINDS, choose=choice_for(block, header)
+    )
+    try:
+        return journal, past_of(folder, block, recovered)
+    except BaseException:
+        journal.close()
+        raise
+
+
+class Day:
+    """A block of which three models are measured, switched in and returned to."""
+
+    def __init__(self, folder: Path, roll_bytes: int = 64_000_000) -> None:
+        scene = Scene(4)
+        self.folder = folder
+        write_new_block(folder, scene.block)
+        self.block = read_block(folder)
+        self.state = start(self.block)
+        self.count = 0
+        self.journal = Journal.open(folder, {}, roll_bytes=roll_bytes)[0]
+        past = Past((), 0, self.state, frozenset())
+        self.snapshots = Snapshots(self.journal, self.block, past)
+        for k in range(3):
+            self.happen(scene.choice(self.state, k))
+            for event in scene.measurements(self.state):
+                self.happen(event)
+            self.happen(ModelAccepted(*self.block.strips[0].models()[k]))
+        first = self.state.models[0]
+        for _ in range(3):
+            self.happen(ModelReopened(*first.photos))
+            for point in first.plan[:2]:
+                self.happen(RowSwitched(point.point, None, on=False))
+                self.happen(RowSwitched(point.point, None, on=True))
+            self.happen(ReasonGiven("pointing"))
+            self.happen(ModelAccepted(*first.photos))
+        self.happen(Undone())
+
+    def happen(self, event: Event) -> None:
+        self.journal.append(event.kind, event_to_payload(event), durable=True)
+        self.state = apply(self.state, event)
+        self.count += 1
+        self.snapshots.happened([event], self.state)
+
+    @property
+    def last(self) -> Path:
+        return max((self.folder / "sessions").glob("*.jsonl"))
+
+    def check(self, *, by_snapshot: bool) -> None:
+        """Open it: the state is that of the fold, by a snapshot or without."""
+        journal, past = open_session(self.folder, self.block, {})
+        journal.close()
+        records = read_journal(self.folder, keep=lambda kind: kind in EVENT_KINDS).records
+        events, state = restored(self.block, records)
+        assert past.state == state == self.state
+        assert past.state.last_change == state.last_change
+        assert past.state._history == state._history
+        assert past.of_session == accepted_ever(events)
+        assert past.count == len(events) == self.count
+        assert (len(past.events) < len(events)) is by_snapshot
+
+
+@pytest.fixture
+def often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Snapshots come often, and little may be undone."""
+    monkeypatch.setattr(state_module, "_HISTORY", UNDO)
+    monkeypatch.setattr(restored_module, "SPACING", 7)
+    monkeypatch.setattr(restored_module, "_BEHIND", 14)
+
+
+OFTEN = pytest.mark.usefixtures("often")
+
+
+@OFTEN
+def test_opening_begins_at_a_snapshot(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    day.check(by_snapshot=True)
+    day.check(by_snapshot=True)  # also behind the record of the first opening
+    assert replay_session(day.folder).differences == ()
+
+
+@OFTEN
+def test_work_goes_on_behind_it(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    day.journal, past = open_session(day.folder, day.block, {})
+    day.snapshots = Snapshots(day.journal, day.block, past)
+    while day.state.may_undo:
+        day.happen(Undone())
+    day.journal.close()
+    day.check(by_snapshot=True)
+
+
+@OFTEN
+def test_files_before_the_last_count_too(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b", roll_bytes=12_000)
+    day.journal.close()
+    files = sorted((day.folder / "sessions").glob("*.jsonl"))
+    assert len(files) > 1
+    journal, past = open_session(day.folder, day.block, {})
+    journal.close()
+    assert past.state == day.state
+    data = files[0].read_bytes()
+    files[0].write_bytes(data.replace(b'"tie"', b'"tia"').replace(b'"new"', b'"nev"', 1))
+    with pytest.raises(InputError, match=r"0001.jsonl line \d+: damaged"):
+        open_session(day.folder, day.block, {})
+
+
+@OFTEN
+def test_damage_before_a_snapshot_is_refused_as_ever(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    data = day.last.read_bytes()
+    day.last.write_bytes(data.replace(b'"new"', b'"nev"', 1))
+    with pytest.raises(InputError, match="damaged: the checksum does not agree"):
+        open_session(day.folder, day.block, {})
+
+
+@OFTEN
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b'"version":1', b'"version":2'),
+        (b'"format":1', b'"format":2'),
+        (b'"parts":1', b'"parts":2'),
+        (b'"part_bytes":', b'"part_bytes":1'),
+        (b'"events":', b'"events":-'),
+        (b'"before":[[', b'"before":[[1'),
+        (b'"before":[[', b'"before":[[3,4],['),
+    ],
+)
+def test_what_is_not_understood_is_passed_over(tmp_path: Path, old: bytes, new: bytes) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    trusted = list(snapshots_of([day.last], MAX_FILE_BYTES))
+    data = day.last.read_bytes()
+    begin = data.rindex(b"\n", 0, data.rindex(b'"kind":"snapshot",')) + 1
+    end = data.index(b"\n", begin)
+    body = data[begin : data.rindex(b',"crc"', begin, end)].replace(old, new)
+    day.last.write_bytes(data[:begin] + body + b',"crc":"%08x"}' % zlib.crc32(body) + data[end:])
+    assert len(trusted) > 3
+    assert list(snapshots_of([day.last], MAX_FILE_BYTES)) == trusted[1:]
+    day.check(by_snapshot=True)
+
+
+@OFTEN
+def test_a_cut_anywhere_in_a_snapshot_leaves_the_events(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    data = day.last.read_bytes()
+    at = data.rindex(b'"kind":"snapshot-part"')
+    begin = data.rindex(b"\n", 0, at) + 1
+    end = data.index(b"\n", data.rindex(b'"kind":"snapshot",')) + 1
+    middle = data.index(b"\n", begin) + 1
+    for cut in (begin, begin + 100, middle, middle + 50, end - 1, end):
+        day.last.write_bytes(data[:cut])
+        records = read_journal(day.folder, keep=lambda kind: kind in EVENT_KINDS).records
+        _, state = restored(day.block, records)
+        journal, past = open_session(day.folder, day.block, {})
+        journal.close()
+        assert past.state == state
+        assert past.state._history == state._history
+
+
+@OFTEN
+def test_a_snapshot_that_says_otherwise_is_told_by_a_replay(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b")
+    wrong = replace(day.state, layings=day.state.layings + 1)
+    text = StateWriter().text(wrong, frozenset())
+    day.journal.append_snapshot(text, "x", day.count)
+    day.journal.close()
+    [difference] = replay_session(day.folder).differences
+    assert "the snapshot says otherwise" in str(difference)
+
+
+@OFTEN
+def test_another_block_than_that_of_the_snapshot_is_folded(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    other: Block = replace(day.block, name="another")
+    journal, past = open_session(day.folder, other, {})
+    journal.close()
+    assert past.count == len(past.events)
+
+
+@OFTEN
+def test_salvage_brings_over_the_events_alone(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    (tmp_path / "new").mkdir()
+    salvaged = salvage(day.folder, tmp_path / "new")
+    assert salvaged.state == day.state
+    assert salvaged.left_out == ()
+    kinds = {record.kind for record in read_journal(tmp_path / "new").records}
+    assert not kinds & {"snapshot", "snapshot-part"}
+
+
+@OFTEN
+def test_a_snapshot_that_is_refused_is_no_loss(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> None:
+        raise JournalError("no space")
+
+    monkeypatch.setattr(Journal, "append_snapshot", refused)
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    day.check(by_snapshot=False)
+
+
+def test_without_enough_to_undo_everything_is_folded(tmp_path: Path) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    day.check(by_snapshot=False)
+
+
+@OFTEN
+def test_a_station_that_begins_at_a_snapshot_stands_where_another_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day = Day(tmp_path / "b")
+    day.journal.close()
+    seen = []
+    for behind in (14, 1_000_000):
+        monkeypatch.setattr(restored_module, "_BEHIND", behind)
+        station = Station(day.folder)
+        seen.append((station.state, station.state._history, replace(station.snapshot(), serial=0)))
+        station.close()
+        seen.append((day.folder / "image_points.csv").read_bytes())
+    assert seen[:2] == seen[2:]
+    assert seen[0][0] == day.state
