@@ -68,8 +68,9 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory, quick_profile):  # typ
             mistakes=MISTAKE,
         )
         told = [text for severity, text in job.notices if severity in ("warning", "error")]
-        # a stream is joined in the middle of a record
-        assert all("flagged" in text or text == "line: the start was missed" for text in told)
+        # a stream is joined in the middle of a record; patterns are small here, to be quick
+        expected = "flagged", "line: the start was missed", "not suitable for on-line"
+        assert all(any(words in text for words in expected) for text in told), told
         return job.tables
 
     return tables
