@@ -56,6 +56,7 @@ def exchanged(pair, i, j, photos):
     return replace(pair, xl=xl, xr=pair.xr[order] if "r" in photos else pair.xr)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", SIZES)
 @pytest.mark.parametrize("later", [False, True])
 def test_an_interchanged_pair_is_named_by_both_names(count, later):
@@ -90,6 +91,7 @@ def test_the_pair_is_suspected_first():
     assert {point for point, _ in found.suspects[:2]} == set(found.interchanged)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", SIZES)
 @pytest.mark.parametrize("later", [False, True])
 @pytest.mark.parametrize("errors", [1, 2])
