@@ -55,7 +55,7 @@ def test_csv(tmp_path: Path) -> None:
     assert [float(row["parx_um"]) for row in rows] == [row["parx_um"] for row in told]
     assert {row["when"] for row in rows} == {"before", "after"}
     names = {one.name for one in folder.iterdir()}
-    tables = ("planted", "found", "repaired", "missed", "false_flags", "rows")
+    tables = ("planted", "found", "repaired", "missed", "false_flags", "stages", "rows")
     assert names == {"summary.json", *(f"{name}.csv" for name in tables)}
     one_line(anaplot("demo", "--csv", table), 2, "--csv goes with --auto")
 

@@ -15,7 +15,7 @@ from clibench import ROOT, TIMEOUT, anaplot, environment, one_line
 
 from anaplot.cli import main
 from anaplot.errors import InputError
-from anaplot.report import planpattern
+from anaplot.report import patterncomparison
 
 pytestmark = pytest.mark.slow
 
@@ -91,7 +91,7 @@ def test_an_interrupt_while_working_is_one_line(capsys, monkeypatch) -> None:
     def interrupted(**_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(planpattern, "planned_pattern", interrupted)
+    monkeypatch.setattr(patterncomparison, "planned_pattern", interrupted)
     assert main(PATTERN) == 130
     assert capsys.readouterr().err == "anaplot: interrupted\n"
 
@@ -116,6 +116,6 @@ def test_errors_of_the_system_are_file_and_reason(capsys, monkeypatch, error, sa
     def fail(**_: object) -> None:
         raise error
 
-    monkeypatch.setattr(planpattern, "planned_pattern", fail)
+    monkeypatch.setattr(patterncomparison, "planned_pattern", fail)
     assert main(PATTERN) == InputError.exit_code
     assert capsys.readouterr().err == f"anaplot: {said}\n"

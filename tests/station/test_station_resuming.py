@@ -201,7 +201,7 @@ def test_snapshots_of_a_session_say_what_its_events_lead_to(
     station.undo()
     before = station.state
     station.close()
-    folder = station.folder
+    folder = bench.folder
     kinds = [record.kind for record in read_journal(folder).records]
     assert kinds.count("snapshot") == kinds.count("snapshot-part") == 2
     replayed = replay_session(folder)
