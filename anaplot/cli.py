@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -62,24 +63,25 @@ def _demo(options: argparse.Namespace) -> int:
     from anaplot.report.democommand import demo_block, run_demo_auto
     from anaplot.report.output import Output
 
-    with demo_block(options) as (demo, folder):
+    with demo_block(options) as (demo, folder, keeping):
         if options.auto:
             return run_demo_auto(demo, folder, Output.of(options))
         need_terminal()
         station = demo.open(folder, time_scale=2.0)
         before = station.state
-        code = _show(station)
+        temporary = options.keep is None
+        code = _show(station, partial(keeping.keep, folder) if temporary else None)
     options.simulate = True
-    _part(station, before, folder, options)
+    _part(station, before, keeping.folder or folder, options)
     return code
 
 
-def _show(station: Station) -> int:
-    """Show a station in the console."""
+def _show(station: Station, keep: Callable[[], None] | None = None) -> int:
+    """Show a station in the console; `keep` keeps a block that would be deleted."""
     from anaplot.console.app import run_console
     from anaplot.simulation.controls import controls_of
 
-    return run_console(station, controls=controls_of(station))
+    return run_console(station, controls=controls_of(station), keep=keep)
 
 
 def _open(options: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
@@ -29,7 +29,10 @@ from anaplot.console.stationlike import ControlsLike, StationLike
 if TYPE_CHECKING:
     from anaplot.console.palette import PointProvider
 
-__all__ = ["THEME", "ConsoleApp", "run_console"]
+__all__ = ["KEPT", "THEME", "ConsoleApp", "run_console"]
+
+KEPT = 1
+"""Result of a console whose operator keeps a block that would be deleted."""
 
 THEME = Theme(
     name="anaplot",
@@ -75,6 +78,8 @@ class ConsoleApp(App[int]):
         Those of its simulated instrument; None where it has none.
     kept
         What is kept from one start to the next; None: nothing.
+    temporary
+        Whether the block is deleted on leaving, unless the operator keeps it: the result is then 1.
     """
 
     TITLE = "anaplot"
@@ -93,12 +98,13 @@ class ConsoleApp(App[int]):
         *,
         controls: ControlsLike | None = None,
         kept: Kept | None = None,
+        temporary: bool = False,
     ) -> None:
         self._kept = kept
         self._shown = ShownCells()
         super().__init__()
         self._keys_of_user = dict(keymap or {})
-        self._main = OrientationScreen(station, self._keys_of_user, controls)
+        self._main = OrientationScreen(station, self._keys_of_user, controls, temporary=temporary)
         self.animation_level = "none"
 
     def get_driver_class(self) -> type[Driver]:
@@ -192,7 +198,11 @@ class ConsoleApp(App[int]):
 
 
 def run_console(
-    station: StationLike, *, controls: ControlsLike | None = None, keymap: Path | None = None
+    station: StationLike,
+    *,
+    controls: ControlsLike | None = None,
+    keymap: Path | None = None,
+    keep: Callable[[], None] | None = None,
 ) -> int:
     """Run the console until the operator leaves, then close the station.
 
@@ -204,6 +214,8 @@ def run_console(
         Those of its simulated instrument; None where it has none.
     keymap
         A keymap file; None takes the user's own if there is one.
+    keep
+        Called when the operator keeps a block that would be deleted; None where none would be.
 
     Returns
     -------
@@ -220,8 +232,10 @@ def run_console(
             load_keymap(default_path(), required=False) if keymap is None else load_keymap(keymap)
         )
         kept = Kept(default_path().with_name("console.toml"))
-        app = ConsoleApp(station, keys, controls=controls, kept=kept)
-        app.run()
-        return app.return_code or 0
+        app = ConsoleApp(station, keys, controls=controls, kept=kept, temporary=keep is not None)
+        result = app.run()
     finally:
         station.close()
+    if result == KEPT and keep is not None:
+        keep()
+    return app.return_code or 0

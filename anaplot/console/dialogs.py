@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from textual import events
 from textual.app import ComposeResult
@@ -25,8 +25,11 @@ def _clickable(text: str, action: str) -> Content:
     return Content(text).stylize(Style.from_meta({"@click": f"screen.{action}"}))
 
 
-class AskWhether(ModalScreen[bool]):
-    """A question answered by y or n; escape means no.
+Answered = Literal["yes", "no", "other"]
+
+
+class AskWhether(ModalScreen[Answered]):
+    """A question answered by y or n, or k where there is a third answer; escape means no.
 
     Parameters
     ----------
@@ -36,6 +39,8 @@ class AskWhether(ModalScreen[bool]):
         What either answer means.
     again
         Keys that mean yes as well: those with which it was asked, (key, as people write it).
+    other
+        What k means; "" where it means nothing.
     """
 
     DEFAULT_CSS = """
@@ -46,8 +51,9 @@ class AskWhether(ModalScreen[bool]):
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("y", "answer(True)", "Yes"),
-        Binding("n,escape", "answer(False)", "No"),
+        Binding("y", "answer('yes')", "Yes"),
+        Binding("n,escape", "answer('no')", "No"),
+        Binding("k", "answer('other')", "Other"),
     ]
 
     def __init__(
@@ -57,34 +63,40 @@ class AskWhether(ModalScreen[bool]):
         yes: str,
         no: str,
         again: tuple[tuple[str, str], ...] = (),
+        other: str = "",
         id: str | None = None,  # noqa: A002 - Textual's name
     ) -> None:
         super().__init__(id=id)
         self._question, self._yes, self._no = plain(question), yes, no
-        self._again = dict(again)
+        self._again, self._other = dict(again), other
 
     def on_key(self, event: events.Key) -> None:
         """Take the key with which it was asked for a yes."""
         if event.key in self._again:
             event.stop()
-            self.dismiss(True)
+            self.dismiss("yes")
 
     def compose(self) -> ComposeResult:
         """Lay question and answers out."""
         y = ", ".join(("y", *list(self._again.values())[:1]))
-        keys = Content.assemble(
-            _clickable(f"{y} {self._yes}", "answer(True)").stylize("bold $text-accent", 0, len(y)),
-            "     ",
-            _clickable(f"n {self._no}", "answer(False)").stylize("bold $text-accent", 0, 1),
-        )
+        answers = [(y, self._yes, "yes"), ("k", self._other, "other"), ("n", self._no, "no")]
+        shown = [
+            _clickable(f"{key} {words}", f"answer({answer!r})").stylize(
+                "bold $text-accent", 0, len(key)
+            )
+            for key, words, answer in answers
+            if words
+        ]
+        keys = Content("     ").join(shown)
         with Vertical():
             yield Static(Content(self._question), markup=False)
             yield Static(Content(""))
             yield Static(keys)
 
-    def action_answer(self, yes: bool) -> None:
+    def action_answer(self, answer: Answered) -> None:
         """Close with the answer."""
-        self.dismiss(yes)
+        if answer != "other" or self._other:
+            self.dismiss(answer)
 
 
 class AskName(ModalScreen[str | None]):

@@ -40,7 +40,9 @@ class Say:
 
 @dataclass(frozen=True, slots=True)
 class Leave:
-    """End the console."""
+    """End the console; `keep` a block that would be deleted."""
+
+    keep: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +87,17 @@ class Toggle:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Ask first, and do it when the answer is yes; the keys of the action `again` say yes, too."""
+    """Ask first, and do it when the answer is yes; the keys of the action `again` say yes, too.
+
+    `other` is a third answer, and what it means.
+    """
 
     text: str
     yes: str
     no: str
     then: Command | Leave | Toggle
     again: str = ""
+    other: tuple[str, Leave] | None = None
 
 
 Intent = Command | Say | Question | Leave | PointName | Read | Turn | Toggle
@@ -172,7 +178,7 @@ def intended(action: str, now: Situation) -> Intent:
         case "hand" | "automatic":
             return Toggle(action)
         case "leave":
-            return _leave(snapshot)
+            return _leave(snapshot, temporary=now.temporary)
         case _:
             raise ValueError(f"no meaning of {action!r}")
 
@@ -299,33 +305,37 @@ def _keep_counters(snapshot: Snapshot) -> Intent:
     )
 
 
-def _leave(snapshot: Snapshot) -> Intent:
-    """Leave; with a model in progress, ask first."""
+def _leave(snapshot: Snapshot, *, temporary: bool) -> Intent:
+    """Leave; with a model in progress, or a block that would be deleted, ask first."""
     in_progress = (
         snapshot.left
         and not snapshot.finished
         and (snapshot.reopened or (snapshot.left, snapshot.right) not in snapshot.accepted)
         and _measured(snapshot)
     )
-    if not in_progress:
+    worth = bool(in_progress or (temporary and snapshot.accepted))
+    if not worth:
         return Leave()
+    words = []
     model = f"{snapshot.left} / {snapshot.right}"
-    stands = f"Model {model} is not accepted yet."
     if snapshot.reopened:
-        stands = (
+        words.append(
             f"You returned to model {model}: it stays open, and image_points.csv keeps it as it "
             "was until you accept it again."
         )
-    plain = ""
-    if snapshot.link.simulated:
-        plain = "; only a plain demo is deleted (anaplot demo --keep FOLDER keeps it)"
-    return Question(
-        f"{stands} Everything recorded is on disk, and the work goes on here next time{plain}. "
-        "Leave?",
-        yes="leave",
-        no="stay",
-        then=Leave(),
-    )
+    elif in_progress:
+        words.append(f"Model {model} is not accepted yet.")
+    if temporary:
+        words.append("The block of this demonstration is deleted when you leave. Leave?")
+        return Question(
+            " ".join(words),
+            yes="leave, delete it",
+            no="stay",
+            then=Leave(),
+            other=("keep it, and leave", Leave(keep=True)),
+        )
+    words.append("Everything recorded is on disk, and the work goes on here next time. Leave?")
+    return Question(" ".join(words), yes="leave", no="stay", then=Leave())
 
 
 def _measured(snapshot: Snapshot) -> bool:

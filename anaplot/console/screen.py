@@ -13,9 +13,10 @@ from textual.message import Message
 from textual.screen import Screen
 
 from anaplot.aliases import Side
+from anaplot.console.asking import asking
 from anaplot.console.choices import Choices
 from anaplot.console.connection import StationConnection
-from anaplot.console.dialogs import AskName, AskWhether
+from anaplot.console.dialogs import AskName
 from anaplot.console.errorspage import errors_line
 from anaplot.console.intent import (
     Intent,
@@ -32,7 +33,7 @@ from anaplot.console.intent import (
 )
 from anaplot.console.inwork import in_work
 from anaplot.console.keybar import KeyBar, show_key
-from anaplot.console.keymap import canonical_key, keys_in_force
+from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import bindings, key_hints
 from anaplot.console.mapview import MapView
 from anaplot.console.now import Now, now_of
@@ -127,10 +128,13 @@ class OrientationScreen(Screen[None]):
         station: StationLike,
         keymap: dict[str, str] | None = None,
         controls: ControlsLike | None = None,
+        *,
+        temporary: bool = False,
     ) -> None:
         super().__init__()
         self._station = station
         self._controls = controls
+        self._temporary = temporary
         self._keys = keys_in_force(keymap or {})
         self._connection = StationConnection(station, self._wake)
         self._snapshot = station.snapshot()
@@ -301,6 +305,7 @@ class OrientationScreen(Screen[None]):
             now=self._now,
             overview=overview.stands,
             aim=overview.aim,
+            temporary=self._temporary,
         )
 
     def _say(self, severity: str, text: str) -> None:
@@ -392,19 +397,14 @@ class OrientationScreen(Screen[None]):
         match intent:
             case Say(severity, text):
                 self._say(severity, text)
-            case Question(text, yes, no, then, again):
-                name = "leave" if then == Leave() else None
-                keys = tuple(
-                    (canonical_key(key), show_key(key)) for key in self._keys.get(again, ())
-                )
-                question = AskWhether(text, yes=yes, no=no, again=keys, id=name)
-                self.app.push_screen(question, partial(self._answered, then))
+            case Question():
+                self.app.push_screen(*asking(intent, self._keys, self._do))
             case PointName():
                 self.app.push_screen(AskName(), self._named)
             case Read(page):
                 self._pages.open(self.app, page, self._situation.selected)
-            case Leave():
-                self.app.exit(0)
+            case Leave(keep):
+                self.app.exit(int(keep))  # KEPT, or 0
             case Turn() | Toggle():
                 if self._controls is not None:
                     self._connection.submit(partial(intent.at, self._controls))
@@ -413,10 +413,6 @@ class OrientationScreen(Screen[None]):
                 if told:
                     self._say("info", told)
                 self._connection.give(intent)
-
-    def _answered(self, then: Intent, yes: bool | None) -> None:
-        if yes:
-            self._do(then)
 
     def _named(self, name: str | None) -> None:
         if name:

@@ -39,6 +39,8 @@ class Situation:
         Whether the overview stands in place of table and map.
     aim
         The model of the overview to which Enter leads, or None.
+    temporary
+        Whether the block is deleted on leaving, unless it is asked to be kept.
     """
 
     snapshot: Snapshot
@@ -50,6 +52,7 @@ class Situation:
     now: Now = NOTHING
     overview: bool = False
     aim: ModelStatus | None = None
+    temporary: bool = False
 
     @property
     def at_wheels(self) -> bool:

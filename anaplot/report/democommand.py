@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
+import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -33,7 +35,7 @@ from anaplot.simulation.demo import Demo, Outcome, run_demo
 from anaplot.simulation.mistakes import Planted
 from anaplot.simulation.stages import Handled, earliest_stage
 
-__all__ = ["demo_block", "demo_document", "model_story", "run_demo_auto"]
+__all__ = ["Keeping", "demo_block", "demo_document", "model_story", "run_demo_auto"]
 
 _PLANTED = for_programs(*Planted._fields)
 _STAGES = for_programs("model", "point", "photo", "axis", "kind", "earliest", "stage")
@@ -48,8 +50,10 @@ _TITLES = {
 
 
 @contextlib.contextmanager
-def demo_block(options: argparse.Namespace) -> Iterator[tuple[Demo, Path]]:
+def demo_block(options: argparse.Namespace) -> Iterator[tuple[Demo, Path, Keeping]]:
     """Make the demonstration and its block folder, which goes afterwards unless it is to be kept.
+
+    Keeping is called, at last, with whether an operator wants to have it.
 
     Raises
     ------
@@ -64,12 +68,47 @@ def demo_block(options: argparse.Namespace) -> Iterator[tuple[Demo, Path]]:
     Output.of(options).check({"is written": written}, options.keep)
     demo = Demo.make(options.models, options.seed, fiducials=options.fiducials)
     with contextlib.ExitStack() as stack:
+        keeping = Keeping(options.keep)
         folder = options.keep
         if folder is None:
-            made = tempfile.TemporaryDirectory(prefix="anaplot-demo-")
-            folder = Path(stack.enter_context(made)) / "demo"
+            made = Path(tempfile.mkdtemp(prefix="anaplot-demo-"))
+            stack.callback(keeping.clear, made)
+            folder = made / "demo"
         demo.write(folder)
-        yield demo, folder
+        yield demo, folder, keeping
+
+
+class Keeping:
+    """Whether the block of a demonstration is kept, and where.
+
+    Parameters
+    ----------
+    folder
+        Where it was asked to be from the beginning; None: it is deleted.
+
+    Attributes
+    ----------
+    folder
+        Where it is kept; None: it is deleted.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self.folder = folder
+
+    def keep(self, made: Path) -> None:
+        """Keep a block that would be deleted: here, under a free name, or else where it is."""
+        names = ("anaplot-demo", *(f"anaplot-demo-{k}" for k in range(2, 1000)))
+        here = next((Path(name) for name in names if not os.path.lexists(name)), None)
+        self.folder = made
+        if here is not None:
+            with contextlib.suppress(OSError):
+                shutil.copytree(made, here)
+                self.folder = here
+
+    def clear(self, made: Path) -> None:
+        """Delete the folder in which a block was made, unless the block is still kept in it."""
+        if self.folder is None or self.folder.parent != made:
+            shutil.rmtree(made, ignore_errors=True)
 
 
 def run_demo_auto(demo: Demo, folder: Path, output: Output) -> int:

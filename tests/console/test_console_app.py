@@ -12,7 +12,7 @@ from rich.cells import cell_len
 from testedrows import with_rows
 
 from anaplot.adjustment.strategies import STRATEGIES
-from anaplot.console.app import ConsoleApp, run_console
+from anaplot.console.app import KEPT, ConsoleApp, run_console
 from anaplot.console.helptext import help_lines
 from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import ACTIONS
@@ -997,3 +997,25 @@ async def test_the_culprit_looks_different_without_colour_too():
             if segment.text.strip() in ("!", "<< REMEASURE", "< flagged")
         ]
     assert sorted(map(bool, marks)) == [False, False, True, True]
+
+
+@pytest.mark.parametrize(("key", "result"), [("k", KEPT), ("y", 0)])
+async def test_the_block_of_a_demo_is_kept_or_deleted(key, result):
+    app = ConsoleApp(FakeStation(), temporary=True)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("q")
+        await until(pilot, lambda: len(app.screen_stack) == 2)
+        assert "k keep it, and leave" in text(app)
+        await pilot.press(key)
+    assert app.return_value == result
+
+
+async def test_where_nothing_would_be_deleted_k_is_no_answer():
+    app = ConsoleApp(FakeStation())
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("q")
+        await until(pilot, lambda: len(app.screen_stack) == 2)
+        await pilot.press("k")
+        await pilot.pause()
+        assert len(app.screen_stack) == 2
+        assert "keep it" not in text(app)

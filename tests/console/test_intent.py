@@ -215,9 +215,19 @@ def test_the_stereo_view_takes_the_place_of_a_map_that_is_shown() -> None:
 
 
 def test_the_words_on_leaving_are_true_of_a_demo_too() -> None:
-    asked = intended("leave", now())
+    plain = replace(now(), temporary=True)
+    asked = intended("leave", plain)
     assert isinstance(asked, Question)
-    assert "only a plain demo is deleted (anaplot demo --keep FOLDER keeps it)" in asked.text
+    assert "deleted when you leave" in asked.text
+    assert (asked.then, asked.other) == (Leave(), ("keep it, and leave", Leave(keep=True)))
+    # between models, too, there is something to keep; with nothing measured there is not
+    between = picture(left="", right="", accepted=(("101", "102"),))
+    assert isinstance(intended("leave", replace(plain, snapshot=between)), Question)
+    assert intended("leave", now(snapshot=between)) == Leave()
+    nothing = picture(left="", right="", accepted=())
+    assert intended("leave", replace(plain, snapshot=nothing)) == Leave()
+    # a block that is simulated is none of a demo
+    assert "deleted" not in intended("leave", now()).text
     real = intended("leave", now(snapshot=picture(link=LinkView("live", "p", "/dev/x"))))
     assert isinstance(real, Question)
     assert "demo" not in real.text
