@@ -8,23 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
-from types import NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, get_type_hints
 
 from anaplot.errors import InputError
+from anaplot.exchange.annotatedkinds import AnnotatedKinds
 from anaplot.session.events import EVENT_KINDS, Event, PhotoName
 from anaplot.textfiles.kinds import (
     FLAG,
     NAME,
     NUMBER,
     PHOTO,
-    Blank,
-    Items,
     Keys,
     Kind,
-    ListOf,
     Made,
-    Word,
     WrongValueError,
 )
 from anaplot.textfiles.wording import hint, plain, quoted
@@ -33,8 +29,6 @@ __all__ = ["event_from_payload", "event_to_payload"]
 
 MAX_PLAN = 4000
 """Points in one plan: what stays within one line of a journal."""
-
-_SIMPLE: dict[Any, Kind[Any]] = {str: NAME, PhotoName: PHOTO, float: NUMBER, bool: FLAG}
 
 
 def event_to_payload(event: Event) -> dict[str, Any]:
@@ -92,20 +86,7 @@ def _class_kind(cls: type[Any]) -> Kind[Any]:
     return Made(Keys(required, {name: kinds[name] for name in usual}), lambda found: cls(**found))
 
 
-def _kind(annotation: Any) -> Kind[Any]:
-    origin, inner = get_origin(annotation), get_args(annotation)
-    if annotation in _SIMPLE:
-        return _SIMPLE[annotation]
-    if origin is Literal:
-        return Word(*inner)
-    if origin in (Union, UnionType):
-        (other,) = (part for part in inner if part is not NoneType)
-        return Blank(_kind(other))
-    if origin is tuple and inner[-1] is Ellipsis:
-        return ListOf(_kind(inner[0]), "points", most=MAX_PLAN)
-    if origin is tuple:
-        return Items(*map(_kind, inner))
-    return _class_kind(annotation)
-
-
+_kind = AnnotatedKinds(
+    {str: NAME, PhotoName: PHOTO, float: NUMBER, bool: FLAG}, _class_kind, "points", most=MAX_PLAN
+).kind
 _KINDS = {kind: _class_kind(cls) for kind, cls in EVENT_KINDS.items()}

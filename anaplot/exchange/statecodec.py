@@ -7,12 +7,12 @@ what its annotation says, as with events (`anaplot.exchange.eventcodec`).
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import fields, is_dataclass, replace
-from types import NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, get_type_hints
 
 from anaplot.errors import InputError
+from anaplot.exchange.annotatedkinds import AnnotatedKinds
 from anaplot.photogrammetry.block import Block
 from anaplot.session.events import PhotoName
 from anaplot.session.modelstate import ModelState
@@ -30,7 +30,6 @@ from anaplot.textfiles.kinds import (
     ListOf,
     Made,
     Whole,
-    Word,
     WrongValueError,
 )
 from anaplot.textfiles.wording import plain, quoted
@@ -48,33 +47,9 @@ class _NameOrNone(Kind[str]):
         return "" if value == "" else NAME.of(value)
 
 
-_SIMPLE: dict[Any, Kind[Any]] = {
-    str: _NameOrNone(),
-    PhotoName: PHOTO,
-    float: NUMBER,
-    bool: FLAG,
-    int: _COUNT,
-}
-
-
-def _kind(annotation: Any) -> Kind[Any]:
-    origin, inner = get_origin(annotation), get_args(annotation)
-    if annotation in _SIMPLE:
-        return _SIMPLE[annotation]
-    if origin is Literal:
-        return Word(*inner)
-    if origin in (Union, UnionType):
-        parts = [part for part in inner if part is not NoneType]
-        words = tuple(word for part in parts for word in get_args(part))
-        kind = _kind(parts[0]) if len(parts) == 1 else Word(*words)
-        return Blank(kind) if NoneType in inner else kind
-    if origin is frozenset:
-        return Made(ListOf(_kind(inner[0]), "rows"), frozenset)
-    if origin is tuple and inner[-1] is Ellipsis:
-        return ListOf(_kind(inner[0]), "items")
-    if origin is tuple:
-        return Items(*map(_kind, inner))
-    return Made(Items(*(kind for _, kind in _parts(annotation))), _maker(annotation))
+def _class_kind(cls: type[Any]) -> Kind[Any]:
+    """Return the kind of the lists that stand for instances of a class: its fields in order."""
+    return Made(Items(*(kind for _, kind in _parts(cls))), lambda found: cls(*found))
 
 
 def _parts(cls: type[Any]) -> list[tuple[str, Kind[Any]]]:
@@ -83,8 +58,11 @@ def _parts(cls: type[Any]) -> list[tuple[str, Kind[Any]]]:
     return [(name, _kind(hints[name])) for name in names]
 
 
-def _maker(cls: type[Any]) -> Callable[[Any], Any]:
-    return lambda found: cls(*found)
+_kind = AnnotatedKinds(
+    {str: _NameOrNone(), PhotoName: PHOTO, float: NUMBER, bool: FLAG, int: _COUNT},
+    _class_kind,
+    "items",
+).kind
 
 
 def _plain(value: Any) -> Any:
