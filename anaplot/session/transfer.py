@@ -22,6 +22,7 @@ from anaplot.orientation.striptie import Placed, StripTie, System, tie_systems
 from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.photogrammetry.collinearity import project, project_with_derivatives
 from anaplot.planning.modelplan import Candidates
+from anaplot.session.elsewhere import Elsewhere, consecutive, elsewhere, ground
 from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.models import geometry_of
 from anaplot.session.modelstate import ModelState
@@ -181,12 +182,13 @@ def _transfer(
     block: Block, models: tuple[ModelState, ...], current: ModelState | None, known: Known
 ) -> Transfer:
     strip = _strip_in_work(models, current)
-    elsewhere = {m.strip for m in models} - {strip}
     own = tuple(m for m in models if m.strip == strip)
-    again = () if current is None else _again(own, current)
-    if not strip or not (elsewhere or known.control or again):
+    again = {} if current is None else _again(own, current)
+    others = any(m.strip != strip for m in models)
+    if not strip or not (others or known.control or again):
         return Transfer()
-    return _InWork(block, models, own, current, known, strip).transfer()
+    theirs = elsewhere(block, models, strip)
+    return _InWork(block, theirs, own, current, known, strip, again).transfer()
 
 
 def _strip_in_work(models: tuple[ModelState, ...], current: ModelState | None) -> str:
@@ -209,36 +211,23 @@ class _InWork:
     def __init__(
         self,
         block: Block,
-        models: tuple[ModelState, ...],
+        theirs: Elsewhere,
         own: tuple[ModelState, ...],
         current: ModelState | None,
         known: Known,
         strip: str,
+        again: Mapping[str, str],
     ) -> None:
         self._block, self._current, self._known = block, current, known
         self._strip = strip
         self._sigma0 = block.precision.image_um * 1e-3
-        self._own = own
+        self._own, self._again = own, again
         self._control = {c.point for c in known.control}
-        self._measured: dict[str, str] = {}  # point -> another strip that has it
-        for model in models:
-            if model.strip != strip:
-                self._measured |= {m.point: model.strip for m in model.used}
-        chain = _consecutive(block, strip, own if current is None else (*own, current))
+        self._others, self._measured = theirs
+        chain = consecutive(block, strip, own if current is None else (*own, current))
         self._this = geometry_of(block, chain)
         self._near = _recent(self._this, chain)
-        self._others = {
-            other.id: geometry
-            for other in block.strips
-            if other.id != strip
-            and (
-                geometry := geometry_of(
-                    block,
-                    _consecutive(block, other.id, tuple(m for m in models if m.strip == other.id)),
-                )
-            )
-        }
-        self._ground = _ground(block, known.control, self._sigma0)
+        self._ground = ground(block, known.control)
 
     def transfer(self) -> Transfer:
         """Return everything."""
@@ -414,10 +403,10 @@ class _InWork:
 
     def _strayed(self, model: ModelState) -> tuple[tuple[str, float, str], ...]:
         """Return the points that lie elsewhere than an earlier model of the strip has them."""
-        again = _again(self._own, model)
+        again = self._again
         if not again or self._this is None or model.right not in self._this.photos:
             return ()
-        chain = _consecutive(self._block, self._strip, self._own)
+        chain = consecutive(self._block, self._strip, self._own)
         before = geometry_of(self._block, chain)
         out = []
         for name, of in again.items():
@@ -504,19 +493,6 @@ def _sums(*systems: System | None) -> tuple[float, int]:
     return sum(s.vtpv for s in strips), sum(s.redundancy for s in strips)
 
 
-def _consecutive(
-    block: Block, strip: str, models: tuple[ModelState, ...]
-) -> tuple[ModelState, ...]:
-    """Return models of a strip from its first one on, up to the first that is missing."""
-    by_photos = {m.photos: m for m in models}
-    out: list[ModelState] = []
-    for photos in next(s for s in block.strips if s.id == strip).models():
-        if photos not in by_photos:
-            break
-        out.append(by_photos[photos])
-    return tuple(out)
-
-
 def _again(own: tuple[ModelState, ...], model: ModelState) -> dict[str, str]:
     """Return points measured in a strip before, not in a neighbouring model, and in which."""
     here = {m.point for m in model.used}
@@ -536,18 +512,6 @@ def _recent(geometry: StripGeometry | None, chain: tuple[ModelState, ...]) -> Sy
     names = {m.point for model in chain[-_RECENT:] for m in model.used}
     points = {p: at for p, at in geometry.points.items() if p in names}
     return Placed(points, geometry.count)
-
-
-@remembered
-def _ground(block: Block, control: tuple[ControlPoint, ...], sigma0: float) -> Placed:
-    """Return the points whose three ground coordinates are known [m]."""
-    whole = [(c, block.sigma_of(c)) for c in control if all(v is not None for v in c.xyz)]
-    points = {}
-    for k, (one, sigma) in enumerate(whole):
-        errors = np.zeros((3, 3 * len(whole)))
-        errors[:, 3 * k : 3 * k + 3] = np.diag(np.array(sigma) / sigma0)
-        points[one.point] = Located(np.array(one.xyz, dtype=np.float64), errors)
-    return Placed(points, 3 * len(whole))
 
 
 def _in_photo(

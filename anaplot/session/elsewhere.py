@@ -1,0 +1,86 @@
+"""What accepted models of other strips and the control say of points: places, and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.orientation.stripgeometry import Located, StripGeometry
+from anaplot.orientation.striptie import Placed
+from anaplot.photogrammetry.block import Block, ControlPoint
+from anaplot.session.models import geometry_of
+from anaplot.session.modelstate import ModelState
+from anaplot.session.remembering import remembered
+
+__all__ = ["Elsewhere", "consecutive", "elsewhere", "ground"]
+
+_STRIPS = 128  # oriented ones that are remembered
+
+
+class Elsewhere(NamedTuple):
+    """What the accepted models of other strips say.
+
+    Attributes
+    ----------
+    strips
+        Those that are oriented, by name.
+    strip_of
+        The strip that has a point, by point; one of them where several have it.
+    """
+
+    strips: Mapping[str, StripGeometry]
+    strip_of: Mapping[str, str]
+
+
+@remembered
+def elsewhere(block: Block, models: tuple[ModelState, ...], strip: str) -> Elsewhere:
+    """Return what the models of all strips but one say: the same from one record to the next."""
+    strips = {}
+    strip_of: dict[str, str] = {}
+    for other in block.strips:
+        if other.id == strip:
+            continue
+        theirs = tuple(m for m in models if m.strip == other.id)
+        geometry = _oriented(block, consecutive(block, other.id, theirs))
+        if geometry is not None:
+            strips[other.id] = geometry
+    for model in models:
+        if model.strip != strip:
+            strip_of |= {m.point: model.strip for m in model.used}
+    return Elsewhere(strips, strip_of)
+
+
+@lru_cache(maxsize=_STRIPS)
+def _oriented(block: Block, models: tuple[ModelState, ...]) -> StripGeometry | None:
+    """Return a strip in which nothing is measured now, remembered whole.
+
+    Remembering it up to each of its models would take room with the cube of its length.
+    """
+    return geometry_of(block, models)
+
+
+def consecutive(block: Block, strip: str, models: tuple[ModelState, ...]) -> tuple[ModelState, ...]:
+    """Return models of a strip from its first one on, up to the first that is missing."""
+    by_photos = {m.photos: m for m in models}
+    out: list[ModelState] = []
+    for photos in next(s for s in block.strips if s.id == strip).models():
+        if photos not in by_photos:
+            break
+        out.append(by_photos[photos])
+    return tuple(out)
+
+
+@remembered
+def ground(block: Block, control: tuple[ControlPoint, ...]) -> Placed:
+    """Return the points whose three ground coordinates are known [m]."""
+    sigma0 = block.precision.image_um * 1e-3
+    whole = [(c, block.sigma_of(c)) for c in control if all(v is not None for v in c.xyz)]
+    points = {}
+    for k, (one, sigma) in enumerate(whole):
+        errors = np.zeros((3, 3 * len(whole)))
+        errors[:, 3 * k : 3 * k + 3] = np.diag(np.array(sigma) / sigma0)
+        points[one.point] = Located(np.array(one.xyz, dtype=np.float64), errors)
+    return Placed(points, 3 * len(whole))
