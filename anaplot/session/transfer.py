@@ -271,19 +271,23 @@ class _InWork:
         unit = 1.0 / cleaned.similarity.scale if name == GROUND else None
         return TieCheck(self._strip, name, len(common), tie, "", cleaned, wrong, unit)
 
+    def _similarity(
+        self,
+        this: System,
+        other: System,
+        without: Iterable[str] = (),
+        models: tuple[float, int] = (0.0, 0),
+    ) -> StripTie:
+        """Return that of two systems; to the ground no check point helps to determine it."""
+        if other is self._ground:
+            checks = (c.point for c in self._known.control if c.use == "check")
+            without = (*without, *checks)
+        sigma0, test = self._sigma0, self._block.test
+        return tie_systems(this, other, sigma0, test, without=set(without), models=models)
+
     def _tie(self, other: System, without: tuple[str, ...]) -> StripTie:
         assert self._near is not None
-        checks = {c.point for c in self._known.control if c.use == "check"}
-        if other is self._ground:
-            without = (*without, *checks)
-        return tie_systems(
-            self._near,
-            other,
-            self._sigma0,
-            self._block.test,
-            without=without,
-            models=_sums(self._this, other),
-        )
+        return self._similarity(self._near, other, without, _sums(self._this, other))
 
     def _cleaned(self, other: System) -> tuple[StripTie, StripTie, tuple[str, ...]]:
         """Return the similarity by all points, that by those which agree, and the others."""
@@ -376,10 +380,9 @@ class _InWork:
         if not missing or this is None:
             return None
         try:
-            fit = tie_systems(other, self._ground, self._sigma0, self._block.test)
+            fit = self._similarity(other, self._ground)
             joint = Placed(dict(other.points) | fit.placed(missing), fit.count)
-            without = tuple(p for p in missing if p in this.points)
-            tie = tie_systems(this, joint, self._sigma0, self._block.test, without=without)
+            tie = self._similarity(this, joint, missing)
         except NotComputableError:
             return None
         return tie, tie.placed(p for p in self._in_view(tie, poses) if p in missing)

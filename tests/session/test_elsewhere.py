@@ -1,7 +1,8 @@
-"""What other strips and the ground say of points: once for many records."""
+"""What other strips and the ground say of points: once for many records, without check points."""
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from transferscene import flown
 
@@ -9,6 +10,7 @@ from anaplot.session.elsewhere import elsewhere, ground
 from anaplot.session.events import PlannedPoint
 from anaplot.session.modelstate import Measured, ModelState
 from anaplot.session.state import start
+from anaplot.session.transfer import GROUND, Known, Transfer, transfer
 
 SEED = 4
 
@@ -51,3 +53,36 @@ def test_what_is_elsewhere_stays_from_one_record_to_the_next(second_strip):
     assert elsewhere(state.block, more, "2").strips["1"] is known.strips["1"]
     control = made.block.control
     assert ground(state.block, control) is ground(state.block, control)
+
+
+def by_way_of_the_neighbour(made, state, moved_m: float) -> Transfer:
+    """What follows where two points of the neighbour are check points, somewhere near or not."""
+    control = tuple(
+        replace(c, use="check", xyz=tuple(v + moved_m for v in c.xyz))
+        if c.point in ("C2", "C5")
+        else c
+        for c in made.block.control
+    )
+    return transfer(state, Known.of(control, None))
+
+
+def test_a_check_point_does_not_say_where_control_is_looked_for(second_strip):
+    made, state = second_strip
+    near, far = (by_way_of_the_neighbour(made, state, by) for by in (0.0, 3.0))
+    first = {m.point for m in state.models for m in m.measured}
+    own = {m.point for m in state.current.measured}
+    assert {"C1", "C2", "C4", "C5"} <= first  # the neighbour is fitted to the first and third
+    # the strip itself has no control yet: the neighbour's fit shows it
+    assert next(c.tie for c in near.checks if c.other == GROUND) is None
+    shown = near.places.keys() - first - own
+    assert shown
+    assert shown == far.places.keys() - first - own
+    for name in shown:
+        assert far.places[name] == near.places[name]
+    left, right = (made.truth[photo] for photo in state.current.photos)
+    seen = shown & left.keys() & right.keys()
+    assert seen
+    for name in seen:
+        at, sigma = near.places[name]
+        # normal, exceeded by chance in one of 15 000 coordinates
+        assert np.abs(np.array(at) - (*left[name], *right[name])).max() < 4.0 * sigma
