@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.report.document import Answer, Document, Line, say
 from anaplot.report.running import BlockOrFolder
@@ -14,7 +16,7 @@ from anaplot.report.running import BlockOrFolder
 if TYPE_CHECKING:
     from anaplot.station.edited import Journaled
 
-__all__ = ["journal_answer", "journal_note", "with_journal_notes"]
+__all__ = ["journal_answer", "journal_note", "session_note", "with_journal_notes"]
 
 _MOST = 10
 
@@ -45,6 +47,29 @@ def journal_note(folder: BlockOrFolder, block: Block) -> Answer | None:
     return journal_answer(Path(folder), journaled(Path(folder), block))
 
 
+def session_note(session: Path) -> Answer | None:
+    """Return how the files differ from a journal that is read itself.
+
+    Parameters
+    ----------
+    session
+        A block folder; there is nothing to say of a journal file or a folder `sessions`. A block
+        that cannot be read is noted as well.
+
+    Returns
+    -------
+    dict or None
+        As `journal_answer` has it.
+    """
+    if not (session / "block.toml").is_file():
+        return None
+    try:
+        block = read_block(session)
+    except InputError as error:
+        return _unread(f"the files were not read: {error}")
+    return journal_note(session, block)
+
+
 def journal_answer(folder: Path, found: Journaled) -> Answer | None:
     """Return what programs read of the difference: the first rows, how many, and the remark.
 
@@ -58,12 +83,14 @@ def journal_answer(folder: Path, found: Journaled) -> Answer | None:
     Returns
     -------
     dict or None
-        "count" of rows that differ (None: the journal was not read), the first of them as "rows",
-        and the "remark" for people; None where nothing differs.
+        "count" of rows that differ (None: the journal was not read, or the files), the first of
+        them as "rows", and the "remark" for people; None where nothing differs.
     """
     remark = found.remark(folder)
     if not remark:
         return None
+    if found.unread:
+        return _unread(remark)
     rows = [
         {
             "photo": here.photo,
@@ -74,8 +101,11 @@ def journal_answer(folder: Path, found: Journaled) -> Answer | None:
         }
         for here, mine in found.edited[:_MOST]
     ]
-    count = None if found.unread else len(found.edited)
-    return {"count": count, "rows": rows, "remark": remark}
+    return {"count": len(found.edited), "rows": rows, "remark": remark}
+
+
+def _unread(remark: str) -> Answer:
+    return {"count": None, "rows": [], "remark": remark}
 
 
 def _row(row: ImagePoint) -> Answer:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from datetime import datetime
 
 from anaplot.report.document import Document, name, number, say, table
+from anaplot.report.journalnote import session_note, with_journal_notes
 from anaplot.report.output import Output
 from anaplot.session.changes import Change
 from anaplot.station.sessionlog import read_log
@@ -55,7 +56,8 @@ def run_log(options: argparse.Namespace) -> int:
     """
     output = Output.of(options)
     output.check({"is read": (options.session,)})
-    output.show(log_document(read_log(options.session)))
+    found = log_document(read_log(options.session))
+    output.show(with_journal_notes(found, session_note(options.session)))
     return 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from anaplot.adjustment.pooling import VarianceTest
 from anaplot.report.document import (
@@ -18,6 +19,7 @@ from anaplot.report.document import (
     whole,
 )
 from anaplot.report.document import Block as Part
+from anaplot.report.journalnote import session_note, with_journal_notes
 from anaplot.report.output import Output
 from anaplot.station.drift import Drift
 from anaplot.station.pointing import Pointing, read_pointing
@@ -76,7 +78,13 @@ def run_pointing(options: argparse.Namespace) -> int:
     """
     output = Output.of(options)
     output.check({"is read": (options.session,)})
-    output.show(pointing_document(read_pointing(options.session)))
+    document = pointing_document(read_pointing(options.session))
+    note = session_note(options.session)
+    if note is not None and note["count"] is None:
+        # that the journal cannot be read is among the remarks already
+        document = replace(document, answer=document.answer | {"differs_from_journal": note})
+        note = None
+    output.show(with_journal_notes(document, note))
     return 0
 
 

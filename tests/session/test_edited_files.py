@@ -18,6 +18,7 @@ from anaplot.exchange.journal import Journal
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.adjustcommand import adjust, find_gross_errors
 from anaplot.report.comparecommand import compare
+from anaplot.report.journalnote import session_note
 from anaplot.session.events import Event, ModelAccepted, RowSwitched, Undone
 from anaplot.session.state import SessionState, apply
 from anaplot.station.edited import check_unedited, journaled
@@ -195,6 +196,44 @@ def computed(work: Work, capsys: pytest.CaptureFixture[str]) -> tuple[list[dict]
     answers.append(adjust(work.folder, datum="free").to_dict())
     answers.append(find_gross_errors(work.folder, "tau", datum="free").to_dict())
     return answers, text
+
+
+@pytest.mark.slow
+def test_fit_log_and_pointing_note_it_too(
+    one_model: Work, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = one_model
+
+    def answer(command: str, *more: str) -> str:
+        # one model alone has no control: that is no reason not to note it
+        assert main([command, str(work.folder), *more]) in (0, 4)
+        return capsys.readouterr().out
+
+    work.write(work.rows)
+    for command in ("fit", "log", "pointing"):
+        assert "differs_from_journal" not in json.loads(answer(command, "--json"))
+    work.write(work.with_row(work.first, x=1.25))
+    with pytest.raises(InputError) as refused:
+        work.check()
+    for command in ("fit", "log", "pointing"):
+        note = json.loads(answer(command, "--json"))["differs_from_journal"]
+        assert (note["count"], note["remark"]) == (1, str(refused.value))
+        assert answer(command).endswith(f"note: {refused.value}\n")
+    # the journal alone differs from nothing; and files that cannot be read are noted
+    assert main(["log", str(work.folder / "sessions"), "--json"]) == 0
+    assert "differs_from_journal" not in json.loads(capsys.readouterr().out)
+    (work.folder / "image_points.csv").write_text("nothing\n")
+    note = session_note(work.folder)
+    assert note is not None
+    assert note["count"] is None
+    assert note["remark"].startswith("the files were not read: ")
+    # a journal that is damaged: said once
+    work.write(work.rows)
+    path = work.folder / "sessions" / "0001.jsonl"
+    path.write_bytes(path.read_bytes().replace(b'"101"', b'"191"', 1))
+    assert json.loads(answer("pointing", "--json"))["differs_from_journal"]["count"] is None
+    assert answer("pointing").count("the journal was not read") == 1
+    assert answer("fit").count("the journal was not read") == 1
 
 
 def write_plain(work: Work) -> Path:
