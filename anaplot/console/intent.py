@@ -272,11 +272,11 @@ def _accept(snapshot: Snapshot) -> Intent:
     if snapshot.inner is not None:
         where = f"the inner orientation of photo {snapshot.inner.photo}"
     doubts = []
-    missing = [view.point for view in work.points if view.status == "pending"]
+    missing = [view.point for view in work.needed if view.status == "pending"]
     if missing:
         names = ", ".join(missing[:_NAMED]) + (", ..." if len(missing) > _NAMED else "")
         what = "points" if snapshot.inner is None else "fiducials"
-        count = f"{len(missing)} of {len(work.points)} {what}"
+        count = f"{len(missing)} of {len(work.needed)} {what}"
         doubts.append(f"{where[0].upper()}{where[1:]} is incomplete, {count} to go: {names}.")
     flagged = len(work.flagged)
     if flagged:

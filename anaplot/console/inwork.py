@@ -54,6 +54,11 @@ class InWork:
     redundancy: int = 0
     critical: float | None = None
 
+    @property
+    def needed(self) -> tuple[PointView, ...]:
+        """Those without which the model is not complete: what is only offered is none."""
+        return tuple(view for view in self.points if not view.offered)
+
 
 _latest: tuple[Snapshot, InWork] | None = None
 

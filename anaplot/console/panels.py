@@ -208,7 +208,7 @@ class HeaderPanel(_Lines):
         ]
         work = in_work(shown)
         if not work.solved:
-            needed = [view for view in work.points if not view.offered]
+            needed = work.needed
             done = sum(view.status != "pending" for view in needed)
             where = ""
             if shown.mono and shown.inner is None and shown.laid:

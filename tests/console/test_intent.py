@@ -36,7 +36,7 @@ from anaplot.session.commands import (
     Switch,
 )
 from anaplot.station.returnadvice import ReturnAdvice
-from anaplot.station.snapshot import LinkView
+from anaplot.station.snapshot import LinkView, PointView
 
 pytestmark = pytest.mark.smoke
 
@@ -60,6 +60,12 @@ def now(row: int | None = 1, **changes: object) -> Situation:
         snapshot, None if row is None else rows[row], False, len(rows), Choices(), FakeStation()
     )
     return replace(found, **changes)
+
+
+def offered(measured: int = 13) -> tuple[PointView, ...]:
+    """The pattern, and a control point beyond it that is not measured."""
+    beyond = PointView("C1", "new", 40.0, 10.0, "pending", 0, mark="control", offered=True)
+    return (*picture(gross=False, measured=measured).points, beyond)
 
 
 BACK = ReturnAdvice("101", "102", "102-3", "y", "102", 0.997)
@@ -89,6 +95,7 @@ def test_enter_on_the_advice_returns() -> None:
             Say("hint", "no point is expected next"),
         ),
         ("accept", now(snapshot=picture(gross=False)), Accept()),
+        ("accept", now(snapshot=picture(gross=False, points=offered())), Accept()),
         (
             "accept",
             now(snapshot=picture(measured=4)),
@@ -141,6 +148,12 @@ def test_what_a_key_means(action: str, situation: Situation, meaning: object) ->
             now(snapshot=replace(picture(), points=picture(measured=12).points)),
             Accept(),
             "Model 102 / 103 is incomplete, 1 of 13 points to go: 114. 1 row is still flagged",
+        ),
+        (
+            "accept",
+            now(snapshot=replace(picture(measured=12, may_accept=True), points=offered(12))),
+            Accept(),
+            "Model 102 / 103 is incomplete, 1 of 13 points to go: 114. Accept it?",
         ),
         ("leave", now(), Leave(), "Model 102 / 103 is not accepted yet."),
         (
