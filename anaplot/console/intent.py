@@ -16,6 +16,7 @@ from anaplot.station.blockstatus import ModelStatus
 from anaplot.station.snapshot import Snapshot
 
 __all__ = [
+    "PAGES",
     "Intent",
     "Leave",
     "PointName",
@@ -102,7 +103,9 @@ class Question:
 
 Intent = Command | Say | Question | Leave | PointName | Read | Turn | Toggle
 
-_PAGES = ("orientation", "messages", "block", "ties", "fit", "log", "pointing", "errors", "help")
+PAGES = ("orientation", "messages", "block", "ties", "fit", "log", "pointing", "errors", "help")
+"""Pages that are there whatever is selected, each opened by the action of its name."""
+
 _ALWAYS: dict[str, Intent] = {
     "record": commands.RecordPoint(),
     "next_model": commands.NextModel(),
@@ -111,7 +114,7 @@ _ALWAYS: dict[str, Intent] = {
     "stop": commands.Stop(),
     "add_point": PointName(),
     **{f"why_{reason}": commands.GiveReason(reason) for reason in REASONS},
-    **{page: Read(page) for page in _PAGES},
+    **{page: Read(page) for page in PAGES},
 }
 _NEEDS_WHEELS = ("zoom_in", "zoom_out", "coarse")
 _OF_A_ROW = ("switch_row", "switch_point", "details")

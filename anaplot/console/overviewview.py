@@ -17,6 +17,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 from textual.widget import Widget
 
+from anaplot.console.intent import PAGES
 from anaplot.console.overview import (
     HEADINGS,
     Entry,
@@ -36,8 +37,8 @@ __all__ = ["ModelList", "OverviewView"]
 
 _OF_TABLE = frozenset({"sort", "transfers", "layout", "stereo"})
 _ELSEWHERE = frozenset(
-    {"orientation", "messages", "block", "errors", "help", "leave", "redraw", "automatic"}
-    | {"suspend", "stop", "hand", "fit", "ties", *(f"why_{reason}" for reason in REASONS)}
+    {"leave", "redraw", "automatic", "suspend", "stop", "hand", *PAGES}
+    | {f"why_{reason}" for reason in REASONS}
 )
 _MOST_LINES = 12
 _STEPS = {"row_up": -1, "up": -1, "row_down": 1, "down": 1}

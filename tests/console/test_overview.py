@@ -9,6 +9,7 @@ from consolefake import FakeStation, console, picture
 from overviewbench import FOLDER, MODELS, accepted, between, status, view
 from rich.cells import cell_len
 
+from anaplot.console.intent import PAGES
 from anaplot.console.overview import (
     SIGNS,
     doing,
@@ -297,6 +298,19 @@ async def test_first_of_all_it_stands_over_a_model_in_work_until_something_is_me
         station.tell(picture(measured=6, serial=2, status=work))
         await until(pilot, lambda: not stands(app))
         assert "107   y" in text(app)
+
+
+async def test_a_page_lies_over_it_and_leaves_it_where_it_is():
+    work = status(MODELS, NextStep("measure", "x", "102/103", point="107"))
+    app = console(FakeStation(picture(measured=5, status=work)))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        for page in PAGES:
+            app.screen.action_press(page)
+            await until(pilot, lambda: len(app.screen_stack) == 2)
+            app.pop_screen()
+            await pilot.pause()
+            assert stands(app), page
 
 
 async def test_at_160_by_50_the_map_stands_beside_it():
