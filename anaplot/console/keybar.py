@@ -14,7 +14,7 @@ from textual.widget import Widget
 
 from anaplot.console.repainting import repaint
 
-__all__ = ["KeyBar", "KeyHint", "show_key", "show_keys"]
+__all__ = ["KeyBar", "KeyHint", "key_in_words", "show_key", "show_keys"]
 
 _GAP = 2
 
@@ -40,6 +40,12 @@ def show_key(key: str) -> str:
     *modifiers, last = key.split("+") if len(key) > 1 else (key,)
     shown = names.get(last) or (last if len(last) == 1 else format_key(last))
     return "".join("^" if m == "ctrl" else f"{m}+" for m in modifiers) + shown
+
+
+def key_in_words(key: str) -> str:
+    """Return how a key is written within a sentence: Enter, not to be read as a verb."""
+    shown = show_key(key)
+    return shown.capitalize() if shown == "enter" else shown
 
 
 def show_keys(keys: Iterable[str]) -> str:

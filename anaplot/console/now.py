@@ -8,7 +8,7 @@ from typing import Literal
 
 from anaplot.aliases import Axis
 from anaplot.console.inwork import in_work
-from anaplot.console.keybar import show_key
+from anaplot.console.keybar import key_in_words
 from anaplot.console.rows import ShownRow
 from anaplot.session.nextstep import Step, StepKind
 from anaplot.station.snapshot import Snapshot
@@ -128,8 +128,7 @@ def _wanted(
 
 
 def _shown(keys: Mapping[str, tuple[str, ...]], action: str) -> str:
-    shown = show_key(keys[action][0])
-    return shown.capitalize() if shown == "enter" else shown
+    return key_in_words(keys[action][0])
 
 
 def _row(snapshot: Snapshot, point: str | None) -> tuple[str, Axis] | None:

@@ -32,7 +32,7 @@ from anaplot.console.intent import (
     intended,
 )
 from anaplot.console.inwork import in_work
-from anaplot.console.keybar import KeyBar, show_key
+from anaplot.console.keybar import KeyBar, key_in_words, show_key
 from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import bindings, key_hints
 from anaplot.console.mapview import MapView
@@ -273,7 +273,7 @@ class OrientationScreen(Screen[None]):
 
     def _show_selected(self) -> None:
         now = self._situation
-        enter = show_key(self._keys["drive"][0]).capitalize()
+        enter = key_in_words(self._keys["drive"][0])
         aim = "" if now.aim is None else aimed(now.aim, enter)
         self.query_one(ExpectedLine).show(
             now.snapshot, ", or ".join(filter(None, (aim, now.now.text)))

@@ -300,6 +300,13 @@ async def test_first_of_all_it_stands_over_a_model_in_work_until_something_is_me
         assert "107   y" in text(app)
 
 
+async def test_a_users_own_key_is_written_as_it_is():
+    app = console(FakeStation(between()), {"drive": "y"})
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("home")
+        await until(pilot, lambda: "return to model 101/102: y, or" in text(app))
+
+
 async def test_a_page_lies_over_it_and_leaves_it_where_it_is():
     work = status(MODELS, NextStep("measure", "x", "102/103", point="107"))
     app = console(FakeStation(picture(measured=5, status=work)))
