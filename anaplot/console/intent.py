@@ -25,6 +25,7 @@ __all__ = [
     "Say",
     "Toggle",
     "Turn",
+    "aimed",
     "answer",
     "idle",
     "intended",
@@ -225,6 +226,20 @@ def answer(command: Command, snapshot: Snapshot) -> str:
             return f"{point} is next: set the mark on it, then record"
         case commands.Stop():
             return "stop" if snapshot.drives else "nothing to stop: this plotter has no drive"
+        case _:
+            return ""
+
+
+def aimed(now: Situation, key: str) -> str:
+    """Return what a key does on the overview's model, or "" when it goes to none that is done."""
+    model = now.aim
+    if model is None:
+        return ""
+    if model.state == "in work":
+        return f"to the table of model {model.name}: {key}"
+    match _gone_to(model, now.snapshot):
+        case commands.ReturnTo():
+            return f"return to model {model.name}: {key}"
         case _:
             return ""
 

@@ -22,7 +22,6 @@ __all__ = [
     "HEADINGS",
     "SIGNS",
     "Entry",
-    "aimed",
     "doing",
     "entries_of",
     "foot_lines",
@@ -105,15 +104,6 @@ def doing(step: NextStep, in_work: bool, keys: Mapping[str, tuple[str, ...]]) ->
         return show_key(keys["drive"][0])
     action = "accept" if step.do == "accept" else "next_point" if in_work else "next_model"
     return show_key(keys[action][0])
-
-
-def aimed(aim: ModelStatus, key: str) -> str:
-    """Return what Enter does on a model that was selected by hand, or "" when it does nothing."""
-    if aim.state == "open":
-        return ""
-    if aim.state == "in work":
-        return f"to the table of model {aim.name}: {key}"
-    return f"return to model {aim.name}: {key}"
 
 
 def verdict(view: BlockView | None) -> str:

@@ -27,6 +27,7 @@ from anaplot.console.intent import (
     Say,
     Toggle,
     Turn,
+    aimed,
     answer,
     idle,
     intended,
@@ -37,7 +38,6 @@ from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import bindings, key_hints
 from anaplot.console.mapview import MapView
 from anaplot.console.now import Now, now_of
-from anaplot.console.overview import aimed
 from anaplot.console.overviewview import OverviewView
 from anaplot.console.pages import Pages
 from anaplot.console.panels import (
@@ -274,9 +274,8 @@ class OrientationScreen(Screen[None]):
     def _show_selected(self) -> None:
         now = self._situation
         enter = key_in_words(self._keys["drive"][0])
-        aim = "" if now.aim is None else aimed(now.aim, enter)
         self.query_one(ExpectedLine).show(
-            now.snapshot, ", or ".join(filter(None, (aim, now.now.text)))
+            now.snapshot, ", or ".join(filter(None, (aimed(now, enter), now.now.text)))
         )
         self.set_class(self.query_one(OverviewView).stands, "-overview")
         self.query_one(MapView).show(

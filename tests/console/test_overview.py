@@ -307,6 +307,20 @@ async def test_a_users_own_key_is_written_as_it_is():
         await until(pilot, lambda: "return to model 101/102: y, or" in text(app))
 
 
+async def test_what_enter_does_is_said_as_it_does_it():
+    # rows of a model that no session has measured stand in the file: it is accepted, and measured
+    # next
+    found = status((accepted("101", "102"), *MODELS[2:]), NextStep("measure", "x", "101/102"))
+    station = FakeStation(between(found, accepted=()))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("home")
+        await pilot.pause()
+        assert "return to" not in text(app)
+        await pilot.press("enter")
+        await came(station, "next_model")
+
+
 async def test_a_page_lies_over_it_and_leaves_it_where_it_is():
     work = status(MODELS, NextStep("measure", "x", "102/103", point="107"))
     app = console(FakeStation(picture(measured=5, status=work)))
