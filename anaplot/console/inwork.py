@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from math import nan
 
 from anaplot.adjustment.tested import Observation
-from anaplot.aliases import Axis
+from anaplot.aliases import Axis, Side
 from anaplot.orientation.results import Row
 from anaplot.station.snapshot import InnerView, PointView, Snapshot
 
-__all__ = ["InWork", "in_work"]
+__all__ = ["InWork", "in_work", "recorded"]
 
 _AXES: tuple[Axis, Axis] = ("x", "y")
 
@@ -70,6 +70,16 @@ def in_work(snapshot: Snapshot) -> InWork:
     if latest is None or latest[0] is not snapshot:
         latest = _latest = snapshot, _in_work(snapshot)
     return latest[1]
+
+
+def recorded(snapshot: Snapshot) -> tuple[tuple[str, int, tuple[Side, ...]], ...]:
+    """Return what changes with every record, and when one is taken back.
+
+    In a mono comparator a point counts once both photos have it; where it was seen tells of each.
+    """
+    points = [(view.point, view.times, view.seen) for view in snapshot.points]
+    fiducials = (view for inner in snapshot.inners for view in inner.fiducials)
+    return (*points, *((view.fiducial, view.times, ()) for view in fiducials))
 
 
 def _in_work(snapshot: Snapshot) -> InWork:

@@ -18,6 +18,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from anaplot.console.intent import PAGES
+from anaplot.console.inwork import recorded
 from anaplot.console.overview import (
     HEADINGS,
     Entry,
@@ -312,7 +313,7 @@ class OverviewView(Horizontal):
         if before is None or _photos(before) != _photos(snapshot):
             self.stands, self._called = before is None or not snapshot.left, False
             self._moved = False
-        elif snapshot.left and not self._called and _recorded(before) != _recorded(snapshot):
+        elif snapshot.left and not self._called and recorded(before) != recorded(snapshot):
             self.stands = False
         if self.stands:
             self._draw(snapshot, status, keys)
@@ -360,9 +361,3 @@ class OverviewView(Horizontal):
 
 def _photos(snapshot: Snapshot) -> tuple[str, str]:
     return snapshot.left, snapshot.right
-
-
-def _recorded(snapshot: Snapshot) -> tuple[int, int]:
-    """Return what changes with every record."""
-    fiducials = sum(view.times for inner in snapshot.inners for view in inner.fiducials)
-    return sum(view.times for view in snapshot.points), fiducials

@@ -12,7 +12,6 @@ from textual.containers import Horizontal
 from textual.message import Message
 from textual.screen import Screen
 
-from anaplot.aliases import Side
 from anaplot.console.asking import asking
 from anaplot.console.choices import Choices
 from anaplot.console.connection import StationConnection
@@ -32,7 +31,7 @@ from anaplot.console.intent import (
     idle,
     intended,
 )
-from anaplot.console.inwork import in_work
+from anaplot.console.inwork import in_work, recorded
 from anaplot.console.keybar import KeyBar, key_in_words, show_key
 from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import bindings, key_hints
@@ -234,7 +233,7 @@ class OrientationScreen(Screen[None]):
             self._flagged = frozenset()
             self._moved_by_hand = False
             self.query_one(TableView).show((), self._choices.order)  # the cursor begins anew
-        if _recorded(before) != _recorded(snapshot):
+        if recorded(before) != recorded(snapshot):
             self._moved_by_hand = False
         self.query_one(OverviewView).show(snapshot, self._keys)
         self._show_table()
@@ -458,12 +457,6 @@ class OrientationScreen(Screen[None]):
         self._show(self._snapshot)
         self.app.refresh(layout=True)
         self.refresh(layout=True, repaint=True)
-
-
-def _recorded(snapshot: Snapshot) -> tuple[tuple[str, int, tuple[Side, ...]], ...]:
-    """Return what changes with every record, and when one is taken back."""
-    views = in_work(snapshot).points
-    return tuple((view.point, view.times, view.seen) for view in views)
 
 
 def _phase(snapshot: Snapshot) -> tuple[str, ...]:

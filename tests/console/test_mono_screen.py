@@ -5,13 +5,16 @@ from dataclasses import replace
 
 import pytest
 from consolefake import FakeStation, console, picture
+from overviewbench import MODELS, status
 
 from anaplot.console.describe import describe_row
 from anaplot.console.keys import ACTIONS, is_live, label_now
+from anaplot.console.overviewview import OverviewView
 from anaplot.console.rows import shown_rows
 from anaplot.console.tableview import TableView
 from anaplot.errors import InputError
 from anaplot.session.plates import ReadOut
+from anaplot.station.blockstatus import NextStep
 from anaplot.station.snapshot import Snapshot
 
 LOST = "the counters have lost their reference: set the mark on point 114 and press R"
@@ -82,6 +85,17 @@ async def test_one_photo_is_shown_as_one(size):
         await pilot.press("v")
         await pilot.pause()
         assert "px" not in text(app)
+
+
+async def test_the_overview_gives_way_to_a_record_in_one_photo():
+    work = status(MODELS, NextStep("measure", "x", "102/103", point="107"))
+    station = FakeStation(half(status=work))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert app.screen.query_one(OverviewView).display
+        station.tell(half(5, status=work, serial=2))
+        await until(pilot, lambda: not app.screen.query_one(OverviewView).display)
 
 
 async def test_plate_coordinates_of_the_one_photo_are_said_to_be():
