@@ -50,7 +50,8 @@ class BlockPage(Page):
     def __init__(
         self, snapshot: Snapshot, back: Callable[[str, str, str, str], None], width: int
     ) -> None:
-        self._snapshot, self._back, self._width, self._at = snapshot, back, width, 0
+        self._snapshot, self._back, self._width = snapshot, back, width
+        self._chosen = ""
         super().__init__(TITLE, self._drawn())
 
     def renew(self, snapshot: Snapshot) -> None:
@@ -63,11 +64,17 @@ class BlockPage(Page):
         view = self._snapshot.block_view
         return () if view is None or not view.solved else view.suspects[:_MOST]
 
+    @property
+    def _at(self) -> int:
+        """Where the chosen point stands; the first one, until one is chosen, or when it is gone."""
+        names = (point.point for point in self._points)
+        return next((k for k, name in enumerate(names) if name == self._chosen), 0)
+
     def _target(self) -> tuple[str, str, str, str] | None:
         """Return what Enter returns to, or None."""
         if not self._points:
             return None
-        point = self._points[min(self._at, len(self._points) - 1)]
+        point = self._points[self._at]
         ray = point.accused
         for left, right in self._snapshot.accepted:
             if ray.model == f"{left}/{right}":
@@ -75,8 +82,9 @@ class BlockPage(Page):
         return None
 
     def _drawn(self) -> list[Content]:
-        at = min(self._at, len(self._points) - 1) if self._points else None
-        lines = block_page(self._snapshot.block_view, self._width, at)
+        lines = block_page(
+            self._snapshot.block_view, self._width, self._at if self._points else None
+        )
         there = self._target()
         if there is not None:
             words = f"Enter returns to model {there[0]}/{there[1]}, for point {there[2]}"
@@ -88,7 +96,8 @@ class BlockPage(Page):
         if len(self._points) < 2:
             self.action_scroll(step)
             return
-        self._at = min(max(self._at + step, 0), len(self._points) - 1)
+        place = min(max(self._at + step, 0), len(self._points) - 1)
+        self._chosen = self._points[place].point
         lines = self._drawn()
         self.show(lines)
         marked = next(i for i, line in enumerate(lines) if line.plain.startswith(_HERE))

@@ -214,6 +214,23 @@ async def test_foreign_names_are_shown_as_they_are(name):
         assert not any(c in text(app) for c in ("\x1b", "\u202e"))
 
 
+async def test_the_cursor_stays_on_its_point_when_the_rows_change():
+    held = replace(VIEW, suspects=(suspect(), suspect("102-9"), suspect("7", None, 0.6)))
+    station = FakeStation(picture(block_view=held))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("b", "down")
+        await until(pilot, lambda: "▶ 102-9" in text(app))
+        fewer = replace(held, suspects=(*held.suspects[1:], suspect("8")))
+        station.tell(picture(serial=2, block_view=fewer))
+        await until(pilot, lambda: "102-3" not in text(app))
+        assert "▶ 102-9" in text(app)
+        station.tell(
+            picture(serial=3, block_view=replace(held, suspects=(suspect(), suspect("8"))))
+        )
+        await until(pilot, lambda: "▶ 102-3" in text(app))
+
+
 async def test_enter_on_a_line_returns_to_its_model():
     held = replace(VIEW, suspects=(suspect(), suspect("102-9"), suspect("7", None, 0.6)))
     station = FakeStation(picture(block_view=held, accepted=(("101", "102"),)))
