@@ -19,6 +19,8 @@ Result = TypeVar("Result")
 class Beside:
     """Computes in a thread what a screen shows, one after the other, the newest question last.
 
+    Every result is shown when it is there, and gives way to the next one.
+
     Parameters
     ----------
     screen
@@ -65,7 +67,6 @@ class Beside:
         self._running = False
         if not self._screen.is_running:
             return
+        told()  # overtaken or not: news that never end do not keep it from being shown
         if self._again:
             self.wanted()
-        else:
-            told()

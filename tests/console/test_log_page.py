@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import time
 
 import pytest
@@ -103,3 +104,25 @@ async def test_the_keys_of_the_page(size):
         await pilot.press("H")
         await until(pilot, lambda: len(app.screen_stack) == 1)
     assert {call[0] for call in station.calls} == {"log"}
+
+
+async def test_news_that_never_end_do_not_keep_the_page_empty():
+    station = FakeStation()
+    station.changes = [FIRST]
+    app = console(station)
+    serial = itertools.count(2)
+    read = station.log
+
+    def overtaken():
+        """Read, while something more is changed every time."""
+        change = LastChange("off", "102/103", "103", str(next(serial)))
+        app.call_from_thread(station.tell, picture(serial=next(serial), last_change=change))
+        app.call_from_thread(app.screen_stack[0].on_orientation_screen_woken)
+        return read()
+
+    station.log = overtaken
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("H")
+        await until(pilot, lambda: "1 of 1 changes" in text(app))
+        station.log = read
+        await pilot.press("H")
