@@ -21,8 +21,7 @@ from anaplot.console.panels import entry_lines
 from anaplot.console.pointingpage import PointingPage
 from anaplot.console.rows import ShownRow
 from anaplot.console.stationlike import StationLike
-from anaplot.console.tiespage import TITLE as TIES_TITLE
-from anaplot.console.tiespage import ties_page
+from anaplot.console.tiespage import TiesPage
 from anaplot.station.snapshot import Snapshot
 from anaplot.station.stripcontrol import StripOnControl
 from anaplot.textfiles.wording import plain
@@ -70,7 +69,7 @@ class Pages:
         self._messages, self._chosen, self._again = messages, chosen, again
         self._back = back
         self._block: BlockPage | None = None
-        self._ties: Page | None = None
+        self._ties: TiesPage | None = None
         self._errors: ErrorsPage | None = None
         self._fit: FitPage | None = None
         self._pointing: PointingPage | None = None
@@ -89,7 +88,7 @@ class Pages:
         if self._block is not None:
             self._block.renew(snapshot)
         if self._ties is not None:
-            self._ties.show(ties_page(snapshot, _WIDTH))
+            self._ties.renew(snapshot)
         if self._errors is not None:
             self._errors.renew()
 
@@ -109,7 +108,7 @@ class Pages:
             self._block = BlockPage(snapshot, self._back, _WIDTH)
             app.push_screen(self._block, self._block_read)
         elif page == "ties":
-            self._ties = Page(TIES_TITLE, ties_page(snapshot, _WIDTH))
+            self._ties = TiesPage(snapshot, _WIDTH)
             app.push_screen(self._ties, self._ties_read)
         elif page == "fit":
             strip = self._choice.strip or snapshot.strip

@@ -2,20 +2,44 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
+from textual.binding import Binding, BindingType
 from textual.content import Content
 
+from anaplot.console.dialogs import Page
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.orientation.striptie import TiePoint
 from anaplot.session.transfer import GROUND, TieCheck
 from anaplot.station.snapshot import Snapshot
 from anaplot.textfiles.wording import plain
 
-__all__ = ["TITLE", "ties_page"]
-
-TITLE = "Ties between strips, and to the control"
+__all__ = ["TiesPage", "ties_page"]
 
 _POINT = 12
 _MOST = 100  # points of a table; whoever has more begins with the last
+
+
+class TiesPage(Page):
+    """What ties the strip; it follows the work while it is read.
+
+    Parameters
+    ----------
+    snapshot
+        What is said of ties.
+    width
+        Cells of a line.
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("T", "close", "Close")]
+
+    def __init__(self, snapshot: Snapshot, width: int) -> None:
+        super().__init__("Ties between strips, and to the control", ties_page(snapshot, width))
+        self._width = width
+
+    def renew(self, snapshot: Snapshot) -> None:
+        """Show what is said of ties now."""
+        self.show(ties_page(snapshot, self._width))
 
 
 def ties_page(snapshot: Snapshot, width: int) -> list[Content]:

@@ -12,6 +12,7 @@ PAGES = {
     "f2": "Orientation of the model",
     "l": "Messages",
     "b": "The block as one bundle",
+    "T": "Ties between strips",
     "F": "Strip on its control",
     "P": "How precise the pointing is",
     "H": "Who changed what",
@@ -65,6 +66,11 @@ async def test_by_keys_alone(size):
             await shown(app, pilot, title, 2)
             await pilot.press("escape")
             await shown(app, pilot, "NOW", 1)
+            if key != "e":  # there it shows the next strategy
+                await pilot.press(key)
+                await shown(app, pilot, title, 2)
+                await pilot.press(key)
+                await shown(app, pilot, "NOW", 1)
         # table, map and stereo view in every arrangement
         for key in "mmmvvssssttr":
             await pilot.press(key)
