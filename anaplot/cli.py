@@ -126,10 +126,13 @@ def _is_missing(folder: Path) -> bool:
     """Whether there is no block, nor anything else of one, and a terminal to ask for it."""
     parts = ("block.toml", "sessions")
     there = any(os.path.lexists(folder / part) for part in parts)
-    if there or (folder.exists() and not folder.is_dir()) or os.environ.get("TERM") == "dumb":
+    if there or (folder.exists() and not folder.is_dir()):
         return False
-    streams = (sys.stdin, sys.stdout, sys.stderr)
-    return all(stream is not None and stream.isatty() for stream in streams)
+    try:
+        need_terminal()
+    except InputError:
+        return False
+    return True
 
 
 def _part(
