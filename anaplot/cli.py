@@ -219,9 +219,9 @@ def _plan_simulate(options: argparse.Namespace) -> int:
 
 
 def _plan_block(options: argparse.Namespace) -> int:
-    from anaplot.report.planblock import planned_block, run_planned
+    from anaplot.report.planseries import run_plan_block
 
-    return run_planned(options, planned_block)
+    return run_plan_block(options)
 
 
 def _plan_network(options: argparse.Namespace) -> int:

@@ -9,7 +9,8 @@ from anaplot.report.arguments import (
     add_matrix,
     add_output,
     correlation,
-    percentage,
+    length,
+    none_or_percentage,
     planted,
     positive,
     significance,
@@ -104,18 +105,26 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
     )
     adjust.add_argument(
         "--snooping-tolerance",
-        type=percentage,
+        type=none_or_percentage,
         default=25.0,
         metavar="PERCENT",
-        help="its k_q: what sqrt(q_vv) may differ from its model value, default 25",
+        help="its k_q: what sqrt(q_vv) may differ from its model value, default 25; 0: the model "
+        "values alone decide",
     )
     adjust.add_argument(
+        "--snooping-model",
         "--snooping-values",
-        choices=("block", "3x3", "3x3-twin", "5x5", "5x5-twin"),
-        default="block",
-        metavar="VALUES",
-        help="its model values: block, estimated for this block (the default), or those of the "
-        "paper for regular 60/60 blocks: 3x3 or 5x5 points a photo, -twin with control in pairs",
+        default="sampled",
+        metavar="MODEL",
+        help="its model values: sampled, from a few exact ones of this block (the default); paper, "
+        "those printed in 1980 for the regular 60/60 block that is most like it, or 3x3, 3x3-twin, "
+        "5x5, 5x5-twin for that one; or a file that plan block --csv has written",
+    )
+    adjust.add_argument(
+        "--snooping-bridging",
+        type=length,
+        metavar="BASES",
+        help="of control the paper's curves, at this distance from control to control",
     )
     adjust.add_argument(
         "--correlations",

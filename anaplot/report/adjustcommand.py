@@ -37,7 +37,7 @@ from anaplot.report.keywords import takes_options
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
-from anaplot.report.snooping import ModelSource, SnoopedBlock, snoop_block, snooping_document
+from anaplot.report.snooping import SnoopedBlock, snoop_block, snooping_document
 
 __all__ = ["BlockAdjustment", "adjust", "find_gross_errors"]
 
@@ -92,7 +92,8 @@ def adjust(
     additional_sigma_um: float | None = None,
     snooping: bool = False,
     snooping_tolerance: float = 25.0,
-    snooping_values: ModelSource = "block",
+    snooping_model: str | os.PathLike[str] = "sampled",
+    snooping_bridging: float | None = None,
     correlations: float | None = None,
     hypothesis_alpha: float = 0.05,
     errors: Strategy | None = None,
@@ -122,9 +123,9 @@ def adjust(
     snooping
         Add the modified data snooping of 1980 beside the exact test.
     snooping_tolerance
-        Its k_q [percent].
-    snooping_values
-        Its model values: estimated for the block, or those of the paper for regular blocks.
+        Its k_q [percent]; 0: the model values alone decide.
+    snooping_model, snooping_bridging
+        Its model values, as `snooping_models` has them.
     correlations
         Add the pairs of a point's rays whose residuals are correlated at or above this.
     hypothesis_alpha
@@ -212,7 +213,9 @@ def adjust(
     snooped = None
     if snooping:
         tolerance = snooping_tolerance / 100.0
-        snooped = snoop_block(adjusted, tolerance=tolerance, values=snooping_values)
+        snooped = snoop_block(
+            adjusted, tolerance=tolerance, model=snooping_model, bridging=snooping_bridging
+        )
     related = None if correlations is None else correlated_rays(adjusted, correlations)
     parted = None
     if components is not None:

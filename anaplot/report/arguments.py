@@ -13,7 +13,9 @@ __all__ = [
     "between",
     "correlation",
     "length",
+    "lengths",
     "none_or_length",
+    "none_or_percentage",
     "percentage",
     "planted",
     "positive",
@@ -83,6 +85,11 @@ length = between(1e-3, 1e6)
 """Reads a length."""
 
 
+def lengths(text: str) -> tuple[float, ...]:
+    """Return lengths, separated by commas."""
+    return tuple(length(part) for part in text.split(","))
+
+
 def none_or_length(text: str) -> float:
     """Return 0, or a length that is not too small."""
     try:
@@ -115,6 +122,14 @@ def percentage(text: str) -> float:
     if value >= 100.0:
         raise argparse.ArgumentTypeError(f"{text!r} must lie below 100")
     return value
+
+
+def none_or_percentage(text: str) -> float:
+    """Return a number from 0 and below 100."""
+    try:
+        return 0.0 if float(text) == 0.0 else percentage(text)
+    except ValueError:
+        return percentage(text)
 
 
 def correlation(text: str) -> float:

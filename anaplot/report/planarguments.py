@@ -11,6 +11,7 @@ from anaplot.report.arguments import (
     between,
     correlation,
     length,
+    lengths,
     none_or_length,
     planted,
     significance,
@@ -92,9 +93,10 @@ def add_block_arguments(block: argparse.ArgumentParser) -> None:
     )
     block.add_argument(
         "--bridging",
-        type=length,
+        type=lengths,
         metavar="BASES",
-        help="bases from control to control, default 2",
+        help="bases from control to control, default 2; several with commas between are shown side "
+        "by side",
     )
     block.add_argument("--twin", action="store_true", help="full control in pairs")
     block.add_argument(

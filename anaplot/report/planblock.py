@@ -49,7 +49,7 @@ from anaplot.report.output import Output
 from anaplot.report.planarguments import add_block_arguments
 from anaplot.report.running import computed
 
-__all__ = ["PlannedBlock", "plan_block_document", "planned_block", "run_planned"]
+__all__ = ["PlannedBlock", "plan_block_document", "plan_lines", "planned_block", "run_planned"]
 
 _SHOWN = 6
 _BRIDGING = 2.0  # bases
@@ -82,7 +82,7 @@ def planned_block(
     sidelap: float = 30.0,
     points: Literal["3x3", "5x5"] = "3x3",
     control: Literal["perimeter", "corners", "none"] = "perimeter",
-    bridging: float | None = None,
+    bridging: float | tuple[float, ...] | None = None,
     twin: bool = False,
     cross_strips: int = 0,
     c: float = 150.0,
@@ -105,7 +105,8 @@ def planned_block(
     control
         Where it stands.
     bridging
-        Bases from control to control; None: 2.
+        Bases from control to control; None: 2. Of several `block_series` puts the blocks side by
+        side.
     twin
         Full control in pairs.
     cross_strips
@@ -130,6 +131,10 @@ def planned_block(
     """
     if twin and control == "none":
         raise InputError("--twin goes with control: --control none plans none")
+    if isinstance(bridging, tuple):
+        if len(bridging) != 1:
+            raise InputError("--bridging: one distance for one block")
+        (bridging,) = bridging
     if bridging is not None and control != "perimeter":
         raise InputError("--bridging goes with --control perimeter")
     plan = BlockPlan(
@@ -252,7 +257,7 @@ def plan_block_document(plan: BlockPlan, block: AdjustedBlock) -> Document:
         "accuracy_m": None if accuracy is None else _accuracy_json(accuracy),
     }
     page: tuple[Block, ...] = (
-        *_plan(plan),
+        *plan_lines(plan),
         say(
             "{photos} photos, {points} points; n {observations}, u {unknowns}, "
             "redundancy {redundancy}",
@@ -274,7 +279,8 @@ def plan_block_document(plan: BlockPlan, block: AdjustedBlock) -> Document:
     return Document(answer, page, (by_class, weak))
 
 
-def _plan(plan: BlockPlan) -> list[Line]:
+def plan_lines(plan: BlockPlan) -> list[Line]:
+    """Say what is planned: strips, distances, control."""
     twin = ", twin" if plan.twin else ""
     control = {
         "perimeter": f"perimeter, bridging {counted(plan.bridging, 'base')}{twin}",

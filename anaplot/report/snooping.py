@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.modelvalues import MODEL_TOLERANCE, beyond_model
-from anaplot.bundle.errors.snooping import (
-    ObservationClass,
-    Snooping,
-    classify,
-    estimate_models,
-    paper_models,
-    snoop,
-)
+from anaplot.bundle.errors.snooping import ObservationClass, Snooping, classify, snoop
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.report.document import (
     Block,
@@ -29,17 +24,10 @@ from anaplot.report.document import (
     table,
     whole,
 )
+from anaplot.report.snoopingmodels import SAMPLED, ModelValues, snooping_models
 
-__all__ = ["ModelSource", "SnoopedBlock", "snoop_block", "snooping_document"]
+__all__ = ["SnoopedBlock", "snoop_block", "snooping_document"]
 
-ModelSource = Literal["block", "3x3", "3x3-twin", "5x5", "5x5-twin"]
-_SOURCES: dict[ModelSource, str] = {
-    "block": "estimated for this block",
-    "3x3": "of regular 60/60 blocks with 3 x 3 points a photo",
-    "3x3-twin": "of regular 60/60 blocks with 3 x 3 points a photo and control in pairs",
-    "5x5": "of regular 60/60 blocks with 5 x 5 points a photo",
-    "5x5-twin": "of regular 60/60 blocks with 5 x 5 points a photo and control in pairs",
-}
 _MOST = 30  # of single observations in the text; JSON holds them all
 
 
@@ -109,7 +97,7 @@ class SnoopedBlock:
     Attributes
     ----------
     values
-        Where the model values come from.
+        The model values and where they come from.
     tolerance
         k_q, a share.
     critical
@@ -125,7 +113,7 @@ class SnoopedBlock:
         Observations that the exact test decides the other way.
     """
 
-    values: ModelSource
+    values: ModelValues
     tolerance: float
     critical: float
     classes: tuple[ClassRow, ...]
@@ -154,7 +142,8 @@ def snoop_block(
     block: AdjustedBlock,
     *,
     tolerance: float = MODEL_TOLERANCE,
-    values: ModelSource = "block",
+    model: str | os.PathLike[str] = SAMPLED,
+    bridging: float | None = None,
 ) -> SnoopedBlock | None:
     """Test a block by model values, and exactly.
 
@@ -164,22 +153,23 @@ def snoop_block(
         The adjusted block.
     tolerance
         k_q of Gruen (1980), eqs. (9) to (11).
-    values
-        "block": model values estimated for it; others: those of Table 2 for regular 60/60 blocks.
+    model, bridging
+        Where the model values come from, as `snooping_models` has them.
 
     Returns
     -------
     SnoopedBlock or None
         None when there is no test at all: the redundancy does not suffice.
+
+    Raises
+    ------
+    InputError
+        A file of model values is not good.
     """
     if block.critical is None or block.sigma is None or not block.sigma > 0.0:
         return None
-    models = (
-        estimate_models(block.cofactors.normal, block.cofactors.factor)
-        if values == "block"
-        else paper_models(3 if values.startswith("3") else 5, twin=values.endswith("twin"))
-    )
-    found = snoop(block, models, tolerance)
+    values = snooping_models(block, model, bridging)
+    found = snoop(block, values.roots, tolerance)
     exact = block.flagged
     w = block.w
 
@@ -207,7 +197,7 @@ def snoop_block(
         values,
         tolerance,
         block.critical,
-        _classes(block, models, tolerance, found),
+        _classes(block, values.roots, tolerance, found),
         listed(found.computed),
         listed(found.rejected),
         listed(exact & ~found.rejected),
@@ -217,7 +207,7 @@ def snoop_block(
 
 def _classes(
     block: AdjustedBlock,
-    models: dict[ObservationClass, float],
+    models: Mapping[ObservationClass, float],
     tolerance: float,
     found: Snooping,
 ) -> tuple[ClassRow, ...]:
@@ -288,7 +278,7 @@ def snooping_document(snooped: SnoopedBlock | None) -> Document:
     }
     different = len(snooped.wrongly_accepted) + len(snooped.wrongly_rejected)
     answer = {
-        "model_values": snooped.values,
+        "model_values": snooped.values.source,
         "tolerance": snooped.tolerance,
         "critical": snooped.critical,
         "observations": snooped.observations,
@@ -311,7 +301,7 @@ def snooping_document(snooped: SnoopedBlock | None) -> Document:
         say("MODIFIED DATA SNOOPING (Gruen 1980) BESIDE THE EXACT TEST").of("heading"),
         say(
             "  model values of sqrt(q_vv) {}, k_q {}, critical value {:.2f}",
-            _SOURCES[snooped.values],
+            snooped.values.words,
             share,
             snooped.critical,
         ),

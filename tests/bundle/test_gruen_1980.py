@@ -10,11 +10,11 @@ from gruenblocks import CONTROL, classes, regular, with_rows
 
 from anaplot.adjustment.modelvalues import MODEL_TOLERANCE, beyond_model
 from anaplot.bundle.adjust import adjust_bundle
+from anaplot.bundle.errors.papermodels import PaperModel, paper_models
 from anaplot.bundle.errors.snooping import (
     class_roots,
     classify,
     estimate_models,
-    paper_models,
     snoop,
 )
 from anaplot.bundle.solve.problem import make_problem
@@ -98,12 +98,14 @@ def test_modified_snooping_beside_the_exact_test() -> None:
     scene = with_rows(scene, rows)
     problem = make_problem(scene.block)
     block = adjust_bundle(problem, scene.start(problem))
-    found = snoop(block, paper_models(3))
+    found = snoop(block, paper_models(PaperModel(3)))
     assert found.rejected.sum() >= 8
     # few exact values are needed, and what the exact test decides otherwise is not hidden
     assert 0 < found.computed.sum() < 0.1 * found.computed.size
     np.testing.assert_array_equal(found.rejected & found.computed, block.flagged & found.computed)
-    beyond = beyond_model(block.cofactors.r, class_roots(problem, paper_models(3)), MODEL_TOLERANCE)
+    beyond = beyond_model(
+        block.cofactors.r, class_roots(problem, paper_models(PaperModel(3))), MODEL_TOLERANCE
+    )
     assert beyond.sum() > 0  # the paper's claim is not met
     # without any model value everything is decided exactly, and the tests agree
     small = regular(4, 3, 3, noise_um=5.0, seed=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import json
 import os
 import pty
@@ -21,7 +22,8 @@ from wild import text_of, wild, words
 
 from anaplot.adjustment.reliability import SPUR
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.errors.snooping import ObservationClass, classify, paper_models
+from anaplot.bundle.errors.papermodels import PaperModel, paper_models
+from anaplot.bundle.errors.snooping import ObservationClass, classify
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_new_block
 from anaplot.photogrammetry.block import (
@@ -36,8 +38,10 @@ from anaplot.photogrammetry.block import (
 )
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.planning.blockplan import BlockPlan, plan_block
 from anaplot.report.correlations import correlated_rays, correlations_document
 from anaplot.report.snooping import snoop_block, snooping_document
+from anaplot.report.snoopingmodels import snooping_models
 
 WAIT = 120.0
 BASE, HEIGHT, C = 600.0, 1000.0, 150.0
@@ -142,9 +146,9 @@ def test_both_tests_side_by_side() -> None:
 @pytest.mark.parametrize("values", ["3x3", "3x3-twin", "5x5", "5x5-twin"])
 def test_the_papers_model_values_serve_regular_blocks(values: str) -> None:
     adjusted = adjust_block(flown(3, 5, errors=6))
-    found = snoop_block(adjusted, values=values)
+    found = snoop_block(adjusted, model=values)
     assert found is not None
-    printed = paper_models(int(values[0]), twin=values.endswith("twin"))
+    printed = paper_models(PaperModel(int(values[0]), values.endswith("twin")))
     for row in found.classes:
         assert row.model == printed.get(row.kind)
         if row.model is None:
@@ -153,6 +157,88 @@ def test_the_papers_model_values_serve_regular_blocks(values: str) -> None:
     assert ("in pairs" in text_of(snooping_document(found))) == values.endswith("twin")
     exact = {row[:4] for row in found.undecided if row.exact}
     assert exact <= {row[:4] for row in found.rejected}
+
+
+def test_the_paper_s_block_that_is_most_like_one_is_chosen() -> None:
+    for plan, source in (
+        (BlockPlan(4, 4, 0.60, 0.60, 3), "3x3"),
+        (BlockPlan(4, 4, 0.60, 0.60, 3, twin=True), "3x3-twin"),
+        (BlockPlan(4, 4, 0.60, 0.60, 5), "5x5"),
+        (BlockPlan(4, 4, 0.60, 0.60, 5, twin=True), "5x5-twin"),
+    ):
+        planned = plan_block(plan).evaluated()
+        assert snooping_models(planned, "paper").source == source
+        on_curves = snooping_models(planned, "paper", 2.0).roots
+        other = [
+            kind for kind, root in snooping_models(planned, "paper").roots.items()
+            if on_curves[kind] != root
+        ]  # fmt: skip
+        assert {(kind.control, kind.rays) for kind in other} == {(True, 4)}
+        assert {kind.inner for kind in other} == {False, True}
+    single = snooping_models(plan_block(BlockPlan(4, 4, 0.60, 0.60, 3)).evaluated(), "3x3", 2.0)
+    assert single.roots[ObservationClass(4, False, True, "y")] == pytest.approx(0.735 - 0.036)
+    assert single.roots[ObservationClass(4, True, True, "x")] == pytest.approx(0.885 - 0.008)
+
+
+def test_without_tolerance_model_values_alone_decide() -> None:
+    adjusted = adjust_block(flown(3, 5, errors=6))
+    found = snoop_block(adjusted, tolerance=0.0, model="3x3")
+    assert found is not None
+    for row in found.classes:
+        assert row.undecided == (row.observations if row.model is None else 0)
+    assert found.wrongly_accepted or found.wrongly_rejected
+
+
+def test_model_values_come_from_a_planned_block(tmp_path: Path, capsys) -> None:
+    file = tmp_path / "values.csv"
+    planned = ["plan", "block", "--strips", "3", "--photos", "5", "--sidelap", "60", "--bridging"]
+    assert main([*planned, "4", "--csv", str(file)]) == 0
+    folder = written(tmp_path / "b", flown(3, 5, errors=6))
+    capsys.readouterr()
+    assert main(["adjust", str(folder), "--snooping", "--snooping-model", str(file), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["snooping"]
+    assert told["model_values"] == "file"
+    values = {
+        (row["rays"], row["ray"] == "inner", row["point"] == "control", row["axis"]): row
+        for row in csv.DictReader(file.read_text().splitlines())
+    }
+    with_value = 0
+    for row in told["classes"]:
+        of = values.get((str(row["rays"]), row["inner"], row["control"], row["axis"]))
+        assert row["root_qvv"] == (None if of is None else float(of["mean_root"]))
+        with_value += of is not None
+    assert with_value > 4
+    text = run(folder, snooping=True, snooping_model=file)
+    assert "model values of sqrt(q_vv) of values.csv" in text
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("rays,ray,point,axis,mean_root\n5,outer,new,x,0.5\n", "v.csv line 2: rays: must be"),
+        ("rays,ray,point,axis,mean_root\n4,outer,new,x,1.5\n", "v.csv line 2: mean_root: must lie"),
+        ("rays,ray,point,axis\n4,outer,new,x\n", "v.csv line 1: no column 'mean_root'"),
+        ("rays,ray,point,axis,mean_root\n", "v.csv: no rows"),
+        (
+            "rays,ray,point,axis,mean_root\n4,outer,new,x,0.5\n4,outer,new,x,0.6\n",
+            "v.csv line 3: rays '4' twice in ray 'outer' in point 'new'",
+        ),
+    ],
+)
+def test_a_bad_file_of_model_values_is_named(tmp_path: Path, capsys, rows: str, said: str) -> None:
+    folder = written(tmp_path / "b", flown(2, 4))
+    (tmp_path / "v.csv").write_text(rows)
+    values = str(tmp_path / "v.csv")
+    assert main(["adjust", str(folder), "--snooping", "--snooping-model", values]) == 2
+    out, error = capsys.readouterr()
+    assert said in error
+    assert not out
+
+
+def test_a_bridging_distance_goes_with_the_paper_s_values(tmp_path: Path, capsys) -> None:
+    folder = written(tmp_path / "b", flown(2, 4))
+    assert main(["adjust", str(folder), "--snooping", "--snooping-bridging", "2"]) == 2
+    assert "--snooping-bridging goes with" in capsys.readouterr().err
 
 
 def run(folder: Path, **options: object) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,6 @@ __all__ = [
     "classify",
     "estimate_models",
     "model_values",
-    "paper_models",
     "snoop",
 ]
 
@@ -101,40 +100,6 @@ def classify(problem: Problem) -> dict[ObservationClass, tuple[Index, int]]:
             kind = ObservationClass(value // 4, bool(value & 2), bool(value & 1), name)
             out[kind] = index, axis
     return out
-
-
-def paper_models(side: Literal[3, 5], *, twin: bool = False) -> dict[ObservationClass, float]:
-    """Return the values of Table 2 recommended for regular 60/60 blocks.
-
-    Parameters
-    ----------
-    side
-        Points per photo, 3 x 3 or 5 x 5.
-    twin
-        Control in pairs.
-    """
-    first = side == 3
-    outer_2y = (0.41 if twin else 0.39) if first else 0.64 if twin else 0.63
-    outer_3x = (0.36 if twin else 0.34) if first else 0.43 if twin else 0.42
-    outer_3y = (0.52 if twin else 0.49) if first else 0.72 if twin else 0.71
-    inner_3 = 0.81 if twin else 0.80
-    outer_4 = (0.68 if twin else 0.65) if first else 0.78
-    inner_4 = 0.88
-    control_outer = 0.82 if twin else (0.68 if first else 0.78)
-    control_inner = 0.92 if twin else 0.89
-    values: dict[ObservationClass, float] = {
-        ObservationClass(2, False, False, "x"): 0.0,
-        ObservationClass(2, False, False, "y"): outer_2y,
-        ObservationClass(3, False, False, "x"): outer_3x,
-        ObservationClass(3, False, False, "y"): outer_3y,
-    }
-    for axis in ("x", "y"):
-        values[ObservationClass(3, True, False, axis)] = inner_3
-        values[ObservationClass(4, False, False, axis)] = outer_4
-        values[ObservationClass(4, True, False, axis)] = inner_4
-        values[ObservationClass(4, False, True, axis)] = control_outer
-        values[ObservationClass(4, True, True, axis)] = control_inner
-    return values
 
 
 def estimate_models(normal: NormalEquations, factor: Factor) -> dict[ObservationClass, float]:
