@@ -67,12 +67,11 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
             _point_again(draft, point, times)
         case commands.Switch(point, axis, on):
             mode = draft.desk.mode
-            switched = RowSwitched(point, axis, on)
-            if mode is not None and not isinstance(mode, Fiducials) and not on:
-                addition = mode.addition(point)
-                if addition is not None:
-                    draft.happen(addition)
-            draft.happen(switched if mode is None else mode.switch(point, axis, on))
+            if mode is None:
+                draft.happen(RowSwitched(point, axis, on))
+            else:
+                before = () if on else mode.additions(point)
+                draft.happen(*before, mode.switch(point, axis, on))
         case commands.Undo():
             _undo(draft)
         case commands.GiveReason(reason):

@@ -24,7 +24,7 @@ from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.referencing import KnownPlace, Referencing, asked_for, references
 from anaplot.session.repeating import Repeating
 from anaplot.session.requests import Lay
-from anaplot.session.state import SessionState, apply
+from anaplot.session.state import SessionState, fold
 from anaplot.session.transfer import NOTHING_KNOWN, Known, Offer, Transfer, transfer
 from anaplot.session.workflow import Outlook, outlook
 
@@ -266,15 +266,15 @@ class Desk:
         still = before is not None and before.laying == model.laying and model.laid == "left"
         return Lay(model.left, model.right, model.laid, "right" if still else model.laid)
 
-    def folded(self, event: Event) -> Desk:
-        """Return the desk after an event of a journal.
+    def folded(self, *events: Event) -> Desk:
+        """Return the desk after events of a journal, one after another.
 
         Raises
         ------
         EventRefusedError
-            The event cannot happen in this state.
+            One of them cannot happen then.
         """
-        before, state = self.state, apply(self.state, event)
+        before, state = self.state, fold(self.state, events)
         same = (state.models, state.recomputed) == (before.models, before.recomputed)
         return replace(
             self,

@@ -75,16 +75,16 @@ class Draft:
             self.refused,
         )
 
-    def happen(self, event: Event) -> None:
-        """Let an event happen.
+    def happen(self, *events: Event) -> None:
+        """Let events happen, all of them or none.
 
         Raises
         ------
         EventRefusedError
-            It cannot.
+            One of them cannot.
         """
-        self.desk = self.desk.folded(event)
-        self._events.append(event)
+        self.desk = self.desk.folded(*events)
+        self._events += events
 
     def note(self, kind: str, payload: Mapping[str, Any]) -> None:
         """Explain for the journal."""

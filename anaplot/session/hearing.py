@@ -30,7 +30,6 @@ from anaplot.session.heard import (
     Seen,
 )
 from anaplot.session.layinganew import check_recorded
-from anaplot.session.modes import Fiducials
 from anaplot.session.repeating import Repeating, repetition
 from anaplot.session.requests import ReadAnew
 from anaplot.session.workflow import Outlook
@@ -118,16 +117,13 @@ def _recorded(draft: Draft, record: Record) -> None:
         if draft.desk.check is not None:
             check_recorded(draft, name, record.position)
             return
-        addition = None if isinstance(mode, Fiducials) else mode.addition(name)
-        if addition is not None:
-            draft.happen(addition)
         measured = mode.measurement(name, record.position, record.switch)
         again = draft.desk.repeating
         if again is not None:
             draft.happen(repetition(mode.model, measured, moved=again.moved))
             _repeated(draft, again.after(record.position))
             return
-        draft.happen(measured)
+        draft.happen(*mode.additions(name), measured)
     except AnaplotError as error:
         draft.tell("error", f"not recorded: {error}")
         draft.note("record-refused", {"reason": str(error)})

@@ -132,6 +132,11 @@ class Fiducials:
         x, y = (middle.xl, middle.yl) if side == "left" else (middle.xr, middle.yr)
         return Placement(x, y).transformation()
 
+    def additions(self, name: str) -> tuple[Event, ...]:
+        """Return none: the camera has the fiducials that it has."""
+        del name
+        return ()
+
     def measurement(self, name: str, at: Position, switch: str) -> Event:
         """Return the fiducial's measurement on its plate."""
         side = self.inner.side
@@ -165,10 +170,10 @@ class _Points:
         """Return what is said of a point that there is not."""
         return f"point {name} is not in model {self.model.name}"
 
-    def addition(self, name: str) -> PointAdded | None:
-        """Return the event that takes a point into the model that was only offered, or None."""
+    def additions(self, name: str) -> tuple[Event, ...]:
+        """Return the event that takes a point into the model that was only offered, or none."""
         offer = None if self.model.planned(name) else self.known.offer(name)
-        return None if offer is None else PointAdded(offer.planned)
+        return () if offer is None else (PointAdded(offer.planned),)
 
     def _planned(self, name: str) -> PlannedPoint | None:
         offer = self.known.offer(name)

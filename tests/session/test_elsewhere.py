@@ -4,41 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from transferscene import flown
+from transferscene import flown, second_strip_begun
 
 from anaplot.session.elsewhere import elsewhere, ground
-from anaplot.session.events import PlannedPoint
-from anaplot.session.modelstate import Measured, ModelState
-from anaplot.session.state import start
 from anaplot.session.transfer import GROUND, Known, Transfer, transfer
 
 SEED = 4
-
-
-def model(made, strip, left, right, names=None) -> ModelState:
-    """A model whose points were pointed at without error."""
-    seen = {
-        name: (*made.truth[left][name], *made.truth[right][name])
-        for name in made.truth[left]
-        if name in made.truth[right] and (names is None or name in names)
-    }
-    plan = tuple(PlannedPoint(name, "new", *at) for name, at in seen.items())
-    measured = tuple(Measured(name, *at, 1) for name, at in seen.items())
-    return ModelState(strip, left, right, plan, measured)
 
 
 @pytest.fixture(scope="module")
 def second_strip():
     """The first strip accepted, and of the second one a model without its control."""
     made = flown(SEED)
-    first, second = made.block.strips
-    ground_points = {c.point for c in made.block.control}
-    state = replace(
-        start(made.block),
-        models=tuple(model(made, first.id, *photos) for photos in first.models()),
-        current=model(made, second.id, *second.models()[0], made.ground.keys() - ground_points),
-    )
-    return made, state
+    return made, second_strip_begun(made)
 
 
 def test_what_is_elsewhere_stays_from_one_record_to_the_next(second_strip):

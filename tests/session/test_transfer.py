@@ -2,12 +2,13 @@
 
 import pytest
 from deskscene import DRIVEN, Bench
-from transferscene import BlockBench, flown, marked
+from transferscene import BlockBench, flown, marked, second_strip_begun
 
 from anaplot.exchange.eventcodec import event_from_payload, event_to_payload
 from anaplot.photogrammetry.readings import InPosition, Position, Record
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.session.commands import Accept, AddPoint, Drive, NextModel, Switch, Undo
+from anaplot.session.desk import Desk
 from anaplot.session.events import PlannedPoint, PointAdded, PointMeasured, RowSwitched
 from anaplot.session.state import EventRefusedError, apply, fold, start
 from anaplot.session.transfer import GROUND
@@ -94,6 +95,26 @@ def test_undo_takes_back_the_record_of_what_was_offered(begun):
     assert [p.point for p in bench.desk.state.current.pending] == [name]
     bench.give(Undo())
     assert name in {o.planned.point for o in bench.offers}
+
+
+@pytest.mark.parametrize("x", [100.0, 300.0])
+def test_what_was_offered_is_in_the_plan_only_when_it_was_measured(x):
+    made = flown(4)
+    desk = Desk.at(second_strip_begun(made), DRIVEN, control=made.block.control)
+    bench = Bench(desk)
+    offered = bench.desk.transfer.offers[0].planned
+    bench.give(Drive(offered.point))
+    bench.arrive()
+    decision = bench.hear(Record(Position(x, 10.0, 10.0, 10.0), "pedal"))
+    model = bench.desk.state.current
+    if x < made.block.cameras[0].reach()[0]:
+        assert [event.kind for event in decision.events] == ["point-added", "point-measured"]
+        assert model.planned(offered.point) == offered
+        return
+    assert any(text.startswith("not recorded: ") for text in bench.told)
+    assert not decision.events
+    assert model.planned(offered.point) is None
+    assert bench.desk.state == desk.state
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -14,10 +14,12 @@ from anaplot.photogrammetry.readings import InPosition, Position, Record
 from anaplot.planning.syntheticblock import SyntheticBlock, synthetic_block
 from anaplot.session.commands import Accept, Drive, NextModel
 from anaplot.session.desk import Desk
-from anaplot.session.state import start
+from anaplot.session.events import PlannedPoint
+from anaplot.session.modelstate import Measured, ModelState
+from anaplot.session.state import SessionState, start
 from anaplot.session.transfer import Offer
 
-__all__ = ["BlockBench", "flown", "marked"]
+__all__ = ["BlockBench", "flown", "marked", "second_strip_begun"]
 
 SIGMA0 = 0.005  # mm
 
@@ -54,6 +56,31 @@ def marked(made: SyntheticBlock, *, transferred: int | None = None):
         }
         for photo, points in made.truth.items()
     }
+
+
+def second_strip_begun(made: SyntheticBlock) -> SessionState:
+    """The first strip accepted, and the second one's first model in work, all without error.
+
+    That model has no control yet.
+    """
+    first, second = made.block.strips
+    control = {c.point for c in made.block.control}
+    return replace(
+        start(made.block),
+        models=tuple(_exact(made, first.id, *photos) for photos in first.models()),
+        current=_exact(made, second.id, *second.models()[0], without=control),
+    )
+
+
+def _exact(made: SyntheticBlock, strip: str, left: str, right: str, without=()) -> ModelState:
+    seen = {
+        name: (*made.truth[left][name], *made.truth[right][name])
+        for name in made.truth[left]
+        if name in made.truth[right] and name not in without
+    }
+    plan = tuple(PlannedPoint(name, "new", *at) for name, at in seen.items())
+    measured = tuple(Measured(name, *at, 1) for name, at in seen.items())
+    return ModelState(strip, left, right, plan, measured)
 
 
 @dataclass
