@@ -22,6 +22,7 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
+from anaplot.session.modelstate import ModelState
 from anaplot.session.repeating import measured_at
 from anaplot.session.state import SessionState, apply
 
@@ -101,23 +102,25 @@ def pointings_of(start: SessionState, history: Iterable[Happened]) -> Pointings:
         An event that does not fit what happened before it.
     """
     state = start
-    done: list[tuple[Happened, SessionState]] = []
+    done: list[tuple[Happened, ModelState | None]] = []  # each with the model that was in work
     for happened in history:
         before, state = state, apply(state, happened.event)
         if isinstance(happened.event, Undone):
             done.pop()
         elif not isinstance(happened.event, Suspended | Resumed | ReasonGiven):
-            done.append((happened, before))
+            # not the whole state, which holds what an undo of 1000 events would bring back
+            done.append((happened, before.current))
     measured: dict[Named, Pointed] = {}
     here: dict[Named, str] = {}  # by whom, since photos were laid in
     runs: dict[object, Run] = {}
     layings = 0
-    for (time, who, event), before in done:
+    for (time, who, event), model in done:
         if isinstance(event, ModelChosen | ModelReopened | ModelAccepted | PhotoLaid):
             layings += 1
             here.clear()
         if isinstance(event, PointRepeated):
-            _repeated(runs, layings, event, before, who, here)
+            assert model is not None  # or the event would have been refused
+            _repeated(runs, layings, event, model, who, here)
         elif (named := _named(event)) is not None:
             measured[named] = Pointed(who, time)
             here[named] = who
@@ -138,7 +141,7 @@ def _repeated(
     runs: dict[object, Run],
     layings: int,
     event: PointRepeated,
-    before: SessionState,
+    model: ModelState,
     who: str,
     here: dict[Named, str],
 ) -> None:
@@ -147,8 +150,6 @@ def _repeated(
     The measurement that it repeats is one of them where the same person made it, and the photos
     were not laid in anew since.
     """
-    model = before.current
-    assert model is not None  # or the event would have been refused
     at = measured_at(model, event)
     assert at is not None
     name = f"{event.left}/{event.right}"
