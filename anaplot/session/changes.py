@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from anaplot.aliases import Side
-from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 from anaplot.session.events import (
     Event,
@@ -27,7 +26,7 @@ from anaplot.session.events import (
     Undone,
 )
 from anaplot.session.innerwork import inner_outlook
-from anaplot.session.models import solve
+from anaplot.session.models import solved_or_none
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, start
 
@@ -254,9 +253,8 @@ def _largest(state: SessionState, point: str, axis: str | None = None) -> float 
     model = state.current
     if model is None or model.measurement(point) is None:
         return None
-    try:
-        solution = solve(state, model)
-    except NotComputableError:
+    solution = solved_or_none(state, model)
+    if solution is None:
         return None
     sizes = [
         row.size

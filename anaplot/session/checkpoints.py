@@ -6,9 +6,7 @@ from itertools import combinations
 from math import dist, sqrt
 
 from anaplot.aliases import Side
-from anaplot.errors import NotComputableError
-from anaplot.orientation.results import ModelSolution
-from anaplot.session.models import solve
+from anaplot.session.models import solved_or_none
 from anaplot.session.modelstate import ModelState
 from anaplot.session.plates import ReadOut
 from anaplot.session.state import SessionState
@@ -72,19 +70,12 @@ def _standing(state: SessionState, model: ModelState) -> tuple[set[str], dict[st
         if one.strip != model.strip or not set(one.photos) & set(model.photos):
             continue
         doubted |= {point for point, _ in one.off}
-        solution = _solved(state, one)
+        solution = solved_or_none(state, one)
         for row in () if solution is None else solution.table:
             checked[row.point] = checked.get(row.point, 0.0) + (row.r or 0.0)
             if row.flagged:
                 doubted.add(row.point)
     return doubted, checked
-
-
-def _solved(state: SessionState, model: ModelState) -> ModelSolution | None:
-    try:
-        return solve(state, model)
-    except NotComputableError:
-        return None
 
 
 def gaps(model: ModelState, point: str, here: ReadOut) -> dict[Side, float]:

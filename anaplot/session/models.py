@@ -14,7 +14,14 @@ from anaplot.orientation.stripgeometry import StripGeometry, extended
 from anaplot.photogrammetry.block import Block, Camera, Precision, TestSettings
 from anaplot.session.state import ModelState, SessionState
 
-__all__ = ["diagnosis_of", "geometry_of", "preceding_models", "solve", "solve_after"]
+__all__ = [
+    "diagnosis_of",
+    "geometry_of",
+    "preceding_models",
+    "solve",
+    "solve_after",
+    "solved_or_none",
+]
 
 
 def preceding_models(state: SessionState, model: ModelState) -> tuple[ModelState, ...]:
@@ -45,6 +52,14 @@ def solve(state: SessionState, model: ModelState) -> ModelSolution:
     return solve_after(state.block, model, before, solution)
 
 
+def solved_or_none(state: SessionState, model: ModelState) -> ModelSolution | None:
+    """Orient a model of a session; None where its measurements do not determine it (yet)."""
+    try:
+        return solve(state, model)
+    except NotComputableError:
+        return None
+
+
 def solve_after(
     block: Block,
     model: ModelState,
@@ -67,10 +82,8 @@ def solve_after(
     NotComputableError
         The measurements do not determine it; says why.
     """
-    base = next(s.base for s in block.strips if s.id == model.strip)
-    once = _measured_once(before, model)
-    cameras = _cameras(block, model)
-    return _solve(model, cameras, base, preceding, once, block.precision, block.test)
+    observed = _observed(block, model, before, preceding)
+    return _solve(*observed, block.precision, block.test)
 
 
 def geometry_of(block: Block, models: tuple[ModelState, ...]) -> StripGeometry | None:
@@ -86,18 +99,30 @@ def geometry_of(block: Block, models: tuple[ModelState, ...]) -> StripGeometry |
     before: ModelState | None = None
     solution: ModelSolution | None = None
     geometry: StripGeometry | None = None
-    settings = (block.precision, block.test)
     for one in models:
-        base = next(s.base for s in block.strips if s.id == one.strip)
-        once = _measured_once(before, one)
-        measured = (one, _cameras(block, one), base, solution, once)
+        observed = _observed(block, one, before, solution)
         try:
-            solution = _solve(*measured, *settings)
+            solution = _solve(*observed, block.precision, block.test)
         except NotComputableError:
             break
-        geometry = _extended(geometry, *measured, solution)
+        geometry = _extended(geometry, *observed, solution)
         before = one
     return geometry
+
+
+_Observed = tuple[
+    ModelState, tuple[Camera, Camera], float | None, ModelSolution | None, frozenset[str]
+]
+"""A model, its cameras, the base of its strip, the solution before it, what was measured once."""
+
+
+def _observed(
+    block: Block, model: ModelState, before: ModelState | None, preceding: ModelSolution | None
+) -> _Observed:
+    """Return all that a model follows from, but for the block's precision and test."""
+    cameras = block.camera_of(model.left), block.camera_of(model.right)
+    base = next(s.base for s in block.strips if s.id == model.strip)
+    return model, cameras, base, preceding, _measured_once(before, model)
 
 
 @lru_cache(maxsize=256)
@@ -119,10 +144,6 @@ def _measured_once(before: ModelState | None, model: ModelState) -> frozenset[st
         return frozenset()
     right = {(m.point, m.xr, m.yr) for m in before.used}
     return frozenset(m.point for m in model.used if (m.point, m.xl, m.yl) in right)
-
-
-def _cameras(block: Block, model: ModelState) -> tuple[Camera, Camera]:
-    return block.camera_of(model.left), block.camera_of(model.right)
 
 
 # Keyed by the preceding solution itself, which is remembered too: a chain, without recursion.

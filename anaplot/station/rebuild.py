@@ -6,11 +6,11 @@ from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
 
-from anaplot.errors import InputError, NotComputableError
+from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import write_image_points, write_new_block
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.block import Block
-from anaplot.session.models import solve
+from anaplot.session.models import solved_or_none
 from anaplot.session.state import SessionState
 from anaplot.station.imagepoints import rows_of
 from anaplot.station.replay import Replayed
@@ -53,10 +53,5 @@ def _self_contained(block: Block) -> Block:
 def session_solutions(state: SessionState) -> tuple[tuple[str, ModelSolution], ...]:
     """Return (strip, solution) of the accepted models, and of the current one where it has one."""
     models = state.models if state.current is None else state.models_with(state.current)
-    out = []
-    for model in models:
-        try:
-            out.append((model.strip, solve(state, model)))
-        except NotComputableError:
-            continue
-    return tuple(out)
+    solved = ((model.strip, solved_or_none(state, model)) for model in models)
+    return tuple((strip, solution) for strip, solution in solved if solution is not None)

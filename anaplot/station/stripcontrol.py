@@ -9,7 +9,7 @@ from anaplot.errors import NotComputableError
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.stripfit import Degree, StripFit, fit_models, measured_control
 from anaplot.photogrammetry.block import Block
-from anaplot.session.models import solve
+from anaplot.session.models import solved_or_none
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState
 
@@ -86,12 +86,5 @@ def _solved(state: SessionState, strip: str) -> list[ModelSolution]:
         models = state.models_with(state.current)
     if state.returned is not None and state.returned.parked is not None:
         models = (*models, state.returned.parked)
-    out = []
-    for model in models:
-        if model.strip != strip:
-            continue
-        try:
-            out.append(solve(state, model))
-        except NotComputableError:
-            continue
-    return out
+    solved = (solved_or_none(state, model) for model in models if model.strip == strip)
+    return [solution for solution in solved if solution is not None]
