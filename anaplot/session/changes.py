@@ -27,7 +27,6 @@ from anaplot.session.events import (
 )
 from anaplot.session.innerwork import inner_outlook
 from anaplot.session.models import solved_or_none
-from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, start
 
 __all__ = ["Change", "ChangeKind", "ChangeLog", "Happened", "changes"]
@@ -179,7 +178,7 @@ def _told(
             w = {"w_before": _largest(before, point), "w_after": _largest(after, point)}
             out = []
             for side in sides:
-                old, new = (_place(state.current, side, point) for state in (before, after))
+                old, new = (m and m.place_of(side, point) for m in (before.current, after.current))
                 photo = event.left if side == "left" else event.right
                 what: ChangeKind = "measured" if old is None else "remeasured"
                 out.append(change(what, photo=photo, point=point, old=old, new=new, **w))
@@ -192,7 +191,9 @@ def _told(
             }
             return [change("on" if on else "off", photo=photo, point=point, axis=axis or "", **w)]
         case FiducialMeasured(photo, side, fiducial):
-            old, new = (_on_plate(state.current, side, fiducial) for state in (before, after))
+            old, new = (
+                m and m.fiducial_place(side, fiducial) for m in (before.current, after.current)
+            )
             return [
                 change(
                     "measured" if old is None else "remeasured",
@@ -228,24 +229,6 @@ def _told(
             return [change("reopened", point=event.point or "")]
         case _:
             return [change("undone")] if undone else []
-
-
-def _place(model: ModelState | None, side: Side, point: str) -> XY | None:
-    if model is None:
-        return None
-    if model.mono:
-        seen = model.sighting(side, point)
-        return None if seen is None else (seen.x, seen.y)
-    m = model.measurement(point)
-    if m is None:
-        return None
-    return (m.xl, m.yl) if side == "left" else (m.xr, m.yr)
-
-
-def _on_plate(model: ModelState | None, side: Side, fiducial: str) -> XY | None:
-    inner = None if model is None else model.inner_of(side)
-    m = None if inner is None else inner.measurement(fiducial)
-    return None if m is None else (m.x, m.y)
 
 
 def _largest(state: SessionState, point: str, axis: str | None = None) -> float | None:

@@ -89,12 +89,7 @@ def gaps(model: ModelState, point: str, here: ReadOut) -> dict[Side, float]:
         "right": (here.xr, here.yr),
     }
     for side in _unoriented(model):
-        if model.mono:
-            seen = model.sighting(side, point)
-            was = None if seen is None else (seen.x, seen.y)
-        else:
-            m = model.measurement(point)
-            was = None if m is None else ((m.xl, m.yl) if side == "left" else (m.xr, m.yr))
+        was = model.place_of(side, point)
         if was is not None:
             out[side] = max(abs(a - b) for a, b in zip(read[side], was, strict=True))
     return out

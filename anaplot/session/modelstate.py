@@ -105,6 +105,25 @@ class ModelState:
         """Return the latest measurement of a point, or None."""
         return next((m for m in self.measured if m.point == point), None)
 
+    def place_of(self, side: Side, point: str) -> tuple[float, float] | None:
+        """Return where a point was measured last in one photo [mm], or None.
+
+        In a mono model also while it is measured in that photo only.
+        """
+        if self.mono:
+            seen = self.sighting(side, point)
+            return None if seen is None else (seen.x, seen.y)
+        m = self.measurement(point)
+        if m is None:
+            return None
+        return (m.xl, m.yl) if side == "left" else (m.xr, m.yr)
+
+    def fiducial_place(self, side: Side, fiducial: str) -> tuple[float, float] | None:
+        """Return where a fiducial was measured last on the plate in a carriage [mm], or None."""
+        inner = self.inner_of(side)
+        m = None if inner is None else inner.measurement(fiducial)
+        return None if m is None else (m.x, m.y)
+
     def axes(self, point: str) -> tuple[Axis, ...]:
         """Return the rows that a point of this model has: y, and x when it is a tie."""
         planned = self.planned(point)

@@ -161,16 +161,8 @@ def measured_at(model: ModelState, event: PointRepeated) -> tuple[tuple[float, f
     """Return the coordinates [mm] that a pointing repeats, photo by photo; None without any."""
     found: list[tuple[float, float]] = []
     for place in event.places:
-        if event.fiducial:
-            inner = model.inner_of(place.side)
-            fiducial = None if inner is None else inner.measurement(event.name)
-            at = None if fiducial is None else (fiducial.x, fiducial.y)
-        elif model.mono:
-            seen = model.sighting(place.side, event.name)
-            at = None if seen is None else (seen.x, seen.y)
-        else:
-            m = model.measurement(event.name)
-            at = None if m is None else (m.xl, m.yl) if place.side == "left" else (m.xr, m.yr)
+        where = model.fiducial_place if event.fiducial else model.place_of
+        at = where(place.side, event.name)
         if at is None:
             return None
         found.append(at)
