@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations
-from math import dist, sqrt
+from math import dist
 
 from anaplot.aliases import Side
 from anaplot.session.models import solved_or_none
@@ -11,22 +11,9 @@ from anaplot.session.modelstate import ModelState
 from anaplot.session.plates import ReadOut
 from anaplot.session.state import SessionState
 
-__all__ = ["check_points", "gaps", "tolerance_of_check_mm"]
+__all__ = ["check_points", "gaps"]
 
-_SIGMAS = 5.0
-"""Standard deviations of a difference of two pointings that are believed."""
 _COUNT = 2
-
-
-def tolerance_of_check_mm(image_um: float) -> float:
-    """Return by how much a coordinate may differ from the one on record [mm].
-
-    Parameters
-    ----------
-    image_um
-        Standard deviation of a pointing [um]; the difference is one of two.
-    """
-    return _SIGMAS * sqrt(2.0) * image_um / 1000.0
 
 
 def _unoriented(model: ModelState) -> tuple[Side, ...]:

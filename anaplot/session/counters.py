@@ -13,9 +13,9 @@ from anaplot.session.referencing import (
     Referencing,
     in_words,
     references,
-    tolerance_mm,
 )
 from anaplot.session.requests import ReadAnew, Refer, SetMark
+from anaplot.session.tolerances import tolerance_of_offsets_mm
 
 __all__ = ["aim_at_reference", "keep_counters", "lose_reference", "refer"]
 
@@ -67,7 +67,7 @@ def _pointed(
     needed: tuple[Side, ...],
 ) -> None:
     """Take it that the mark is set on a reference where the counters stand."""
-    tolerance = tolerance_mm(draft.desk.state.block.precision.image_um)
+    tolerance = tolerance_of_offsets_mm(draft.desk.state.block.precision.image_um)
     note = {"reference": at.title, "counters": [here.xl, here.yl, here.xr, here.yr]}
     try:
         referencing = referencing.pointed(at, here, tolerance)

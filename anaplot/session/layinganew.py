@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from anaplot.errors import InputError
 from anaplot.photogrammetry.readings import Position
-from anaplot.session.checkpoints import check_points, gaps, tolerance_of_check_mm
+from anaplot.session.checkpoints import check_points, gaps
 from anaplot.session.draft import Draft
 from anaplot.session.events import ModelReopened
 from anaplot.session.plates import image_of, plates_of
 from anaplot.session.referencing import Referencing
 from anaplot.session.requests import ReadAnew
+from anaplot.session.tolerances import tolerance_of_check_mm
 
 __all__ = ["check_recorded", "laid_anew", "return_to"]
 

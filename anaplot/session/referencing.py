@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import sqrt
 
 from anaplot.aliases import Side
 from anaplot.errors import InputError, NotComputableError
@@ -25,11 +24,7 @@ __all__ = [
     "asked_for",
     "in_words",
     "references",
-    "tolerance_mm",
 ]
-
-_SIGMAS = 5.0
-"""Standard deviations of a difference of two offsets that are believed."""
 
 Offset = tuple[float, float]
 Place = tuple[float, float]
@@ -55,18 +50,6 @@ class KnownPlace:
     title: str
     places: Mapping[Side, Place]
     side: Side | None = None
-
-
-def tolerance_mm(image_um: float) -> float:
-    """Return by how much two offsets may differ [mm].
-
-    Parameters
-    ----------
-    image_um
-        Standard deviation of a pointing [um]. An offset is made of two pointings (the former one
-        and this one), a difference of offsets of four.
-    """
-    return _SIGMAS * sqrt(4.0) * image_um / 1000.0
 
 
 def references(

@@ -14,7 +14,7 @@ from sessionscene import Scene
 from anaplot.errors import InputError
 from anaplot.orientation.results import ModelSolution
 from anaplot.photogrammetry.readings import Position, Record
-from anaplot.session.checkpoints import check_points, tolerance_of_check_mm
+from anaplot.session.checkpoints import check_points
 from anaplot.session.commands import (
     Accept,
     Drive,
@@ -40,6 +40,7 @@ from anaplot.session.models import solve
 from anaplot.session.recomputed import recomputed_models
 from anaplot.session.requests import Lay, WritePoints
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold
+from anaplot.session.tolerances import tolerance_of_check_mm
 from anaplot.station.imagepoints import rows_of
 
 SCENE = Scene(5)

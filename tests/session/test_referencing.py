@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.plotter.readings import Position
-from anaplot.session.referencing import KnownPlace, Referencing, in_words, tolerance_mm
+from anaplot.session.referencing import KnownPlace, Referencing, in_words
+from anaplot.session.tolerances import tolerance_of_offsets_mm
 
 ZERO = Position(0.0, 0.0, 0.0, 0.0)
 TOLERANCE = 0.05
@@ -81,4 +82,4 @@ def test_words_and_tolerance() -> None:
     shift = Position(1.0, -2.0, 3.5, 0.0)
     assert in_words(shift, mono=False) == "x' +1.000, y' -2.000, x'' +3.500, y'' +0.000 mm"
     assert in_words(shift, mono=True) == "x +1.000, y -2.000 mm"
-    assert tolerance_mm(5.0) == pytest.approx(0.05)
+    assert tolerance_of_offsets_mm(5.0) == pytest.approx(0.05)
