@@ -144,7 +144,7 @@ class Desk:
     @property
     def mode(self) -> Mode | None:
         """What is measured now; None between models."""
-        return mode_of(self.state, self.transfer)
+        return mode_of(self.state, self.known)
 
     @property
     def candidates(self) -> Candidates | None:

@@ -33,12 +33,12 @@ from anaplot.session.innerstate import InnerState
 from anaplot.session.modelstate import ModelState
 from anaplot.session.plates import ReadOut, image_of, plate_of, plates_of
 from anaplot.session.state import SessionState
-from anaplot.session.transfer import Transfer
+from anaplot.session.transfer import Known, Transfer, transfer
 
 __all__ = ["Fiducials", "Mode", "Pairs", "Singles", "mode_of"]
 
 
-def mode_of(state: SessionState, known: Transfer) -> Mode | None:
+def mode_of(state: SessionState, known: Known) -> Mode | None:
     """Return what is measured in a session's present state; None between models.
 
     Parameters
@@ -46,7 +46,7 @@ def mode_of(state: SessionState, known: Transfer) -> Mode | None:
     state
         The session's state.
     known
-        What follows from what is known from elsewhere.
+        What is known from elsewhere; what follows from it only points ask for.
     """
     model = state.current
     if model is None:
@@ -154,13 +154,17 @@ class _Points:
 
     state: SessionState
     model: ModelState
-    known: Transfer
+    known: Known
     unit: ClassVar[str] = "point"
 
     @property
     def side(self) -> Side | None:
         """None: points are pointed at in whatever lies there."""
         return None
+
+    @property
+    def _transfer(self) -> Transfer:
+        return transfer(self.state, self.known)
 
     def has(self, name: str) -> bool:
         """Whether the model has a point."""
@@ -172,12 +176,14 @@ class _Points:
 
     def additions(self, name: str) -> tuple[Event, ...]:
         """Return the event that takes a point into the model that was only offered, or none."""
-        offer = None if self.model.planned(name) else self.known.offer(name)
+        offer = None if self.model.planned(name) else self._transfer.offer(name)
         return () if offer is None else (PointAdded(offer.planned),)
 
     def _planned(self, name: str) -> PlannedPoint | None:
-        offer = self.known.offer(name)
-        return self.model.planned(name) or (None if offer is None else offer.planned)
+        if planned := self.model.planned(name):
+            return planned
+        offer = self._transfer.offer(name)
+        return None if offer is None else offer.planned
 
     def switch(self, name: str, axis: Axis | None, on: bool) -> Event:
         """Return the event that switches a point's row."""
@@ -187,8 +193,7 @@ class _Points:
         """Return where a point is expected in both photos [mm]."""
         planned = self._planned(name)
         assert planned is not None
-        there = self.known.places.get(name)
-        if there is not None and planned.role in OFFERED:
+        if planned.role in OFFERED and (there := self._transfer.places.get(name)):
             return there[0]  # better with every point
         xr, yr = planned.xr, planned.yr
         if not known and planned.role not in OFFERED:
@@ -200,7 +205,7 @@ class _Points:
         before = self.state.preceding(self.model.strip, self.model.left)
         if before is not None and any(m.point == name for m in before.used):
             return "tie"
-        return self.known.marks.get(name) or "new"
+        return self._transfer.marks.get(name) or "new"
 
 
 @dataclass(frozen=True, slots=True)
