@@ -1,21 +1,32 @@
-"""Fifty strips measured through the real link: what was planted, found, repaired and missed."""
+"""Fifty strips measured through the real link: what was planted, found, repaired and missed.
+
+`bridge` of each, and of each with rows off, gives the tables of the console to the last digit.
+"""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from math import exp, sqrt
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from anaplot.adjustment.significance import noncentrality
+from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.orientation.model import orient
 from anaplot.orientation.patterns import pattern
-from anaplot.orientation.strip import stereopair
+from anaplot.orientation.strip import bridge_strip, stereopair
 from anaplot.planning.modelplan import plan_positions
 from anaplot.report.democommand import demo_document
+from anaplot.session.models import solve
+from anaplot.session.modelstate import ModelState
+from anaplot.session.state import SessionState
 from anaplot.simulation.demo import DEFAULT_MODELS, DEFAULT_SEED, Demo, Outcome, run_demo
 from anaplot.simulation.mistakes import SMALLEST, Planted
+from anaplot.station.imagepoints import rows_of
+from anaplot.station.replay import replay_session
 
 MODELS = 4
 
@@ -62,6 +73,41 @@ def standardized(demo: Demo) -> dict[tuple[str, str, str], float]:
     return out
 
 
+def assert_bridged(folder: Path, state: SessionState) -> None:
+    block = read_block(folder)
+    [strip] = [bridge_strip(block, strip) for strip in block.strips]
+    assert len(strip.models) == len(state.models)
+    for model, again in zip(state.models, strip.models, strict=True):
+        solution = solve(state, model)
+        assert again.listed == solution.listed
+        assert {row.key for row in again.off_rows} == model.off
+        assert (again.points, again.sigma0_um) == (solution.points, solution.sigma0_um)
+
+
+def switched(models: tuple[ModelState, ...], seed: int) -> tuple[ModelState, ...]:
+    """Return models with rows off: x of a tie, y of another, and a point that nobody else needs."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for k, model in enumerate(models):
+        following = {m.point for m in models[k + 1].measured} if k + 1 < len(models) else set()
+        ties = [m.point for m in model.measured if len(model.axes(m.point)) == 2]
+        free = [m.point for m in model.measured if m.point not in following]
+        off = {(name, axis) for name in rng.choice(free, 1) for axis in model.axes(name)}
+        chosen = rng.choice(ties, 2, replace=False) if ties else ()
+        off |= {(name, axis) for name, axis in zip(chosen, "xy", strict=False)}
+        out.append(replace(model, off=frozenset((str(name), axis) for name, axis in off)))
+    return tuple(out)
+
+
+def assert_bridged_alike(folder: Path, seed: int) -> None:
+    replayed = replay_session(folder)
+    assert replayed.differences == ()
+    assert_bridged(folder, replayed.state)
+    state = replace(replayed.state, models=switched(replayed.state.models, seed))
+    write_image_points(folder, rows_of(state.models))
+    assert_bridged(folder, state)
+
+
 def missing_power(deviations: float, alpha: float) -> float:
     """Return the probability that the normal test misses an error of so many deviations."""
     from scipy.special import ndtr, ndtri
@@ -78,13 +124,14 @@ def test_the_power_is_that_of_the_normal_test() -> None:
 
 @pytest.mark.usefixtures("without_block")
 @pytest.mark.parametrize("tens", range(5))
-def test_ten_seeds_counted(tmp_path: Path, tens: int) -> None:
+def test_ten_seeds_counted_and_bridged(tmp_path: Path, tens: int) -> None:
     predicted_missed = 0.0
     missed: list[tuple[int, Planted]] = []
     false_flags = rows = detectable = 0
     for seed in range(1 + 10 * tens, 11 + 10 * tens):
         demo = Demo.make(MODELS, seed)
         outcome = run(demo, tmp_path / str(seed))
+        assert_bridged_alike(tmp_path / str(seed), seed)
         sizes = standardized(demo)
         alpha = demo.strip.block.test.alpha
         assert min(sizes.values()) >= SMALLEST
