@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,10 +10,12 @@ from pathlib import Path
 from typing import cast
 
 from anaplot.adjustment.strategies import STRATEGIES
+from anaplot.aliases import Strategy
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block, write_image_points
 from anaplot.exchange.lockfile import FolderLock
+from anaplot.exchange.rejectedrows import as_before, rejecting_reason, said_by
 from anaplot.photogrammetry.block import ImagePoint, Use
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.columns import counted
@@ -24,9 +25,6 @@ from anaplot.report.running import computed, run_computation
 from anaplot.textfiles.wording import place
 
 __all__ = ["applied", "run_adjust", "taken_back"]
-
-# before a strategy's name alone the row counted whole, and nobody had said anything of it
-_BEFORE = re.compile(r"(?P<name>\w+)(; before: (?P<use>xy|x|y)(, (?P<reason>.*))?)?", re.DOTALL)
 
 
 def run_adjust(options: argparse.Namespace) -> int:
@@ -77,7 +75,7 @@ def run_adjust(options: argparse.Namespace) -> int:
 
 
 def applied(
-    rows: Iterable[ImagePoint], rejected: Iterable[ObservationName], strategy: str
+    rows: Iterable[ImagePoint], rejected: Iterable[ObservationName], strategy: Strategy
 ) -> tuple[ImagePoint, ...]:
     """Return rows without the image coordinates that a strategy rejects.
 
@@ -102,35 +100,20 @@ def applied(
     )
 
 
-def _without(row: ImagePoint, axes: set[str], strategy: str) -> ImagePoint:
+def _without(row: ImagePoint, axes: set[str], strategy: Strategy) -> ImagePoint:
     left = "".join(axis for axis in "xy" if row.counts(axis) and axis not in axes) or "off"
     if left == row.use:
         return row
     reason = row.reason
-    if reason is None or _said_by(reason) != strategy:
-        before = "" if row.use == "xy" and reason is None else f"; before: {row.use}"
-        reason = strategy + before + ("" if reason is None else f", {reason}")
+    if said_by(reason) != strategy:
+        reason = rejecting_reason(strategy, row.use, reason)
     return replace(row, use=cast("Use", left), reason=reason)
-
-
-def _said_by(reason: str) -> str | None:
-    """Return the strategy whose reason that is; None of a person's."""
-    match = _BEFORE.fullmatch(reason)
-    return match["name"] if match is not None and match["name"] in STRATEGIES else None
 
 
 def taken_back(rows: Iterable[ImagePoint], strategies: Iterable[str]) -> tuple[ImagePoint, ...]:
     """Return rows as they were before some strategies' rejections were applied."""
-    names = frozenset(strategies)
-    return tuple(_as_before(row, names) for row in rows)
-
-
-def _as_before(row: ImagePoint, names: frozenset[str]) -> ImagePoint:
-    while row.reason is not None and _said_by(row.reason) in names:
-        match = _BEFORE.fullmatch(row.reason)
-        assert match is not None
-        row = replace(row, use=cast("Use", match["use"] or "xy"), reason=match["reason"])
-    return row
+    names = tuple(strategies)
+    return tuple(as_before(row, names) for row in rows)
 
 
 def _write(folder: Path, before: tuple[ImagePoint, ...], rows: tuple[ImagePoint, ...]) -> None:

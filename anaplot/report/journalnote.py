@@ -99,7 +99,7 @@ def journal_answer(folder: Path, found: Journaled) -> Answer | None:
             "file": _row(here),
             "journal": None if mine is None else _row(mine),
         }
-        for here, mine in found.edited[:_MOST]
+        for here, mine, _ in found.edited[:_MOST]
     ]
     return {"count": len(found.edited), "rows": rows, "remark": remark}
 

@@ -9,6 +9,8 @@ from typing import Literal, NamedTuple
 from anaplot.aliases import Side
 from anaplot.photogrammetry.block import Block
 from anaplot.session.events import (
+    DecidedRow,
+    DecisionsTakenOver,
     Event,
     FiducialMeasured,
     FiducialSwitched,
@@ -72,7 +74,8 @@ class Change:
         abs(w) of the row, or the largest of the point's or fiducial's, before and after; None
         while there is none, and where the row is off.
     reason
-        Why: "pointing", "identification", "transfer", "instrument", or "" where nobody said so.
+        Why: "pointing", "identification", "transfer", "instrument", a strategy for gross errors
+        that `anaplot adjust --apply` had, or "" where nobody said so.
     """
 
     time: str
@@ -205,6 +208,22 @@ def _told(
                     w_after=_largest_of_fiducial(after, side, fiducial),
                 )
             ]
+        case DecisionsTakenOver(rows):
+            return [
+                replace(
+                    change(
+                        "on" if row.on else "off",
+                        photo=row.right,
+                        point=row.point,
+                        axis=row.axis,
+                        w_before=_largest_of(before, row),
+                        w_after=_largest_of(after, row),
+                    ),
+                    model=f"{row.left}/{row.right}",
+                    reason=row.reason,
+                )
+                for row in rows
+            ]
         case FiducialSwitched(photo, fiducial, axis, on):
             side = "left" if model is not None and photo == model.left else "right"
             return [
@@ -229,6 +248,12 @@ def _told(
             return [change("reopened", point=event.point or "")]
         case _:
             return [change("undone")] if undone else []
+
+
+def _largest_of(state: SessionState, row: DecidedRow) -> float | None:
+    """Return abs(w) of a row of an accepted model."""
+    accepted = replace(state, current=state.accepted(row.left, row.right))
+    return _largest(accepted, row.point, row.axis)
 
 
 def _largest(state: SessionState, point: str, axis: str | None = None) -> float | None:

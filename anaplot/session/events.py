@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, get_args
 
-from anaplot.aliases import Axis, Side
+from anaplot.aliases import Axis, Side, Strategy
 from anaplot.photogrammetry.platetransformation import TransformationName
 
 __all__ = [
     "EVENT_KINDS",
     "OFFERED",
+    "DecidedRow",
+    "DecisionsTakenOver",
     "Event",
     "FiducialMeasured",
     "FiducialSwitched",
@@ -271,6 +273,37 @@ class RowSwitched:
 
 
 @dataclass(frozen=True, slots=True)
+class DecidedRow:
+    """A row of an accepted model that was switched outside the session.
+
+    Attributes
+    ----------
+    left, right, point, axis
+        The model and the row.
+    on
+        Whether it counts now.
+    reason
+        The strategy for gross errors that rejected it; of a row that is on, whose rejection was
+        taken back.
+    """
+
+    left: PhotoName
+    right: PhotoName
+    point: str
+    axis: Axis
+    on: bool
+    reason: Strategy
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionsTakenOver:
+    """Rows that were switched in image_points.csv, as a strategy for gross errors had it."""
+
+    kind: ClassVar[str] = "decisions-taken-over"
+    rows: tuple[DecidedRow, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class ModelAccepted:
     """The operator accepted the current model."""
 
@@ -345,6 +378,7 @@ Event = (
     | PointMeasured
     | PointRepeated
     | RowSwitched
+    | DecisionsTakenOver
     | ModelAccepted
     | ModelReopened
     | Undone

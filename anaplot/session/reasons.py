@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
-from anaplot.aliases import Axis
+from anaplot.aliases import Axis, Strategy
 from anaplot.session.events import (
     Event,
     FiducialMeasured,
@@ -60,12 +60,12 @@ class LastChange:
 
 
 class RowReason(NamedTuple):
-    """The reason for which a row of a model was switched off."""
+    """The reason for which a row of a model was switched off: an operator's, or a strategy's."""
 
     model: str
     point: str
     axis: Axis
-    reason: Reason
+    reason: Reason | Strategy
 
 
 def last_change(

@@ -7,14 +7,21 @@ has taken from it, roles and in a mono comparator coordinates, follows here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.modelstate import ModelState
 from anaplot.session.monofold import followed
 
-__all__ = ["AsAccepted", "Return", "following", "replaced", "same_measurements"]
+__all__ = [
+    "AsAccepted",
+    "Return",
+    "following",
+    "recomputed_since",
+    "replaced",
+    "same_measurements",
+]
 
 Models = tuple[ModelState, ...]
 
@@ -64,6 +71,24 @@ def following(models: Models, model: ModelState) -> Iterator[ModelState]:
     while (found := by_left.get(right)) is not None:
         yield found
         right = found.right
+
+
+def recomputed_since(
+    known: tuple[AsAccepted, ...], anew: Iterable[ModelState], models: Models
+) -> tuple[AsAccepted, ...]:
+    """Return the models that were computed anew since they were accepted, with further ones.
+
+    Parameters
+    ----------
+    known
+        Those so far; they stay as they were.
+    anew
+        Models that are computed anew now.
+    models
+        The accepted models as they were before.
+    """
+    told = {one.photos for one in known}
+    return (*known, *(AsAccepted(m.photos, models) for m in anew if m.photos not in told))
 
 
 def replaced(

@@ -11,6 +11,7 @@ from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS, PlateTransformation
 from anaplot.session.events import (
     OFFERED,
+    DecisionsTakenOver,
     Event,
     FiducialMeasured,
     FiducialSwitched,
@@ -38,7 +39,15 @@ from anaplot.session.pointcheck import check_place
 from anaplot.session.reasons import LastChange, RowReason, after_change, last_change, with_reason
 from anaplot.session.refusal import EventRefusedError
 from anaplot.session.repeating import check_repetition
-from anaplot.session.returning import AsAccepted, Return, following, replaced, same_measurements
+from anaplot.session.returning import (
+    AsAccepted,
+    Return,
+    following,
+    recomputed_since,
+    replaced,
+    same_measurements,
+)
+from anaplot.session.takingover import Decided, decided
 
 __all__ = ["EventRefusedError", "Measured", "ModelState", "SessionState", "apply", "fold", "start"]
 
@@ -162,7 +171,8 @@ def apply(state: SessionState, event: Event) -> SessionState:
     EventRefusedError
         When the event cannot happen in this state; says why.
     """
-    if state.suspended and not isinstance(event, Resumed):
+    # what was decided elsewhere waits for nobody
+    if state.suspended and not isinstance(event, Resumed | DecisionsTakenOver):
         raise EventRefusedError("work is suspended: resume first")
     after = _happened(state, event)
     if isinstance(event, Suspended | Resumed | ReasonGiven):
@@ -209,6 +219,8 @@ def _happened(state: SessionState, event: Event) -> SessionState:
             return _with_point(state, after, event.point)
         case RowSwitched():
             return _with_point(state, _switched(_current(state), event), event.point)
+        case DecisionsTakenOver():
+            return _taken_over(state, event)
         case ModelAccepted():
             return _accepted(state, event)
         case ModelReopened():
@@ -414,6 +426,21 @@ def _switched(model: ModelState, event: RowSwitched) -> ModelState:
     return replace(model, off=model.off - rows if event.on else model.off | rows)
 
 
+def _taken_over(state: SessionState, event: DecisionsTakenOver) -> SessionState:
+    back = state.returned
+    parked = None if back is None else back.parked
+    now = Decided(state.models, state.current, parked, state.recomputed, state.reasons)
+    after = decided(now, event.rows)
+    return replace(
+        state._remembered(),
+        models=after.models,
+        current=after.current,
+        returned=None if back is None else replace(back, parked=after.parked),
+        recomputed=after.recomputed,
+        reasons=after.reasons,
+    )
+
+
 def _accepted(state: SessionState, event: ModelAccepted) -> SessionState:
     model = _current(state)
     if (event.left, event.right) != model.photos:
@@ -460,15 +487,8 @@ def _accepted_again(state: SessionState, model: ModelState, returned: Return) ->
         changed = not state.unchanged
         models, parked = replaced(models, parked, model)
         if changed:
-            told = {known.photos for known in recomputed}
-            recomputed = (
-                *(known for known in recomputed if known.photos != model.photos),
-                *(
-                    AsAccepted(one.photos, state.models)
-                    for one in following(models, model)
-                    if one.photos not in told
-                ),
-            )
+            others = tuple(known for known in recomputed if known.photos != model.photos)
+            recomputed = recomputed_since(others, following(models, model), state.models)
     return replace(
         state._remembered(),
         models=models,

@@ -18,6 +18,9 @@ def undone(before: SessionState, after: SessionState) -> str:
         The session before and after the undo.
     """
     was, now = before.current, after.current
+    switched = _elsewhere(before, after)
+    if switched:
+        return switched
     if was is None or now is None or was.photos != now.photos or before.models != after.models:
         if now is not None and was is None:
             return f"model {now.name} is in work again"
@@ -34,6 +37,20 @@ def undone(before: SessionState, after: SessionState) -> str:
         return "the photo in the comparator is not known any more"
     switched = _rows(was.off, now.off, "")
     return _measured(was, now) or switched or f"model {now.name} is as it was before"
+
+
+def _elsewhere(before: SessionState, after: SessionState) -> str:
+    """Return what was taken over of rows of accepted models; "" where it was something else."""
+    if [m.photos for m in before.models] != [m.photos for m in after.models]:
+        return ""
+    if (before.returned is None) != (after.returned is None):
+        return ""
+    changed = [
+        f"{now.name}: {rows}"
+        for was, now in zip(before.models, after.models, strict=True)
+        if (rows := _rows(was.off, now.off, ""))
+    ]
+    return "; ".join(changed)
 
 
 def _inner(was: ModelState, now: ModelState) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,9 +11,10 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import IMAGE_POINTS_CSV
 from anaplot.exchange.journal import read_journal
 from anaplot.photogrammetry.block import Block, ImagePoint
-from anaplot.session.events import EVENT_KINDS
-from anaplot.session.state import SessionState, apply, start
+from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
+from anaplot.session.state import SessionState, apply, fold, start
 from anaplot.station.imagepoints import accepted_ever, measured_here, rows_of
+from anaplot.station.rejectedelsewhere import agreeing, decisions
 from anaplot.station.restored import restored
 from anaplot.station.sessionlog import read_history
 from anaplot.textfiles.wording import place, quoted
@@ -33,10 +34,13 @@ class EditedRow(NamedTuple):
         As the file has it.
     journal
         As the journal has it; None where the journal has no such row.
+    taken_over
+        Whether the session takes that over when it is opened.
     """
 
     here: ImagePoint
     journal: ImagePoint | None
+    taken_over: bool = False
 
 
 class Journaled(NamedTuple):
@@ -83,9 +87,30 @@ def journaled(folder: Path, block: Block) -> Journaled:
     try:
         records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
         events, state = restored(block, (one for one in records if one.kind in EVENT_KINDS))
-        return Journaled(state, edited_rows(folder, block, state, accepted_ever(events)))
+        taken = decisions(block, state)
+        edited = edited_rows(folder, block, fold(state, taken), accepted_ever(events))
+        return Journaled(state, (*_decided_rows(block, state, taken), *edited))
     except InputError as error:
         return Journaled(unread=f"the journal was not read: {error}")
+
+
+def _decided_rows(
+    block: Block, state: SessionState, taken: Iterable[DecisionsTakenOver]
+) -> Iterator[EditedRow]:
+    """Yield the rows in which what a strategy switched differs from the journal."""
+    rows = {(row.left, row.right, row.point) for event in taken for row in event.rows}
+    models = {f"{left}/{right}" for left, right, _ in rows}
+    points = {
+        (photo, point, model)
+        for left, right, point in rows
+        for photo in (left, right)
+        for model in (f"{left}/{right}", None)
+    }
+    own = {_name(row): row for row in rows_of(m for m in state.models if m.name in models)}
+    for row in block.image_points:
+        mine = own.get(_name(row))
+        if mine is not None and _name(row) in points and mine.use != row.use:
+            yield EditedRow(row, mine, taken_over=True)
 
 
 def edited_rows(
@@ -94,7 +119,8 @@ def edited_rows(
     """Return the rows of the session's that somebody else changed.
 
     The file may lag behind the journal (a full disk, a power cut): what the session has ever
-    written is no change. Nor are reasons, and rows of models that it never accepted.
+    written is no change. Nor are reasons, rows of models that it never accepted, and what it has
+    taken over of a strategy's.
 
     Parameters
     ----------
@@ -115,11 +141,12 @@ def edited_rows(
     own = {_name(row): row for row in rows_of(state.models)}
     uses = _has_use(folder / IMAGE_POINTS_CSV)
     measured = measured_here(state.models)
+    agreed = agreeing(block.image_points, state.models)
 
     def differs(row: ImagePoint) -> bool:
         mine = own.get(_name(row))
         if mine is not None and (mine.x, mine.y) == (row.x, row.y):
-            return uses and mine.use != row.use
+            return uses and mine.use != row.use and _name(row) not in agreed
         if row.model is None or row.model not in of_session:
             return False  # from elsewhere
         return mine is not None or (row.photo, row.point, row.x, row.y) not in measured
@@ -184,13 +211,25 @@ def _written(folder: Path, block: Block) -> tuple[set[object], set[object]]:
 
 def told(folder: Path, edited: EditedRow) -> str:
     """Return in words what was changed in a folder's file, and what to do."""
-    return f"{place(folder / IMAGE_POINTS_CSV)}: {_told(edited.here, edited.journal)}"
+    words = _told_taken(*edited[:2]) if edited.taken_over else _told(*edited[:2])
+    return f"{place(folder / IMAGE_POINTS_CSV)}: {words}"
+
+
+def _where(row: ImagePoint) -> str:
+    where = f"photo {quoted(row.photo)}, point {quoted(row.point)}"
+    return where if row.model is None else f"{where} of model {quoted(row.model)}"
+
+
+def _told_taken(row: ImagePoint, mine: ImagePoint | None) -> str:
+    before = "" if mine is None else f" and {mine.use} in the journal"
+    return (
+        f"{_where(row)} was switched by adjust: use is {row.use} there{before}: the console takes "
+        f"that over when it opens the block"
+    )
 
 
 def _told(row: ImagePoint, mine: ImagePoint | None) -> str:
-    where = f"photo {quoted(row.photo)}, point {quoted(row.point)}"
-    if row.model is not None:
-        where += f" of model {quoted(row.model)}"
+    where = _where(row)
     if mine is None:
         return (
             f"{where} is not in the session's journal: take the row out, or leave its model blank"

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import replace
 
+from anaplot.exchange.rejectedrows import STRATEGIES, rejecting_reason, rejects
 from anaplot.photogrammetry.block import ImagePoint, Use
 from anaplot.session.events import Event, ModelAccepted
 from anaplot.session.reasons import REASONS, RowReason, reason_of
 from anaplot.session.state import ModelState
+from anaplot.station.rejectedelsewhere import agreeing
 
 __all__ = ["accepted_ever", "measured_here", "merged_rows", "rows_of"]
 
@@ -38,7 +40,7 @@ def rows_of(
                 use: Use
                 use, why = uses.get(key, ("xy", None))
                 if side == "right":
-                    use, why = _use(model, m.point), reason_of(reasons, model, m.point)
+                    use, why = _use(model, m.point), _why(reasons, model, m.point)
                 shared = key in once
                 if shared and side == "right":
                     uses[key] = use, why
@@ -54,6 +56,20 @@ def _use(model: ModelState, point: str) -> Use:
     if model.is_off(point):
         return "off"
     return "xy" if x and y else "x" if x else "y"
+
+
+def _why(reasons: Collection[RowReason], model: ModelState, point: str) -> str | None:
+    """Return why rows of a point are off: what an operator said, then the strategies."""
+    mine = [r for r in reasons if (r.model, r.point) == (model.name, point)]
+    rejected = [r for r in mine if r.reason in STRATEGIES and (point, r.axis) in model.off]
+    why = reason_of([r for r in mine if r not in rejected], model, point)
+    for strategy in STRATEGIES:
+        gone = {(point, r.axis) for r in rejected if r.reason == strategy}
+        if gone:
+            before = replace(model, off=model.off - {(point, r.axis) for r in rejected})
+            why = rejecting_reason(strategy, _use(before, point), why)
+            rejected = [r for r in rejected if r.reason != strategy]
+    return why
 
 
 def _measured_once(models: tuple[ModelState, ...]) -> set[Key]:
@@ -103,7 +119,7 @@ def merged_rows(
         Names "left/right" of every model that the session has ever accepted: their rows in the
         file are the session's own and are replaced. One with a reason of its own words was
         switched by a person outside the session: what he decided stays as long as the measurement
-        does.
+        does; so does what a strategy rejected, as long as the session says the same.
     reasons
         Why rows are switched off.
     """
@@ -116,7 +132,13 @@ def merged_rows(
         if (row.model is None or row.model not in of_session)
         and (row.model is not None or (row.photo, row.point, row.x, row.y) not in own)
     )
-    decided = {_key(row): row for row in existing if not _of_session(row.reason)}
+    agreed = agreeing(existing, models)
+    decided = {
+        _key(row): row
+        for row in existing
+        if (row.photo, row.point, row.model) in agreed
+        or not (_of_session(row.reason) or rejects(row))
+    }
     return kept + tuple(
         replace(row, use=said.use, reason=said.reason) if (said := decided.get(_key(row))) else row
         for row in rows_of(models, reasons)

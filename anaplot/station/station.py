@@ -67,6 +67,7 @@ from anaplot.station.inbox import Inbox, Item, Told, Traffic
 from anaplot.station.instrument import Instrument, Setup
 from anaplot.station.journaling import Recorder
 from anaplot.station.livestatus import LiveStatus
+from anaplot.station.rejectedelsewhere import told_decisions
 from anaplot.station.restored import Snapshots
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
 from anaplot.station.takenup import TakenUp
@@ -147,6 +148,7 @@ class Station(Commanded):
             undo.callback(self._journal.close)
             clear_image_points(folder)
             self._recorder = Recorder(self._journal, time.monotonic)
+            self._recorder.events(taken_up.decided)
             past, self._points = taken_up.past, taken_up.points
             state = past.state
             self._snapshots = Snapshots(self._journal, block, past)
@@ -161,7 +163,8 @@ class Station(Commanded):
                 control=block.control,
                 auto_drive=auto_drive,
             )
-            for remark in (*recovered.remarks, pattern_verdict(chosen)):
+            taken = told_decisions(taken_up.decided)
+            for remark in (*recovered.remarks, pattern_verdict(chosen), taken):
                 if remark:
                     self._news.tell("warning", remark)
             self._write_points()

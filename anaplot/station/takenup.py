@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from anaplot.exchange.journal import Journal, Recovered
 from anaplot.photogrammetry.block import Block
-from anaplot.session.events import EVENT_KINDS
-from anaplot.session.state import start
+from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
+from anaplot.session.state import fold, start
 from anaplot.station.edited import check_unedited
 from anaplot.station.pointsfile import PointsFile
+from anaplot.station.rejectedelsewhere import decisions
 from anaplot.station.restored import Past, choice_for, past_of
 
 __all__ = ["TakenUp"]
@@ -30,7 +32,10 @@ class TakenUp:
     Attributes
     ----------
     past
-        What happened in the sessions before, and the state to which it led.
+        What happened in the sessions before, and the state to which it led; what was decided
+        elsewhere since then with it.
+    decided
+        That part of it: what the journal does not say yet.
     points
         The file image_points.csv, and what of it is the session's own.
     """
@@ -39,6 +44,7 @@ class TakenUp:
         self._folder = folder
         self._block = block
         self.past = Past((), 0, start(block), frozenset())
+        self.decided: tuple[DecisionsTakenOver, ...] = ()
         self.points = PointsFile(folder, block, ())
 
     def open(self, header: Mapping[str, Any]) -> tuple[Journal, Recovered]:
@@ -57,8 +63,16 @@ class TakenUp:
         Raises
         ------
         InputError
-            The journal does not fit the block, or somebody else changed a row of the session's.
+            The journal does not fit the block, or somebody else changed a row of the session's;
+            what a strategy for gross errors rejected there is taken over.
         """
-        self.past = past = past_of(self._folder, self._block, recovered)
+        past = past_of(self._folder, self._block, recovered)
+        self.decided = taken = decisions(self._block, past.state)
+        self.past = past = replace(
+            past,
+            events=(*past.events, *taken),
+            count=past.count + len(taken),
+            state=fold(past.state, taken),
+        )
         self.points = PointsFile(self._folder, self._block, past.of_session)
         check_unedited(self._folder, self._block, past.state, self.points.of_session)

@@ -10,11 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from anaplot.aliases import Strategy
 from anaplot.errors import InputError
 from anaplot.exchange.eventcodec import event_from_payload, event_to_payload
 from anaplot.photogrammetry.platetransformation import TRANSFORMATIONS
 from anaplot.session.events import (
     EVENT_KINDS,
+    DecidedRow,
+    DecisionsTakenOver,
     FiducialMeasured,
     FiducialSwitched,
     InnerAccepted,
@@ -95,6 +98,21 @@ events = st.one_of(
     st.builds(MonoMeasured, photos, photos, sides, names, numbers, numbers, names),
     st.builds(RowSwitched, names, st.sampled_from(["x", "y", None]), st.booleans()),
     st.builds(ModelAccepted, photos, photos),
+    st.builds(
+        DecisionsTakenOver,
+        st.lists(
+            st.builds(
+                DecidedRow,
+                photos,
+                photos,
+                names,
+                st.sampled_from(["x", "y"]),
+                st.booleans(),
+                st.sampled_from(typing.get_args(Strategy)),
+            ),
+            max_size=3,
+        ).map(tuple),
+    ),
     st.builds(ModelReopened, photos, photos, st.none() | names, st.none() | photos),
     st.builds(ReasonGiven, st.sampled_from(typing.get_args(Reason))),
     st.sampled_from([Undone(), Suspended(), Resumed()]),
@@ -109,6 +127,7 @@ ALL = [
     ModelAccepted("101", "102"),
     ModelReopened("101", "102", "7", "102"),
     ReasonGiven("identification"),
+    DecisionsTakenOver((DecidedRow("101", "102", "7", "y", False, "tau"),)),
     Undone(),
     Suspended(),
     Resumed(),

@@ -136,8 +136,8 @@ def test_an_edit_is_told_with_photo_point_and_what_to_do(
         assert station.state.models == work.state.models
 
 
-def test_what_the_search_switched_off_is_taken_back_first(work: Work) -> None:
-    work.write(work.with_row(work.third, use="off", reason="tau"))
+def test_what_a_strategy_never_rejected_is_refused_with_the_command_that_helps(work: Work) -> None:
+    work.write(work.with_row(work.third, use="off", reason="tau; before: y"))
     with pytest.raises(InputError, match="--apply-undo takes back"):
         work.check()
 

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from sessionscene import Scene
 
 from anaplot.session.events import (
+    DecidedRow,
+    DecisionsTakenOver,
     Event,
     ModelAccepted,
     ModelChosen,
@@ -47,7 +49,7 @@ class Draft:
             point = current.plan[self.number % len(current.plan)].point
             if self.flag:
                 model = current.photos
-        match self.kind % 14:
+        match self.kind % 15:
             case 0 | 1:
                 accepted = len(state.models)
                 if self.flag and current is None and accepted < len(models):
@@ -82,13 +84,21 @@ class Draft:
                     for photo, side in zip(model, sides, strict=True)
                 )
                 return PointRepeated(*model, point, False, places, self.flag, "key")
+            case 14 if state.models:
+                there = state.models[self.number % len(state.models)]
+                of = (
+                    there.measured[self.number % len(there.measured)].point
+                    if there.measured
+                    else "-"
+                )
+                return DecisionsTakenOver((DecidedRow(*there.photos, of, "y", self.flag, "tau"),))
             case _:
                 return PointMeasured(*model, point, 500.0, 0.0, 0.0, 0.0, "pedal")
 
 
 drafts = st.lists(
     st.builds(
-        Draft, st.integers(0, 13), st.integers(0, 40), st.integers(0, 4).map(lambda n: n > 0)
+        Draft, st.integers(0, 14), st.integers(0, 40), st.integers(0, 4).map(lambda n: n > 0)
     ),
     max_size=120,
 )
@@ -163,4 +173,5 @@ def test_what_holds_in_every_state(steps: list[Draft]) -> None:
             assert {p.point for p in state.current.pending} == set(names) - set(measured)
         rows = [reason[:3] for reason in state.reasons]
         assert len(set(rows)) == len(rows)
-        assert not state.reasons or state.last_change is not None
+        said = [reason for reason in state.reasons if reason.reason in REASONS]
+        assert not said or state.last_change is not None
