@@ -87,7 +87,8 @@ def _show(station: Station, keep: Callable[[], None] | None = None) -> int:
 def _open(options: argparse.Namespace) -> int:
     from anaplot.simulation.opening import check_options, open_station, truth_of
 
-    if _is_missing(options.block):
+    asked = _is_missing(options.block)
+    if asked:
         from anaplot.console.newblockscreen import ask_for_block
 
         # whoever answers the questions is not told afterwards what was wrong before
@@ -100,22 +101,31 @@ def _open(options: argparse.Namespace) -> int:
         )
         if options.truth is not None:
             truth_of(options.truth)
-        for line in ask_for_block(options.block):
+        waits = options.port is not None and options.profile is None
+        for line in ask_for_block(options.block, instrument=waits):
             print(line)
         if options.port is None and not options.simulate:
             return 0
-    station = open_station(
-        options.block,
-        profile=options.profile,
-        port=options.port,
-        simulate=options.simulate,
-        truth=options.truth,
-        seed=options.seed,
-        point_pattern=options.pattern,
-        operator=options.operator,
-        story=options.story,
-        ready=need_terminal,
-    )
+    try:
+        station = open_station(
+            options.block,
+            profile=options.profile,
+            port=options.port,
+            simulate=options.simulate,
+            truth=options.truth,
+            seed=options.seed,
+            point_pattern=options.pattern,
+            operator=options.operator,
+            story=options.story,
+            ready=need_terminal,
+        )
+    except AnaplotError as error:
+        if not asked:
+            raise
+        from anaplot.report.partingline import open_again
+
+        again = open_again(options.block, options)
+        raise type(error)(f"{error}; the block is written - {again} opens it") from error
     before = station.state
     code = _show(station)
     _part(station, before, options.block, options)

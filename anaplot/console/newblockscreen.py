@@ -17,7 +17,7 @@ from anaplot.console.app import THEME
 from anaplot.console.text import fit, fit_end, wrap
 from anaplot.errors import InputError
 from anaplot.report.newcommand import write_answers
-from anaplot.report.newquestions import Question, answered, camera_types, new_questions
+from anaplot.report.newquestions import NONE, Question, answered, camera_types, new_questions
 from anaplot.textfiles.wording import plain
 
 __all__ = ["NewBlockApp", "ask_for_block"]
@@ -44,6 +44,8 @@ class NewBlockApp(App[tuple[str, ...]]):
     ----------
     folder
         The block's folder; it is made when it does not exist.
+    instrument
+        Whether an instrument waits for the block, so that its profile is needed.
     """
 
     TITLE = "anaplot"
@@ -72,9 +74,10 @@ class NewBlockApp(App[tuple[str, ...]]):
     }
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, instrument: bool = False) -> None:
         super().__init__()
         self._folder = folder
+        self._instrument = instrument
         self._questions = new_questions(folder)
         self.animation_level = "none"
 
@@ -119,7 +122,10 @@ class NewBlockApp(App[tuple[str, ...]]):
 
     def _check(self, question: Question) -> bool:
         """Say under a field what is wrong with it; returns whether nothing is."""
-        fault = question.fault(self._said(question))
+        said = self._said(question)
+        fault = question.fault(said)
+        if self._instrument and question.name == "profile" and said == [NONE]:
+            fault = "the instrument at --port needs its profile"
         shown = self.query_one(f"#fault-{question.name}", Static)
         width = max(self.size.width - _LABEL - 3, 20)
         shown.update(Content(" " * (_LABEL + 1) + fit(fault, width).rstrip() if fault else ""))
@@ -195,8 +201,13 @@ def _cameras(width: int) -> list[str]:
     return [*lines, *(f"  {name:9} {plain(title)}" for name, title in camera_types())]
 
 
-def ask_for_block(folder: Path) -> tuple[str, ...]:
+def ask_for_block(folder: Path, *, instrument: bool = False) -> tuple[str, ...]:
     """Show the screen and write the block.
+
+    Parameters
+    ----------
+    folder, instrument
+        As `NewBlockApp` has them.
 
     Returns
     -------
@@ -208,7 +219,7 @@ def ask_for_block(folder: Path) -> tuple[str, ...]:
     InputError
         The person left: nothing is written.
     """
-    lines = NewBlockApp(folder).run()
+    lines = NewBlockApp(folder, instrument=instrument).run()
     if lines is None:
         raise InputError("the questions were not answered: nothing is written")
     return lines

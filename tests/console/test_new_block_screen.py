@@ -134,7 +134,7 @@ def test_open_asks_where_there_is_no_block(tmp_path, monkeypatch, capsys, device
     monkeypatch.setattr("anaplot.cli._is_missing", lambda folder: True)
     asked, opened = [], []
 
-    def ask(folder: Path) -> tuple[str, ...]:
+    def ask(folder: Path, *, instrument: bool) -> tuple[str, ...]:
         asked.append(folder)
         return ("written", "next: anaplot open b")
 
@@ -162,3 +162,36 @@ def test_options_questions_and_screen_have_one_declaration(tmp_path):
         assert question.fault([question.default]) == ""
         assert question.optional or question.default in options[question.name] + "b"
     assert new_block(tmp_path / "b", {}).strips == ()
+
+
+async def test_an_instrument_that_waits_needs_its_profile(tmp_path):
+    folder = tmp_path / "b"
+    app = NewBlockApp(folder, instrument=True)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("f4")
+        assert "the instrument at --port needs its profile" in text(app)
+        assert app.focused.id == "profile"
+        assert not folder.exists()
+        await pilot.press("ctrl+u", *"anaplot-ascii", "f4")
+    assert read_block(folder).measuring.profile == "anaplot-ascii"
+
+
+def test_a_device_that_is_not_there_is_told_with_the_command_that_goes_on(
+    tmp_path, capsys, monkeypatch
+):
+    folder = tmp_path / "b"
+
+    def written(where, *, instrument):
+        assert instrument
+        assert main(["new", str(where), "--strip", "101-103", "--profile", "anaplot-ascii"]) == 0
+        return ()
+
+    monkeypatch.setattr("anaplot.cli._is_missing", lambda _: True)
+    monkeypatch.setattr("anaplot.cli.need_terminal", lambda: None)
+    monkeypatch.setattr(newblockscreen, "ask_for_block", written)
+    assert main(["open", str(folder), "--port", str(tmp_path / "nothing")]) == 3
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "nothing" in line
+    assert line.endswith(
+        f"; the block is written - anaplot open {folder} --port {tmp_path}/nothing opens it"
+    )
