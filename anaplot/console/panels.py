@@ -302,7 +302,11 @@ def _plates(readout: ReadOut | None) -> str:
 
 
 class ExpectedLine(_Lines):
-    """What the operator is expected to do now; two lines when one is too short."""
+    """What the operator is expected to do now; two lines when one is too short.
+
+    The second line stays while the cursor moves, if the sentence needs it on any row: everything
+    below stands still then.
+    """
 
     DEFAULT_CSS = "ExpectedLine { height: auto; min-height: 1; max-height: 2; }"
 
@@ -310,19 +314,23 @@ class ExpectedLine(_Lines):
         super().__init__(id=id)
         self._head: Part = ("", "")
         self._text = ""
+        self._others: frozenset[str] = frozenset()
 
-    def show(self, snapshot: Snapshot, text: str) -> None:
-        """Show this from now on; `text`: what is to be done, with its keys."""
+    def show(self, snapshot: Snapshot, text: str, others: frozenset[str] = frozenset()) -> None:
+        """Show this from now on.
+
+        `text`: what is to be done, with its keys. `others`: what it would be on other rows.
+        """
         head: Part = (" NOW ", "bold reverse $text-accent")
         if snapshot.finished:
             head = (" DONE ", "bold reverse $text-success")
         elif snapshot.suspended:
             head = (" SUSPENDED ", "bold reverse $text-warning")
-        if (head, text) == (self._head, self._text):
+        if (head, text, others) == (self._head, self._text, self._others):
             return
-        before = len(self.lines(self.size.width, 2))
-        self._head, self._text = head, text
-        if len(self.lines(self.size.width, 2)) == before:
+        before = self._needed(self.size.width)
+        self._head, self._text, self._others = head, text, others
+        if self._needed(self.size.width) == before:
             self.show_lines()
         else:  # a new layout is costly
             self._shown = None
@@ -330,13 +338,22 @@ class ExpectedLine(_Lines):
 
     def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
         """Return how many lines the sentence needs."""
-        return len(self.lines(width, 2))
+        return self._needed(width)
+
+    def _needed(self, width: int) -> int:
+        room = width - self._indent - 1
+        texts = (self._text, *self._others) if self._head[0] else ()
+        return max((min(len(wrap(text, room)), 2) for text in texts), default=0)
+
+    @property
+    def _indent(self) -> int:
+        return cell_len(self._head[0]) + 1
 
     def lines(self, width: int, height: int) -> list[Content]:
         """Return one or two lines."""
         if not self._head[0]:
             return []
-        indent = cell_len(self._head[0]) + 1
+        indent = self._indent
         room = width - indent - 1
         first, *rest = wrap(self._text, room) or [""]
         lines = [Content.assemble(self._head, " ", (first, "bold"))]

@@ -140,6 +140,7 @@ class OrientationScreen(Screen[None]):
         self._choices = Choices()
         self._flagged: frozenset[tuple[str, str]] = frozenset()
         self._moved_by_hand = False
+        self._sentences: frozenset[str] = frozenset()
         self._unread: list[tuple[str, str]] = []
         self._pages = Pages(
             station,
@@ -263,6 +264,8 @@ class OrientationScreen(Screen[None]):
         snapshot, order = self._snapshot, self._choices.order
         rows = sort_rows(shown_rows(snapshot), order)
         self.query_one(TableView).show(rows, order, fiducials=snapshot.inner is not None)
+        moved = (None, *rows)
+        self._sentences = frozenset(now_of(snapshot, self._keys, row).text for row in moved)
 
     def _show_advice(self) -> None:
         snapshot = self._snapshot
@@ -274,7 +277,9 @@ class OrientationScreen(Screen[None]):
         now = self._situation
         enter = key_in_words(self._keys["drive"][0])
         self.query_one(ExpectedLine).show(
-            now.snapshot, ", or ".join(filter(None, (aimed(now, enter), now.now.text)))
+            now.snapshot,
+            ", or ".join(filter(None, (aimed(now, enter), now.now.text))),
+            self._sentences,
         )
         self.set_class(self.query_one(OverviewView).stands, "-overview")
         self.query_one(MapView).show(

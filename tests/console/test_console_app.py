@@ -728,6 +728,22 @@ async def test_a_long_expectation_takes_two_lines():
         assert "q Quit" in lines(app)[23]
 
 
+async def test_nothing_moves_up_or_down_with_the_cursor():
+    again = Step("remeasure", "103 and 104 are interchanged? remeasure 103", "103")
+    agenda = Agenda((again, Step("switch off", "switch it off"), Step("accept", "accept")))
+    app = console(FakeStation(picture(agenda=agenda, target=None)))
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.pause()
+        assert "accept: a" in lines(app)[4]
+        assert lines(app)[5].strip().startswith("POINT")
+        await pilot.press("j", "j")
+        await until(pilot, lambda: "to 105: Enter, or 103 and 104" in lines(app)[3])
+        assert lines(app)[4].strip() == ""
+        assert lines(app)[5].strip().startswith("POINT")
+        await pilot.press("k", "k")
+        await until(pilot, lambda: "accept: a" in lines(app)[4])
+
+
 async def test_too_much_advice_says_how_much_more_there_is():
     advice = tuple(f"sentence number {i}" for i in range(6))
     station = FakeStation(picture(diagnosis=replace(picture().diagnosis, advice=advice)))
