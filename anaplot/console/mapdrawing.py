@@ -20,7 +20,7 @@ from anaplot.session.transfer import Mark
 from anaplot.station.snapshot import PointView, Snapshot
 from anaplot.textfiles.wording import plain
 
-__all__ = ["Layer", "MapProjection", "draw_map", "nice_above"]
+__all__ = ["Layer", "MapProjection", "draw_map", "drawn_from", "nice_above"]
 
 _SMALLEST_EXTENT = 20.0  # mm: a single point is not blown up to the whole map
 _BAR_DOTS = 10
@@ -190,6 +190,16 @@ def _mark(canvas: Canvas, column: int, row: int, view: PointView, snapshot: Snap
         layer = Layer.NEXT
     sign = _KNOWN[view.mark].get(view.status, _MARKERS[view.status])
     canvas.write(column, row, sign, layer)
+
+
+def drawn_from(
+    snapshot: Snapshot, selected: tuple[str, str] | None, *, all_transfers: bool
+) -> tuple[object, ...]:
+    """Return everything on which `draw_map` depends, but for the size."""
+    work = in_work(snapshot)
+    of_model = work.points, work.table, work.solved, work.apriori_um, work.suspects
+    where = snapshot.target, snapshot.next_point, selected, all_transfers
+    return *where, snapshot.diagnosis, *of_model
 
 
 def draw_map(

@@ -9,7 +9,7 @@ from rich.style import Style
 from textual.geometry import Size
 from textual.strip import Strip
 
-from anaplot.console.mapdrawing import Layer, draw_map
+from anaplot.console.mapdrawing import Layer, draw_map, drawn_from
 from anaplot.console.repainting import DrawnWidget
 from anaplot.station.snapshot import Snapshot
 
@@ -47,12 +47,17 @@ class MapView(DrawnWidget):
         self._snapshot: Snapshot | None = None
         self._selected: tuple[str, str] | None = None
         self._all_transfers = False
+        self._drawn_from: tuple[object, ...] = ()
         self._styles: dict[int, Style] = {}
 
     def show(
         self, snapshot: Snapshot, selected: tuple[str, str] | None, *, all_transfers: bool
     ) -> None:
         """Draw this from now on."""
+        drawn = drawn_from(snapshot, selected, all_transfers=all_transfers)
+        if self.display and drawn == self._drawn_from:
+            return
+        self._drawn_from = drawn
         self._snapshot = snapshot
         self._selected = selected
         self._all_transfers = all_transfers

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import islice
 from typing import ClassVar
 
 from rich.cells import cell_len
@@ -487,14 +488,15 @@ class MessagePanel(_Lines):
         gap = " " * max(width - cell_len(said.plain) - cell_len(question) - 1, 1)
         return [Content.assemble(said, gap, asked)]
 
-    def history(self, width: int) -> list[Content]:
-        """Return all messages, the newest first, wrapped."""
-        return [
-            Content.styled(f"{'  ' if i else '· '}{line}", style)
-            for severity, text in reversed(self._messages)
-            for style in (self._style(severity),)
-            for i, line in enumerate(wrap(self._spoken(severity, text), width - 2))
-        ]
+    def history(self, width: int, most: int | None = None) -> list[Content]:
+        """Return all messages, the newest first, wrapped; or no more lines of them than `most`."""
+        return list(islice(self._wrapped(width), most))
+
+    def _wrapped(self, width: int) -> Iterator[Content]:
+        for severity, text in reversed(self._messages):
+            style = self._style(severity)
+            for i, line in enumerate(wrap(self._spoken(severity, text), width - 2)):
+                yield Content.styled(f"{'  ' if i else '· '}{line}", style)
 
     def _style(self, severity: str) -> str:
         return self._STYLES.get(severity, "$foreground-muted")
@@ -516,14 +518,14 @@ class DetailsPane(_Lines):
     Parameters
     ----------
     history
-        Returns what happened, the newest first, wrapped to a width.
+        Returns what happened, the newest first, wrapped to a width, in at most so many lines.
     """
 
     DEFAULT_CSS = "DetailsPane { background: $surface; padding: 0 1; }"
 
     def __init__(
         self,
-        history: Callable[[int], list[Content]],
+        history: Callable[[int, int], list[Content]],
         *,
         id: str | None = None,  # noqa: A002 - Textual's name
     ) -> None:
@@ -549,4 +551,4 @@ class DetailsPane(_Lines):
         more += [Content(""), Content.styled("HISTORY", "bold $foreground-muted")]
         if height < len(lines) + len(more) + 1:
             return lines
-        return [*lines, *more, *self._history(width)]
+        return [*lines, *more, *self._history(width, height - len(lines) - len(more))]

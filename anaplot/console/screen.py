@@ -163,7 +163,9 @@ class OrientationScreen(Screen[None]):
             yield TableView(id="table")
             yield StereoView(id="stereo")
             yield MapView(id="map")
-            yield DetailsPane(lambda w: self.query_one(MessagePanel).history(w), id="details")
+            yield DetailsPane(
+                lambda *size: self.query_one(MessagePanel).history(*size), id="details"
+            )
         yield AdvicePanel(id="advice")
         yield MessagePanel(id="messages")
         yield KeyBar(id="keys")
@@ -242,7 +244,6 @@ class OrientationScreen(Screen[None]):
         if flagged - self._flagged and not first:
             self.app.bell()
         self._flagged = flagged
-        self._follow()
         self._show_header()
         self._show_advice()
         if snapshot.link.detail and (first or before.link != snapshot.link):
@@ -254,18 +255,19 @@ class OrientationScreen(Screen[None]):
         self._pages.show(snapshot)
         self._show_selected()
 
-    def _follow(self) -> None:
-        """Put the cursor on the row that the line NOW is about, unless it was moved by hand."""
-        row = self._now.row
-        if row is not None and not self._moved_by_hand:
-            self.query_one(TableView).select(row)
-
     def _show_table(self) -> None:
+        """Show the rows; the cursor follows the line NOW, unless it was moved by hand."""
         snapshot, order = self._snapshot, self._choices.order
         rows = sort_rows(shown_rows(snapshot), order)
-        self.query_one(TableView).show(rows, order, fiducials=snapshot.inner is not None)
-        moved = (None, *rows)
-        self._sentences = frozenset(now_of(snapshot, self._keys, row).text for row in moved)
+        follows = now_of(snapshot, self._keys)
+        self.query_one(TableView).show(
+            rows,
+            order,
+            fiducials=snapshot.inner is not None,
+            chosen=None if self._moved_by_hand else follows.row,
+        )
+        moved = {row.point: now_of(snapshot, self._keys, row).text for row in rows}
+        self._sentences = frozenset((follows.text, *moved.values()))
 
     def _show_advice(self) -> None:
         snapshot = self._snapshot

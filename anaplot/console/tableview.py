@@ -140,13 +140,19 @@ class TableView(ScrollView):
         return self._rows
 
     def show(
-        self, rows: tuple[ShownRow, ...], order: SortOrder, *, fiducials: bool = False
+        self,
+        rows: tuple[ShownRow, ...],
+        order: SortOrder,
+        *,
+        fiducials: bool = False,
+        chosen: tuple[str, Axis] | None = None,
     ) -> None:
-        """Show these rows, of points or of fiducials; the cursor stays on its row."""
-        key = self.selected.key if self.selected else None
+        """Show these rows, of points or of fiducials; the cursor goes to the chosen one if any."""
+        here = self.selected.key if self.selected else None
         self._rows, self._order, self._fiducials = rows, order, fiducials
-        place = next((i for i, shown in enumerate(rows) if shown.key == key), None)
-        self._cursor = min(self._cursor, max(len(rows) - 1, 0)) if place is None else place
+        keys = [shown.key for shown in rows]
+        self._cursor = min(self._cursor, max(len(rows) - 1, 0))
+        self._cursor = next((keys.index(k) for k in (chosen, here) if k in keys), self._cursor)
         self._measure()
         self._keep_cursor_in_sight()
         self._paint()
