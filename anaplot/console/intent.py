@@ -163,10 +163,7 @@ def intended(action: str, now: Situation) -> Intent:
         case "accept":
             return _accept(snapshot)
         case "reference":
-            shown = now.selected if now.by_hand else None
-            if shown is None or shown.state != "measured":
-                return commands.Reference(None)
-            return commands.Reference(shown.point)
+            return commands.Reference(now.chosen)
         case "keep_counters":
             return _keep_counters(snapshot)
         case "suspend":

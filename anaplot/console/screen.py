@@ -384,10 +384,7 @@ class OrientationScreen(Screen[None]):
 
     def _point_again(self) -> None:
         """Point again at the measured point chosen by hand, else the one under the mark."""
-        now = self._situation
-        shown = now.selected if now.by_hand else None
-        measured = shown is not None and shown.state == "measured"
-        self._do(commands.PointAgain(shown.point if shown is not None and measured else None))
+        self._do(commands.PointAgain(self._situation.chosen))
 
     def show_errors(self, strategy: str) -> None:
         """Choose a strategy for gross errors and show what it finds."""

@@ -65,6 +65,12 @@ class Situation:
         return self.controls is not None and self.controls.hand
 
     @property
+    def chosen(self) -> str | None:
+        """The measured point to which the operator moved the cursor, or None."""
+        shown = self.selected if self.by_hand else None
+        return shown.point if shown is not None and shown.state == "measured" else None
+
+    @property
     def row_off(self) -> bool:
         """Whether the selected row is switched off."""
         return self.selected is not None and self.selected.state == "off"
