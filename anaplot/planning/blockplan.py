@@ -6,6 +6,7 @@ where strips overlap. Control stands on the perimeter at a bridging distance, he
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import ceil, floor, pi
 from typing import Literal, NamedTuple
@@ -29,6 +30,7 @@ __all__ = [
     "class_table",
     "expected_accuracy",
     "plan_block",
+    "rays_measured",
     "weak_photos",
 ]
 
@@ -70,6 +72,9 @@ class BlockPlan:
         A-priori sigma0 [um].
     control_m
         Standard deviation of control coordinates [m]; 0: free of error.
+    stereo
+        Whether a ray is measured in every model that shows it, as in a stereo instrument; else
+        once, as in a comparator.
     """
 
     strips: int
@@ -86,6 +91,7 @@ class BlockPlan:
     scale: float = 10_000.0
     image_um: float = 5.0
     control_m: float = 0.0
+    stereo: bool = True
 
     @property
     def base(self) -> float:
@@ -180,8 +186,17 @@ class Accuracy(NamedTuple):
     points: tuple[str, str, str]
 
 
-def plan_block(plan: BlockPlan) -> IdealBlock:
+def plan_block(
+    plan: BlockPlan, extra: Mapping[str, tuple[float, float]] | None = None
+) -> IdealBlock:
     """Make the block of a plan.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    extra
+        Places (X, Y) [m] of points beside the standard ones, by name.
 
     Raises
     ------
@@ -197,6 +212,7 @@ def plan_block(plan: BlockPlan) -> IdealBlock:
     xs = _line(0.0, length, along / per)
     ys = _line(-across, width + across, across / per)
     points = {f"{j:02d}-{i:02d}": (x, y) for j, y in enumerate(ys, 1) for i, x in enumerate(xs, 1)}
+    points.update(extra or {})
     control = _control(plan, points, (length, width, across))
     height = plan.c * plan.scale / 1000.0
     stations: dict[str, ExposureStation] = {}
@@ -223,9 +239,23 @@ def plan_block(plan: BlockPlan) -> IdealBlock:
         places,
         control=control,
         strips=strips,
-        models=_Models(strips, stations, places, size / 2.0),
+        models=_Models(strips, stations, places, size / 2.0) if plan.stereo else None,
         image_um=plan.image_um,
     )
+
+
+def rays_measured(plan: BlockPlan, made: IdealBlock) -> Callable[[str, Array], int]:
+    """Return what tells how often a photo's ray to a place (3,) is measured, if it is seen.
+
+    Parameters
+    ----------
+    plan, made
+        The plan and its block.
+    """
+    if not plan.stereo:
+        return lambda photo, place: 1
+    models = _Models(made.block.strips, made.stations, {}, plan.format * plan.scale / 2000.0)
+    return lambda photo, place: len(models.of(photo, place))
 
 
 class _Models:
@@ -233,9 +263,9 @@ class _Models:
 
     def __init__(
         self,
-        strips: list[Strip],
-        stations: dict[str, ExposureStation],
-        points: dict[str, Array],
+        strips: Iterable[Strip],
+        stations: Mapping[str, ExposureStation],
+        points: Mapping[str, Array],
         half: float,
     ) -> None:
         self._next: dict[str, list[tuple[str, str]]] = {}
@@ -246,15 +276,18 @@ class _Models:
         self._stations, self._points, self._half = stations, points, half * (1.0 + 1e-12)
 
     def __call__(self, photo: str, point: str) -> tuple[str | None, ...]:
+        return self.of(photo, self._points[point])
+
+    def of(self, photo: str, place: Array) -> tuple[str | None, ...]:
         found = tuple(
             f"{left}/{right}"
             for left, right in self._next.get(photo, ())
-            if self._in(left, point) and self._in(right, point)
+            if self._in(left, place) and self._in(right, place)
         )
         return found or (None,)
 
-    def _in(self, photo: str, point: str) -> bool:
-        off = np.abs(self._points[point] - self._stations[photo].centre)[:2]
+    def _in(self, photo: str, place: Array) -> bool:
+        off = np.abs(place - self._stations[photo].centre)[:2]
         return bool((off <= self._half).all())
 
 

@@ -125,6 +125,18 @@ def add_block_arguments(block: argparse.ArgumentParser) -> None:
         metavar="M",
         help="standard deviation of control, default 0: free of error",
     )
+    block.add_argument(
+        "--measured",
+        choices=("stereo", "mono"),
+        default="stereo",
+        help="stereo: a ray in every model that shows it (the default); mono: once",
+    )
+    block.add_argument(
+        "--stabilize",
+        choices=("1", "2", "4"),
+        metavar="POINTS",
+        help="plan so many points more for every weak photo, those that help it most: 1, 2 or 4",
+    )
     add_output(block, "the classes", folder=False)
     block.add_argument(
         "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"

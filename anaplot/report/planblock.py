@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
+from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
 from anaplot.aliases import Progress
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.problem import Datum
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import (
     block_files,
@@ -24,9 +26,17 @@ from anaplot.planning.blockplan import (
     class_table,
     expected_accuracy,
     plan_block,
+    rays_measured,
     weak_photos,
 )
 from anaplot.planning.idealblock import IdealBlock
+from anaplot.planning.stabilizing import (
+    AddedPoint,
+    StabilizingSet,
+    extra_points,
+    stabilizing_sets,
+    weak_ones,
+)
 from anaplot.report.columns import counted
 from anaplot.report.computed import Computed
 from anaplot.report.document import (
@@ -48,11 +58,13 @@ from anaplot.report.keywords import takes_options
 from anaplot.report.output import Output
 from anaplot.report.planarguments import add_block_arguments
 from anaplot.report.running import computed
+from anaplot.report.stabilizing import stabilizing_json, stabilizing_lines
 
 __all__ = ["PlannedBlock", "plan_block_document", "plan_lines", "planned_block", "run_planned"]
 
 _SHOWN = 6
 _BRIDGING = 2.0  # bases
+_NEAR = 0.05  # bases: two points for two photos as near as that are one
 
 
 class PlannedBlock(NamedTuple):
@@ -66,11 +78,17 @@ class PlannedBlock(NamedTuple):
         The block with image coordinates free of error, and the truth behind it.
     block
         Its evaluation: redundancy numbers, smallest detectable errors, standard deviations.
+    stabilizing
+        Points that would help the weakest of its photos most.
+    added
+        Points that were planned beside the standard ones; None: nothing was asked for.
     """
 
     plan: BlockPlan
     made: IdealBlock
     block: AdjustedBlock
+    stabilizing: tuple[StabilizingSet, ...] = ()
+    added: tuple[AddedPoint, ...] | None = None
 
 
 @takes_options(add_block_arguments)
@@ -90,6 +108,8 @@ def planned_block(
     scale: float = 10_000.0,
     image_um: float = 5.0,
     control_m: float = 0.0,
+    measured: Literal["stereo", "mono"] = "stereo",
+    stabilize: Literal[1, 2, 4, "1", "2", "4"] | None = None,
     progress: Progress | None = None,
 ) -> Computed[PlannedBlock]:
     """Plan a regular aerial block: what is to be expected of it before it is flown.
@@ -119,6 +139,10 @@ def planned_block(
         A-priori sigma0 [um].
     control_m
         Standard deviation of control [m]; 0: free of error.
+    measured
+        "stereo": a ray in every model that shows it; "mono": once.
+    stabilize
+        How many points more to plan for every weak photo; None: none, they are only named.
     progress
         Called with what is being done and the fraction of it (0 to 1).
 
@@ -152,12 +176,30 @@ def planned_block(
         scale=scale,
         image_um=image_um,
         control_m=control_m,
+        stereo=measured == "stereo",
     )
     if progress is not None:
         progress("block", 0.0)
     made = plan_block(plan)
-    block = made.evaluated("free" if plan.control == "none" else "control")
-    return Computed(PlannedBlock(plan, made, block), plan_block_document(plan, block))
+    datum: Datum = "free" if plan.control == "none" else "control"
+    block = made.evaluated(datum)
+    added = None
+    if stabilize is not None:
+        sets = _stabilizing(plan, made, block)
+        added = extra_points(sets, int(stabilize), _NEAR * plan.base)
+        made = plan_block(plan, {point.name: point.place for point in added})
+        block = made.evaluated(datum)
+    sets = _stabilizing(plan, made, block, _SHOWN)
+    found = PlannedBlock(plan, made, block, sets, added)
+    return Computed(found, plan_block_document(found))
+
+
+def _stabilizing(
+    plan: BlockPlan, made: IdealBlock, block: AdjustedBlock, most: int | None = None
+) -> tuple[StabilizingSet, ...]:
+    measured = rays_measured(plan, made)
+    weak = [one.name for one in weak_ones(block)[:most]]
+    return tuple(chain.from_iterable(stabilizing_sets(block, one, measured) for one in weak))
 
 
 class _Planned(Protocol):
@@ -228,16 +270,9 @@ _CLASSES = (
 _WEAK = for_programs(*WeakPhoto._fields)
 
 
-def plan_block_document(plan: BlockPlan, block: AdjustedBlock) -> Document:
-    """Return the document of a planned block.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    block
-        Its block, evaluated.
-    """
+def plan_block_document(found: PlannedBlock) -> Document:
+    """Return the document of a planned block."""
+    plan, block = found.plan, found.block
     problem, indicators = block.problem, block.indicators()
     classes, accuracy = class_table(block), expected_accuracy(block)
     rows = ((row.kind.rays, "inner" if row.kind.inner else "outer",
@@ -255,6 +290,8 @@ def plan_block_document(plan: BlockPlan, block: AdjustedBlock) -> Document:
         "classes": [_class_json(row) for row in classes],
         "weak_photos": weak,
         "accuracy_m": None if accuracy is None else _accuracy_json(accuracy),
+        "stabilizing": stabilizing_json(found.stabilizing),
+        "added_points": None if found.added is None else [one._asdict() for one in found.added],
     }
     page: tuple[Block, ...] = (
         *plan_lines(plan),
@@ -272,6 +309,7 @@ def plan_block_document(plan: BlockPlan, block: AdjustedBlock) -> Document:
         BLANK,
         say("WEAK PHOTOS: smallest mean redundancy number first").of("heading"),
         Listed(tuple(_weak(photo) for photo in weak.records()), _SHOWN, ""),
+        *stabilizing_lines(found.stabilizing, found.added),
         BLANK,
         say("EXPECTED ACCURACY of new points [m]").of("heading"),
         *_accuracy(accuracy),
@@ -300,6 +338,7 @@ def plan_lines(plan: BlockPlan) -> list[Line]:
         say("base {:.1f} m, strips {:.1f} m apart, 1 : {:g}, c {:g} mm", plan.base, plan.spacing,
             plan.scale, plan.c),
         say("control {}", control[plan.control]),
+        *([] if plan.stereo else [say("every ray is measured once, as in a comparator")]),
     ]  # fmt: skip
 
 

@@ -1,0 +1,351 @@
+"""Points that make a weak photo of a block stronger (Gruen 1980, section 4).
+
+"The perimeter photos should be stabilized, if necessary, by observing additional tie and pass
+points": which ones help most is computed, not guessed. With Q the cofactors of the photos that see
+a candidate, and L the whitened rows of its rays after the candidate itself is eliminated,
+
+    r = r + diag(G L (I + L'Q L)^-1 L'G')
+
+for every other observation, G its cofactors with those photos: exact, without another adjustment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.photogrammetry.collinearity import project, project_with_derivatives
+from anaplot.planning.plannedreliability import PlannedReliability, photo_reliability
+
+__all__ = [
+    "SIZES",
+    "AddedPoint",
+    "ExtraPoint",
+    "Measured",
+    "StabilizingSet",
+    "extra_points",
+    "stabilizing_sets",
+    "weak_ones",
+]
+
+SIZES = (1, 2, 4)
+"""Numbers of points that are put in together."""
+
+_WEAK = 0.85  # of the median photo's mean redundancy number
+_GRID = (-0.4, -0.2, 0.0, 0.2, 0.4)  # of the format: candidates
+_APART = 0.025  # of the format: nearer to a measured point nothing new is measured
+_BESIDE = 0.03  # of the format: there the candidate is moved towards the middle
+_EDGE = 1.0 + 1e-9
+_UPRIGHT = 0.7  # cosine of the largest tilt at which points are sought on level ground
+
+Measured = Callable[[str, Array], int]
+"""How often a photo's ray to a place (3,) would be measured; 0: not at all."""
+
+
+class ExtraPoint(NamedTuple):
+    """A point that is to be measured as well.
+
+    Attributes
+    ----------
+    x, y
+        Where it lies in the weak photo [mm].
+    place
+        Where it lies on the ground, level at the mean height of the photo's points [m].
+    photos
+        Photos that see it.
+    """
+
+    x: float
+    y: float
+    place: tuple[float, float, float]
+    photos: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StabilizingSet:
+    """Points that together raise the redundancy numbers of a weak photo most.
+
+    Attributes
+    ----------
+    photo
+        The photo.
+    points
+        What to measure.
+    before, after
+        Mean redundancy number of its observations, with those of the new points.
+    low_before, low_after
+        The smallest of those that it has now.
+    """
+
+    photo: str
+    points: tuple[ExtraPoint, ...]
+    before: float
+    after: float
+    low_before: float
+    low_after: float
+
+
+def weak_ones(block: AdjustedBlock) -> tuple[PlannedReliability, ...]:
+    """Return the photos with few redundant observations beside the others, the weakest first."""
+    photos = photo_reliability(block)
+    limit = _WEAK * float(np.median([one.mean_r for one in photos]))
+    weak = [one for one in photos if one.mean_r < limit]
+    return tuple(sorted(weak, key=lambda one: (round(one.mean_r, 9), one.name)))
+
+
+def stabilizing_sets(
+    block: AdjustedBlock, photo: str, measured: Measured | None = None
+) -> tuple[StabilizingSet, ...]:
+    """Find the points whose measurement helps a photo most: the best one, two and four.
+
+    Parameters
+    ----------
+    block
+        The adjusted block.
+    photo
+        Its name.
+    measured
+        How often a photo's ray is measured; None: once wherever the photo shows the place.
+
+    Returns
+    -------
+    tuple of StabilizingSet
+        One for each of `SIZES` that there are candidates for; none for a photo that does not look
+        down, or whose candidates no other photo sees.
+    """
+    index = block.problem.photos.index(photo)
+    candidates = _candidates(block, index, measured)
+    if not candidates:
+        return ()
+    local = _Neighbourhood.of(block, index, candidates)
+    best: list[tuple[int, ...]] = []
+    for size in SIZES:
+        if size > len(candidates):
+            break
+        # all sets of one and of two; beyond, two more at a time
+        kept = best[-1] if size > 2 else ()
+        others = [k for k in range(len(candidates)) if k not in kept]
+        tried = [kept + more for more in combinations(others, size - len(kept))]
+        best.append(max(tried, key=lambda chosen: round(local.with_points(chosen)[0], 12)))
+    before, low_before = local.with_points(())
+    return tuple(
+        StabilizingSet(
+            photo,
+            tuple(candidates[k].point for k in chosen),
+            before,
+            after,
+            low_before,
+            low_after,
+        )
+        for chosen in best
+        for after, low_after in [local.with_points(chosen)]
+    )
+
+
+class AddedPoint(NamedTuple):
+    """A point that is planned for weak photos: its name and its place (X, Y) [m]."""
+
+    name: str
+    place: tuple[float, float]
+
+
+def extra_points(sets: Sequence[StabilizingSet], size: int, near: float) -> tuple[AddedPoint, ...]:
+    """Return the points of the sets of one size; one for those that are the same for several.
+
+    Parameters
+    ----------
+    sets
+        Of all weak photos.
+    size
+        One of `SIZES`.
+    near
+        Distance up to which two points are one [m].
+    """
+    places: list[tuple[float, float]] = []
+    for one in sets:
+        for x, y, _ in (point.place for point in one.points if len(one.points) == size):
+            if all(max(abs(x - u), abs(y - v)) > near for u, v in places):
+                places.append((x, y))
+    digits = max(2, len(str(len(places))))
+    return tuple(AddedPoint(f"s{k:0{digits}d}", place) for k, place in enumerate(places, 1))
+
+
+class _Candidate(NamedTuple):
+    point: ExtraPoint
+    photo: Index  # of every ray
+    a: Array  # (k, 2, 6) whitened derivatives by the photo
+    b: Array  # (k, 2, 3) and by the point
+
+
+class _Photos(NamedTuple):
+    """What decides which photos see a place, for all photos of a block."""
+
+    names: tuple[str, ...]
+    centres: Array
+    rotations: Array
+    c: Array
+    reach: Array  # (n, 2) largest abs(x) and abs(y) [mm]
+
+    @classmethod
+    def of(cls, block: AdjustedBlock) -> _Photos:
+        problem, state = block.problem, block.state
+        cameras = {camera.id: camera for camera in problem.block.cameras}
+        camera_of = {one.id: cameras[one.camera] for one in problem.block.photos}
+        largest = dict.fromkeys(cameras, (0.0, 0.0))
+        for row in problem.block.image_points:
+            key = camera_of[row.photo].id
+            x, y = largest[key]
+            largest[key] = max(x, abs(row.x)), max(y, abs(row.y))
+        # without a format a photo shows what others of its camera show
+        used = [camera_of[name] for name in problem.photos]
+        reach = [largest[one.id] if one.format is None else one.reach() for one in used]
+        return cls(problem.photos, state.centres, state.rotations, problem.c, np.array(reach))
+
+    def seen(self, place: Array) -> Index:
+        """Return the photos that show a place."""
+        n = len(self.names)
+        found = project(self.centres, self.rotations, self.c, np.broadcast_to(place, (n, 3)))
+        with np.errstate(invalid="ignore"):
+            inside = (np.abs(found.xy) <= self.reach * _EDGE).all(axis=1)
+        return np.flatnonzero(inside & (found.depth > 0.0))
+
+
+def _candidates(block: AdjustedBlock, index: int, measured: Measured | None) -> list[_Candidate]:
+    problem, state = block.problem, block.state
+    photos = _Photos.of(block)
+    rotation, centre, reach = state.rotations[index], state.centres[index], photos.reach[index]
+    if abs(rotation[2, 2]) < _UPRIGHT:
+        return []
+    points = state.points[np.unique(problem.point[problem.photo == index])]
+    n = len(points)
+    taken = project(
+        np.broadcast_to(centre, (n, 3)),
+        np.broadcast_to(rotation, (n, 3, 3)),
+        np.full(n, problem.c[index]),
+        points,
+    ).xy
+    down = float(points[:, 2].mean() - centre[2])
+    weight = 1.0 / float(np.median(problem.sigma_xy))
+    found = []
+    for fraction in product(_GRID, _GRID):
+        xy = _beside(2.0 * reach * fraction, taken, 2.0 * float(reach.min()))
+        ray = rotation @ np.array([*xy, -problem.c[index]])
+        if ray[2] * down <= 0.0:
+            continue
+        place = centre + ray * (down / ray[2])
+        seen = photos.seen(place)
+        names = [photos.names[k] for k in seen]
+        absolute = place + state.origin
+        times = [1 if measured is None else measured(name, absolute) for name in names]
+        if index not in seen or np.count_nonzero(times) < 2:
+            continue
+        rays = np.repeat(seen, times)
+        m = len(rays)
+        derived = project_with_derivatives(
+            state.centres[rays],
+            state.rotations[rays],
+            problem.c[rays],
+            np.broadcast_to(place, (m, 3)),
+        )
+        point = ExtraPoint(
+            float(xy[0]),
+            float(xy[1]),
+            (float(absolute[0]), float(absolute[1]), float(absolute[2])),
+            tuple(name for name, count in zip(names, times, strict=True) if count),
+        )
+        found.append(_Candidate(point, rays, derived.photo * weight, derived.point * weight))
+    return found
+
+
+def _beside(xy: Array, taken: Array, format_mm: float) -> Array:
+    """Return a place [mm], moved towards the middle where a point is measured already."""
+    if len(taken) and np.abs(taken - xy).max(axis=1).min() > _APART * format_mm:
+        return xy
+    away = float(np.linalg.norm(xy))
+    direction = np.array([0.0, 1.0]) if away < _APART * format_mm else -xy / away
+    return np.asarray(xy + direction * _BESIDE * format_mm)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Neighbourhood:
+    """A photo's observations, and the photos that see its candidates.
+
+    Attributes
+    ----------
+    r
+        (k,) redundancy numbers of the photo's coordinates.
+    beside
+        (k, 6 n) their cofactors with the n photos.
+    q
+        (6 n, 6 n) cofactors of those.
+    rows
+        Of each candidate (2 j, 6 n): its coordinates after the point is eliminated.
+    projectors
+        Of each candidate (2 j, 2 j), what is left of them.
+    mine
+        Of each candidate (2 j,): whether the coordinate is one of the photo.
+    """
+
+    r: Array
+    beside: Array
+    q: Array
+    rows: tuple[Array, ...]
+    projectors: tuple[Array, ...]
+    mine: tuple[Array, ...]
+
+    @classmethod
+    def of(
+        cls, block: AdjustedBlock, index: int, candidates: Sequence[_Candidate]
+    ) -> _Neighbourhood:
+        problem, normal = block.problem, block.cofactors.normal
+        near = np.unique(np.concatenate([one.photo for one in candidates]))
+        n, d = len(near), problem.per_photo
+        photos = np.zeros((len(problem.photos), d, 6 * n))
+        unknowns = np.arange(6 * n)
+        photos[near[unknowns // 6], unknowns % 6, unknowns] = 1.0
+        points = np.zeros((len(problem.points), 3, 6 * n))
+        shared = np.zeros((len(normal.corner), 6 * n))
+        solved = normal.solve(block.cofactors.factor, photos, points, shared)
+        rays = np.flatnonzero(problem.photo == index)
+        rows, projectors, mine = [], [], []
+        for one in candidates:
+            j = len(one.photo)
+            b = one.b.reshape(2 * j, 3)
+            projector = np.eye(2 * j) - b @ np.linalg.pinv(b)
+            a = np.zeros((j, 2, n, 6))
+            a[np.arange(j), :, np.searchsorted(near, one.photo)] = one.a
+            rows.append(projector @ a.reshape(2 * j, 6 * n))
+            projectors.append(projector)
+            mine.append(np.repeat(one.photo == index, 2))
+        return cls(
+            block.cofactors.r[rays].ravel(),
+            normal.seen(*solved)[rays].reshape(2 * len(rays), 6 * n),
+            solved[0][near, :6].reshape(6 * n, 6 * n),
+            tuple(rows),
+            tuple(projectors),
+            tuple(mine),
+        )
+
+    def with_points(self, chosen: Sequence[int]) -> tuple[float, float]:
+        """Return the photo's mean redundancy number with points, and the smallest it had."""
+        if not chosen:
+            return float(self.r.mean()), float(self.r.min())
+        rows = np.concatenate([self.rows[k] for k in chosen])
+        q_rows = self.q @ rows.T
+        inner = np.eye(len(rows)) + rows @ q_rows
+        old = self.r + np.einsum(
+            "ki,ij,kj->k", self.beside @ rows.T, np.linalg.inv(inner), self.beside @ rows.T
+        )
+        # of the new ones P - P A Q' A'P with Q' the cofactors that they have changed themselves
+        residual = block_diag(*(self.projectors[k] for k in chosen)) - np.linalg.solve(
+            inner, rows @ q_rows
+        )
+        new = np.diag(residual)[np.concatenate([self.mine[k] for k in chosen])]
+        return float(np.concatenate([old, new]).mean()), float(old.min())
