@@ -383,7 +383,7 @@ def _parser() -> _Parser:
     opening.add_argument(
         "--pattern",
         metavar="NAME",
-        help="point pattern of new models, default the block's, else 13",
+        help="point pattern of new models, a name or a file; default the block's, else 13",
     )
     opening.add_argument(
         "--operator", default="", metavar="NAME", help="your name, for the journal"

@@ -18,6 +18,7 @@ from anaplot.exchange.bridgecheck import check_for_bridge
 from anaplot.exchange.camerafile import read_camera, write_camera
 from anaplot.exchange.controlcsv import format_control, parse_control
 from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
+from anaplot.exchange.patternfile import format_pattern, read_pattern
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.inputfile import read_text
@@ -31,6 +32,7 @@ from anaplot.textfiles.wording import place, reason
 
 __all__ = [
     "IMAGE_POINTS_CSV",
+    "MORE_FILES",
     "block_files",
     "check_for_bridge",
     "clear_image_points",
@@ -44,6 +46,7 @@ __all__ = [
 BLOCK_TOML = "block.toml"
 IMAGE_POINTS_CSV = "image_points.csv"
 CONTROL_CSV = "control.csv"
+MORE_FILES = ("distances.csv", "conditions.csv")
 
 MAX_TOML_BYTES = 4_000_000
 
@@ -136,14 +139,16 @@ def block_files(folder: Path) -> tuple[Path, ...]:
 def write_new_block(
     folder: Path, block: Block, *, text: str | None = None, remark: str = ""
 ) -> None:
-    """Write the block.toml of a new block, and before it the camera files that stand beside it.
+    """Write the block.toml of a new block, and before it what stands beside it.
+
+    That is its camera files, and the file of its point pattern.
 
     Parameters
     ----------
     folder
         The block folder, made when it does not exist.
     block
-        The block. Camera files that it names by absolute paths are expected there.
+        The block. Files that it names by absolute paths are expected there.
     text
         What block.toml is to say where it is not the block without any comment.
     remark
@@ -152,14 +157,15 @@ def write_new_block(
     Raises
     ------
     InputError
-        The block could not be read again, there is a block.toml already, or a camera file of that
-        name that says something else, or it cannot be written.
+        The block could not be read again, there is a block.toml already, or a file of that name
+        that says something else, or it cannot be written.
     """
     path = folder / BLOCK_TOML
     if os.path.lexists(path):
         raise InputError(f"{place(path)}: exists already and is not overwritten")
     text = format_block_toml(block) if text is None else text
     parse_block_toml(text, path, camera_texts(block))
+    pattern = _pattern_text(folder, block)
     make_folder(folder)
     for camera in block.cameras:
         if camera.file is None or camera.calibration is None or Path(camera.file).is_absolute():
@@ -170,8 +176,27 @@ def write_new_block(
             write_camera(target, camera.calibration, remark)
         elif read_camera(target) != camera.calibration:
             raise InputError(f"{place(target)}: exists already and says something else")
+    for name, points in pattern.items():
+        make_folder((folder / name).parent)
+        create_whole(folder / name, points.encode())
     parse_block_toml(text, path)  # now with the camera files, those named by absolute paths too
     create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
+
+
+def _pattern_text(folder: Path, block: Block) -> dict[str, str]:
+    """Return the file of a block's point pattern, by its name, where one is to be written."""
+    name, points = block.measuring.pattern, block.measuring.points
+    if name is None or points is None or Path(name).is_absolute():
+        return {}
+    target = folder / name
+    own = (*MORE_FILES, *(path.name for path in block_files(folder)))
+    if Path(name) in (*map(Path, own), *(Path(c.file) for c in block.cameras if c.file)):
+        raise InputError(f"{place(target)}: no name for a pattern: another file of a block has it")
+    if not os.path.lexists(target):
+        return {name: format_pattern(points, target.suffix)}
+    if read_pattern(target).points != points:
+        raise InputError(f"{place(target)}: exists already and says something else")
+    return {}
 
 
 def _bounded(path: Path, data: bytes, max_bytes: int) -> bytes:

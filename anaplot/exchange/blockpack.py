@@ -12,12 +12,13 @@ import secrets
 import shutil
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path, PurePosixPath
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import block_files, read_block
+from anaplot.exchange.blockfolder import MORE_FILES, block_files, read_block
 from anaplot.exchange.journalread import SESSIONS, numbered_files
+from anaplot.exchange.patternfile import is_pattern_file
 from anaplot.photogrammetry.block import Block
 from anaplot.textfiles.inputfile import read_bytes
 from anaplot.textfiles.wholefile import create_whole, make_folder, sync_folder
@@ -34,7 +35,6 @@ _MOST_BYTES = 500_000_000  # of all files together
 _MOST_FILE = 256_000_000
 _MOST_FILES = 10_000
 _MOST_MANIFEST = 4_000_000
-_MORE_FILES = ("distances.csv", "conditions.csv")
 _NAME = re.compile(r"[^/\\:\x00-\x1f]{1,255}")
 _CHUNK = 1 << 20
 
@@ -57,8 +57,8 @@ def pack_block(folder: Path, target: Path) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        The block cannot be read, a camera file stands outside of its folder, or the file exists
-        or cannot be written.
+        The block cannot be read, a camera or pattern file stands outside of its folder, or the file
+        exists or cannot be written.
     """
     if os.path.lexists(target):
         raise InputError(f"{place(target)}: exists already and is not overwritten")
@@ -82,22 +82,28 @@ def pack_block(folder: Path, target: Path) -> tuple[str, ...]:
 def _names(folder: Path, block: Block) -> tuple[str, ...]:
     """Return the names of a block's files, relative to its folder, with slashes."""
     names = [path.name for path in block_files(folder) if os.path.lexists(path)]
-    names += [name for name in _MORE_FILES if os.path.lexists(folder / name)]
+    names += [name for name in MORE_FILES if os.path.lexists(folder / name)]
     for camera in block.cameras:
-        if camera.file is None:
-            continue
-        if Path(camera.file).is_absolute():
-            raise InputError(
-                f"{place(folder / 'block.toml')}: camera file {quoted(camera.file)} stands outside"
-                " of the block: copy it into the folder"
-            )
-        name = Path(camera.file).as_posix()
-        if name not in names:
-            names.append(name)
+        if camera.file is not None:
+            names += _beside(folder, "camera file", camera.file, names)
+    pattern = block.measuring.pattern
+    if pattern is not None and is_pattern_file(pattern):
+        names += _beside(folder, "pattern file", pattern, names)
     if os.path.lexists(folder / SESSIONS):
         numbered, _ = numbered_files(folder / SESSIONS)
         names += [f"{SESSIONS}/{numbered[number].name}" for number in sorted(numbered)]
     return tuple(names)
+
+
+def _beside(folder: Path, what: str, file: str, names: Collection[str]) -> list[str]:
+    """Return the name of a file that block.toml names, unless it is among the names already."""
+    if Path(file).is_absolute():
+        raise InputError(
+            f"{place(folder / 'block.toml')}: {what} {quoted(file)} stands outside"
+            " of the block: copy it into the folder"
+        )
+    name = Path(file).as_posix()
+    return [] if name in names else [name]
 
 
 def unpack_block(pack: Path, folder: Path) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from anaplot.exchange.camerafile import (
     parse_camera,
     read_camera,
 )
+from anaplot.exchange.patternfile import is_pattern_file
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -81,7 +82,6 @@ _PRECISION: Fields = {
     "control_m": Number(0.0),
 }
 _TEST: Fields = {"kind": Word(*get_args(TestKind)), "alpha": FRACTION, "power": FRACTION}
-_MEASURING: Fields = {"profile": Text(), "pattern": NAME}
 _CAMERA: Fields = {"id": NAME, "c": POSITIVE}
 _SIGMAS: Fields = {"position_sigma": Numbers(3, POSITIVE), "rotation_sigma": _rotation(POSITIVE)}
 _PHOTO: Fields = {"position": Numbers(3), "rotation": ROTATION, **_SIGMAS}
@@ -110,7 +110,9 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
     name = root.take({"name": NAME}, also=tables)["name"]
     precision = Precision(**root.table("precision").take({}, _PRECISION))
     test = read_test(root.table("test"))
-    measuring = Measuring(**root.table("measuring").take({}, _MEASURING))
+    pattern = Made(NAME, partial(_pattern, path.parent))
+    stated: Fields = {"profile": Text(), "pattern": pattern}
+    measuring = Measuring(**root.table("measuring").take({}, stated))
     cameras = root.each("camera", partial(_camera, path.parent, camera_files or {}))
     known = {camera.id for camera in cameras}
     photos = root.each("photo", partial(_photo, known), least=0)
@@ -215,6 +217,13 @@ def read_test(table: TomlTable) -> TestSettings:
             "power" if "power" in table else "alpha",
         )
     return settings
+
+
+def _pattern(folder: Path, name: str) -> str:
+    """Return the name of a point pattern; one that is a file may not lead out of the folder."""
+    if is_pattern_file(name):
+        camera_path(folder, name)
+    return name
 
 
 def _camera(folder: Path, files: Mapping[str, str], table: TomlTable) -> Camera:

@@ -253,7 +253,8 @@ def write_new(folder: Path, new: NewBlock) -> Block:
         strips = strips or strips_of_models(measured)
     text = _text(replace(block, strips=strips), new.camera.remark)
     # the strips may know fewer photos than the measurements
-    block = with_image_points(folder, parse_block_toml(text, path, camera_texts(block)))
+    parsed = replace(parse_block_toml(text, path, camera_texts(block)), measuring=new.measuring)
+    block = with_image_points(folder, parsed)
     if not block.photos:
         raise InputError(
             f"{place(folder)}: no photo: name the photos of a strip (--strip 101-120), or put an"

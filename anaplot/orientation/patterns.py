@@ -17,6 +17,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from anaplot.aliases import Side
 from anaplot.errors import InputError
 from anaplot.orientation.conditionequations import ModelUnknowns
 from anaplot.orientation.model import orient
@@ -26,6 +27,7 @@ from anaplot.orientation.tieerrors import stationary_errors
 from anaplot.photogrammetry.block import Precision, TestSettings, TieVariance
 
 __all__ = [
+    "FEWEST_TIES",
     "PATTERNS",
     "USUAL_BASE",
     "USUAL_C",
@@ -39,11 +41,14 @@ __all__ = [
 USUAL_BASE, USUAL_D, USUAL_C = 90.0, 100.0, 152.0
 """Base at photo scale, half the model in y and camera constant [mm], where none are asked for."""
 
+FEWEST_TIES = 3
+"""Ties of a pattern that has any."""
+
 _COLUMN = {"1": 0, "2": 0, "3": 0, "7": 1, "8": 1, "9": 1, "4": 2, "5": 2, "6": 2}
 _LINE = {"1": 1, "7": 1, "4": 1, "2": 0, "8": 0, "5": 0, "3": -1, "9": -1, "6": -1}
 _UPPER = "174"  # between one of these and the point below it lies the second line
+_UNDER_RIGHT = str.maketrans("456", "123")
 _TWIN = "'"
-_FEWEST_TIES = 3
 _SET = 0.05  # bases: how far from its place a point is set by hand
 
 
@@ -96,6 +101,24 @@ class Pattern:
                 y -= line * twin[1]
             out[label] = (x, y)
         return out
+
+    @property
+    def usual_base(self) -> float:
+        """The base [mm] with which it is judged."""
+        return USUAL_BASE
+
+    @property
+    def transferred(self) -> tuple[str, ...]:
+        """Labels of the points that are looked for in the preceding model: the left column."""
+        return tuple(label for label in self.labels if _COLUMN[label[0]] == 0)
+
+    def under(self, label: str) -> tuple[Side, str]:
+        """Return after which photo a new point is named, and how there.
+
+        It is the photo under which it lies: 4 is the point 1 of the right one.
+        """
+        under_right = label.translate(_UNDER_RIGHT)
+        return ("left", label) if under_right == label else ("right", under_right)
 
     def _line(self, label: str) -> float:
         """Return how far up a point lies, from -1 to 1."""
@@ -206,11 +229,10 @@ _NAMED = (
 def _patterns() -> dict[str, Pattern]:
     out = {}
     for one in _NAMED:
-        left = tuple(label for label in one.labels if _COLUMN[label[0]] == 0)
-        standard = tuple(label for label in left if len(label) == 1)
+        standard = tuple(label for label in one.transferred if len(label) == 1)
         out[one.name] = one
-        for ties in sorted({standard, left}, key=len):
-            if len(ties) >= _FEWEST_TIES:
+        for ties in sorted({standard, one.transferred}, key=len):
+            if len(ties) >= FEWEST_TIES:
                 name = f"{one.name}/{len(ties)}"
                 out[name] = replace(one, name=name, ties=ties)
     return out

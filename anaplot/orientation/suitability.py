@@ -6,8 +6,10 @@ from collections.abc import Iterable
 
 from anaplot.adjustment.tested import Transfer
 from anaplot.orientation.diagnosis import diagnose
-from anaplot.orientation.patterns import USUAL_BASE, USUAL_C, USUAL_D, Pattern, ideal_model
+from anaplot.orientation.ownpattern import PointPattern
+from anaplot.orientation.patterns import USUAL_C, USUAL_D, ideal_model
 from anaplot.orientation.results import Row
+from anaplot.textfiles.wording import plain
 
 __all__ = ["pattern_verdict", "unsuitable"]
 
@@ -29,9 +31,9 @@ def unsuitable(transfers: Iterable[Transfer[Row]]) -> str:
     )
 
 
-def pattern_verdict(pattern: Pattern) -> str:
-    """Say of a named pattern whether it is suitable; "" when it is."""
-    at = pattern.positions(USUAL_BASE, USUAL_D)
-    model = ideal_model(at, pattern.ties, USUAL_BASE, USUAL_C)
+def pattern_verdict(pattern: PointPattern) -> str:
+    """Say of a pattern whether it is suitable; "" when it is."""
+    base = pattern.usual_base
+    model = ideal_model(pattern.positions(base, USUAL_D), pattern.ties, base, USUAL_C)
     verdict = unsuitable(diagnose(model).transfers)
-    return f"pattern {pattern.name} is {verdict}" if verdict else ""
+    return f"pattern {plain(pattern.name, 100)} is {verdict}" if verdict else ""

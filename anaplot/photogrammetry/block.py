@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from anaplot.aliases import TestKind
 from anaplot.photogrammetry.camera import CameraCalibration
@@ -14,6 +14,7 @@ __all__ = [
     "ControlPoint",
     "ImagePoint",
     "Measuring",
+    "PatternPoint",
     "Photo",
     "Precision",
     "Strip",
@@ -205,6 +206,25 @@ class TestSettings:
     power: float = 0.80
 
 
+class PatternPoint(NamedTuple):
+    """A point of a pattern of one's own.
+
+    Attributes
+    ----------
+    label
+        Its name in the pattern.
+    x, y
+        Where it lies in the left photo [mm].
+    tie
+        Whether a model shares it with the preceding one.
+    """
+
+    label: str
+    x: float
+    y: float
+    tie: bool
+
+
 @dataclass(frozen=True, slots=True)
 class Measuring:
     """With what the block is measured, where nothing else is asked for.
@@ -214,11 +234,14 @@ class Measuring:
     profile
         Name or file of the instrument's profile, or None.
     pattern
-        Name of the point pattern of new models, or None for the usual one.
+        Name or file of the point pattern of new models, or None for the usual one.
+    points
+        What stands in that file, where a new one is to be written; None: it is there.
     """
 
     profile: str | None = None
     pattern: str | None = None
+    points: tuple[PatternPoint, ...] | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

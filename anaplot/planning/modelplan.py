@@ -7,10 +7,18 @@ from itertools import count
 from math import hypot
 from typing import NamedTuple
 
-from anaplot.orientation.patterns import Pattern
+from anaplot.orientation.ownpattern import OwnPattern, PointPattern
 from anaplot.photogrammetry.block import Block, Camera
 
-__all__ = ["Candidates", "PlannedPosition", "plan_positions", "predicted_right", "standard_d"]
+__all__ = [
+    "Candidates",
+    "PlannedPosition",
+    "plan_positions",
+    "predicted_right",
+    "standard_base",
+    "standard_d",
+    "ties_among",
+]
 
 Candidates = Mapping[str, Mapping[str, tuple[float, float]]]
 """Approximate image coordinates [mm] of known points, by photo and point."""
@@ -32,7 +40,7 @@ class PlannedPosition(NamedTuple):
 def plan_positions(
     block: Block,
     photos: tuple[str, str],
-    pattern: Pattern,
+    pattern: PointPattern,
     *,
     nominal_base: float | None,
     preceding: Mapping[str, tuple[float, float]],
@@ -69,21 +77,28 @@ def plan_positions(
     d = standard_d(camera)
     twin = (min(_TWIN[0], 0.05 * abs(base)), min(_TWIN[1], 0.05 * d))
     wanted = pattern.positions(abs(base), d, twin)
+    if base < 0.0:
+        wanted = {label: (-x, y) for label, (x, y) in wanted.items()}
     near = 0.45 * min(abs(base), d)
     taken: dict[str, PlannedPosition] = {}
-    # ties may lie farther from their place: terrain and tilts have moved them
-    _take_ties(taken, pattern, wanted, base, preceding, common, d)
+    known = {name: xy for name, xy in preceding.items() if not common or name in common}
+    for label, name in ties_among(known, pattern, wanted, d).items():
+        xl, yl = known[name]
+        # where a point is marked counts more than where it was measured: that may have been wrong
+        place = common[name] if common else (xl, yl, xl - base, yl)
+        taken[label] = PlannedPosition(name, *place)
+    # a pattern of one's own says itself which points are measured again
+    apart = set(preceding) if isinstance(pattern, OwnPattern) else set[str]()
     for label in pattern.labels:
         x, y = wanted[label]
-        x = x if base > 0.0 else -x
         if label in taken:
             continue
         if candidates is None:
             used = {p.point for p in taken.values()} | preceding.keys() | set(avoid)
-            name = _free_name(_new_name(label, left, right), used)
+            name = _free_name(_new_name(pattern, label, left, right), used)
             taken[label] = PlannedPosition(name, x, y, x - base, y)
             continue
-        used = {p.point for p in taken.values()}
+        used = {p.point for p in taken.values()} | apart
         free = {name: xy for name, xy in common.items() if name not in used}
         found = _nearest((x, y), {name: xy[:2] for name, xy in free.items()}, near)
         if found is not None:
@@ -131,28 +146,40 @@ def standard_d(camera: Camera) -> float:
     return 0.66 * camera.c if camera.format is None else 0.78 * camera.reach()[1]
 
 
-def _take_ties(
-    taken: dict[str, PlannedPosition],
-    pattern: Pattern,
+def standard_base(camera: Camera) -> float:
+    """Return the base [mm at photo scale] where nothing is known of it."""
+    return 0.4 * camera.format[0] if camera.format is not None else 0.6 * camera.c
+
+
+def ties_among(
+    known: Mapping[str, tuple[float, float]],
+    pattern: PointPattern,
     wanted: Mapping[str, tuple[float, float]],
-    base: float,
-    preceding: Mapping[str, tuple[float, float]],
-    common: Mapping[str, tuple[float, float, float, float]],
     d: float,
-) -> None:
-    """Give each left position of the pattern the nearest point of the preceding model."""
-    known = {name: xy for name, xy in preceding.items() if not common or name in common}
-    for label in pattern.labels:
-        x, y = wanted[label]
-        if x > 0.25 * abs(base):
-            continue
-        found = _nearest((x, y), known, 0.45 * d)
-        if found is None:
-            continue
-        xl, yl = known.pop(found)
-        # where a point is marked counts more than where it was measured: that may have been wrong
-        place = common[found] if common else (xl, yl, xl - base, yl)
-        taken[label] = PlannedPosition(found, *place)
+) -> dict[str, str]:
+    """Return the points of the preceding model that serve as ties, by label of the pattern.
+
+    They may lie far from their places, for terrain and tilts have moved them.
+
+    Parameters
+    ----------
+    known
+        Points of the preceding model: where they lie [mm] in its right photo, now the left.
+    pattern
+        The point pattern.
+    wanted
+        Where its points are to lie [mm].
+    d
+        Distance of the upper and lower standard points from the x axis [mm].
+    """
+    left = dict(known)
+    found = {}
+    for label in pattern.transferred:
+        name = _nearest(wanted[label], left, 0.45 * d)
+        if name is not None:
+            found[label] = name
+            del left[name]
+    return found
 
 
 def _common(
@@ -176,9 +203,7 @@ def _base(
         middle = parallax[len(parallax) // 2]
         if middle != 0.0:
             return middle
-    if nominal:
-        return nominal
-    return 0.4 * camera.format[0] if camera.format is not None else 0.6 * camera.c
+    return nominal or standard_base(camera)
 
 
 def _nearest(
@@ -199,9 +224,7 @@ def _free_name(name: str, used: Collection[str]) -> str:
     return next(other for k in count(2) if (other := f"{name}.{k}") not in used)
 
 
-def _new_name(label: str, left: str, right: str) -> str:
+def _new_name(pattern: PointPattern, label: str, left: str, right: str) -> str:
     """Name a new point after the photo under which it lies: 1, 2, 3 there, 7, 8, 9 between."""
-    under_right = label.translate(str.maketrans("456", "123"))
-    if under_right != label:
-        return f"{right[:_NAME]}-{under_right}"
-    return f"{left[:_NAME]}-{label}"
+    side, named = pattern.under(label)
+    return f"{(left if side == 'left' else right)[:_NAME]}-{named}"

@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import radians
+from itertools import chain, count
+from math import dist, radians
 
 import numpy as np
 
 from anaplot.aliases import Array
+from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block, Camera, Photo, Precision, Strip, TestSettings
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.modelplan import standard_d
 
-__all__ = ["SyntheticStrip", "Truth", "synthetic_strip", "synthetic_truth"]
+__all__ = [
+    "BETWEEN",
+    "UNDER",
+    "SyntheticStrip",
+    "Truth",
+    "further_places",
+    "synthetic_strip",
+    "synthetic_truth",
+]
 
 Truth = Mapping[str, Mapping[str, tuple[float, float]]]
 
 _BASE = 92.0  # [mm]
 _ANGLES = (1.2, 1.2, 2.0)  # standard deviations of omega, phi, kappa [deg]; at most twice occurs
+UNDER = ("1", "1'", "2", "3", "3'")
+BETWEEN = ("7", "7'", "8", "9", "9'")
+"""Standard points under a photo, and between it and the next one."""
+_SAME_PLACE = 9.0  # mm: so near a standard point is taken for one that is wanted; twins are 8 apart
 _RELIEF = 0.05  # largest height difference, as a part of c
 
 
@@ -87,7 +101,12 @@ def synthetic_strip(
 
 
 def synthetic_truth(
-    ids: tuple[str, ...], camera: Camera, *, seed: int, base: float
+    ids: tuple[str, ...],
+    camera: Camera,
+    *,
+    seed: int,
+    base: float,
+    wanted: PointPattern | None = None,
 ) -> tuple[Truth, Array, Array]:
     """Make the true image points of a strip of given photos.
 
@@ -101,6 +120,8 @@ def synthetic_truth(
         As for `synthetic_strip`.
     base
         Base at photo scale [mm].
+    wanted
+        A point pattern that finds its points there, too.
 
     Returns
     -------
@@ -118,7 +139,7 @@ def synthetic_truth(
     angles = np.clip(rng.normal(size=(photos, 3)), -2.0, 2.0)
     angles *= np.radians(_ANGLES)
     rotations = np.array([rotation_matrix(*a) for a in angles.tolist()])
-    ground = _terrain(ids, base, d, c, rng)
+    ground = _terrain(ids, base, d, c, rng, wanted)
     truth: dict[str, dict[str, tuple[float, float]]] = {}
     for k, photo in enumerate(ids):
         seen = {}
@@ -137,23 +158,86 @@ def _terrain(
     d: float,
     c: float,
     rng: np.random.Generator,
+    wanted: PointPattern | None,
 ) -> dict[str, Array]:
-    """Ground points under every photo (1, 2, 3 and twins) and between photos (7, 8, 9)."""
-    positions = pattern("15").positions(base, d, twin=(4.0, 4.0))
-    under = ("1", "1'", "2", "3", "3'")
-    between = ("7", "7'", "8", "9", "9'")
+    """Ground points under every photo (1, 2, 3 and twins) and between photos (7, 8, 9).
+
+    After them what a pattern wants in other places.
+    """
     # smooth terrain: a few waves along and across the flight
     waves = rng.normal(size=(4, 3)) * [1.0, 1.0, radians(180.0)]
+
+    def raised(x: float, y: float, under_x: float) -> Array:
+        phase = waves[:, 0] * x / base + waves[:, 1] * y / d + waves[:, 2]
+        height = _RELIEF * c * float(np.sin(phase).mean())
+        scale = 1.0 - height / c
+        return np.array([under_x + (x - under_x) * scale, y * scale, height - c])
+
+    out = {}
+    for name, (place, under_x) in _standard_places(ids, base, d).items():
+        x, y = np.array(place) + rng.uniform(-1.5, 1.5, 2)
+        out[name] = raised(x, y, under_x)
+    if wanted is not None:
+        for name, (x, y) in further_places(wanted, ids, base, d).items():
+            out[name] = raised(x, y, x)
+    return out
+
+
+def _standard_places(
+    ids: Sequence[str], base: float, d: float
+) -> dict[str, tuple[tuple[float, float], float]]:
+    """Return where the standard points of a strip lie [mm at photo scale].
+
+    Of each by name its place from below the first photo, and the x of where it is below.
+    """
+    positions = pattern("15").positions(base, d, twin=(4.0, 4.0))
     out = {}
     for k, photo in enumerate(ids):
-        for label in under + (between if k + 1 < len(ids) else ()):
+        for label in UNDER + (BETWEEN if k + 1 < len(ids) else ()):
             x, y = positions[label]
-            x, y = np.array([x + base * k, y]) + rng.uniform(-1.5, 1.5, 2)
-            phase = waves[:, 0] * x / base + waves[:, 1] * y / d + waves[:, 2]
-            height = _RELIEF * c * float(np.sin(phase).mean())
-            scale = 1.0 - height / c
-            under_x = base * k + (base / 2.0 if label in between else 0.0)
-            out[f"{photo}-{label}"] = np.array(
-                [under_x + (x - under_x) * scale, y * scale, height - c]
-            )
+            under_x = base * k + (base / 2.0 if label in BETWEEN else 0.0)
+            out[f"{photo}-{label}"] = (x + base * k, y), under_x
     return out
+
+
+def further_places(
+    wanted: PointPattern, ids: Sequence[str], base: float, d: float
+) -> dict[str, tuple[float, float]]:
+    """Return where a strip needs points beside the standard ones, so that a pattern finds its own.
+
+    Parameters
+    ----------
+    wanted
+        The pattern.
+    ids
+        Names of the photos in flight order.
+    base, d
+        Base, and distance of the upper and lower standard points from the x axis [mm].
+
+    Returns
+    -------
+    dict
+        Places from below the first photo [mm at photo scale], by the names of the points.
+    """
+    known = {name: place for name, (place, _) in _standard_places(ids, base, d).items()}
+    further: dict[str, tuple[float, float]] = {}
+    before: set[str] = set()
+    for k, photo in enumerate(ids[:-1]):
+        here: set[str] = set()
+        for label, (along, y) in wanted.positions(base, d, twin=(4.0, 4.0)).items():
+            x = along + base * k
+            # what is no tie is measured in one model only
+            apart = here if label in wanted.transferred else here | before
+            near = {
+                name: away
+                for name, place in known.items()
+                if name not in apart and (away := dist(place, (x, y))) < _SAME_PLACE
+            }
+            name = min(near, key=near.__getitem__, default="")
+            if not name:
+                names = (f"{photo}-{label}{n}" for n in chain(("",), map(".{}".format, count(2))))
+                name = next(one for one in names if one not in known)
+                known[name] = further[name] = (x, y)
+            here.add(name)
+        before = here
+    return further

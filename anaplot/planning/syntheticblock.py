@@ -9,6 +9,7 @@ from math import radians
 import numpy as np
 
 from anaplot.aliases import Array
+from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import (
     Block,
@@ -22,7 +23,7 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.modelplan import standard_d
-from anaplot.planning.synthetic import Truth
+from anaplot.planning.synthetic import BETWEEN, UNDER, Truth, further_places
 
 __all__ = ["SyntheticBlock", "synthetic_block", "synthetic_plates"]
 
@@ -33,8 +34,6 @@ _ANGLES = (1.2, 1.2, 2.0)  # standard deviations of omega, phi, kappa [deg]; at 
 _RELIEF = 0.05  # largest height difference, as a part of c
 _ORIGIN = (4000.0, 7000.0, 300.0)  # m
 _MARGIN = 2.0  # mm at the edge of a photo where nothing is marked
-_UNDER = ("1", "1'", "2", "3", "3'")
-_BETWEEN = ("7", "7'", "8", "9", "9'")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +106,12 @@ def synthetic_block(
 
 
 def synthetic_plates(
-    strips: Sequence[tuple[str, ...]], camera: Camera, *, seed: int, base: float
+    strips: Sequence[tuple[str, ...]],
+    camera: Camera,
+    *,
+    seed: int,
+    base: float,
+    wanted: PointPattern | None = None,
 ) -> Truth:
     """Return true image coordinates [mm] of photos in parallel strips over one terrain.
 
@@ -122,9 +126,11 @@ def synthetic_plates(
         As for `synthetic_block`.
     base
         Base at photo scale [mm].
+    wanted
+        A point pattern that finds its points there, too.
     """
     rng = np.random.default_rng([seed, 4])
-    truth, _, control = _flown(strips, camera, abs(base), rng)
+    truth, _, control = _flown(strips, camera, abs(base), rng, wanted)
     # nobody has a list of this control
     return {
         photo: {point: xy for point, xy in seen.items() if point not in control}
@@ -133,10 +139,14 @@ def synthetic_plates(
 
 
 def _flown(
-    strips: Sequence[tuple[str, ...]], camera: Camera, base: float, rng: np.random.Generator
+    strips: Sequence[tuple[str, ...]],
+    camera: Camera,
+    base: float,
+    rng: np.random.Generator,
+    wanted: PointPattern | None = None,
 ) -> tuple[dict[str, dict[str, tuple[float, float]]], dict[str, Array], tuple[str, ...]]:
     """Return true image coordinates, the ground [m], and which of it is control."""
-    places, control = _places(strips, camera, base, rng)
+    places, control = _places(strips, camera, base, rng, wanted)
     waves = rng.normal(size=(4, 3)) * [1.0, 1.0, radians(180.0)]
     ground = {
         name: np.array(_ORIGIN) + _SCALE * np.array([*xy, _height(xy, camera, base, waves)])
@@ -163,21 +173,27 @@ def _side(camera: Camera) -> float:
 
 
 def _places(
-    strips: Sequence[tuple[str, ...]], camera: Camera, base: float, rng: np.random.Generator
+    strips: Sequence[tuple[str, ...]],
+    camera: Camera,
+    base: float,
+    rng: np.random.Generator,
+    wanted: PointPattern | None,
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return where points lie in plan [mm at photo scale], and which are control."""
     d = standard_d(camera)
     side, longest = _side(camera), max(map(len, strips))
     positions = pattern("15").positions(base, d, twin=(4.0, 4.0))
     out: dict[str, Array] = {}
+
+    def in_block(s: int, along: float, y: float) -> Array:
+        x, across = (base * (longest - 1) - along, -y) if s % 2 == 1 else (along, y)
+        return np.array([x, across + side * s])
+
     for s, photos in enumerate(strips):
-        back = s % 2 == 1
         for k, photo in enumerate(photos):
-            for label in _UNDER + (_BETWEEN if k + 1 < len(photos) else ()):
+            for label in UNDER + (BETWEEN if k + 1 < len(photos) else ()):
                 x, y = positions[label]
-                along = x + base * k
-                place = np.array([base * (longest - 1) - along, -y] if back else [along, y])
-                place[1] += side * s
+                place = in_block(s, x + base * k, y)
                 out[f"{photo}-{label}"] = place + rng.uniform(-1.5, 1.5, 2)
     rows = [
         -0.9 * d,
@@ -191,6 +207,10 @@ def _places(
             control.append(f"C{len(control) + 1}")
             place = np.array([part * base * (longest - 1), y])
             out[control[-1]] = place + rng.uniform(-6.0, 6.0, 2)
+    for s, photos in enumerate(strips):
+        if wanted is not None:
+            for name, (along, y) in further_places(wanted, photos, base, d).items():
+                out[name] = in_block(s, along, y)
     return out, tuple(control)
 
 

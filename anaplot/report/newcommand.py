@@ -52,7 +52,9 @@ def add_new_arguments(parser: argparse.ArgumentParser) -> None:
         help="control points: name, E, N, H and perhaps sigma",
     )
     parser.add_argument("--profile", metavar="NAME", help="the instrument's profile")
-    parser.add_argument("--pattern", metavar="NAME", help="of new models, default 13")
+    parser.add_argument(
+        "--pattern", metavar="NAME", help="of new models: a name or a file, default 13"
+    )
     parser.add_argument(
         "--sigma", type=positive, metavar="UM", help="of an image coordinate, default 5"
     )

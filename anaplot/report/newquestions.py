@@ -14,7 +14,7 @@ from anaplot.report.arguments import positive
 
 if TYPE_CHECKING:
     from anaplot.exchange.newblock import ChosenCamera, NewBlock
-    from anaplot.photogrammetry.block import ControlPoint, Strip
+    from anaplot.photogrammetry.block import ControlPoint, Measuring, Strip
 
 __all__ = [
     "NONE",
@@ -102,7 +102,7 @@ def new_questions(folder: Path) -> tuple[Question, ...]:
         ),
         Question("control", "control points, a file", "control", NONE, _control),
         Question("profile", "profile of the instrument", "instrument", NONE, _profile),
-        Question("pattern", "point pattern", "pattern", _PATTERN, _pattern),
+        Question("pattern", "point pattern, a name or a file", "pattern", _PATTERN, _pattern),
         Question("sigma", "sigma of an image coordinate, um", "sigma um", "5", _sigma),
     )
 
@@ -123,6 +123,8 @@ def new_block(folder: Path, answers: Answers) -> NewBlock:
     InputError
         An answer is wrong.
     """
+    from dataclasses import replace
+
     from anaplot.exchange.newblock import NewBlock
     from anaplot.photogrammetry.block import Measuring
 
@@ -132,17 +134,18 @@ def new_block(folder: Path, answers: Answers) -> NewBlock:
         )
         for question in new_questions(folder)
     }
-    pattern = _pattern(given["pattern"])
+    camera, strips = _camera(given["camera"]), _strips(given["strip"])
+    measuring = Measuring()
+    if "pattern" in answers:
+        measuring = _pattern(given["pattern"])
+        _check_own(given["pattern"][0], folder, camera, strips)
     return NewBlock(
         _name(given["name"]),
-        _camera(given["camera"]),
-        _strips(given["strip"]),
+        camera,
+        strips,
         _control(given["control"]) if given["control"] else (),
         _sigma(given["sigma"]),
-        Measuring(
-            _profile(given["profile"]) if given["profile"] else None,
-            None if pattern == _PATTERN and "pattern" not in answers else pattern,
-        ),
+        replace(measuring, profile=_profile(given["profile"]) if given["profile"] else None),
     )
 
 
@@ -208,11 +211,27 @@ def _profile(answers: Sequence[str]) -> str:
     return answers[0]
 
 
-def _pattern(answers: Sequence[str]) -> str:
+def _pattern(answers: Sequence[str]) -> Measuring:
+    """Return the pattern, by its name, or as a file that is to stand in the block's folder."""
+    from anaplot.exchange.patternfile import is_pattern_file, read_pattern
     from anaplot.orientation.patterns import pattern
+    from anaplot.photogrammetry.block import Measuring
 
-    pattern(answers[0])
-    return answers[0]
+    if is_pattern_file(answers[0]):
+        path = Path(answers[0])
+        return Measuring(pattern=path.name, points=read_pattern(path).points)
+    return Measuring(pattern=pattern(answers[0]).name)
+
+
+def _check_own(name: str, folder: Path, camera: ChosenCamera, strips: tuple[Strip, ...]) -> None:
+    """Refuse a pattern of one's own that cannot be measured in these strips."""
+    from anaplot.photogrammetry.block import Block, Photo, Precision, TestSettings
+    from anaplot.station.pointpattern import point_pattern_of
+
+    photos = (Photo(photo, camera.camera.id) for strip in strips for photo in strip.photos)
+    cameras = (camera.camera,)
+    block = Block("", Precision(), TestSettings(), cameras, tuple(photos), strips)
+    point_pattern_of(name, folder, block)
 
 
 def _sigma(answers: Sequence[str]) -> float:

@@ -17,7 +17,7 @@ from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.networkfile import read_network
-from anaplot.exchange.patternfile import read_pattern
+from anaplot.exchange.patternfile import is_pattern_file, read_pattern
 from anaplot.orientation.modelvalues import ideal_roots
 from anaplot.orientation.patterns import USUAL_BASE, USUAL_C, USUAL_D, pattern
 from anaplot.orientation.residuals import correlated_units, residual_system
@@ -156,11 +156,11 @@ def _geometry(source: str, known: Collection[str], model: ModelOptions) -> _Geom
         if path.is_dir():
             return _of_block(path)
         return _of_network(path) if suffix == ".toml" else _of_cube(version)
-    if suffix in (".csv", ".toml"):
+    if is_pattern_file(path):
         if model.d is not None:
             raise InputError("--d goes with a named pattern; a file says where its points lie")
-        points, ties = read_pattern(path)
-        plan = PlannedPattern(points, ties, model.base or USUAL_BASE, model.c or USUAL_C)
+        own = read_pattern(path)
+        plan = PlannedPattern(own.places, own.ties, model.base or USUAL_BASE, model.c or USUAL_C)
         return _of_model(path.name, f"the pattern {path.name}", plan, model)
     try:
         named = pattern(source)

@@ -12,7 +12,7 @@ import numpy as np
 from anaplot.adjustment.reliability import SERIOUS
 from anaplot.adjustment.tested import Tested, Transfer
 from anaplot.errors import InputError
-from anaplot.exchange.patternfile import read_pattern
+from anaplot.exchange.patternfile import is_pattern_file, read_pattern
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.patterns import PATTERNS, USUAL_BASE, USUAL_D, trace_in_bases
 from anaplot.orientation.patterns import pattern as named_pattern
@@ -61,7 +61,6 @@ __all__ = [
 ]
 
 _SHOWN = 5
-_FILES = (".csv", ".toml")
 _LEAST_BASE = 1e-3  # mm
 
 
@@ -288,7 +287,8 @@ def points_of_pattern(
         return _named(name, ties, base, d, c)
     if ties is not None:
         raise InputError("--ties goes with a named pattern; a file says itself which points tie")
-    points, tied = read_pattern(path)
+    own = read_pattern(path)
+    points = own.places
     xs, ys = [x for _, x, _ in points], [y for _, _, y in points]
     used = base
     if used is None:
@@ -296,7 +296,7 @@ def points_of_pattern(
         if used < _LEAST_BASE:
             raise InputError(f"{place(path)}: which --base? no point lies at an x greater than 0")
     return PointsOfPattern(
-        PlannedPattern(points, tied, used, c),
+        PlannedPattern(points, own.ties, used, c),
         (min(xs), max(xs)) if base is None else (0.0, used),
         (min(ys), max(ys)) if d is None else (-d, d),
         base is None,
@@ -324,8 +324,7 @@ def _named(
 
 def pattern_files(pattern: str | os.PathLike[str]) -> tuple[Path, ...]:
     """Return the file that a pattern is read from; a named one is in none."""
-    path = Path(pattern)
-    return (path,) if path.suffix.lower() in _FILES else ()
+    return (Path(pattern),) if is_pattern_file(pattern) else ()
 
 
 @takes_options(add_pattern_arguments)

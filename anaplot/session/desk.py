@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from anaplot.orientation.patterns import Pattern, pattern
+from anaplot.orientation.ownpattern import PointPattern
+from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.readings import Position
 from anaplot.planning.modelplan import Candidates
@@ -82,7 +83,7 @@ class Desk:
 
     state: SessionState
     outlook: Outlook
-    pattern: Pattern
+    pattern: PointPattern
     abilities: Abilities | None = None
     known: Known = NOTHING_KNOWN
     auto_drive: bool = True
@@ -105,7 +106,7 @@ class Desk:
         state: SessionState,
         abilities: Abilities | None = None,
         *,
-        point_pattern: Pattern | None = None,
+        point_pattern: PointPattern | None = None,
         candidates: Candidates | None = None,
         control: tuple[ControlPoint, ...] = (),
         auto_drive: bool = True,

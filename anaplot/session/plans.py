@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from anaplot.orientation.patterns import Pattern
+from anaplot.orientation.ownpattern import PointPattern
 from anaplot.planning.modelplan import Candidates, plan_positions
 from anaplot.session.events import PlannedPoint
 from anaplot.session.state import SessionState
@@ -14,7 +14,7 @@ _ENOUGH = 5  # known points common to both photos that make a plan
 
 def plan_of(
     state: SessionState,
-    pattern: Pattern,
+    pattern: PointPattern,
     candidates: Candidates | None,
     strip: str,
     left: str,

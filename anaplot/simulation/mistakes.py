@@ -13,7 +13,7 @@ from anaplot.aliases import Axis
 from anaplot.errors import InputError, NotComputableError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import WrongPointsError, orient
-from anaplot.orientation.patterns import Pattern
+from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Block
@@ -113,7 +113,7 @@ class ModelMistakes(NamedTuple):
 
 
 def plant_mistakes(
-    block: Block, truth: Truth, candidates: Candidates, pattern: Pattern, seed: int
+    block: Block, truth: Truth, candidates: Candidates, pattern: PointPattern, seed: int
 ) -> Plot:
     """Choose the mistakes of a synthetic strip.
 
@@ -235,7 +235,7 @@ def _repaired(
 
 
 def _models(
-    block: Block, truth: Truth, candidates: Candidates, pattern: Pattern
+    block: Block, truth: Truth, candidates: Candidates, pattern: PointPattern
 ) -> list[ModelMistakes]:
     """Return the models as they will be planned, with the smallest sizes of mistakes."""
     out: list[ModelMistakes] = []

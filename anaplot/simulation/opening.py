@@ -7,6 +7,8 @@ from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.patternfile import is_pattern_file, read_pattern
+from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block, Camera
 from anaplot.planning.synthetic import Truth, synthetic_truth
@@ -17,6 +19,7 @@ from anaplot.simulation.demo import rough
 from anaplot.simulation.instrument import PROFILE_OF_SIMULATION, SimulationSetup
 from anaplot.simulation.laidplates import laid_photographs, random_placements
 from anaplot.station.instrument import InstrumentSetup
+from anaplot.station.pointpattern import pattern_of_block, point_pattern_of
 from anaplot.station.station import DEFAULT_PATTERN, Station
 from anaplot.textfiles.wording import place
 
@@ -51,7 +54,10 @@ def check_options(
             raise InputError("an instrument needs both --profile and --port")
         load_profile(profile)
     if point_pattern is not None:
-        pattern(point_pattern)
+        if is_pattern_file(point_pattern):
+            read_pattern(Path(point_pattern))
+        else:
+            pattern(point_pattern)
 
 
 def open_station(
@@ -86,7 +92,8 @@ def open_station(
     seed
         Of the simulation.
     point_pattern
-        Name of the point pattern of new models; None for the block's, or the usual one.
+        The point pattern of new models, its name or its file; None for the block's, or the usual
+        one.
     operator, story
         Name for the journal, and what the session is about.
     time_scale
@@ -111,7 +118,9 @@ def open_station(
             f"{place(folder / 'block.toml')}: no strip: at least one [[strip]] is needed to measure"
         )
     if point_pattern is None:
-        point_pattern = block.measuring.pattern or DEFAULT_PATTERN
+        chosen = pattern_of_block(folder, block, DEFAULT_PATTERN)
+    else:
+        chosen = point_pattern_of(point_pattern, folder, block)
     if port is not None and profile is None:
         profile = block.measuring.profile
     if not simulate and (profile is None) != (port is None):
@@ -120,9 +129,9 @@ def open_station(
         plotter = InstrumentSetup(profile, port) if profile and port else None
         ready()
         return Station(
-            folder, plotter=plotter, point_pattern=point_pattern, operator=operator, story=story
+            folder, plotter=plotter, point_pattern=chosen, operator=operator, story=story
         )
-    points = _synthetic(block, seed) if truth is None else _measured(block, truth)
+    points = _synthetic(block, seed, chosen) if truth is None else _measured(block, truth)
     ready()
     return Station(
         folder,
@@ -134,7 +143,7 @@ def open_station(
             placements=random_placements(block, seed),
             profile=PROFILE_OF_SIMULATION if profile is None else profile,
         ),
-        point_pattern=point_pattern,
+        point_pattern=chosen,
         operator=operator,
         story=story,
         candidates=rough(points),
@@ -182,9 +191,10 @@ def _measured(block: Block, truth: Path) -> Truth:
     return points
 
 
-def _synthetic(block: Block, seed: int) -> Truth:
+def _synthetic(block: Block, seed: int, chosen: PointPattern) -> Truth:
     """Return a strip's photographs, or those of strips side by side with points in common.
 
+    They hold what the point pattern asks for, beside the standard points.
     Strips of different cameras are flown each alone.
     """
     first = block.strips[0]
@@ -193,12 +203,18 @@ def _synthetic(block: Block, seed: int) -> Truth:
     alike = all(block.camera_of(photo) == camera for photo in photos)
     if len(block.strips) > 1 and alike and len(set(photos)) == len(photos):
         base = first.base or 0.4 * _width(camera)
-        return synthetic_plates([s.photos for s in block.strips], camera, seed=seed, base=base)
+        return synthetic_plates(
+            [s.photos for s in block.strips], camera, seed=seed, base=base, wanted=chosen
+        )
     points: dict[str, dict[str, tuple[float, float]]] = {}
     for k, strip in enumerate(block.strips):
         camera = block.camera_of(strip.photos[0])
         made, _, _ = synthetic_truth(
-            strip.photos, camera, seed=seed + k, base=strip.base or 0.4 * _width(camera)
+            strip.photos,
+            camera,
+            seed=seed + k,
+            base=strip.base or 0.4 * _width(camera),
+            wanted=chosen,
         )
         for photo, xy in made.items():
             points.setdefault(photo, {}).update(xy)

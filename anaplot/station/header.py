@@ -6,9 +6,11 @@ from dataclasses import asdict
 from typing import Any
 
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml
+from anaplot.orientation.ownpattern import PointPattern
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import RULES
 from anaplot.station.instrument import Instrument
+from anaplot.station.pointpattern import pattern_points
 
 __all__ = ["session_header"]
 
@@ -16,9 +18,13 @@ _LARGEST_DECLARATION = 200_000  # characters of block.toml that the journal's he
 
 
 def session_header(
-    block: Block, operator: str, instrument: Instrument | None, story: str = ""
+    block: Block,
+    operator: str,
+    instrument: Instrument | None,
+    story: str = "",
+    point_pattern: PointPattern | None = None,
 ) -> dict[str, Any]:
-    """Return the header: block as declared, operator, profile and line, what it is about."""
+    """Return the header: block as declared, operator, pattern, profile and line, what for."""
     header: dict[str, Any] = {"block": block.name, "operator": operator}
     if story:
         header["story"] = story
@@ -29,6 +35,12 @@ def session_header(
         header["block_toml"] = declared
         if cameras:
             header["camera_files"] = cameras
+    if point_pattern is not None:
+        header["pattern"] = point_pattern.name
+        points = pattern_points(point_pattern)
+        if points is not None:
+            # what was planned by it is understood whatever becomes of its file
+            header["pattern_points"] = [list(point) for point in points]
     if instrument is not None:
         profile = instrument.profile
         header |= {

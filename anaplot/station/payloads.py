@@ -13,9 +13,11 @@ from typing import Any
 
 from anaplot.errors import InputError
 from anaplot.exchange.journal import JournalRecord
+from anaplot.photogrammetry.block import PatternPoint
 from anaplot.plotter.readings import Position
 from anaplot.textfiles.kinds import (
     FLAG,
+    NAME,
     NUMBER,
     Blank,
     Fields,
@@ -60,6 +62,10 @@ class Opened:
         The block as it was declared, or None.
     camera_files
         The texts of its camera files, by their names.
+    pattern
+        Name or file of the point pattern; None in sessions of older versions.
+    pattern_points
+        The points of one of one's own, or None.
     profile, profile_sha256
         The device profile's name and the digest of its file; None without an instrument.
     profile_text
@@ -72,6 +78,8 @@ class Opened:
 
     block_toml: str | None
     camera_files: Mapping[str, str]
+    pattern: str | None
+    pattern_points: tuple[PatternPoint, ...] | None
     profile: str | None
     profile_sha256: str | None
     profile_text: str | None
@@ -165,9 +173,12 @@ def _heard(parts: tuple[str, str, str, float]) -> Heard:
     return heard
 
 
+_PATTERN_POINT = Made(Items(NAME, NUMBER, NUMBER, FLAG), lambda parts: PatternPoint(*parts))
 _OPENED: Fields = {
     "block_toml": Blank(_TEXT),
     "camera_files": MapOf(_TEXT, _TEXT),
+    "pattern": Blank(_TEXT),
+    "pattern_points": Blank(ListOf(_PATTERN_POINT, "pattern_points")),
     "profile": Blank(_TEXT),
     "profile_sha256": Blank(_TEXT),
     "profile_text": Blank(_TEXT),
@@ -189,7 +200,15 @@ def opened_by(record: JournalRecord) -> Opened:
     InputError
         A key holds something else than it should, with file and line.
     """
-    usual = dict.fromkeys(("block_toml", "profile", "profile_sha256", "profile_text"))
+    unsaid = (
+        "block_toml",
+        "pattern",
+        "pattern_points",
+        "profile",
+        "profile_sha256",
+        "profile_text",
+    )
+    usual = dict.fromkeys(unsaid)
     # the first version's headers say nothing of rules
     return Opened(
         **{

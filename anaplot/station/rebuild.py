@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
@@ -21,7 +22,8 @@ __all__ = ["rebuild", "session_solutions"]
 def rebuild(replayed: Replayed, folder: Path) -> None:
     """Write block.toml, camera files and image_points.csv of a replayed session into a new folder.
 
-    Camera files that stood elsewhere come to stand beside block.toml.
+    So is the file of the block's point pattern, where a session was opened with it. Files that
+    stood elsewhere come to stand beside block.toml.
 
     Raises
     ------
@@ -41,13 +43,22 @@ def _self_contained(block: Block) -> Block:
     taken = {c.file for c in block.cameras if c.file is not None and not Path(c.file).is_absolute()}
     for camera in block.cameras:
         if camera.file is not None and Path(camera.file).is_absolute():
-            own = Path(camera.file)
-            names = chain((own.name,), (f"{own.stem}-{k}{own.suffix}" for k in count(2)))
-            file = next(name for name in names if name not in taken)
+            file = _free(Path(camera.file), taken)
             taken.add(file)
             camera = replace(camera, file=file)
         cameras.append(camera)
-    return replace(block, cameras=tuple(cameras))
+    measuring = block.measuring
+    if measuring.points is not None and measuring.pattern is not None:
+        pattern = Path(measuring.pattern)
+        if pattern.is_absolute():
+            measuring = replace(measuring, pattern=_free(pattern, taken))
+    return replace(block, cameras=tuple(cameras), measuring=measuring)
+
+
+def _free(path: Path, taken: Collection[str]) -> str:
+    """Return a file's name, with a number behind it when another file has it."""
+    names = chain((path.name,), (f"{path.stem}-{k}{path.suffix}" for k in count(2)))
+    return next(name for name in names if name not in taken)
 
 
 def session_solutions(state: SessionState) -> tuple[tuple[str, ModelSolution], ...]:

@@ -7,8 +7,8 @@ saw. A replay makes all of it again; wherever the outcome differs, it says where
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.blocktoml import parse_block_toml
 from anaplot.exchange.journal import JournalRecord, event_of, read_journal
+from anaplot.exchange.patternfile import is_pattern_file
 from anaplot.photogrammetry.block import Block
 from anaplot.plotter.decoder import Decoder
 from anaplot.plotter.profile import recorded_profile
@@ -122,6 +123,7 @@ class Replayed:
 def recorded_block(session: Path, records: Iterable[JournalRecord]) -> Block:
     """Return the block as declared when the session was recorded: from the journal's first header.
 
+    A point pattern of its own is as it was when a session was last opened with it.
     Journals without one belong to a folder whose block.toml still says it.
 
     Raises
@@ -129,6 +131,7 @@ def recorded_block(session: Path, records: Iterable[JournalRecord]) -> Block:
     InputError
         Neither is there, or it is wrong.
     """
+    records = tuple(records)
     for record in records:
         if record.kind not in ("header", "opened"):
             break
@@ -136,13 +139,28 @@ def recorded_block(session: Path, records: Iterable[JournalRecord]) -> Block:
         if said.block_toml is not None:
             place = Path(record.file).with_name("block.toml")
             try:
-                return parse_block_toml(said.block_toml, place, said.camera_files)
+                block = parse_block_toml(said.block_toml, place, said.camera_files)
             except InputError as error:
                 raise refusal(record, str(error)) from None
+            return _with_pattern(block, records)
     folder = session if session.is_dir() else session.parent
     if folder.name == "sessions":
         folder = folder.parent
     return read_block(folder)
+
+
+def _with_pattern(block: Block, records: Sequence[JournalRecord]) -> Block:
+    """Return a block with the points of its pattern's file, where a session was opened with it."""
+    name = block.measuring.pattern
+    if name is None or not is_pattern_file(name):
+        return block
+    for record in reversed(records):
+        if record.kind in ("header", "opened"):
+            said = opened_by(record)
+            if said.pattern == name and said.pattern_points is not None:
+                points = said.pattern_points
+                return replace(block, measuring=replace(block.measuring, points=points))
+    return block
 
 
 def replay_session(session: Path) -> Replayed:

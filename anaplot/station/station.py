@@ -21,7 +21,7 @@ from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import clear_image_points, read_block
 from anaplot.exchange.journal import JournalError
 from anaplot.orientation.model import warm_up
-from anaplot.orientation.patterns import pattern
+from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.suitability import pattern_verdict
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.modelplan import Candidates
@@ -67,6 +67,7 @@ from anaplot.station.inbox import Inbox, Item, Told, Traffic
 from anaplot.station.instrument import Instrument, Setup
 from anaplot.station.journaling import Recorder
 from anaplot.station.livestatus import LiveStatus
+from anaplot.station.pointpattern import point_pattern_of
 from anaplot.station.rejectedelsewhere import told_decisions
 from anaplot.station.restored import Snapshots
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
@@ -87,7 +88,7 @@ class Station(Commanded):
     plotter
         The instrument, not connected yet, or None to look on without a plotter.
     point_pattern
-        Name of the point pattern of new models.
+        The point pattern of new models, its name or its file.
     operator
         Name for the journal.
     candidates
@@ -110,15 +111,16 @@ class Station(Commanded):
         folder: Path,
         *,
         plotter: Setup | None = None,
-        point_pattern: str = DEFAULT_PATTERN,
+        point_pattern: PointPattern | str = DEFAULT_PATTERN,
         operator: str = "",
         candidates: Candidates | None = None,
         auto_drive: bool = True,
         story: str = "",
     ) -> None:
         super().__init__(folder)
-        chosen = pattern(point_pattern)
         block = read_block(folder)
+        if isinstance(point_pattern, str):
+            point_pattern = point_pattern_of(point_pattern, folder, block)
         self._lock = threading.RLock()
         self._turn = (
             threading.Lock()
@@ -143,7 +145,7 @@ class Station(Commanded):
                 self._inbox.time = lambda: link.event_time
             taken_up = TakenUp(folder, block)
             self._journal, recovered = taken_up.open(
-                session_header(block, operator, self._instrument, story)
+                session_header(block, operator, self._instrument, story, point_pattern)
             )
             undo.callback(self._journal.close)
             clear_image_points(folder)
@@ -156,7 +158,7 @@ class Station(Commanded):
             self._desk = Desk.at(
                 state,
                 None if self._instrument is None else self._instrument.abilities,
-                point_pattern=chosen,
+                point_pattern=point_pattern,
                 candidates=self._points.known_points(state.models)
                 if candidates is None
                 else candidates,
@@ -164,7 +166,7 @@ class Station(Commanded):
                 auto_drive=auto_drive,
             )
             taken = told_decisions(taken_up.decided)
-            for remark in (*recovered.remarks, pattern_verdict(chosen), taken):
+            for remark in (*recovered.remarks, pattern_verdict(point_pattern), taken):
                 if remark:
                     self._news.tell("warning", remark)
             self._write_points()

@@ -152,3 +152,21 @@ def test_a_camera_file_elsewhere_is_told(tmp_path: Path, block: Path) -> None:
     with pytest.raises(InputError, match="stands outside of the block"):
         pack_block(folder, tmp_path / "b.zip")
     assert not (tmp_path / "b.zip").exists()
+
+
+def test_the_file_of_a_pattern_is_part_of_the_block(tmp_path: Path) -> None:
+    folder, pattern = tmp_path / "b", tmp_path / "mine.csv"
+    pattern.write_text(
+        "label,x,y,tie\na,0,80,yes\nb,0,0,yes\nc,0,-80,yes\nd,92,80,no\ne,92,0,no\nf,92,-80,no\n"
+    )
+    assert main(["new", str(folder), "--strip", "1-3", "--pattern", str(pattern)]) == 0
+    assert "mine.csv" in pack_block(folder, tmp_path / "b.zip")
+    unpack_block(tmp_path / "b.zip", tmp_path / "again")
+    assert (tmp_path / "again" / "mine.csv").read_bytes() == (folder / "mine.csv").read_bytes()
+    (folder / "mine.csv").unlink()
+    with pytest.raises(InputError, match=r"mine\.csv"):
+        pack_block(folder, tmp_path / "c.zip")
+    text = (folder / "block.toml").read_text()
+    (folder / "block.toml").write_text(text.replace('"mine.csv"', f'"{pattern}"'))
+    with pytest.raises(InputError, match=r"pattern file '.*' stands outside of the block"):
+        pack_block(folder, tmp_path / "c.zip")

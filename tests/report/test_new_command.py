@@ -11,6 +11,7 @@ import pytest
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.exchange.camerafile import read_camera, write_camera
+from anaplot.exchange.patternfile import read_pattern
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.photogrammetry.nominalcameras import NOMINAL_CAMERAS
 from anaplot.planning.synthetic import synthetic_strip
@@ -222,4 +223,46 @@ def test_answers_that_end_write_nothing(
     answers += ["b"]
     assert new(tmp_path / "b") == 2
     assert "not answered" in capsys.readouterr().err
+    assert not (tmp_path / "b").exists()
+
+
+PATTERN = """\
+label,x,y,tie
+a,0,80,yes
+b,0,0,yes
+c,0,-80,yes
+m,46,80,no
+n,46,-80,no
+d,92,80,no
+e,92,0,no
+f,92,-80,no
+"""
+
+
+def test_a_pattern_of_ones_own_comes_to_stand_in_the_folder(tmp_path: Path) -> None:
+    file, folder = tmp_path / "mine.csv", tmp_path / "b"
+    file.write_text(PATTERN)
+    assert new(folder, "--strip", "1-5", "--pattern", file) == 0
+    assert read_block(folder).measuring.pattern == "mine.csv"
+    assert read_pattern(folder / "mine.csv").points == read_pattern(file).points
+    # it may stand there before
+    (folder / "block.toml").unlink()
+    assert new(folder, "--strip", "1-5", "--pattern", folder / "mine.csv") == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("few.csv", PATTERN.replace("yes", "no"), "0 of its points are ties"),
+        ("off.csv", PATTERN.replace("92,0", "92,300"), "off.csv line 8: point 'e' would lie"),
+        ("control.csv", PATTERN, "no name for a pattern: another file of a block has it"),
+        ("twice.toml", 'format = 1\n[[point]]\nlabel = "1"\nx = 1.0\n', "y"),
+    ],
+)
+def test_a_pattern_that_cannot_be_measured_leaves_no_block(
+    tmp_path: Path, name: str, text: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_text(text)
+    assert new(tmp_path / "b", "--strip", "1-5", "--pattern", tmp_path / name) == 2
+    assert words in capsys.readouterr().err
     assert not (tmp_path / "b").exists()
