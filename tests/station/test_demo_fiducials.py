@@ -18,7 +18,7 @@ from anaplot.plotter.device.hand import Offsets, fiducial_name
 from anaplot.report.astext import page_text
 from anaplot.report.democommand import demo_document, model_story
 from anaplot.simulation.automatic import AutomaticOperator
-from anaplot.simulation.demo import Demo
+from anaplot.simulation.demo import Demo, Outcome
 from anaplot.simulation.mistakes import SMALLEST
 from anaplot.simulation.opening import open_station
 from anaplot.simulation.wrongfiducial import plant_wrong_fiducial
@@ -46,17 +46,13 @@ def test_all_else_is_as_without_fiducials() -> None:
         assert (again.plot, again.placements) == (demo.plot, demo.placements)
 
 
-@pytest.mark.usefixtures("without_block")
-@pytest.mark.parametrize("seed", range(1, 13))
-def test_the_missed_fiducial_is_found_and_repaired(tmp_path: Path, seed: int) -> None:
-    demo = Demo.make(MODELS, seed, fiducials=True)
-    outcome = run(demo, tmp_path / "demo")
+def assert_found_and_repaired(demo: Demo, plain: Demo, outcome: Outcome) -> None:
     wrong = wrong_of(demo)
     assert wrong in outcome.planted
     assert wrong in outcome.found
     assert wrong in outcome.repaired
     # the strip's mistakes are found as well as without plates
-    assert min(standardized(replace(demo, plot=Demo.make(MODELS, seed).plot)).values()) >= SMALLEST
+    assert min(standardized(replace(demo, plot=plain.plot)).values()) >= SMALLEST
     assert outcome.missed == ()
     for record in outcome.models:
         name = f"{record.left}/{record.right}"
@@ -74,11 +70,20 @@ def test_the_missed_fiducial_is_found_and_repaired(tmp_path: Path, seed: int) ->
 
 
 @pytest.mark.usefixtures("without_block")
-def test_strip_tables_are_like_those_without_plates(tmp_path: Path) -> None:
+@pytest.mark.parametrize("seed", range(1, 7))
+def test_the_missed_fiducial_is_found_and_repaired(tmp_path: Path, seed: int) -> None:
+    demo, plain = Demo.make(MODELS, seed, fiducials=True), Demo.make(MODELS, seed)
+    assert_found_and_repaired(demo, plain, run(demo, tmp_path / "demo"))
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("without_block")
+def test_so_it_is_and_strip_tables_are_like_those_without_plates(tmp_path: Path) -> None:
     gaps, sigmas, scatter = [], [], []
     for seed in range(21, 27):
         demo, plain = (Demo.make(MODELS, seed, fiducials=with_them) for with_them in (True, False))
         outcome, other = run(demo, tmp_path / str(seed)), run(plain, tmp_path / f"plain{seed}")
+        assert_found_and_repaired(demo, plain, outcome)
         truth = demo.strip.truth
         mistaken = {(p.model, p.point) for p in demo.plot.planted}
         gaps += [
