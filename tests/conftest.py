@@ -7,6 +7,8 @@ to those that a test interrupts.
 
 The fast lane (`-m "not slow"`) has the mathematics, the session and the codecs. Rooms that wait for
 terminals, lines and commands are slow as wholes, but for what is marked `smoke`.
+
+What is marked `long` comes first, so that no process is left alone with it at the end.
 """
 
 import atexit
@@ -14,6 +16,8 @@ import os
 import shutil
 import signal
 import tempfile
+from collections.abc import Generator
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -39,10 +43,24 @@ settings.load_profile("steady")
 _SLOW_ROOMS = {"console", "report", "station"}
 
 
-@pytest.hookimpl(tryfirst=True)  # before pytest takes out what -m does not want
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> Generator[None, None, None]:
     here = Path(__file__).parent
     for item in items:
         slow = item.path.relative_to(here).parts[0] in _SLOW_ROOMS
         if slow and item.get_closest_marker("smoke") is None:
             item.add_marker(pytest.mark.slow)
+    yield  # pytest takes out what -m does not want
+    _long_first(items, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+
+
+def _long_first(items: list[pytest.Item], processes: int) -> None:
+    """Begin with the long ones the part of the list that each process is given (worksteal)."""
+    long = [item for item in items if item.get_closest_marker("long") is not None]
+    others = iter([item for item in items if item.get_closest_marker("long") is None])
+    out: list[pytest.Item] = []
+    for k in range(processes):
+        own = long[k::processes]
+        size = (len(items) - len(out)) // (processes - k)
+        out += own + list(islice(others, max(0, size - len(own))))
+    items[:] = [*out, *others]

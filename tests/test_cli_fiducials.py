@@ -13,6 +13,7 @@ from anaplot.exchange.blockfolder import read_block
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.long
 def test_the_demo_with_fiducials_tells_its_story(tmp_path: Path) -> None:
     folder = tmp_path / "kept"
     result = anaplot("demo", "--auto", "--fiducials", "--models", "2", "--keep", folder)

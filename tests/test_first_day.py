@@ -50,6 +50,7 @@ def follow(terminal: AtTerminal, done: Callable[[], bool]) -> list[str]:
     raise AssertionError(f"it leads nowhere:\n{terminal.screen}")
 
 
+@pytest.mark.long
 def test_from_nothing_to_the_adjusted_block(tmp_path: Path) -> None:
     folder = tmp_path / "survey"
     points = folder / "image_points.csv"  # written when a model is accepted

@@ -375,6 +375,7 @@ def station(tmp_path):
         yield station
 
 
+@pytest.mark.long
 async def test_a_model_measured_by_hand_through_the_keys(station):
     controls = controls_of(station)
     app = ConsoleApp(station, controls=controls)

@@ -68,6 +68,7 @@ def test_noise_is_cut_at_three_sigma() -> None:
     assert noise.std() == pytest.approx(0.9866, abs=0.005)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["bayes-G3C", "bayes-G4C"])
 def test_ten_errors_hide_from_sigmas_of_their_own(name: str) -> None:
     tally = simulate(GROUPS[name], runs=20, seed=11)

@@ -327,6 +327,7 @@ def test_the_command_refuses_by_name(capsys: pytest.CaptureFixture[str]) -> None
     assert all(f"\n{row['name']} " in f"\n{listed}" for row in known)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_lines_fit_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", "simulate", "--list"]) == 0
@@ -339,6 +340,7 @@ def test_lines_fit_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_sizes_in_bridged_strips() -> None:
     scenario = scenarios()["size-strips"]

@@ -130,6 +130,7 @@ def test_a_block_a_pattern_file_and_a_network_file(tmp_path: Path, capsys) -> No
         assert found["1 of 25 sigma", "search", "right"] > 0.3
 
 
+@pytest.mark.long
 def test_the_search_is_better_than_stepwise_rejection_with_many_errors() -> None:
     rows = model_rows("15/5")
     own = OwnErrors(
@@ -148,7 +149,7 @@ def test_the_search_is_better_than_stepwise_rejection_with_many_errors() -> None
     for quantity in ("right", "exactly the errors"):
         assert tally[case, "search", quantity].total >= tally[case, "baarda", quantity].total
     # the same in processes of their own, to which the geometry is sent
-    small = replace(own, chunk=10)
+    small = replace(own, chunk=10, methods=("baarda",))
     assert simulate(small, runs=30, seed=5, processes=2) == simulate(small, runs=30, seed=5)
 
 

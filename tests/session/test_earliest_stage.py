@@ -37,6 +37,7 @@ STAGES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_every_mistake_is_found_at_the_earliest_stage_and_repaired_there(tmp_path: Path) -> None:
     made = synthetic_block(2, 3, seed=SEED, test=TestSettings(kind="baarda"))

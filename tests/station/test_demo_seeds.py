@@ -122,6 +122,7 @@ def test_the_power_is_that_of_the_normal_test() -> None:
     assert missing_power(noncentrality(0.001, 0.80), 0.001) == pytest.approx(0.2, abs=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("without_block")
 @pytest.mark.parametrize("tens", range(5))
 def test_ten_seeds_counted_and_bridged(tmp_path: Path, tens: int) -> None:

@@ -109,6 +109,7 @@ def recovered(folder: Path) -> tuple[SessionState, list[PointMeasured | Fiducial
     return state, [e for e in events if isinstance(e, PointMeasured | FiducialMeasured)]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="jobs are forks")
 @pytest.mark.parametrize(("chance", "fiducials"), [(0, False), (1, False), (2, False), (3, True)])
 def test_killed_again_and_again_the_job_ends_as_if_undisturbed(
