@@ -17,7 +17,11 @@ from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.modelplan import standard_d
 
 __all__ = [
+    "BASE",
     "BETWEEN",
+    "CAMERA",
+    "RELIEF",
+    "TILTS_DEG",
     "UNDER",
     "SyntheticStrip",
     "Truth",
@@ -28,13 +32,18 @@ __all__ = [
 
 Truth = Mapping[str, Mapping[str, tuple[float, float]]]
 
-_BASE = 92.0  # [mm]
-_ANGLES = (1.2, 1.2, 2.0)  # standard deviations of omega, phi, kappa [deg]; at most twice occurs
+CAMERA = Camera("rmk", 152.4, (230.0, 230.0))
+"""With what is photographed where no camera is given."""
+BASE = 92.0
+"""Base at photo scale [mm]: 60 % of 230."""
+TILTS_DEG = (1.2, 1.2, 2.0)
+"""Standard deviations of omega, phi, kappa [deg]; at most twice occurs."""
+RELIEF = 0.05
+"""Largest height difference, as a part of c."""
 UNDER = ("1", "1'", "2", "3", "3'")
 BETWEEN = ("7", "7'", "8", "9", "9'")
 """Standard points under a photo, and between it and the next one."""
 _SAME_PLACE = 9.0  # mm: so near a standard point is taken for one that is wanted; twins are 8 apart
-_RELIEF = 0.05  # largest height difference, as a part of c
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,15 +96,14 @@ def synthetic_strip(
     if photos < 2:
         raise ValueError(f"a strip has at least two photos, not {photos}")
     ids = tuple(str(101 + k) for k in range(photos))
-    camera = Camera("rmk", 152.4, (230.0, 230.0))
-    truth, centres, rotations = synthetic_truth(ids, camera, seed=seed, base=_BASE)
+    truth, centres, rotations = synthetic_truth(ids, CAMERA, seed=seed, base=BASE)
     block = Block(
         name="demo",
         precision=Precision(image_um=image_um, tie_variance="exact"),
         test=test or TestSettings(),
-        cameras=(camera,),
-        photos=tuple(Photo(photo, camera.id) for photo in ids),
-        strips=(Strip("1", ids, _BASE),),
+        cameras=(CAMERA,),
+        photos=tuple(Photo(photo, CAMERA.id) for photo in ids),
+        strips=(Strip("1", ids, BASE),),
     )
     return SyntheticStrip(block, truth, centres, rotations)
 
@@ -137,7 +145,7 @@ def synthetic_truth(
     centres[:, 0] = base * np.arange(photos)
     centres[1:] += rng.normal(0.0, 0.015 * base, (photos - 1, 3))
     angles = np.clip(rng.normal(size=(photos, 3)), -2.0, 2.0)
-    angles *= np.radians(_ANGLES)
+    angles *= np.radians(TILTS_DEG)
     rotations = np.array([rotation_matrix(*a) for a in angles.tolist()])
     ground = _terrain(ids, base, d, c, rng, wanted)
     truth: dict[str, dict[str, tuple[float, float]]] = {}
@@ -169,7 +177,7 @@ def _terrain(
 
     def raised(x: float, y: float, under_x: float) -> Array:
         phase = waves[:, 0] * x / base + waves[:, 1] * y / d + waves[:, 2]
-        height = _RELIEF * c * float(np.sin(phase).mean())
+        height = RELIEF * c * float(np.sin(phase).mean())
         scale = 1.0 - height / c
         return np.array([under_x + (x - under_x) * scale, y * scale, height - c])
 

@@ -23,15 +23,22 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.modelplan import standard_d
-from anaplot.planning.synthetic import BETWEEN, UNDER, Truth, further_places
+from anaplot.planning.synthetic import (
+    BASE,
+    BETWEEN,
+    CAMERA,
+    RELIEF,
+    TILTS_DEG,
+    UNDER,
+    Truth,
+    further_places,
+)
+from anaplot.planning.syntheticcamera import usual_format
 
 __all__ = ["SyntheticBlock", "synthetic_block", "synthetic_plates"]
 
-_BASE = 92.0  # mm at photo scale: 60 % of 230
 _SIDE = 0.7  # of a photo's height between strips: 30 % side lap
 _SCALE = 10.0  # m on the ground for a mm at photo scale: 1 : 10 000
-_ANGLES = (1.2, 1.2, 2.0)  # standard deviations of omega, phi, kappa [deg]; at most twice occurs
-_RELIEF = 0.05  # largest height difference, as a part of c
 _ORIGIN = (4000.0, 7000.0, 300.0)  # m
 _MARGIN = 2.0  # mm at the edge of a photo where nothing is marked
 
@@ -90,16 +97,15 @@ def synthetic_block(
     if strips < 1 or photos < 2:
         raise ValueError(f"a block has strips of at least two photos, not {strips} of {photos}")
     rng = np.random.default_rng([seed, 4])
-    camera = Camera("rmk", 152.4, (230.0, 230.0))
     ids = tuple(tuple(str(100 * (s + 1) + k + 1) for k in range(photos)) for s in range(strips))
-    truth, ground, control = _flown(ids, camera, _BASE, rng)
+    truth, ground, control = _flown(ids, CAMERA, BASE, rng)
     block = Block(
         name="synthetic",
         precision=Precision(image_um=image_um, tie_variance="exact", control_m=control_m),
         test=test or TestSettings(),
-        cameras=(camera,),
-        photos=tuple(Photo(photo, camera.id) for photo in truth),
-        strips=tuple(Strip(str(s + 1), photos, _BASE) for s, photos in enumerate(ids)),
+        cameras=(CAMERA,),
+        photos=tuple(Photo(photo, CAMERA.id) for photo in truth),
+        strips=tuple(Strip(str(s + 1), photos, BASE) for s, photos in enumerate(ids)),
         control=tuple(_control(name, ground[name], control_m, rng) for name in control),
     )
     return SyntheticBlock(block, truth, ground)
@@ -159,7 +165,7 @@ def _flown(
         for k, photo in enumerate(photos):
             x = base * (longest - 1 - k if back else k)
             centre = np.array([x, side * s, camera.c]) + rng.normal(0.0, 0.015 * base, 3)
-            angles = np.clip(rng.normal(size=3), -2.0, 2.0) * np.radians(_ANGLES)
+            angles = np.clip(rng.normal(size=3), -2.0, 2.0) * np.radians(TILTS_DEG)
             angles[2] += radians(180.0) if back else 0.0
             at = np.array(_ORIGIN) + _SCALE * centre
             truth[photo] = _photographed(camera, at, rotation_matrix(*angles.tolist()), ground)
@@ -168,8 +174,7 @@ def _flown(
 
 def _side(camera: Camera) -> float:
     """Return the distance of two strips [mm at photo scale]."""
-    height = 1.5 * camera.c if camera.format is None else camera.format[1]
-    return _SIDE * height
+    return _SIDE * usual_format(camera)[1]
 
 
 def _places(
@@ -217,7 +222,7 @@ def _places(
 def _height(xy: Array, camera: Camera, base: float, waves: Array) -> float:
     """Smooth terrain [mm at photo scale]: a few waves."""
     phase = waves[:, 0] * xy[0] / base + waves[:, 1] * xy[1] / base + waves[:, 2]
-    return _RELIEF * camera.c * float(np.sin(phase).mean())
+    return RELIEF * camera.c * float(np.sin(phase).mean())
 
 
 def _photographed(

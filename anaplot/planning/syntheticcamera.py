@@ -1,4 +1,4 @@
-"""A made-up calibration certificate: eight fiducials and a little radial distortion."""
+"""Made-up cameras: a certificate with eight fiducials and a little distortion, a usual format."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 from anaplot.photogrammetry.block import Camera
 from anaplot.photogrammetry.camera import CameraCalibration, Fiducial, RadialPolynomial
 
-__all__ = ["SYNTHETIC_CAMERA_FILE", "with_calibration"]
+__all__ = ["SYNTHETIC_CAMERA_FILE", "usual_format", "with_calibration"]
 
 SYNTHETIC_CAMERA_FILE = "camera.toml"
 
@@ -63,3 +63,8 @@ def with_calibration(camera: Camera) -> Camera:
         radial=RadialPolynomial((-k1 * zero**2, k1, 0.0, 0.0)),
     )
     return replace(camera, calibration=calibration, file=SYNTHETIC_CAMERA_FILE)
+
+
+def usual_format(camera: Camera) -> tuple[float, float]:
+    """Return a photo's width and height [mm], usual for its constant where they are not stated."""
+    return camera.format or (1.5 * camera.c, 1.5 * camera.c)

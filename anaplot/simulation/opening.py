@@ -10,9 +10,10 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.patternfile import is_pattern_file, read_pattern
 from anaplot.orientation.ownpattern import PointPattern
 from anaplot.orientation.patterns import pattern
-from anaplot.photogrammetry.block import Block, Camera
+from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import Truth, synthetic_truth
 from anaplot.planning.syntheticblock import synthetic_plates
+from anaplot.planning.syntheticcamera import usual_format
 from anaplot.plotter.device.hand import Photographs
 from anaplot.plotter.profile import load_profile
 from anaplot.simulation.demo import rough
@@ -202,7 +203,7 @@ def _synthetic(block: Block, seed: int, chosen: PointPattern) -> Truth:
     photos = [photo for strip in block.strips for photo in strip.photos]
     alike = all(block.camera_of(photo) == camera for photo in photos)
     if len(block.strips) > 1 and alike and len(set(photos)) == len(photos):
-        base = first.base or 0.4 * _width(camera)
+        base = first.base or 0.4 * usual_format(camera)[0]
         return synthetic_plates(
             [s.photos for s in block.strips], camera, seed=seed, base=base, wanted=chosen
         )
@@ -213,14 +214,9 @@ def _synthetic(block: Block, seed: int, chosen: PointPattern) -> Truth:
             strip.photos,
             camera,
             seed=seed + k,
-            base=strip.base or 0.4 * _width(camera),
+            base=strip.base or 0.4 * usual_format(camera)[0],
             wanted=chosen,
         )
         for photo, xy in made.items():
             points.setdefault(photo, {}).update(xy)
     return points
-
-
-def _width(camera: Camera) -> float:
-    """Return a photo's width [mm], usual for its constant where the format is not stated."""
-    return 1.5 * camera.c if camera.format is None else camera.format[0]
