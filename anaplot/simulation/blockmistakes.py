@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Sequence, Set
 from math import hypot
 
 import numpy as np
 
 from anaplot.errors import InputError
-from anaplot.orientation.model import orient
-from anaplot.orientation.results import ModelSolution
-from anaplot.orientation.strip import stereopair
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.synthetic import Truth
 from anaplot.plotter.device.hand import Offsets
@@ -20,9 +17,10 @@ from anaplot.simulation.mistakes import (
     ModelMistakes,
     Planted,
     Plot,
+    PointsOfModel,
     next_model_error,
-    smallest_sizes,
     swapped_pair,
+    with_sizes,
 )
 from anaplot.simulation.wrongfiducial import plant_wrong_fiducial
 
@@ -60,7 +58,7 @@ def plant_in_block(block: Block, truth: Truth, models: Sequence[ModelState], see
     last = models[-1]
     if len(own) < 2 or last.strip == block.strips[0].id:
         raise InputError("mistakes of every kind need a strip of two models and another strip")
-    first, second = _with_sizes(block, truth, own[:2])
+    first, second = with_sizes(block, truth, map(_measured, own[:2]))
     # of a control point the control tells before the model or the next one does
     given = {c.point for c in block.control}
     pair, swapped = swapped_pair(first, truth, given)
@@ -82,26 +80,9 @@ def plant_in_block(block: Block, truth: Truth, models: Sequence[ModelState], see
     return Plot((fiducial, *pair, hidden, transferred, lateral, ground), offsets)
 
 
-def _with_sizes(
-    block: Block, truth: Truth, models: Sequence[ModelState]
-) -> Iterator[ModelMistakes]:
-    """Yield models of the first strip with the smallest sizes of mistakes that show in them."""
-    before: ModelSolution | None = None
-    for model in models:
-        left, right = model.photos
-        names = tuple(p.point for p in model.plan)
-        pair = stereopair(
-            model.photos,
-            {name: truth[left][name] for name in names},
-            {name: truth[right][name] for name in names},
-            (block.camera_of(left), block.camera_of(right)),
-            preceding=before,
-            base=block.strips[0].base,
-        )
-        before = orient(pair, block.precision, block.test)
-        ties = frozenset(p.point for p in model.plan if p.role == "tie")
-        sizes = smallest_sizes(block, before)
-        yield ModelMistakes(model.photos, model.name, names, ties, sizes)
+def _measured(model: ModelState) -> PointsOfModel:
+    ties = frozenset(p.point for p in model.plan if p.role == "tie")
+    return PointsOfModel(model.photos, tuple(p.point for p in model.plan), ties)
 
 
 def _transfer_error(

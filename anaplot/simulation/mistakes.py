@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from math import sqrt
 from typing import Literal, NamedTuple
@@ -26,10 +26,11 @@ __all__ = [
     "ModelMistakes",
     "Planted",
     "Plot",
+    "PointsOfModel",
     "next_model_error",
     "plant_mistakes",
-    "smallest_sizes",
     "swapped_pair",
+    "with_sizes",
 ]
 
 Kind = Literal[
@@ -90,6 +91,24 @@ class Plot:
     offsets: Mapping[tuple[str, str, str], Offsets]
 
 
+class PointsOfModel(NamedTuple):
+    """What is measured in a model.
+
+    Attributes
+    ----------
+    photos
+        (left, right).
+    points
+        Names.
+    ties
+        Those that the preceding model has.
+    """
+
+    photos: tuple[str, str]
+    points: tuple[str, ...]
+    ties: frozenset[str]
+
+
 class ModelMistakes(NamedTuple):
     """A model in which mistakes are planted.
 
@@ -136,7 +155,7 @@ def plant_mistakes(
         Of the generator.
     """
     rng = np.random.default_rng([seed, 2])
-    models = _models(block, truth, candidates, pattern)
+    models = list(with_sizes(block, truth, _planned(block, truth, candidates, pattern)))
     turn = int(rng.integers(3))
     planted: list[Planted] = []
     offsets: dict[tuple[str, str, str], Offsets] = {}
@@ -234,13 +253,11 @@ def _repaired(
     return None
 
 
-def _models(
+def _planned(
     block: Block, truth: Truth, candidates: Candidates, pattern: PointPattern
-) -> list[ModelMistakes]:
-    """Return the models as they will be planned, with the smallest sizes of mistakes."""
-    out: list[ModelMistakes] = []
+) -> Iterator[PointsOfModel]:
+    """Yield what is measured in the models of the first strip, as they will be planned."""
     strip = block.strips[0]
-    solution: ModelSolution | None = None
     before: Mapping[str, tuple[float, float]] = {}
     for left, right in strip.models():
         plan = plan_positions(
@@ -251,39 +268,42 @@ def _models(
             preceding=before,
             candidates=candidates,
         )
-        names = [p.point for p in plan]
+        names = tuple(p.point for p in plan)
+        yield PointsOfModel((left, right), names, frozenset(n for n in names if n in before))
+        before = {name: truth[right][name] for name in names}
+
+
+def with_sizes(
+    block: Block, truth: Truth, models: Iterable[PointsOfModel]
+) -> Iterator[ModelMistakes]:
+    """Yield models with the smallest sizes of mistakes that show in them.
+
+    Parameters
+    ----------
+    block
+        With the models' strip as its first one.
+    truth
+        True image coordinates [mm].
+    models
+        What is measured in the models of the first strip, from its first one on.
+    """
+    before: ModelSolution | None = None
+    for (left, right), names, ties in models:
         pair = stereopair(
             (left, right),
             {name: truth[left][name] for name in names},
             {name: truth[right][name] for name in names},
             (block.camera_of(left), block.camera_of(right)),
-            preceding=solution,
-            base=strip.base,
+            preceding=before,
+            base=block.strips[0].base,
         )
-        solution = orient(pair, block.precision, block.test)
-        out.append(
-            ModelMistakes(
-                (left, right),
-                f"{left}/{right}",
-                tuple(names),
-                frozenset(name for name in names if name in before),
-                smallest_sizes(block, solution),
-            )
-        )
-        before = {name: truth[right][name] for name in names}
-    return out
+        before = orient(pair, block.precision, block.test)
+        sizes = _smallest_sizes(block, before)
+        yield ModelMistakes((left, right), f"{left}/{right}", names, ties, sizes)
 
 
-def smallest_sizes(block: Block, model: ModelSolution) -> dict[tuple[str, str], float]:
-    """Return for every row of a model's table the smallest mistake that it shows for certain [mm].
-
-    Parameters
-    ----------
-    block
-        For its a-priori sigma0.
-    model
-        Without mistakes.
-    """
+def _smallest_sizes(block: Block, model: ModelSolution) -> dict[tuple[str, str], float]:
+    """Return for every row of a table without mistakes the smallest that it surely shows [mm]."""
     sigma = block.precision.image_um * 1e-3
     return {
         row.key: SMALLEST * sigma * sqrt(q / max(row.r, 1e-9))
