@@ -261,15 +261,8 @@ def _undone(state: SessionState) -> SessionState:
     current = before.current
     if current is not None and current.laid is not None and current.laying != state.layings:
         current = replace(current, laid=None)
-    return replace(
-        state,
-        models=before.models,
-        current=current,
-        returned=before.returned,
-        latest=before.latest,
-        recomputed=before.recomputed,
-        _history=tuple(history),
-    )
+    back = before._replace(current=current)
+    return replace(state, **back._asdict(), _history=tuple(history))
 
 
 def _chosen(state: SessionState, event: ModelChosen) -> ModelState:
@@ -480,11 +473,11 @@ def _accepted_again(state: SessionState, model: ModelState, returned: Return) ->
     """Put the model into its former place; what waited comes back, its photos laid in anew."""
     models, parked, recomputed = state.models, returned.parked, state.recomputed
     latest: tuple[str, str] | None = model.photos
-    if state.unchanged and not model.carriages:
+    changed = not state.unchanged
+    if not changed and not model.carriages:
         latest = state.latest  # nothing was laid in
-    elif not state.unchanged or model.open_inner is None:
+    elif changed or model.open_inner is None:
         _oriented(state)
-        changed = not state.unchanged
         models, parked = replaced(models, parked, model)
         if changed:
             others = tuple(known for known in recomputed if known.photos != model.photos)
