@@ -14,7 +14,7 @@ import numpy as np
 
 from anaplot.aliases import Progress
 from anaplot.bundle.adjust import adjust_bundle, adjust_problem, evaluate
-from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays
+from anaplot.bundle.errors.wrongray import SuspectRay, explained, suspect_rays
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import components
@@ -42,6 +42,8 @@ class LiveAnswer:
         "control", or "free" as long as control does not suffice.
     suspect_rays
         For every flagged point its rays, the most probably wrong one first.
+    explained
+        For every flagged point how probable it is that an error of the first of them is what shows.
     aside
         Photos that do not hang together with the rest yet.
     reused
@@ -51,6 +53,7 @@ class LiveAnswer:
     adjusted: AdjustedBlock
     datum: Datum
     suspect_rays: dict[str, tuple[SuspectRay, ...]]
+    explained: dict[str, float]
     aside: tuple[str, ...]
     reused: bool
 
@@ -197,6 +200,7 @@ class LiveBlock:
             adjusted=adjusted,
             datum=adjusted.problem.datum,
             suspect_rays={point: suspect_rays(adjusted, point) for point in points},
+            explained={point: explained(adjusted, point) for point in points},
             aside=aside,
             reused=reused,
         )

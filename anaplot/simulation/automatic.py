@@ -95,6 +95,9 @@ class AutomaticOperator:
     repeats
         How often he points again at one point of every model, and at one fiducial of every photo,
         before he accepts.
+    wait
+        How he waits, at most so many seconds, for something to happen at the station; None: until
+        it shows something new. Where nothing happens beside him, it is made to happen so.
     """
 
     def __init__(
@@ -103,9 +106,11 @@ class AutomaticOperator:
         on_accepted: Callable[[ModelRecord], None] | None = None,
         *,
         repeats: int = 0,
+        wait: Callable[[float], object] | None = None,
     ) -> None:
         self._station = station
         self._repeats = repeats
+        self._wait = self._until_woken if wait is None else wait
         self._repeated: set[tuple[str, ...]] = set()
         self._on_accepted = on_accepted
         instrument = station.instrument
@@ -206,7 +211,7 @@ class AutomaticOperator:
             if picture.finished and picture.returning is None:
                 if not self._waits_for_block(picture):
                     return
-                self._woken.wait(_READ)
+                self._wait(_READ)
                 continue
             if done != _progress(picture):
                 done = _progress(picture)
@@ -231,7 +236,10 @@ class AutomaticOperator:
                 self._stopping.wait(_READ)
             if waiting:
                 # nobody wakes him when the counters have been read again
-                self._woken.wait(_READ if picture.unreferenced else 0.5)
+                self._wait(_READ if picture.unreferenced else 0.5)
+
+    def _until_woken(self, seconds: float) -> None:
+        self._woken.wait(seconds)
 
     def _step(self, picture: Snapshot) -> bool:
         """Do the next thing; False when there is nothing to do but wait."""

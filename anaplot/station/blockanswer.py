@@ -79,5 +79,7 @@ def _suspects(
         first = empty.after if since is None else since.get(point, empty.after)
         earlier = any(ray.model != empty.after for ray in rays)
         newly = since is not None and first == empty.after and earlier
-        suspects.append(SuspectedPoint(point, tuple(coordinates), rays, first, newly))
+        suspects.append(
+            SuspectedPoint(point, tuple(coordinates), rays, first, newly, answer.explained[point])
+        )
     return tuple(suspects)

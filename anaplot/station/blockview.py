@@ -71,6 +71,9 @@ class SuspectedPoint:
         were in the block.
     newly
         Whether it was measured in an earlier model and only the newest one brings it to light.
+    explained
+        How probable it is that an error of the accused measurement is what shows, rather than
+        chance; 0 where the others do not agree without it either.
     """
 
     point: str
@@ -78,11 +81,17 @@ class SuspectedPoint:
     rays: tuple[SuspectedRay, ...]
     since: str
     newly: bool
+    explained: float = 1.0
 
     @property
     def accused(self) -> SuspectedRay:
         """The measurement that is most probably the wrong one."""
         return self.rays[0]
+
+    @property
+    def certainty(self) -> float:
+        """The probability that the accused measurement is wrong, and the only one of the point."""
+        return self.accused.probability * self.explained
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,11 +70,13 @@ class BlockWatch:
     ----------
     ready
         Called in the watch's own thread whenever there is a new view.
+    rest
+        Seconds after opening before anything is adjusted.
     """
 
-    def __init__(self, ready: Callable[[], None]) -> None:
+    def __init__(self, ready: Callable[[], None], *, rest: float = _FIRST_SCREEN) -> None:
         self._ready = ready
-        self._opened = time.monotonic()
+        self._begins = time.monotonic() + rest
         self._changed = threading.Condition()
         self._told: _Work | None = None
         self._done: _Work | None = None
@@ -152,7 +154,7 @@ class BlockWatch:
 
     def _run(self) -> None:
         with self._changed:
-            rest = self._opened + _FIRST_SCREEN - time.monotonic()
+            rest = self._begins - time.monotonic()
             self._changed.wait_for(lambda: self._closed, max(rest, 0.0))
         live: LiveBlock | None = None
         while (work := self._next()) is not None:

@@ -74,7 +74,7 @@ def surely_wrong(view: BlockView, models: Sequence[ModelState]) -> SuspectedPoin
 
     None as well where that was measured in one of `models` so often that it has not helped.
     """
-    if not view.suspects or view.suspects[0].accused.probability <= SURE:
+    if not view.suspects or view.suspects[0].certainty <= SURE:
         return None
     suspect = view.suspects[0]
     model = _model_of(models, suspect.point, suspect.accused)
@@ -82,6 +82,8 @@ def surely_wrong(view: BlockView, models: Sequence[ModelState]) -> SuspectedPoin
 
 
 def _of_block(desk: Desk, view: BlockView | None) -> ReturnAdvice | None:
+    if any(accident.certain for accident in desk.accidents):
+        return None  # the block has that in it, and is not to be believed before it is mended
     suspect = None if view is None or view.busy else surely_wrong(view, desk.state.models)
     if suspect is None:
         return None
@@ -95,7 +97,7 @@ def _of_block(desk: Desk, view: BlockView | None) -> ReturnAdvice | None:
         suspect.point,
         suspect.flagged[0].axis,
         ray.photo,
-        ray.probability,
+        suspect.certainty,
     )
 
 

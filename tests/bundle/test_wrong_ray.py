@@ -11,7 +11,7 @@ from bundleblocks import aerial
 from denseblock import dense, dense_inverse
 
 from anaplot.bundle.adjust import adjust_bundle
-from anaplot.bundle.errors.wrongray import suspect_rays
+from anaplot.bundle.errors.wrongray import explained, suspect_rays
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import TestSettings
 
@@ -53,3 +53,39 @@ def test_a_ray_is_accused_as_often_rightly_as_is_said(kind) -> None:
         # right as often as is said: 3.3 deviations, and what rounding makes of certainty
         room = 3.3 * sqrt(np.sum(said[some] * (1.0 - said[some]))) + 1.0
         assert abs(np.sum(np.array(right)[some] - said[some])) < room
+
+
+@pytest.mark.parametrize("kind", ["tau", "baarda"])
+def test_one_wrong_ray_explains_what_shows_and_chance_or_two_wrong_ones_do_not(kind) -> None:
+    scene = aerial(1, 3, per_base=1, control_sigma=0.05, test=TestSettings(kind=kind))
+    problem = make_problem(scene.block)
+    block = adjust_bundle(problem, scene.start(problem))
+    design, free = dense(block)
+    observed = np.any(design != 0.0, axis=1)
+    residual = np.eye(len(design)) - design @ dense_inverse(design, free) @ design.T
+    m = len(problem.photo)
+    rng = np.random.default_rng(79)
+    point = int(np.argmax(np.bincount(problem.point)))
+    mine = np.nonzero(problem.point == point)[0]
+    assert len(mine) == 3
+
+    def said(wrong: int) -> float:
+        """What is said where so many rays are wrong by 30 to 60 standard deviations."""
+        e = rng.normal(size=len(design)) * observed
+        for ray in rng.choice(mine, wrong, replace=False):
+            angle = rng.uniform(0.0, 2.0 * np.pi)
+            size = rng.uniform(30.0, 60.0)
+            e[2 * ray : 2 * ray + 2] += size * np.array([np.cos(angle), np.sin(angle)])
+        v, vtpv = (residual @ e)[: 2 * m].reshape(m, 2), float(e @ residual @ e)
+        return explained(replace(block, v=v, vtpv=vtpv), problem.points[point])
+
+    runs = 400
+    # a Bayes factor has the mean 1 where nothing is wrong, so that it exceeds 99 * 9 * m / 3 in one
+    # of more than 5 000 runs at most (Markov)
+    assert m > 17
+    assert sum(said(0) > 0.99 for _ in range(runs)) <= 1
+    # the others do not agree by chance once in a thousand: 3 or more of 400 once in a hundred
+    assert sum(said(1) == 0.0 for _ in range(runs)) <= 2
+    # of three residuals of the point one ray takes two; what is left shows unless it is below 4.3,
+    # the root of the F of 1 and 12 degrees of freedom, of 30 and more: in one direction of ten
+    assert sum(said(2) > 0.99 for _ in range(runs)) < 0.1 * runs

@@ -33,10 +33,15 @@ def spoilt() -> tuple[SessionState, str]:
 STATE, WRONG = spoilt()
 
 
-def view(probability: float, model: str | None = NAMES[0], point: str = WRONG) -> BlockView:
+def view(
+    probability: float,
+    model: str | None = NAMES[0],
+    point: str = WRONG,
+    explained: float = 1.0,
+) -> BlockView:
     flagged = FlaggedCoordinate("102", model, "x", 20.0, 0.3)
     ray = SuspectedRay("102", model, probability)
-    suspect = SuspectedPoint(point, (flagged,), (ray,), NAMES[1], newly=True)
+    suspect = SuspectedPoint(point, (flagged,), (ray,), NAMES[1], True, explained)
     return BlockView(NAMES[1], 2, provisional=True, datum="free", suspects=(suspect,))
 
 
@@ -77,6 +82,9 @@ def test_what_the_block_is_sure_of() -> None:
     [
         None,
         view(0.99),
+        # by chance, or more than that measurement is wrong
+        view(1.0, explained=0.5),
+        view(1.0, explained=0.0),
         view(1.0, NAMES[1]),
         view(1.0, None),
         view(1.0, "998/999"),

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from math import log
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS
+from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import sigma0_known
+from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 
-__all__ = ["SuspectRay", "suspect_rays"]
+__all__ = ["SuspectRay", "explained", "suspect_rays"]
 
 _ALL = 1e-12  # share of the sum of squares that is rounding
+_CHANCE = 1e-3  # below, it was not by chance that the other rays do not agree
 
 
 class SuspectRay(NamedTuple):
@@ -51,29 +54,9 @@ def suspect_rays(block: AdjustedBlock, point: str) -> tuple[SuspectRay, ...]:
         The point is not in the block.
     """
     problem = block.problem
-    rays, q = block.cofactors.point_rays(problem.points.index(point))
-    sigma = block.sigma if block.sigma is not None and block.sigma > 0.0 else 1.0
-    f = block.redundancy
-    estimated = not sigma0_known(problem.test.kind) and bool(block.sigma)
-    statistics: list[float | None] = []
-    logs = []
-    for k, ray in enumerate(rays.tolist()):
-        values, axes = np.linalg.eigh(q[2 * k : 2 * k + 2, 2 * k : 2 * k + 2])
-        z = axes.T @ block.v[ray] / sigma
-        good = values > TESTABLE
-        if not good.any():
-            statistics.append(None)
-            logs.append(0.0)
-            continue
-        g = ERROR_PRIOR_SIGMAS**2 * values[good]
-        size = z[good] ** 2 / values[good]
-        statistics.append(float(size.sum()))
-        explained = float((size * g / (1.0 + g)).sum())
-        if estimated:
-            # the sum of squares that an error here would leave; more than all cannot be explained
-            explained = -f * float(np.log1p(-min(explained / f, 1.0 - _ALL)))
-        logs.append(0.5 * (explained - float(np.log1p(g).sum())))
-    weights = np.exp(np.array(logs) - max(logs))
+    weighed = _weigh(block, point)
+    logs = np.array(weighed.logs)
+    weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     found = [
         SuspectRay(
@@ -82,7 +65,112 @@ def suspect_rays(block: AdjustedBlock, point: str) -> tuple[SuspectRay, ...]:
             statistic,
             weight,
         )
-        for ray, statistic, weight in zip(rays.tolist(), statistics, weights.tolist(), strict=True)
+        for ray, statistic, weight in zip(
+            weighed.rays, weighed.statistics, weights.tolist(), strict=True
+        )
     ]
     found.sort(key=lambda ray: -ray.probability)
     return tuple(found)
+
+
+def explained(block: AdjustedBlock, point: str) -> float:
+    """Return how probable it is that an error of the most probable ray of a point is what shows.
+
+    Against none at all, with the prior of conventions (Odds) shared by all rays of the block. 0
+    where the others do not agree without that ray either: by the sum of squares that is left of the
+    point's, chi-square where sigma is known, else against that of all other observations, F. Then
+    more than one is wrong, as where another detail was taken for the point in a model.
+
+    Raises
+    ------
+    ValueError
+        The point is not in the block.
+    """
+    weighed = _weigh(block, point)
+    worst = int(np.argmax(weighed.logs))
+    if not _agree(block, weighed, weighed.statistics[worst] or 0.0, weighed.ranks[worst]):
+        return 0.0
+    # the other rays of the point share what speaks against chance
+    none = log(NONE_PRIOR / (1.0 - NONE_PRIOR) * len(block.problem.photo))
+    return float(1.0 / (1.0 + np.exp(min(none - float(np.logaddexp.reduce(weighed.logs)), 700.0))))
+
+
+def _agree(block: AdjustedBlock, weighed: _Weighed, square: float, rank: int) -> bool:
+    """Whether the other rays of a point agree without one that explains so much of its squares."""
+    from scipy.special import chdtrc, fdtrc
+
+    free = weighed.rank - rank
+    if free < 1:
+        return True
+    left = max(weighed.square - square, 0.0)
+    if not weighed.estimated:
+        return bool(chdtrc(free, left) > _CHANCE)
+    elsewhere = block.redundancy - weighed.rank
+    rest = block.vtpv / weighed.sigma**2 - weighed.square
+    if elsewhere < 1 or rest <= 0.0:
+        return True  # nothing else says how large sigma is
+    return bool(fdtrc(free, elsewhere, left / free / (rest / elsewhere)) > _CHANCE)
+
+
+class _Weighed(NamedTuple):
+    """The rays of a point.
+
+    Attributes
+    ----------
+    rays
+        Which of the block's they are.
+    statistics, ranks
+        v' Q_vv^-1 v / sigma^2 of each, None when nothing checks it, and how many independent
+        residuals it has.
+    logs
+        Logarithms of their Bayes factors against no error.
+    square, rank
+        As statistics and ranks, of all rays together.
+    sigma, estimated
+        The sigma that was used, and whether it is an estimated one.
+    """
+
+    rays: list[int]
+    statistics: list[float | None]
+    ranks: list[int]
+    logs: list[float]
+    square: float
+    rank: int
+    sigma: float
+    estimated: bool
+
+
+def _weigh(block: AdjustedBlock, point: str) -> _Weighed:
+    problem = block.problem
+    rays, q = block.cofactors.point_rays(problem.points.index(point))
+    sigma = block.sigma if block.sigma is not None and block.sigma > 0.0 else 1.0
+    f = block.redundancy
+    estimated = not sigma0_known(problem.test.kind) and bool(block.sigma)
+    statistics: list[float | None] = []
+    ranks: list[int] = []
+    logs: list[float] = []
+    for k, ray in enumerate(rays.tolist()):
+        size, values = _squares(q[2 * k : 2 * k + 2, 2 * k : 2 * k + 2], block.v[ray] / sigma)
+        ranks.append(len(values))
+        if not len(values):
+            statistics.append(None)
+            logs.append(0.0)
+            continue
+        g = ERROR_PRIOR_SIGMAS**2 * values
+        statistics.append(float(size.sum()))
+        share = float((size * g / (1.0 + g)).sum())
+        if estimated:
+            # the sum of squares that an error here would leave; more than all cannot be explained
+            share = -f * float(np.log1p(-min(share / f, 1.0 - _ALL)))
+        logs.append(0.5 * (share - float(np.log1p(g).sum())))
+    size, values = _squares(q, block.v[rays].ravel() / sigma)
+    square = float(size.sum())
+    return _Weighed(rays.tolist(), statistics, ranks, logs, square, len(values), sigma, estimated)
+
+
+def _squares(q: Array, v: Array) -> tuple[Array, Array]:
+    """Return z^2 / q of residuals v along the axes of their cofactors, and q, where testable."""
+    values, axes = np.linalg.eigh(q)
+    good = values > TESTABLE
+    z = (axes.T @ v)[good]
+    return z**2 / values[good], values[good]
