@@ -19,9 +19,10 @@ from anaplot.orientation.conditionequations import ModelUnknowns
 from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.tieerrors import moved_by_errors
+from anaplot.photogrammetry.collinearity import project_with_derivatives
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["Located", "Pose", "StripGeometry", "extended", "widened"]
+__all__ = ["Located", "Pose", "StripGeometry", "extended", "in_photo", "widened"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,3 +175,42 @@ def _left(before: StripGeometry | None, pair: Stereopair, count: int) -> Pose:
     if known is None:
         return Pose(pair.c_left, pair.fixed.centre, pair.fixed.rotation, np.zeros((6, count)))
     return Pose(known.c, known.centre, known.rotation, widened(known.errors, count))
+
+
+def in_photo(
+    pose: Pose, points: list[Located], count: int, free: Array | None
+) -> tuple[Array, Array]:
+    """Return where points lie in a photo of their system, and how that errs.
+
+    Parameters
+    ----------
+    pose
+        The photo.
+    points
+        The points.
+    count
+        Number of errors that both share.
+    free
+        (6, 6) further errors of the photo alone, or None.
+
+    Returns
+    -------
+    Array
+        (n, 2) image coordinates [mm]; NaN behind the photo.
+    Array
+        (n, 2, count + 6) effects of the errors on them [mm].
+    """
+    n = len(points)
+    seen = project_with_derivatives(
+        np.broadcast_to(pose.centre, (n, 3)),
+        np.broadcast_to(pose.rotation, (n, 3, 3)),
+        np.full(n, pose.c),
+        np.array([p.xyz for p in points]).reshape(-1, 3),
+    )
+    width = count + 6
+    at = np.array([widened(p.errors, width) for p in points]).reshape(n, 3, width)
+    own = widened(pose.errors, width)
+    if free is not None:
+        own[:, count:] = free
+    errors = seen.photo @ own + np.einsum("nab,nbe->nae", seen.point, at)
+    return np.where(seen.depth[:, None] > 0.0, seen.xy, np.nan), errors

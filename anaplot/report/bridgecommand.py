@@ -23,6 +23,7 @@ from anaplot.orientation.strip import bridge as bridge_strips
 from anaplot.photogrammetry import block as photogrammetry
 from anaplot.photogrammetry.block import Camera, Precision, TestSettings, TieVariance
 from anaplot.report import planting
+from anaplot.report.accidentlines import with_accidents
 from anaplot.report.adjustarguments import add_bridge_arguments
 from anaplot.report.computed import Computed
 from anaplot.report.document import BLANK, Block, Document
@@ -34,6 +35,7 @@ from anaplot.report.output import Output
 from anaplot.report.running import BlockOrFolder, block_of, computed
 from anaplot.report.searchoptions import search_settings
 from anaplot.report.streams import complain
+from anaplot.session.blockaccidents import block_accidents
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = [
@@ -153,7 +155,8 @@ def bridge(
         tuple(strip for strip, _ in parts),
         tuple(strip for strip in strips if isinstance(strip, CleanedStrip)) if errors else None,
     )
-    document = planting.with_planting(bridge_document(given, strips, matrix=matrix), planted)
+    document = with_accidents(bridge_document(given, strips, matrix=matrix), block_accidents(given))
+    document = planting.with_planting(document, planted)
     return Computed(found, with_journal_notes(document, note), flagged)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from anaplot.errors import AnaplotError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
+from anaplot.report.accidentlines import accidents_answer, unchecked_line
 from anaplot.report.columns import counted
 from anaplot.report.document import (
     BLANK,
@@ -26,6 +27,7 @@ from anaplot.report.document import (
 from anaplot.report.document import Block as Part
 from anaplot.report.journalnote import journal_answer
 from anaplot.report.output import Output
+from anaplot.session.blockaccidents import block_accidents
 from anaplot.session.recomputed import Recomputed
 from anaplot.station.blockstatus import BlockStatus, NextStep, status_of
 from anaplot.station.blockview import BlockView
@@ -77,7 +79,8 @@ def block_status(folder: Path) -> tuple[BlockStatus, Journaled]:
     """
     block = read_block(folder)
     found = journaled(folder, block)
-    return status_of(block, found.state, _view(block), plain(shlex.quote(str(folder)))), found
+    name = plain(shlex.quote(str(folder)))
+    return status_of(block, found.state, _view(block), name, block_accidents(block)), found
 
 
 def _view(block: Block) -> BlockView | None:
@@ -130,6 +133,7 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
         "recomputed": [_recomputed(one) for one in status.recomputed],
         "lateral_ties": seen.lateral_ties,
         "control": {"points": seen.control, "seen": seen.control_seen},
+        "accidents": accidents_answer(status.accidents),
         "next": {key: value or None for key, value in status.next._asdict().items()},
         "remarks": remarks,
     }
@@ -149,6 +153,7 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
     page += [say("  look: {}", spot.words).of("look") for spot in spots[:_MOST_SPOTS]]
     if len(spots) > _MOST_SPOTS:
         page.append(say("  and {} more to look at", len(spots) - _MOST_SPOTS).of("look"))
+    page += unchecked_line(status.accidents)
     page += [say("remark: {}", remark).of("remark") for remark in remarks]
     page.append(_next_line(status.next).of("heading"))
     return Document(answer, tuple(page), (models, suspects))

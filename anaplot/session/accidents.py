@@ -6,7 +6,7 @@ told by what is known of it elsewhere: in its strip, in the neighbouring strip, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from math import hypot, sqrt
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from anaplot.session.remembering import remembered
 from anaplot.session.state import SessionState
 from anaplot.session.transfer import GROUND, TieCheck, Transfer
 
-__all__ = ["Accident", "accidents"]
+__all__ = ["Accident", "accidents", "accidents_in"]
 
 _SIGMAS = 4.0  # of the difference of two pointings: as near as that, it is the same place
 _POINTING = 0.3  # mm: farther off, it is another point rather than a bad pointing
@@ -33,7 +33,7 @@ class Accident(NamedTuple):
     text
         One sentence.
     certain
-        Whether it is certain that this point of the model in work is the wrong one.
+        Whether it is certain that this point of the model (or strip) in question is the wrong one.
     against
         What has it elsewhere: another strip's name, `GROUND`, or "" for its own strip.
     """
@@ -65,7 +65,31 @@ def _accidents(
     known: Transfer,
 ) -> tuple[Accident, ...]:
     here = () if model is None else model.used
-    names = {m.point for m in here}
+    return accidents_in(precision, models, model, known, {m.point for m in here})
+
+
+def accidents_in(
+    precision: Precision,
+    models: tuple[ModelState, ...],
+    model: ModelState | None,
+    known: Transfer,
+    names: Set[str],
+) -> tuple[Accident, ...]:
+    """Return what is wrong with points of a model, and with ties of its strip.
+
+    Parameters
+    ----------
+    precision
+        Of the block.
+    models
+        Those that were measured before.
+    model
+        The model; None: ties alone.
+    known
+        What follows from what is known elsewhere.
+    names
+        Points that can be the wrong ones.
+    """
     out = [found for check in known.checks for found in _of_check(check, names)]
     out += [
         Accident(
@@ -81,7 +105,7 @@ def _accidents(
     return tuple({found.point: found for found in reversed(out)}.values())[::-1]
 
 
-def _of_check(check: TieCheck, here: set[str]) -> Iterator[Accident]:
+def _of_check(check: TieCheck, here: Set[str]) -> Iterator[Accident]:
     """Yield the points that another system has elsewhere."""
     tie = check.tie
     if tie is None or check.cleaned is None:

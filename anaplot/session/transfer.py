@@ -17,10 +17,10 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
-from anaplot.orientation.stripgeometry import Located, Pose, StripGeometry, widened
+from anaplot.orientation.stripgeometry import Located, Pose, StripGeometry, in_photo, widened
 from anaplot.orientation.striptie import Placed, StripTie, System, tie_systems
 from anaplot.photogrammetry.block import Block, ControlPoint
-from anaplot.photogrammetry.collinearity import project, project_with_derivatives
+from anaplot.photogrammetry.collinearity import project
 from anaplot.planning.modelplan import Candidates
 from anaplot.session.elsewhere import Elsewhere, consecutive, elsewhere, ground
 from anaplot.session.events import PlannedPoint, Role
@@ -29,12 +29,26 @@ from anaplot.session.modelstate import ModelState
 from anaplot.session.remembering import remembered
 from anaplot.session.state import SessionState
 
-__all__ = ["GROUND", "NOTHING_KNOWN", "Known", "Mark", "Offer", "TieCheck", "Transfer", "transfer"]
+__all__ = [
+    "GROUND",
+    "NOTHING_KNOWN",
+    "RECENT",
+    "Known",
+    "Mark",
+    "Offer",
+    "TieCheck",
+    "Transfer",
+    "transfer",
+    "transfer_of_strip",
+]
 
 Mark = Literal["", "lateral", "control"]
 """What a point is beside its role in the model: known in another strip, or on the ground."""
 GROUND = "control"
 """What the ground is called beside the names of strips."""
+
+RECENT = 12
+"""Models of the strip in work whose points tie it."""
 
 Place = tuple[float, float, float, float]
 """xl, yl, xr, yr [mm]."""
@@ -42,7 +56,6 @@ Place = tuple[float, float, float, float]
 _LATERAL = 3  # lateral ties that every model adds
 _EDGE = 3.0  # mm at the edge of a photo where nothing is offered
 _UNCERTAIN = 8.0  # mm: who drives there has to search a circle of this standard deviation at most
-_RECENT = 12  # models of the strip in work whose points tie it
 _STRAYED = 24.0  # chi-square of 3 degrees of freedom that chance exceeds once in 40 000
 _OUTLIERS = 3  # common points that are left out at most before others are placed by the rest
 # what is not known of a right photo before it is measured: base and inclination
@@ -191,6 +204,52 @@ def _transfer(
     return _InWork(block, theirs, own, current, known, strip, again).transfer()
 
 
+def transfer_of_strip(
+    block: Block,
+    models: tuple[ModelState, ...],
+    own: tuple[ModelState, ...],
+    known: Known,
+    last: int,
+) -> tuple[Transfer, ...]:
+    """Return what a strip says of its last models, by the similarities that its last one has.
+
+    What is offered is left out. The checks are those of the last model.
+
+    Parameters
+    ----------
+    block
+        Its cameras, precision and test.
+    models
+        The models of other strips.
+    own
+        Those of the strip, one at least.
+    known
+        What else is known.
+    last
+        How many of its models are asked for.
+
+    Returns
+    -------
+    tuple of Transfer
+        One for each, in order.
+    """
+    strip = own[-1].strip
+    theirs = elsewhere(block, models, strip)
+    work = _InWork(block, theirs, own[:-1], own[-1], known, strip, {})
+    checks, marks = work.checks(), work.marks()
+    out = []
+    for k in range(max(len(own) - last, 0), len(own)):
+        before, model = own[:k], own[k]
+        again = _again(before, model)
+        strayed: tuple[tuple[str, float, str], ...] = ()
+        if again:
+            alone = _InWork(block, Elsewhere({}, {}), before, model, NOTHING_KNOWN, strip, again)
+            strayed = alone.strayed(model)
+        of_last = checks if model is own[-1] else ()
+        out.append(Transfer((), of_last, marks, work.places(checks, model), strayed))
+    return tuple(out)
+
+
 def _strip_in_work(models: tuple[ModelState, ...], current: ModelState | None) -> str:
     if current is not None:
         return current.strip
@@ -231,27 +290,38 @@ class _InWork:
 
     def transfer(self) -> Transfer:
         """Return everything."""
-        checks = tuple(self._check(name, other) for name, other in self._others.items())
-        if self._ground.points:
-            checks = (*checks, self._check(GROUND, self._ground))
-        unit = next((c.unit_m for c in checks if c.other == GROUND), None)
-        checks = tuple(c if c.other == GROUND else replace(c, unit_m=unit) for c in checks)
+        checks, marks = self.checks(), self.marks()
         model = self._current
-        names = self._measured.keys() | self._control
-        marks = {name: self._mark(name) for name in names}
         if model is None or model.open_inner is not None:
             return Transfer(checks=checks, marks=marks)
         expected = self._expected(checks, model)
         offers = self._offers(model, expected)
-        places = {name: at[:2] for name, at in expected.items()}
         return Transfer(
             offers,
             checks,
             marks,
-            {name: (at, sigma) for name, (at, sigma) in places.items() if sigma is not None},
-            self._strayed(model),
+            _uncertain(expected),
+            self.strayed(model),
             self._hint(checks, offers, model),
         )
+
+    def checks(self) -> tuple[TieCheck, ...]:
+        """Return the strip against the others and against the ground."""
+        checks = tuple(self._check(name, other) for name, other in self._others.items())
+        if self._ground.points:
+            checks = (*checks, self._check(GROUND, self._ground))
+        unit = next((c.unit_m for c in checks if c.other == GROUND), None)
+        return tuple(c if c.other == GROUND else replace(c, unit_m=unit) for c in checks)
+
+    def marks(self) -> dict[str, Mark]:
+        """Return what the points known from elsewhere are."""
+        return {name: self._mark(name) for name in self._measured.keys() | self._control}
+
+    def places(
+        self, checks: tuple[TieCheck, ...], model: ModelState
+    ) -> Mapping[str, tuple[Place, float]]:
+        """Return where they are expected in a model of the strip, with standard deviations."""
+        return _uncertain(self._expected(checks, model))
 
     def _mark(self, point: str) -> Mark:
         if point in self._control:
@@ -359,7 +429,7 @@ class _InWork:
             return
         count = tie.count
         left, right = (
-            _in_photo(pose, list(points.values()), count, free)
+            in_photo(pose, list(points.values()), count, free)
             for pose, free in ((poses.left, None), (poses.right, poses.free))
         )
         values = np.concatenate((left[0], right[0]), axis=1)
@@ -404,7 +474,7 @@ class _InWork:
         c = self._block.camera_of(model.right).c
         return _Poses(left, Pose(c, left.centre + step, left.rotation, left.errors), free)
 
-    def _strayed(self, model: ModelState) -> tuple[tuple[str, float, str], ...]:
+    def strayed(self, model: ModelState) -> tuple[tuple[str, float, str], ...]:
         """Return the points that lie elsewhere than an earlier model of the strip has them."""
         again = self._again
         if not again or self._this is None or model.right not in self._this.photos:
@@ -486,6 +556,13 @@ class _InWork:
         return ""
 
 
+def _uncertain(
+    expected: Mapping[str, tuple[Place, float | None, str]],
+) -> dict[str, tuple[Place, float]]:
+    """Return expected places with their standard deviations; marked ones not among them."""
+    return {name: (at, sigma) for name, (at, sigma, _) in expected.items() if sigma is not None}
+
+
 def _apart(x: float, there: list[float]) -> float:
     return min((abs(x - other) for other in there), default=-x)
 
@@ -512,26 +589,6 @@ def _recent(geometry: StripGeometry | None, chain: tuple[ModelState, ...]) -> Sy
     """Return the strip's points of its last models: far behind, nothing is tied any more."""
     if geometry is None:
         return None
-    names = {m.point for model in chain[-_RECENT:] for m in model.used}
+    names = {m.point for model in chain[-RECENT:] for m in model.used}
     points = {p: at for p, at in geometry.points.items() if p in names}
     return Placed(points, geometry.count)
-
-
-def _in_photo(
-    pose: Pose, points: list[Located], count: int, free: Array | None
-) -> tuple[Array, Array]:
-    """Return (n, 2) image coordinates [mm] and (n, 2, e) their errors; NaN behind the photo."""
-    n = len(points)
-    seen = project_with_derivatives(
-        np.broadcast_to(pose.centre, (n, 3)),
-        np.broadcast_to(pose.rotation, (n, 3, 3)),
-        np.full(n, pose.c),
-        np.array([p.xyz for p in points]).reshape(-1, 3),
-    )
-    width = count + 6
-    at = np.array([widened(p.errors, width) for p in points]).reshape(n, 3, width)
-    own = widened(pose.errors, width)
-    if free is not None:
-        own[:, count:] = free
-    errors = seen.photo @ own + np.einsum("nab,nbe->nae", seen.point, at)
-    return np.where(seen.depth[:, None] > 0.0, seen.xy, np.nan), errors

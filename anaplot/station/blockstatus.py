@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 from anaplot.orientation.results import ModelSolution
 from anaplot.orientation.strip import bridge_strip
 from anaplot.photogrammetry.block import Block, Strip
+from anaplot.session.blockaccidents import NO_ACCIDENTS, BlockAccidents
 from anaplot.session.modelstate import ModelState
 from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.state import SessionState
@@ -166,6 +167,8 @@ class BlockStatus:
         Lateral ties and control.
     next
         What is to be done next.
+    accidents
+        Points that are numbered wrong, as far as they were looked for.
     """
 
     strips: tuple[StripStatus, ...]
@@ -173,6 +176,7 @@ class BlockStatus:
     block: BlockView | None
     coverage: Coverage
     next: NextStep
+    accidents: BlockAccidents = NO_ACCIDENTS
 
     @property
     def models(self) -> Iterator[ModelStatus]:
@@ -182,8 +186,17 @@ class BlockStatus:
     @property
     def weak_spots(self) -> tuple[WeakSpot, ...]:
         """What needs a look, the surest first."""
-        spots = list(_of_block(self.block))
-        named = {spot.model for spot in spots}
+        of_block = tuple(_of_block(self.block))
+        named = {spot.model for spot in of_block}
+        sure, perhaps = (
+            [
+                WeakSpot(one.model, f"model {one.model}: {one.accident.text}")
+                for one in self.accidents.found
+                if one.accident.certain == certain
+            ]
+            for certain in (True, False)
+        )
+        spots = [*sure, *of_block, *perhaps]
         for one in self.recomputed:
             spots.append(WeakSpot(one.name, f"model {one.name}: computed anew: {one.in_words()}"))
         for model in self.models:
@@ -218,7 +231,11 @@ def _of_block(view: BlockView | None) -> Iterator[WeakSpot]:
 
 
 def status_of(
-    block: Block, state: SessionState | None, view: BlockView | None, folder: str
+    block: Block,
+    state: SessionState | None,
+    view: BlockView | None,
+    folder: str,
+    accidents: BlockAccidents = NO_ACCIDENTS,
 ) -> BlockStatus:
     """Return where a block stands, from its files.
 
@@ -232,6 +249,8 @@ def status_of(
         What the block as one bundle says, or None.
     folder
         How the command line names the block.
+    accidents
+        Points that are numbered wrong.
     """
     suspected = suspected_models(view)
     ahead = None if state is None or state.current is None else outlook(state)
@@ -242,11 +261,15 @@ def status_of(
         _strip(block, strip, state, ahead, there, suspected, anew) for strip in block.strips
     )
     opened = next((m.name for strip in strips for m in strip.models if m.state == "open"), "")
-    if state is None or ahead is None:
-        step = following(opened, bool(block.image_points), view, folder)
+    measured = bool(block.image_points)
+    if state is not None and ahead is not None:
+        step = following(opened, measured, view, folder, state, ahead)
+    elif accidents.surest is not None:
+        wrong = accidents.surest
+        step = NextStep("return", f"anaplot open {folder}", wrong.model, point=wrong.accident.point)
     else:
-        step = following(opened, bool(block.image_points), view, folder, state, ahead)
-    return BlockStatus(strips, recomputed, view, coverage_of(block), step)
+        step = following(opened, measured, view, folder)
+    return BlockStatus(strips, recomputed, view, coverage_of(block), step, accidents)
 
 
 def waiting(state: SessionState) -> tuple[str, str] | None:
