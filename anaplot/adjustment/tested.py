@@ -434,6 +434,7 @@ def examine(
     deviation: Array | None = None,
     moved: Array | None = None,
     use: Bools | None = None,
+    firm: Bools | None = None,
     moved_ground: Array | None = None,
     rounding: float = 0.0,
     dense: Dense | None = None,
@@ -462,6 +463,10 @@ def examine(
         deviations; None: sqrt(1 - r), likewise.
     use
         (n,) which rows count; None: all.
+    firm
+        (n,) rows that stand for something free of error, with a sigma of next to nothing: they are
+        tested however small r is, in the limit by their Lagrange multipliers, and an error of the
+        size `mdb` has no bound in standard deviations; None: none.
     moved_ground
         (n, 3) how an error of one unit moves the observation's own point [m]; NaN where it has
         none, None where no observation has any.
@@ -479,7 +484,8 @@ def examine(
     sigma0 = sqrt(vtpv / redundancy) if redundancy > 0 else None
     factor = applied.factor(sigma0)
     deviation = sigma * np.sqrt(np.maximum(r, 0.0)) if deviation is None else deviation
-    testable = r >= TESTABLE
+    firm = np.zeros(len(r), dtype=np.bool_) if firm is None else firm
+    testable = (r >= TESTABLE) | (firm & (r > 0.0))
     divisor = np.where(testable, r, np.nan)
     mdb = applied.delta0 * deviation / divisor
     moved = np.sqrt(np.maximum(1.0 - r, 0.0)) if moved is None else moved
@@ -502,7 +508,7 @@ def examine(
         expected=expected,
         w=w,
         mdb=mdb,
-        effect=mdb / sigma * moved,
+        effect=np.where(firm, np.nan, mdb / sigma * moved),
         flagged=(size > limit) & (np.abs(residual) > rounding),
         use=np.ones(len(r), dtype=np.bool_) if use is None else use,
         evidence=ERROR_PRIOR_SIGMAS**2 * shown**2,

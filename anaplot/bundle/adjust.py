@@ -12,12 +12,18 @@ from anaplot.aliases import Progress
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum, datum_change
-from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
+from anaplot.bundle.solve.gaussnewton import (
+    Minimum,
+    NoConvergenceError,
+    equations_at,
+    find_minimum,
+)
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import Structure, linearise, make_structure, objective
+from anaplot.bundle.solve.normal import linearise, objective
 from anaplot.bundle.solve.openmovement import held_by_noise, parameters_left_open
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
+from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.bundle.start.approximate import approximate_ways, laid_onto_control, restricted
 from anaplot.bundle.start.robust import RobustState, no_minimum_error, robust_state, robust_suspects
 from anaplot.errors import NotComputableError
@@ -102,11 +108,11 @@ def adjust_problem(problem: Problem, *, progress: Progress | None = None) -> Adj
 
 
 def _adjusted(problem: Problem, progress: Progress | None) -> AdjustedBlock:
-    if problem.additional is None:
-        found, robust = _searched(problem, progress)
+    bare = problem.bare
+    found, robust = _searched(bare, progress)
+    if bare is problem:
         return evaluate(problem, found, robust=robust, progress=progress)
-    # orientations do not wait for them: additional parameters start from the block without
-    found, robust = _searched(problem.bare, progress)
+    # orientations wait neither for additional parameters nor for conditions between points
     return calibrated(problem, found.state, robust=robust, progress=progress)
 
 
@@ -117,7 +123,7 @@ def calibrated(
     robust: BlockState | None = None,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
-    """Adjust a bundle with additional parameters from its minimum without them.
+    """Adjust a bundle with additional parameters and conditions from its minimum without them.
 
     Parameters
     ----------
@@ -144,7 +150,7 @@ def calibrated(
             progress=progress,
         )
     except NoConvergenceError as error:
-        if len(problem.additional_sigma):
+        if problem.additional is None or len(problem.additional_sigma):
             raise
         # there is a minimum without them
         raise NoConvergenceError(parameters_left_open(problem), error.state) from error
@@ -342,10 +348,16 @@ def adjust_bundle(
     ------
     NotComputableError
         The observations do not determine everything (photos, points or parts are named), or no
-        minimum is found (the observations that disagree most are named).
+        minimum is found (the observations that disagree most are named); conditions free of error
+        depend on each other or on control free of error.
     """
     structure = make_structure(problem, start.centres)
     check_datum(problem, start, linearise(problem, start))
+    if problem.conditions is not None and problem.conditions.firm.any():
+        normal, factor, _ = equations_at(problem, structure, start)
+        update = normal.update(factor)
+        if update is not None:
+            problem.conditions.check_firm(np.diag(update.rows))
     try:
         found = find_minimum(problem, start, structure, progress=progress)
     except NoConvergenceError as error:

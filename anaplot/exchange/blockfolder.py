@@ -1,4 +1,4 @@
-"""The block folder: block.toml, image_points.csv, control.csv."""
+"""The block folder: block.toml, image_points.csv, control.csv, distances.csv, conditions.csv."""
 
 from __future__ import annotations
 
@@ -16,6 +16,12 @@ from anaplot.exchange.blocktoml import (
 )
 from anaplot.exchange.bridgecheck import check_for_bridge
 from anaplot.exchange.camerafile import read_camera, write_camera
+from anaplot.exchange.conditionscsv import (
+    CONDITIONS_CSV,
+    DISTANCES_CSV,
+    parse_conditions,
+    parse_distances,
+)
 from anaplot.exchange.controlcsv import format_control, parse_control
 from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
 from anaplot.exchange.patternfile import format_pattern, read_pattern
@@ -46,7 +52,7 @@ __all__ = [
 BLOCK_TOML = "block.toml"
 IMAGE_POINTS_CSV = "image_points.csv"
 CONTROL_CSV = "control.csv"
-MORE_FILES = ("distances.csv", "conditions.csv")
+MORE_FILES = (DISTANCES_CSV, CONDITIONS_CSV)
 
 MAX_TOML_BYTES = 4_000_000
 
@@ -57,8 +63,8 @@ def read_block(folder: str | os.PathLike[str]) -> Block:
     Parameters
     ----------
     folder
-        Holds block.toml, and image_points.csv and control.csv where they exist: a new block has
-        neither.
+        Holds block.toml, and image_points.csv, control.csv, distances.csv and conditions.csv where
+        they exist: a new block has none of them.
 
     Raises
     ------
@@ -72,8 +78,16 @@ def read_block(folder: str | os.PathLike[str]) -> Block:
     block = with_image_points(folder, block)
     if not block.photos:
         raise InputError(f"{place(path)}: no photo: no strip names one, nor does image_points.csv")
-    control = folder / CONTROL_CSV
-    return replace(block, control=parse_control(control) if os.path.lexists(control) else ())
+    control, distances = folder / CONTROL_CSV, folder / DISTANCES_CSV
+    others = folder / CONDITIONS_CSV
+    conditions = parse_distances(distances) if os.path.lexists(distances) else ()
+    if os.path.lexists(others):
+        conditions += parse_conditions(others)
+    return replace(
+        block,
+        control=parse_control(control) if os.path.lexists(control) else (),
+        conditions=conditions,
+    )
 
 
 def with_image_points(folder: Path, block: Block) -> Block:

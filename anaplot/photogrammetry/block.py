@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 from anaplot.aliases import TestKind
 from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.photogrammetry.objectconditions import ObjectCondition
 
 __all__ = [
     "Block",
@@ -258,6 +259,8 @@ class Block:
         In file order.
     image_points, control
         Rows of image_points.csv and control.csv, in file order.
+    conditions
+        Rows of distances.csv, then those of conditions.csv.
     measuring
         With what it is measured.
     """
@@ -270,6 +273,7 @@ class Block:
     strips: tuple[Strip, ...]
     image_points: tuple[ImagePoint, ...] = field(default=(), repr=False)
     control: tuple[ControlPoint, ...] = field(default=(), repr=False)
+    conditions: tuple[ObjectCondition, ...] = field(default=(), repr=False)
     measuring: Measuring = Measuring()
     _camera_ids: dict[str, str] = field(init=False, repr=False, compare=False)
 

@@ -29,6 +29,7 @@ from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
 from anaplot.report.components import components_document
 from anaplot.report.computed import Computed
+from anaplot.report.conditionpoints import refuse_unknown_points
 from anaplot.report.correlations import RayPair, correlated_rays, correlations_document
 from anaplot.report.document import BLANK, Document, say
 from anaplot.report.hypotheses import hypotheses_document
@@ -176,6 +177,12 @@ def adjust(
         raise InputError("--prior and --components both estimate variances: one of them")
     given, where = block_of(block)
     note = journal_note(block, given)
+    refuse_unknown_points(given)
+    if prior is not None and any(one.use == "control" for one in given.conditions):
+        raise InputError(
+            "--prior knows of no conditions between points: switch off those of distances.csv and "
+            "conditions.csv, or leave it out"
+        )
     given, planted = planting.plant(given, plant)
     check_power("--hypothesis-alpha", hypothesis_alpha, given.test, where)
     who = None
@@ -265,6 +272,7 @@ def find_gross_errors(
     """
     given, _ = block_of(block)
     note = journal_note(block, given)
+    refuse_unknown_points(given)
     chosen = _additional(additional, additional_sigma_um)
     problem = make_problem(given, datum=datum, additional=chosen)
     watch = progress if isinstance(progress, Watch) else Watch(progress)

@@ -16,6 +16,7 @@ from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import parameter_correlations
 from anaplot.report.adjusttables import (
     check_table,
+    condition_table,
     control_table,
     image_point_table,
     parameter_table,
@@ -68,6 +69,7 @@ def adjust_document(
     external = external_reliability(block)
     photos, points, check = photo_table(block), point_table(block), check_table(block)
     control, priors = control_table(block, external), prior_table(block, external)
+    conditions = condition_table(block, external)
     parameters, rays = parameter_table(block), ray_table(block, external)
     all_control, all_priors = control, priors
     axes: dict[int, list[str]] | None = None
@@ -93,6 +95,7 @@ def adjust_document(
         "check": check,
         "indicators": _indicators(block),
         "priors": all_priors,
+        "conditions": conditions,
         "spurs": [
             {"photo": photo, "point": point, "axis": axis} for photo, point, axis in block.spurs()
         ],
@@ -115,13 +118,15 @@ def adjust_document(
     page: list[Block] = [*_summary(block, answer, suspects, accused), BLANK]
     page += [photos, BLANK]
     page += _if_any(control)
+    page += _if_any(conditions)
     page += _if_any(check)
     page += _if_any(priors)
     if len(parameters):
         page += [parameters, *_parameters(answer["additional"]), BLANK]
     page += [points, BLANK, rays, BLANK, *_legend(block)]
     tables = (points, photos, image_points, all_control, check, all_priors)
-    return Document(answer, tuple(page), (*tables, parameters) if len(parameters) else tables)
+    more = tuple(one for one in (parameters, conditions) if len(one))
+    return Document(answer, tuple(page), (*tables, *more))
 
 
 def _rejected(

@@ -109,6 +109,8 @@ def _named(name: ObservationName) -> Line:
         point, model, axis = rest
         inside = "" if model is None else say(" in {}", model)
         return say("photo {}{}  point {}  {}", first, inside, point, axis)
+    if kind == "condition":
+        return say("{}  {} of {}", first, rest[1], rest[0])
     return say("control point {}  {}" if kind == "control" else "prior of {}  {}", first, rest[0])
 
 
@@ -124,6 +126,7 @@ def _name_json(name: ObservationName) -> Answer:
         "image": ("photo", "point", "model", "axis"),
         "control": ("point", "axis"),
         "prior": ("owner", "unknown"),
+        "condition": ("id", "what", "axis"),
     }[str(name[0])]
     return {"kind": name[0], **dict(zip(keys, name[1:], strict=True))}
 
@@ -132,7 +135,7 @@ def errors_document(cleaned: BlockFindings) -> Document:
     """Return the document of the rejected observations of a block.
 
     For programs errors and sigmas in the unit that stands beside them; people read micrometres
-    (image), millimetres (control) or microradians (priors).
+    (image), millimetres (control, distances) or microradians (priors, angles).
     """
     found, settings = cleaned.findings, cleaned.settings
     rejected = cleaned.rejected
@@ -196,7 +199,11 @@ def _rejected_table(rejected: Sequence[Rejection[ObservationName]]) -> Table:
              row.critical, row.error, row.sigma, row.unit, row.w, row.r_back, row.r,
              row.weight)
         )  # fmt: skip
-    return table("rejected", _REJECTED, rows)
+    if all(row.name[0] != "condition" for row in rejected):
+        return table("rejected", _REJECTED, rows)
+    names = [_name_json(row.name) for row in rejected]
+    whole = [(*row, one.get("id"), one.get("what")) for row, one in zip(rows, names, strict=True)]
+    return table("rejected", (*_REJECTED, *for_programs("id", "what")), whole)
 
 
 def _critical(cleaned: BlockFindings) -> Line:

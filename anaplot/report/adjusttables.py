@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 from anaplot.adjustment.tested import Observation
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.externalreliability import ExternalReliability, LargestEffect
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.report.columns import fitted
@@ -19,6 +20,7 @@ from anaplot.report.document import Column, Table, for_programs, name, number, t
 
 __all__ = [
     "check_table",
+    "condition_table",
     "control_table",
     "image_point_table",
     "parameter_table",
@@ -180,6 +182,41 @@ def prior_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
         for row, effect in zip(block.prior_rows(), external.priors, strict=True)
     )  # fmt: skip
     return table("priors", _PRIORS, rows)
+
+
+_CONDITIONS = (
+    name("id", "CONDITION", 9),
+    name("what", "OF", 2, gap=1),
+    name("axis", gap=1),
+    name("use", gap=1),
+    name("unit", gap=1, head="  "),
+    number("v", "v", 6, 12),
+    number("r", "r", 3, 6),
+    number("w", "w", 2, 8),
+    number("mdb", "MDB", 6, 12),
+    number("s", "s", 6, 11),
+    *_EFFECT,
+    _FLAGGED,
+)
+
+
+def condition_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
+    """Return the rows of the conditions between points [m, rad].
+
+    What takes no part has its residual, what is compared its standard deviation and w by that.
+    """
+    rows = [
+        (row.key[1], row.point, row.axis, "control" if row.use else "rejected", row.unit,
+         row.residual, row.r if row.use else None, row.w, row.mdb, None, *_effect(row, effect),
+         row.flagged)
+        for row, effect in zip(block.condition_rows(), external.conditions, strict=True)
+    ]  # fmt: skip
+    rows += [
+        (*one.row, one.use, one.unit, one.difference, None, one.w, None, one.s, None, None, None,
+         False)
+        for one in compared_conditions(block)
+    ]  # fmt: skip
+    return table("conditions", _CONDITIONS, rows)
 
 
 _CHECK = (

@@ -105,6 +105,7 @@ def compare(
     (one, where), (other, _) = block_of(first), block_of(second)
     notes = journal_note(first, one), journal_note(second, other)
     check_power("--alpha", alpha, one.test, where)
+    left_aside = [k for k, block in ((1, one), (2, other)) if block.conditions]
     found = compare_epochs(
         one,
         other,
@@ -122,7 +123,8 @@ def compare(
         for row in block.image_points
         if row.use != "xy"
     ]
-    document = with_journal_notes(compare_document(tested, off), *notes)
+    document = compare_document(tested, off, left_aside)
+    document = with_journal_notes(document, *notes)
     return Computed(tested, document, tested.any_moved)
 
 
@@ -232,7 +234,9 @@ def _point_table(found: EpochTests) -> Table:
     return table("displacements", _POINTS, rows)
 
 
-def compare_document(found: EpochTests, off: Sequence[OffRow] = ()) -> Document:
+def compare_document(
+    found: EpochTests, off: Sequence[OffRow] = (), left_aside: Sequence[int] = ()
+) -> Document:
     """Return the document of two epochs; people read displacements in millimetres.
 
     Parameters
@@ -241,6 +245,8 @@ def compare_document(found: EpochTests, off: Sequence[OffRow] = ()) -> Document:
         The tested displacements.
     off
         Rows of which not both coordinates count, with the number of their epoch.
+    left_aside
+        Epochs with conditions between points, which take no part.
     """
     of = found.differences
     points = _point_table(found)
@@ -271,6 +277,8 @@ def compare_document(found: EpochTests, off: Sequence[OffRow] = ()) -> Document:
         rows = [f"{r.point} in photo {r.photo} ({_gone(r)})" for of_, r in off if of_ == epoch]
         if rows:
             page.append(say("  switched off in epoch {}: {}", epoch, named(rows, _LISTED)))
+    for epoch in left_aside:
+        page.append(say("  distances.csv and conditions.csv of epoch {} take no part", epoch))
     page += [say("  note: {}", remark).of("remark") for remark in found.remarks]
     if found.variance is not None:
         differ = found.variance.significance < found.alpha
@@ -303,6 +311,8 @@ def compare_document(found: EpochTests, off: Sequence[OffRow] = ()) -> Document:
     answer = _answer(found)
     if off:
         answer = {**answer, "off": [_off_json(epoch, row) for epoch, row in off]}
+    if left_aside:
+        answer = {**answer, "without_conditions": list(left_aside)}
     return Document(answer, tuple(page), (points,))
 
 

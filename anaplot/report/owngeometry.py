@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -194,7 +195,8 @@ def _of_network(path: Path) -> _Geometry:
 
 
 def _of_block(path: Path) -> _Geometry:
-    block = read_block(path)
+    # conditions between points take no part in what is simulated
+    block = replace(read_block(path), conditions=())
     held = any(
         control.use == "control" and any(value is not None for value in control.xyz)
         for control in block.control

@@ -147,7 +147,7 @@ class SessionState:
 
 def start(block: Block) -> SessionState:
     """Return the state before any event."""
-    return SessionState(replace(block, image_points=(), control=()))
+    return SessionState(replace(block, image_points=(), control=(), conditions=()))
 
 
 def fold(state: SessionState, events: Iterable[Event]) -> SessionState:

@@ -66,7 +66,7 @@ def design(system):
         q = linear.h.shape[2]
         at = n * d + 3 * p + problem.additional_group[ray] * q
         out[rows, at : at + q] = linear.h[ray]
-    first, second, third = system.rows.starts
+    first, second, third, _ = system.rows.starts
     for k, (point, axis) in enumerate(system.rows.control):
         out[first + k, n * d + 3 * point + axis] = 1.0 / problem.known_sigma[point, axis]
     for k, (photo, unknown) in enumerate(system.rows.priors):
@@ -119,7 +119,7 @@ def test_away_from_the_minimum_it_is_the_linear_adjustment_there(name) -> None:
     state = replace(block.state, points=block.state.points * (1.0 + 1e-5))
     moved = block_residuals(block.problem, state, structure)
     linear = moved.cofactors.normal.linear
-    first, second, third = moved.rows.starts
+    first, second, third, _ = moved.rows.starts
     raw = np.zeros(len(moved.names))
     raw[:first] = -linear.e.ravel()
     raw[first:second] = -linear.point_e[tuple(moved.rows.control.T)]

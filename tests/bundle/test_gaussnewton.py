@@ -12,9 +12,10 @@ from weaknetworks import dense_minimum, short_base
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import make_structure, objective
+from anaplot.bundle.solve.normal import objective
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reintersect import reintersected
+from anaplot.bundle.solve.structure import make_structure
 from anaplot.bundle.start.approximate import approximate_ways
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import ControlPoint

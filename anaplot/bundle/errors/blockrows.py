@@ -17,11 +17,12 @@ from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import NormalEquations, PointError, Structure, linearise
+from anaplot.bundle.solve.normal import NormalEquations, PointError, linearise
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import BlockResiduals, block_residuals
+from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 
 __all__ = ["BlockPlace", "BlockRows"]
@@ -84,9 +85,15 @@ class BlockRows:
         return SolvedWithout(BlockPlace(found.state, found), found.convergence.last)
 
     def suspects(self, system: BlockResiduals) -> Bools:
-        """Return which rows may be rejected: priors of additional parameters never."""
+        """Return which rows may be rejected: priors of additional parameters never.
+
+        Nor, like control free of error, conditions free of error.
+        """
         allowed = np.ones(len(system.names), dtype=bool)
-        allowed[system.rows.starts[2] :] = False
+        third, fourth = system.rows.starts[2:]
+        allowed[third:fourth] = False
+        if self.problem.conditions is not None:
+            allowed[fourth:] = ~self.problem.conditions.firm
         allowed[: system.rows.image] &= not self._control_only
         if self.problem.off is not None:
             allowed[: system.rows.image] &= ~self.problem.off.ravel()

@@ -34,7 +34,8 @@ class ControlLast:
         The block without control, in the datum of its priors or as a free network: what is wrong
         in image coordinates and priors.
     control
-        The block with control and without those image coordinates: what is wrong in the control.
+        The block with control and conditions between points and without those image coordinates:
+        what is wrong in either.
     datum
         What held the first step: "priors", or "free" where they do not determine all of a datum.
     """
@@ -92,7 +93,11 @@ def clean_control_last(
         raise InputError(
             f"block {block.name}: no control with standard deviations that could be brought in"
         )
-    bare = replace(block, control=tuple(replace(c, use="off") for c in block.control))
+    bare = replace(
+        block,
+        control=tuple(replace(c, use="off") for c in block.control),
+        conditions=(),
+    )
     images, datum = _without_control(
         bare, strategy, settings, additional, as_given=as_given, watch=watch
     )

@@ -117,10 +117,18 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
         looked_at = (
             row
             for row in self.findings.untestable
-            if off is None or row >= off.size or not off.flat[row]
+            if (off is None or row >= off.size or not off.flat[row]) and row not in self._firm
         )
         names = map(self.names.__getitem__, looked_at)
         return tuple(name for name in names if name not in self.end.held)
+
+    @property
+    def _firm(self) -> frozenset[int]:
+        """Rows of conditions free of error."""
+        conditions, count = self.block.problem.conditions, len(self.names)
+        if conditions is None:
+            return frozenset()
+        return frozenset((count - len(conditions.firm) + np.flatnonzero(conditions.firm)).tolist())
 
     @property
     def came_back(self) -> tuple[ObservationName, ...]:

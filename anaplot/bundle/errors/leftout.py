@@ -22,12 +22,13 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
         A prior on an additional parameter, which is no measurement.
     """
     problem = system.problem
-    first, second, third = system.rows.starts
+    first, second, third, fourth = system.rows.starts
     rejected = np.zeros((len(problem.photo), 2), dtype=bool)
     if problem.off is not None:
         rejected |= problem.off
     control = problem.known_sigma.copy()
     position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
+    conditions: list[int] = []
     for row in sorted(rows):
         if row < first:
             rejected[divmod(row, 2)] = True
@@ -36,6 +37,8 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
         elif row < third:
             photo, unknown = system.rows.priors[row - second].tolist()
             (position if unknown < 3 else rotation)[photo, unknown % 3] = np.nan
+        elif row >= fourth:
+            conditions.append(row - fourth)
         else:
             raise ValueError("a prior on an additional parameter cannot be rejected")
     return replace(
@@ -44,6 +47,7 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
         position_sigma=position,
         rotation_sigma=rotation,
         rejected=rejected if rejected.any() else None,
+        conditions=None if problem.conditions is None else problem.conditions.without(conditions),
     )
 
 
@@ -61,4 +65,8 @@ def missing(problem: Problem, reduced: Problem) -> tuple[ObservationName, ...]:
     names += [("control", problem.points[k], "XYZ"[axis]) for k, axis in np.argwhere(gone).tolist()]
     gone = np.isfinite(problem.prior_sigma) & ~np.isfinite(reduced.prior_sigma)
     names += [("prior", problem.photos[k], ORIENTATION[i]) for k, i in np.argwhere(gone).tolist()]
+    if problem.conditions is not None and reduced.conditions is not None:
+        gone = reduced.conditions.rejected & ~problem.conditions.rejected
+        rows = problem.conditions.rows
+        names += [("condition", *rows[k]) for k in np.flatnonzero(gone).tolist()]
     return tuple(names)

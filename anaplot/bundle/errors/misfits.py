@@ -19,9 +19,10 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import Structure, linearise, make_structure
+from anaplot.bundle.solve.normal import linearise
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.bundle.start.robust import FarOff, far_off
 from anaplot.errors import NotComputableError
 
@@ -81,7 +82,7 @@ def adjust_without_misfits(
         if least is None:
             raise failure
         reduced, found = least
-        if problem.additional is None:
+        if bare is problem:
             block = evaluate(reduced, found, progress=progress)
         else:
             reduced = _like(problem, reduced)

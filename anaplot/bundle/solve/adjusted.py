@@ -121,11 +121,19 @@ class AdjustedBlock:
         if out.any():
             v = np.where(out, image_misclosures(problem, self.state)[0], v)
         white = rows.gather(
-            v, linear.point_e, linear.photo_e, linear.own_e if own else linear.shared_e
+            v,
+            linear.point_e,
+            linear.photo_e,
+            linear.own_e if own else linear.shared_e,
+            _conditions_left(cofactors),
         )
         held = cofactors.r_own if own else cofactors.r_shared
         use = np.ones(rows.count, dtype=bool)
         use[: rows.image] = ~out.ravel()
+        firm = np.zeros(rows.count, dtype=bool)
+        if problem.conditions is not None:
+            use[rows.starts[3] :] = ~problem.conditions.rejected
+            firm[rows.starts[3] :] = problem.conditions.firm
         point, axis = rows.control.T
         ground = np.full((rows.count, 3), np.nan)
         ground[: rows.image] = cofactors.response.transpose(0, 2, 1).reshape(-1, 3)
@@ -137,12 +145,15 @@ class AdjustedBlock:
             rows.names,
             rows.units,
             white * rows.sigma,
-            rows.gather(cofactors.r, cofactors.r_control, cofactors.r_photo, held),
+            rows.gather(
+                cofactors.r, cofactors.r_control, cofactors.r_photo, held, cofactors.r_conditions
+            ),
             rows.sigma,
             vtpv=self.vtpv,
             redundancy=self.redundancy,
             test=problem.test,
             use=use,
+            firm=firm,
             moved_ground=ground / rows.sigma[:, None],
         )
 
@@ -170,7 +181,7 @@ class AdjustedBlock:
     def flagged_observations(self) -> list[tuple[float, str, str]]:
         """Return (abs(w), what, kind) of all that exceed the critical value, the worst first.
 
-        Kinds are "image", "control", "prior" (of an orientation) and "parameter".
+        Kinds are "image", "control", "prior" (of an orientation), "parameter" and "condition".
         """
         return [(abs(row.w or 0.0), *_in_words(row.key)) for row in self.tested.worst]
 
@@ -262,7 +273,12 @@ class AdjustedBlock:
 
     def prior_rows(self) -> list[Observation[ObservationName]]:
         """Return the priors on orientations and on additional parameters."""
-        return self.tested.rows(np.arange(self.observations.starts[1], len(self.tested)))
+        _, second, _, fourth = self.observations.starts
+        return self.tested.rows(np.arange(second, fourth))
+
+    def condition_rows(self) -> list[Observation[ObservationName]]:
+        """Return the rows of the conditions between points, in their order."""
+        return self.tested.rows(np.arange(self.observations.starts[3], len(self.tested)))
 
     def photo_rows(self) -> list[PhotoRow]:
         """Return the adjusted orientations in the block's order."""
@@ -421,6 +437,16 @@ class AdjustedBlock:
         return tuple(self.sigma * sqrt(max(value, 0.0)) for value in q.tolist())
 
 
+def _conditions_left(cofactors: Cofactors) -> Array:
+    """(n,) residuals of the conditions' rows in a-priori sigmas."""
+    normal, factor = cofactors.normal, cofactors.factor
+    conditions, equations = normal.problem.conditions, normal.linear.conditions
+    if conditions is None or equations is None:
+        return np.zeros(0)
+    there = equations.misclosure / equations.sigma
+    return np.where(conditions.rejected, there, normal.conditions_left(factor))
+
+
 def _in_words(name: ObservationName) -> tuple[str, str]:
     """Return what was observed in words, and of which kind it is."""
     kind, what, *_ = name
@@ -428,6 +454,8 @@ def _in_words(name: ObservationName) -> tuple[str, str]:
         return f"{name[-1]} of point {name[2]} in photo {what}", "image"
     if kind == "control":
         return f"{name[-1]} of control point {what}", "control"
+    if kind == "condition":
+        return f"{name[-1]} of {name[-2]} in {what}", "condition"
     of = "prior" if name[-1] in ORIENTATION else "parameter"
     return f"the prior {name[-1]} of {what}", of
 

@@ -45,13 +45,14 @@ class ExternalReliability(NamedTuple):
     ----------
     rays
         Of x and y, in the order of `AdjustedBlock.ray_rows`.
-    control, priors
-        In the order of `AdjustedBlock.control_rows` and `prior_rows`.
+    control, priors, conditions
+        In the order of `AdjustedBlock.control_rows`, `prior_rows` and `condition_rows`.
     """
 
     rays: list[tuple[LargestEffect | None, LargestEffect | None]]
     control: list[LargestEffect | None]
     priors: list[LargestEffect | None]
+    conditions: list[LargestEffect | None]
 
 
 def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> ExternalReliability:
@@ -69,7 +70,13 @@ def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> Exte
     if len(problem.photo) <= most:
         farthest = _Farthest(block)
         rays, control = farthest.of_points(np.isfinite(problem.known_sigma))
-        parts = (rays, control, farthest.of_photos(), farthest.of_parameters())
+        parts = (
+            rays,
+            control,
+            farthest.of_photos(),
+            farthest.of_parameters(),
+            farthest.of_conditions(),
+        )
         point = rows.gather(*(each.point for each in parts))
         moved = rows.gather(*(each.of_one_sigma for each in parts))
         moved = moved * (tested.mdb / rows.sigma)[:, None]
@@ -77,12 +84,13 @@ def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> Exte
             LargestEffect(problem.points[k], (x, y, z)) if x == x else None
             for k, (x, y, z) in zip(point.tolist(), moved.tolist(), strict=True)
         ]
-    first, second, _ = rows.starts
+    first, second, _, fourth = rows.starts
     order = np.argsort(problem.source).tolist()
     return ExternalReliability(
         [(found[2 * k], found[2 * k + 1]) for k in order],
         [found[first + k] for k in block.control_order().tolist()],
-        found[second:],
+        found[second:fourth],
+        found[fourth:],
     )
 
 
@@ -114,7 +122,8 @@ class _Farthest:
         K (a' - W V^-1 b', h' - U V^-1 b')  and its own by V^-1 b' more,
 
     W and U being the point's part of the normal equations: everything but K is as small as the
-    number of photos that see the point.
+    number of photos that see the point. Conditions between points change that by G M^-1 G' (see
+    `anaplot.bundle.solve.conditionupdate`).
     """
 
     def __init__(self, block: AdjustedBlock) -> None:
@@ -138,6 +147,15 @@ class _Farthest:
         self._change = block.cofactors.change
         if self._change is not None:
             points = self._change.of_points(x, points)
+        self._update = normal.update(block.cofactors.factor)
+        if self._update is not None:
+            moved = self._update.points
+            if self._change is not None:
+                moved = self._change.of_points(self._update.photos, moved)
+            q = moved.shape[2]
+            # (3 p, q) what errors of the contrasts do to the points
+            self._by_contrasts = moved.reshape(-1, q) @ self._update.inner
+            self._seen = normal.seen(*self._update.gain)
         # a row for every unknown: what a point needs of it lies together
         self._k = np.ascontiguousarray(points.reshape(-1, every).T)
 
@@ -186,6 +204,15 @@ class _Farthest:
                         self._change.defect, self._change.held_points[point].T @ own.T
                     )
                     moved -= np.einsum("nil,lk->kni", self._change.null_points, part)
+                if self._update is not None:
+                    held = np.sqrt(linear.point_weight[point, axes])[:, None]
+                    shown = np.concatenate(
+                        (
+                            self._seen[rays].reshape(2 * k, -1),
+                            held * self._update.points[point, axes],
+                        )
+                    )
+                    moved -= self._taken_up(shown)
                 most, effect = _largest(moved)
                 of_rays.point[rays] = most[: 2 * k].reshape(k, 2)
                 of_rays.of_one_sigma[rays] = effect[: 2 * k].reshape(k, 2, 3)
@@ -193,14 +220,31 @@ class _Farthest:
                 of_control.of_one_sigma[point, axes] = effect[2 * k :]
         return of_rays, of_control
 
+    def _taken_up(self, shown: Array) -> Array:
+        """Return (c, p, 3) what conditions take of the moves by c errors, from (c, q) G'a'."""
+        out: Array = (shown @ self._by_contrasts.T).reshape(len(shown), -1, 3)
+        return out
+
+    def of_conditions(self) -> _Moves:
+        """Return what the rows of the conditions (n,) move."""
+        if self._update is None:
+            conditions = self._problem.conditions
+            return _Moves.none((0 if conditions is None else len(conditions.rows),))
+        moved = (self._update.equations.contrasts @ self._by_contrasts.T).reshape(
+            -1, len(self._problem.points), 3
+        )
+        return _Moves(*_largest(moved))
+
     def of_photos(self) -> _Moves:
         """Return what the priors on orientations (n, 6) move."""
         problem, rows = self._problem, self._cofactors.normal.linear.photo_rows
         out = _Moves.none(rows.shape[:2])
         d = problem.per_photo
         for photo in np.nonzero(np.isfinite(self._cofactors.r_photo).any(axis=1))[0].tolist():
-            moved = rows[photo] @ self._k[photo * d : (photo + 1) * d]
-            out.point[photo], out.of_one_sigma[photo] = _largest(moved.reshape(6, -1, 3))
+            moved = (rows[photo] @ self._k[photo * d : (photo + 1) * d]).reshape(6, -1, 3)
+            if self._update is not None:
+                moved -= self._taken_up(rows[photo] @ self._update.photos[photo])
+            out.point[photo], out.of_one_sigma[photo] = _largest(moved)
         return out
 
     def of_parameters(self) -> _Moves:
@@ -214,8 +258,13 @@ class _Farthest:
             weight = np.broadcast_to(linear.own_weight, columns.shape)
         else:
             columns, weight = n * d + np.arange(problem.in_border), linear.shared_weight
-        moved = self._k[columns.ravel()] * np.sqrt(weight).reshape(-1, 1)
-        most, effect = _largest(moved.reshape(columns.size, -1, 3))
+        held = np.sqrt(weight).reshape(-1, 1)
+        moved = (self._k[columns.ravel()] * held).reshape(columns.size, -1, 3)
+        if self._update is not None:
+            photos, _, shared = self._update.gain
+            both = np.concatenate((photos.reshape(n * d, -1), shared))
+            moved -= self._taken_up(both[columns.ravel()] * held)
+        most, effect = _largest(moved)
         return _Moves(most.reshape(columns.shape), effect.reshape(*columns.shape, 3))
 
 

@@ -15,7 +15,6 @@ from anaplot.bundle.solve.normal import (
     Linearised,
     NormalEquations,
     PointError,
-    Structure,
     Unknowns,
     effect,
     linearise,
@@ -26,6 +25,7 @@ from anaplot.bundle.solve.normal import (
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reintersect import reintersected
+from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 
 __all__ = [
@@ -202,13 +202,7 @@ def _open_part(problem: Problem, structure: Structure, state: BlockState) -> Not
 def _foreseen(problem: Problem, linear: Linearised, dx: Unknowns) -> float:
     """Return what v'Pv would fall by if the observations were linear."""
     moved = effect(problem, linear, dx)
-    pairs = (
-        (linear.e, moved.e),
-        (linear.point_e, moved.point_e),
-        (linear.photo_e, moved.photo_e),
-        (linear.own_e, moved.own_e),
-        (linear.shared_e, moved.shared_e),
-    )
+    pairs = zip(linear.misclosures, moved.misclosures, strict=True)
     along = sum(float(np.vdot(e, change)) for e, change in pairs)
     return max(-2.0 * along - moved.vtpv, np.finfo(float).tiny)
 
@@ -245,12 +239,13 @@ def damped_step(
     except (NotPositiveError, PointError):
         return None
     photos, points, shared = normal.gradient()
-    dx = normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
-    d_photos, d_points, d_shared = dx[0][:, :, 0], dx[1][:, :, 0], dx[2][:, 0]
-    change = float(np.vdot(photos, d_photos) + np.vdot(points, d_points) + shared @ d_shared)
+    dx = normal.step(factor)
+    change = float(np.vdot(photos, dx[0]) + np.vdot(points, dx[1]) + shared @ dx[2])
+    if linear.conditions is not None:
+        change -= float(linear.conditions.e @ linear.conditions.effect(dx[1]).e)
     if not change < float("inf"):
         return None
-    return (d_photos, d_points, d_shared), max(change, 0.0)
+    return dx, max(change, 0.0)
 
 
 def _closed(

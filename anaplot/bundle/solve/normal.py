@@ -15,14 +15,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
 
-from anaplot.aliases import Array, Bools, Index
-from anaplot.bundle.solve.dissection import dissect
-from anaplot.bundle.solve.factor import Factor, SparsityPattern, sparsity_pattern
+from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.conditions import ConditionEquations
+from anaplot.bundle.solve.conditionupdate import ConditionUpdate
+from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivatives
 from anaplot.bundle.solve.pointroots import PointError, inverse_roots
-from anaplot.bundle.solve.problem import Group, Problem
+from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.structure import Piece, Structure
 from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
@@ -30,113 +31,16 @@ __all__ = [
     "Linearised",
     "NormalEquations",
     "PointError",
-    "Structure",
     "Unknowns",
     "effect",
     "image_misclosures",
     "linearise",
-    "make_structure",
     "move",
     "objective",
     "rounding",
 ]
 
 Unknowns = tuple[Array, Array, Array]  # of photos (n, d), of points (p, 3), shared (g,)
-
-_CHUNK = 40_000_000  # bytes of the largest temporary array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Piece:
-    """Some points of a group: no temporary array becomes large."""
-
-    group: Group
-    start: int
-    stop: int
-    pairs: tuple[Index, Index, Index]  # point within piece, row ray, column ray
-    sums: sparse.csr_matrix  # (blocks, pairs): which pair belongs to which block
-    block: Index  # (points, k, k) ids of the blocks, for the selected inverse
-    flipped: Bools  # (points, k, k): the block is stored the other way round
-
-    @property
-    def points(self) -> slice:
-        first = self.group.first_point
-        return slice(first + self.start, first + self.stop)
-
-    @property
-    def rays(self) -> slice:
-        first, k = self.group.first_ray, self.group.rays
-        return slice(first + self.start * k, first + self.stop * k)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Structure:
-    """What depends on who is seen where, but on no number.
-
-    Attributes
-    ----------
-    pattern
-        The symbolic factorisation.
-    pieces
-        Points in portions.
-    by_photo
-        (photos, rays) sums over the rays of each photo.
-    """
-
-    pattern: SparsityPattern
-    pieces: tuple[_Piece, ...]
-    by_photo: sparse.csr_matrix
-
-
-def make_structure(problem: Problem, places: Array) -> Structure:
-    """Find the pattern of the normal equations and the order of elimination.
-
-    Parameters
-    ----------
-    problem
-        The bundle.
-    places
-        (photos, 3) rough projection centres, for the dissection.
-    """
-    n = len(problem.photos)
-    d, g = problem.per_photo, problem.in_border
-    keys = []
-    for group in problem.groups:
-        photo = problem.photo[group.ray_slice].reshape(group.points, group.rays)
-        pair = (photo[:, :, None] * n + photo[:, None, :]).reshape(-1)
-        keys.append(np.unique(pair))
-    both = np.unique(np.concatenate(keys))
-    indptr = np.searchsorted(both, np.arange(n + 1) * n)
-    order = dissect(places, indptr.astype(np.intp), both % n)
-    position = order.position
-    first, second = both // n, both % n
-    lower = position[first] >= position[second]
-    rows, columns = first[lower], second[lower]
-    # id of the block of every ordered pair of photos, by binary search in `both`
-    ids = np.full(len(both), -1)
-    ids[lower] = np.arange(len(rows))
-    mirrored = np.searchsorted(both, second[~lower] * n + first[~lower])
-    ids[~lower] = ids[mirrored]
-    pieces = []
-    for group in problem.groups:
-        k = group.rays
-        step = max(1, _CHUNK // (8 * (k * d) ** 2))
-        photo = problem.photo[group.ray_slice].reshape(group.points, k)
-        for start in range(0, group.points, step):
-            stop = min(start + step, group.points)
-            mine = photo[start:stop]
-            at = np.searchsorted(both, mine[:, :, None] * n + mine[:, None, :])
-            keep = lower[at]
-            which, row, column = np.nonzero(keep)
-            block = ids[at]
-            count = len(which)
-            sums = sparse.csr_matrix(
-                (np.ones(count), (block[keep], np.arange(count))), shape=(len(rows), count)
-            )
-            pieces.append(_Piece(group, start, stop, (which, row, column), sums, block, ~keep))
-    m = len(problem.photo)
-    by_photo = sparse.csr_matrix((np.ones(m), (problem.photo, np.arange(m))), shape=(n, m))
-    return Structure(sparsity_pattern(order, rows, columns, d, g), tuple(pieces), by_photo)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,6 +69,8 @@ class Linearised:
         Their weights.
     depth
         (m,) distance of the point in front of the photo [m].
+    conditions
+        Of the conditions between points; None without.
     """
 
     a: Array
@@ -180,14 +86,19 @@ class Linearised:
     shared_weight: Array
     shared_e: Array
     depth: Array
+    conditions: ConditionEquations | None = None
 
     @property
     def vtpv(self) -> float:
         """Weighted sum of squares of all misclosures."""
-        return sum(
-            float(np.vdot(e, e))
-            for e in (self.e, self.point_e, self.photo_e, self.own_e, self.shared_e)
-        )
+        return sum(float(np.vdot(e, e)) for e in self.misclosures)
+
+    @property
+    def misclosures(self) -> tuple[Array, ...]:
+        """Of every kind of observation."""
+        of = self.conditions
+        more = () if of is None else (of.e,)
+        return (self.e, self.point_e, self.photo_e, self.own_e, self.shared_e, *more)
 
 
 def _angles(rotations: Array) -> Array:
@@ -241,7 +152,16 @@ def objective(problem: Problem, state: BlockState) -> tuple[float, Array]:
     total = float(np.vdot(e, e))
     for part in _prior_misclosures(problem, state):
         total += float(np.vdot(part, part))
+    conditions = _condition_equations(problem, state)
+    if conditions is not None:
+        total += float(np.vdot(conditions.e, conditions.e))
     return (total if total == total else float("inf")), depth
+
+
+def _condition_equations(problem: Problem, state: BlockState) -> ConditionEquations | None:
+    if problem.conditions is None:
+        return None
+    return problem.conditions.equations(state.points, problem.fixed)
 
 
 def linearise(problem: Problem, state: BlockState) -> Linearised:
@@ -297,6 +217,7 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
         ),
         shared_e=shared_e,
         depth=seen.depth,
+        conditions=_condition_equations(problem, state),
     )
 
 
@@ -315,6 +236,7 @@ def effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearis
         photo_e=np.einsum("nij,nj->ni", linear.photo_rows, photos),
         own_e=np.sqrt(linear.own_weight) * photos[:, 6:],
         shared_e=np.sqrt(linear.shared_weight) * shared,
+        conditions=None if linear.conditions is None else linear.conditions.effect(points),
     )
 
 
@@ -337,6 +259,8 @@ def rounding(problem: Problem, state: BlockState, depth: Array) -> float:
         of_photos = np.abs(state.centres) / problem.position_sigma
     total = 2.0 * float(np.vdot(size, size))
     total += float(np.nansum(of_points**2)) + float(np.nansum(of_photos**2))
+    if problem.conditions is not None:
+        total += problem.conditions.rounding(state.points) / float(np.finfo(np.float64).eps) ** 2
     return total * float(np.finfo(np.float64).eps) ** 2
 
 
@@ -396,6 +320,7 @@ class NormalEquations:
         self.problem = problem
         self.structure = structure
         self.linear = linear
+        self._update: ConditionUpdate | None = None
         d, g = problem.per_photo, problem.in_border
         n, m = len(problem.photos), len(problem.photo)
         a, b, h = linear.a, linear.b, linear.h
@@ -455,14 +380,19 @@ class NormalEquations:
         out: Index = group[:, None] * q + np.arange(q)
         return out
 
-    def seen(self, photos: Array, points: Array, shared: Array) -> Array:
-        """Return (m, 2, k) what k changes of the unknowns, as `solve` has them, do to the rays."""
+    def seen(
+        self, photos: Array, points: Array, shared: Array, rays: Index | slice = slice(None)
+    ) -> Array:
+        """Return (m, 2, k) what k changes of the unknowns, as `solve` has them, do to the rays.
+
+        To all of them, or to some.
+        """
         problem, linear = self.problem, self.linear
-        out: Array = np.matmul(linear.a, photos[problem.photo])
-        out += np.matmul(linear.b, points[problem.point])
+        out: Array = np.matmul(linear.a[rays], photos[problem.photo[rays]])
+        out += np.matmul(linear.b[rays], points[problem.point[rays]])
         if len(shared):
-            columns = self.border_columns(problem.additional_group)
-            out += np.matmul(linear.h, shared[columns])
+            columns = self.border_columns(problem.additional_group[rays])
+            out += np.matmul(linear.h[rays], shared[columns])
         return out
 
     def _border_of_rays(self, at: Array, h: Array) -> None:
@@ -482,7 +412,7 @@ class NormalEquations:
             product = np.matmul(at[mine], hk).reshape(len(columns), -1)
             self.border[:, :, part] += (sums @ product).reshape(len(self.border), -1, q)
 
-    def _border_of_points(self, piece: _Piece, scaled: Array, z: Array, h: Array, q: int) -> None:
+    def _border_of_points(self, piece: Piece, scaled: Array, z: Array, h: Array, q: int) -> None:
         """Subtract Z T and T'T."""
         problem = self.problem
         count, k = piece.stop - piece.start, piece.group.rays
@@ -543,10 +473,50 @@ class NormalEquations:
             shared -= np.bincount(columns.ravel(), he.ravel(), minlength=len(shared))
         return photos, points, shared
 
+    def update(self, factor: Factor) -> ConditionUpdate | None:
+        """Return what the conditions between points change of solutions; None without any."""
+        conditions = self.linear.conditions
+        if conditions is None or conditions.whitened.shape[0] == 0:
+            return None
+        if self._update is None:
+            q, p = conditions.whitened.shape[0], len(self.problem.points)
+            photos = np.zeros((len(self.problem.photos), self.problem.per_photo, q))
+            points = conditions.whitened.toarray().T.reshape(p, 3, q)
+            shared = np.zeros((len(self.corner), q))
+            gain = self._solve(factor, photos, points, shared)
+            self._update = ConditionUpdate.of(conditions, gain)
+        return self._update
+
+    def step(self, factor: Factor, linear: Linearised | None = None) -> Unknowns:
+        """Return the corrections (n, d), (p, 3), (g,) of one Gauss-Newton step; see `gradient`."""
+        out, e = self._without(factor, self.linear if linear is None else linear)
+        update = self.update(factor)
+        if update is not None:
+            out = update.applied(out, e)
+        return out[0][:, :, 0], out[1][:, :, 0], out[2][:, 0]
+
+    def conditions_left(self, factor: Factor) -> Array:
+        """Return (n,) misclosures of the conditions' rows after that step, in sigmas."""
+        conditions, update = self.linear.conditions, self.update(factor)
+        if conditions is None or update is None:
+            return np.zeros(0 if conditions is None else len(conditions.sigma))
+        out, e = self._without(factor, self.linear)
+        left: Array = conditions.contrasts @ update.multipliers(out[1], e)[:, 0]
+        return left
+
+    def _without(self, factor: Factor, linear: Linearised) -> tuple[Unknowns, Array]:
+        """Solve for a step without the conditions; also their misclosures (q, 1)."""
+        photos, points, shared = self.gradient(linear)
+        out = self._solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
+        update = self.update(factor)
+        if update is None or linear.conditions is None:
+            return out, np.zeros((0, 1))
+        return out, update.equations.contrasted(linear.conditions)[:, None]
+
     def solve(
         self, factor: Factor, photos: Array, points: Array, shared: Array
     ) -> tuple[Array, Array, Array]:
-        """Solve the full normal equations for k right-hand sides.
+        """Solve the full normal equations for k right-hand sides, with the conditions.
 
         Parameters
         ----------
@@ -555,6 +525,12 @@ class NormalEquations:
         photos, points, shared
             (n, d, k), (p, 3, k), (g, k).
         """
+        out = self._solve(factor, photos, points, shared)
+        update = self.update(factor)
+        return out if update is None else update.applied(out)
+
+    def _solve(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
+        """Solve without the conditions."""
         problem = self.problem
         k = photos.shape[2]
         m, d = self.z.shape[:2]

@@ -1,7 +1,7 @@
 """All observations of a bundle as one vector: which there are, how they are called and weighted.
 
 Image coordinates first (ray by ray, x and y), then weighted control, priors on orientations, priors
-on additional parameters.
+on additional parameters, conditions between points.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from anaplot.bundle.solve.reliability import Cofactors
 __all__ = ["ORIENTATION", "ObservationName", "Observations", "Unit", "observations_of"]
 
 ObservationName = tuple[str | None, ...]
-"""("image", photo, point, model, axis), ("control", point, axis) or ("prior", owner, unknown)."""
+"""("image", photo, point, model, axis), ("control", point, axis), ("prior", owner, unknown) or
+("condition", id, what, axis)."""
 Unit = Literal["um", "m", "rad", "mm"]
 
 ORIENTATION = ("X", "Y", "Z", "omega", "phi", "kappa")
@@ -62,6 +63,12 @@ class Observations:
     control: Index
     priors: Index
     additional: Index
+    _condition_sigma: Array = field(repr=False)
+
+    @property
+    def conditions(self) -> int:
+        """Number of rows of conditions, the last ones."""
+        return len(self.problem.conditions.rows) if self.problem.conditions else 0
 
     @cached_property
     def image(self) -> int:
@@ -69,16 +76,17 @@ class Observations:
         return 2 * len(self.problem.photo)
 
     @cached_property
-    def starts(self) -> tuple[int, int, int]:
-        """First rows of control, of priors on orientations and on additional parameters."""
+    def starts(self) -> tuple[int, int, int, int]:
+        """First rows of control, of priors on orientations and parameters, and of conditions."""
         first = self.image
         second = first + len(self.control)
-        return first, second, second + len(self.priors)
+        third = second + len(self.priors)
+        return first, second, third, third + len(self.additional)
 
     @cached_property
     def count(self) -> int:
         """Number of rows."""
-        return self.starts[2] + len(self.additional)
+        return self.starts[3] + self.conditions
 
     @property
     def names(self) -> Sequence[ObservationName]:
@@ -88,7 +96,7 @@ class Observations:
     def name(self, row: int) -> ObservationName:
         """Return the identity of a row."""
         problem = self.problem
-        first, second, third = self.starts
+        first, second, third, fourth = self.starts
         if row < first:
             ray, axis = divmod(row, 2)
             measured = problem.block.image_points[int(problem.source[ray])]
@@ -99,6 +107,8 @@ class Observations:
         if row < third:
             photo, unknown = self.priors[row - second].tolist()
             return ("prior", problem.photos[photo], ORIENTATION[unknown])
+        if row >= fourth and problem.conditions is not None:
+            return ("condition", *problem.conditions.rows[row - fourth])
         if problem.additional is None:
             raise IndexError(row)
         labels = problem.additional.set.names
@@ -118,6 +128,7 @@ class Observations:
                 problem.additional_sigma[self.additional % q]
                 if len(self.additional)
                 else np.zeros(0),
+                self._condition_sigma,
             )
         )
 
@@ -128,6 +139,8 @@ class Observations:
         out += ["m"] * len(self.control)
         out += ["m" if k < 3 else "rad" for k in self.priors[:, 1].tolist()]
         out += ["mm"] * len(self.additional)
+        if self.problem.conditions is not None:
+            out += ["rad" if angular else "m" for angular in self.problem.conditions.angular]
         return out
 
     def gather(
@@ -136,8 +149,9 @@ class Observations:
         control: NDArray[Any],
         photos: NDArray[Any],
         parameters: NDArray[Any],
+        conditions: NDArray[Any],
     ) -> NDArray[Any]:
-        """Return (n, ...) of (m, 2, ...), (points, 3, ...), (photos, 6, ...) and parameters."""
+        """Return (n, ...) of (m, 2, ...), (points, 3, ...), (photos, 6, ...) and the others."""
         shape = image.shape[2:]
         return np.concatenate(
             (
@@ -145,6 +159,7 @@ class Observations:
                 control[tuple(self.control.T)],
                 photos[tuple(self.priors.T)],
                 parameters.reshape(-1, *shape)[self.additional],
+                conditions.reshape(-1, *shape),
             )
         )
 
@@ -158,4 +173,5 @@ def observations_of(cofactors: Cofactors) -> Observations:
         np.argwhere(linear.point_weight > 0.0),
         np.argwhere(np.isfinite(cofactors.r_photo)),
         np.arange(held.size if len(problem.additional_sigma) else 0),
+        np.zeros(0) if linear.conditions is None else linear.conditions.sigma,
     )

@@ -23,13 +23,13 @@ from anaplot.bundle.solve.normal import (
     Linearised,
     NormalEquations,
     PointError,
-    Structure,
     Unknowns,
     effect,
     linearise,
     move,
 )
 from anaplot.bundle.solve.problem import Problem, listed
+from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError
 
 __all__ = ["held_by_noise", "parameters_left_open", "undetermined"]
@@ -71,6 +71,8 @@ def undetermined(
             "at an angle"
         )
     weights = None if tie is None else tie.weights
+    # conditions between points are no part of what determines a block
+    linear = replace(linear, conditions=None)
     try:
         normal = NormalEquations(problem, structure, linear, 1e-7, weights)
         factor = normal.factor()
@@ -98,6 +100,7 @@ def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> 
         As `undetermined` says it; None where more than errors holds every photo, or where the
         photos in question are far from their rays: of such a state nothing can be said.
     """
+    problem = replace(problem, conditions=None)
     linear = linearise(problem, state)
     tie = anchor(problem, state) if problem.defect else None
     solvable = _solvable(problem, structure, linear, None if tie is None else tie.weights)

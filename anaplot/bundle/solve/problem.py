@@ -14,6 +14,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.additional import AdditionalParameters, lens_units
+from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
 
@@ -30,12 +31,12 @@ class LeftOut(NamedTuple):
     Attributes
     ----------
     kind
-        "photo", "point" or "control".
+        "photo", "point", "control" or "condition".
     name, reason
         What, and why.
     """
 
-    kind: Literal["photo", "point", "control"]
+    kind: Literal["photo", "point", "control", "condition"]
     name: str
     reason: str
 
@@ -125,6 +126,8 @@ class Problem:
         were its own; or None.
     axis_factor
         (m, 2) factors of `sigma` for x and y, where they are not both 1, or None.
+    conditions, compared
+        Conditions between points that take part, and those that are compared only or off, or None.
     """
 
     block: Block = field(repr=False)
@@ -159,14 +162,17 @@ class Problem:
     axis_factor: Array | None = field(default=None, repr=False)
     off: Bools | None = field(default=None, repr=False)
     aside: Problem | None = field(default=None, repr=False)
+    conditions: Conditions | None = field(default=None, repr=False)
+    compared: Conditions | None = field(default=None, repr=False)
 
     @property
     def bare(self) -> Problem:
-        """The same without additional parameters."""
-        if self.additional is None:
+        """The same without additional parameters and conditions."""
+        if self.additional is None and self.conditions is None:
             return self
         return replace(
             self,
+            conditions=None,
             additional=None,
             basis=self.basis[:, :, :0],
             lens_units=None,
@@ -179,7 +185,8 @@ class Problem:
     @property
     def every(self) -> Problem:
         """The same with all its observations: nothing is rejected but what is off."""
-        return replace(self, rejected=self.off)
+        conditions = None if self.conditions is None else self.conditions.every
+        return replace(self, rejected=self.off, conditions=conditions)
 
     @property
     def newly_rejected(self) -> Bools:
@@ -234,12 +241,14 @@ class Problem:
         )
         extra = len(self.additional_groups) * len(self.additional_sigma)
         out = 0 if self.rejected is None else int(self.rejected.sum())
+        extra += self.conditions.observations if self.conditions else 0
         return int(2 * len(self.photo) - out + priors + extra)
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns u."""
         extra = len(self.additional_groups) * int(self.basis.shape[2])
+        extra += self.conditions.unknowns if self.conditions else 0
         return 6 * len(self.photos) + int((~self.fixed).sum()) + extra
 
     @property
@@ -329,9 +338,8 @@ def make_problem(
     used_points, first = np.unique(point[ray], return_index=True)
     used_points = used_points[np.argsort(first)]
     used_photos = np.unique(photo[ray])
-    new_point = np.full(len(names), -1)
+    new_point, new_photo = np.full(len(names), -1), np.full(len(block.photos), -1)
     new_point[used_points] = np.arange(len(used_points))
-    new_photo = np.full(len(block.photos), -1)
     new_photo[used_photos] = np.arange(len(used_photos))
     camera_index = {c.id: k for k, c in enumerate(block.cameras)}
     cameras = np.array([camera_index[block.photos[k].camera] for k in used_photos], dtype=np.intp)
@@ -339,8 +347,7 @@ def make_problem(
     aside = np.flatnonzero(~counted.any(axis=1) & (new_photo[photo] >= 0) & (new_point[point] >= 0))
     count_of_rays = len(ray)
     ray = np.concatenate((ray, aside))
-    xy = every_xy[ray]
-    compact_photo = new_photo[photo[ray]]
+    xy, compact_photo = every_xy[ray], new_photo[photo[ray]]
     c = np.array([block.cameras[k].c for k in cameras])
     basis, units, group, groups, sigma = _additional(
         block,
@@ -352,11 +359,13 @@ def make_problem(
         xy,
         count_of_rays,
     )
+    used_names, fixed = tuple(names[k] for k in used_points), fixed[used_points]
+    laid = lay_out_conditions(block.conditions, used_names, fixed, with_scale=held)
     problem = Problem(
         block=block,
         datum=datum,
         photos=tuple(block.photos[k].id for k in used_photos),
-        points=tuple(names[k] for k in used_points),
+        points=used_names,
         cameras=cameras,
         c=c,
         photo=compact_photo,
@@ -365,7 +374,7 @@ def make_problem(
         sigma=sigmas[ray] * 1e-3,
         source=ray,
         groups=_groups(count[used_points]),
-        fixed=fixed[used_points],
+        fixed=fixed,
         known=known[used_points],
         known_sigma=known_sigma[used_points],
         position=priors[0][used_photos],
@@ -378,9 +387,11 @@ def make_problem(
         additional_group=group,
         additional_groups=groups,
         additional_sigma=sigma,
-        left_out=tuple(left_out),
+        left_out=(*left_out, *(LeftOut("condition", *one) for one in laid.left_out)),
         unused_rays=np.nonzero(~useful)[0],
         control_rows=control,
+        conditions=laid.conditions,
+        compared=laid.compared,
     )
     return _parted(problem, count_of_rays, ~counted[ray])
 

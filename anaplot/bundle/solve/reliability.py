@@ -96,6 +96,8 @@ class Cofactors:
         (n, 6) of the priors of the photos; NaN where there are none.
     r_own, r_shared
         Of the priors on additional parameters; NaN without.
+    r_conditions
+        Of the rows of conditions between points; zero where they are rejected.
     change
         What leads to the reported datum; None where it is that of the solution.
     """
@@ -114,6 +116,7 @@ class Cofactors:
     r_photo: Array
     r_own: Array
     r_shared: Array
+    r_conditions: Array
     change: DatumChange | None = field(default=None, repr=False)
 
     def point_rays(self, point: int) -> tuple[Index, Array]:
@@ -155,6 +158,10 @@ class Cofactors:
             beside = np.concatenate([self.inverse.border[problem.photo[ray]] for ray in rays])
             cross = reduced @ beside @ h.T
             adjusted += cross + cross.T + h @ self.inverse.corner @ h.T
+        update = self.normal.update(self.factor)
+        if update is not None:
+            shown = self.normal.seen(*update.gain, rays).reshape(2 * k, -1)
+            adjusted -= shown @ update.inner @ shown.T
         return rays, np.diag(_weighted(problem)[rays].ravel()) - adjusted
 
     def column(self, ray: int, axis: int) -> Array:
@@ -288,6 +295,19 @@ def compute_cofactors(
         if g:
             back -= hc
         response[rays] = back.transpose(0, 2, 1)
+    corner, beside_photos = inverse.corner, inverse.border
+    r_conditions = np.zeros(0 if problem.conditions is None else len(problem.conditions.rows))
+    update = normal.update(factor)
+    if update is not None:
+        x, y, s = update.gain
+        xw, yw, sw = (part @ update.inner for part in update.gain)
+        seen = normal.seen(x, y, s)
+        adjusted -= np.matmul(seen @ update.inner, seen.transpose(0, 2, 1))
+        response -= np.matmul(yw[problem.point], seen.transpose(0, 2, 1))
+        q_points -= np.matmul(yw, y.transpose(0, 2, 1))
+        own = own - np.matmul(xw, x.transpose(0, 2, 1))
+        corner, beside_photos = corner - sw @ s.T, beside_photos - np.matmul(xw, s.T)
+        r_conditions = np.diag(update.rows).copy()
     r = _weighted(problem) - np.einsum("mii->mi", adjusted)
     np.clip(r, 0.0, 1.0, out=r)
     weight = linear.point_weight
@@ -302,9 +322,9 @@ def compute_cofactors(
             np.nan,
         )
         r_shared = np.where(
-            linear.shared_weight > 0.0, 1.0 - np.diag(inverse.corner) * linear.shared_weight, np.nan
+            linear.shared_weight > 0.0, 1.0 - np.diag(corner) * linear.shared_weight, np.nan
         )
-    photos, beside_photos = own, inverse.border
+    photos = own
     if change is not None:
         photos, q_points, beside_photos, response = _changed(
             normal, factor, change, own, q_points, beside_photos, response
@@ -318,12 +338,13 @@ def compute_cofactors(
         response,
         q_points,
         photos,
-        inverse.corner,
+        corner,
         beside_photos,
         r_control,
         r_photo,
         r_own,
         r_shared,
+        r_conditions,
         change,
     )
 

@@ -1,7 +1,8 @@
 """An adjusted block from the side of its residuals: what a search for gross errors asks of it.
 
 All observations stand in one vector of whitened rows: image coordinates (x and y of every ray),
-weighted control, priors on orientations, priors on additional parameters. Columns of R come from
+weighted control, priors on orientations, priors on additional parameters, conditions between
+points. Columns of R come from
 the factor of the reduced normal equations, several right-hand sides at once; nothing of the size
 of the block is inverted. The state need not be a minimum: e is what one more linear adjustment
 would leave.
@@ -21,10 +22,11 @@ from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import NormalEquations, Structure, linearise
+from anaplot.bundle.solve.normal import NormalEquations, linearise
 from anaplot.bundle.solve.observations import ObservationName, Observations, observations_of
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
+from anaplot.bundle.solve.structure import Structure
 
 __all__ = ["BlockResiduals", "block_residuals"]
 
@@ -98,7 +100,7 @@ class BlockResiduals:
         wide = problem.per_photo
         point_start = wide * len(problem.photos)
         shared_start = point_start + 3 * len(problem.points)
-        first, second, third = self.rows.starts
+        first, second, third, fourth = self.rows.starts
         image = np.arange(first).reshape(-1, 2, 1)
         at: list[tuple[NDArray[Any], NDArray[Any], Array]] = [
             (image, wide * problem.photo[:, None, None] + np.arange(wide), linear.a),
@@ -125,17 +127,44 @@ class BlockResiduals:
         else:
             number = self.rows.additional
             column, weight = shared_start + number, linear.shared_weight[number]
-        at.append((np.arange(third, len(self.names)), column, np.sqrt(weight)))
+        at.append((np.arange(third, fourth), column, np.sqrt(weight)))
+        wide = shared_start + shared
+        if linear.conditions is not None:
+            derivatives = linear.conditions.derivatives.tocoo()
+            white = derivatives.data / linear.conditions.sigma[derivatives.row]
+            white[self._condition_rejected[derivatives.row]] = 0.0
+            at.append((fourth + derivatives.row, point_start + derivatives.col, white))
+            spanned = linear.conditions.spanned.tocoo()
+            at.append((fourth + spanned.row, wide + spanned.col, spanned.data))
+            wide += spanned.shape[1]
         parts = [np.broadcast_arrays(*part) for part in at]
         rows, columns, values = (np.concatenate([p[k].ravel() for p in parts]) for k in range(3))
-        return csr_array((values, (rows, columns)), shape=(len(self.names), shared_start + shared))
+        return csr_array((values, (rows, columns)), shape=(len(self.names), wide))
+
+    @property
+    def _condition_rejected(self) -> NDArray[Any]:
+        conditions = self.problem.conditions
+        return np.zeros(0, dtype=bool) if conditions is None else conditions.rejected
 
     def _solved(self, rows: Index) -> Array:
-        normal = self.cofactors.normal
+        cofactors = self.cofactors
         photos, points, shared = self._sides(rows)
-        x, p, s = normal.solve(self.cofactors.factor, photos, points, shared)
+        x, p, s = cofactors.normal.solve(cofactors.factor, photos, points, shared)
         out: Array = -_designed(self, x, p, s)
         out[rows, np.arange(len(rows))] += 1.0
+        fourth = self.rows.starts[3]
+        update = cofactors.normal.update(cofactors.factor)
+        if update is None:
+            out[fourth:] = 0.0
+            return out
+        contrasts = update.equations.contrasts
+        mine = np.flatnonzero(rows >= fourth)
+        # R between the conditions and all other rows
+        beside = (contrasts @ (_designed(self, *update.gain)[:fourth] @ update.inner).T).T
+        out[:fourth, mine] = -beside[:, rows[mine] - fourth]
+        others = np.flatnonzero(rows < fourth)
+        out[fourth:, others] = -beside[rows[others]].T
+        out[fourth:, mine] = update.rows[:, rows[mine] - fourth]
         return out
 
     def _sides(self, rows: Index) -> tuple[Array, Array, Array]:
@@ -146,7 +175,7 @@ class BlockResiduals:
         photos = np.zeros((len(problem.photos), problem.per_photo, k))
         points = np.zeros((len(problem.points), 3, k))
         shared = np.zeros((len(normal.corner), k))
-        first, second, third = self.rows.starts
+        first, second, third, fourth = self.rows.starts
         at = np.flatnonzero(rows < first)
         ray, axis = np.divmod(rows[at], 2)
         photos[problem.photo[ray], :, at] = linear.a[ray, axis]
@@ -160,7 +189,7 @@ class BlockResiduals:
         at = np.flatnonzero((rows >= second) & (rows < third))
         photo, unknown = self.rows.priors[rows[at] - second].T
         photos[photo, :, at] = linear.photo_rows[photo, unknown]
-        at = np.flatnonzero(rows >= third)
+        at = np.flatnonzero((rows >= third) & (rows < fourth))
         number = self.rows.additional[rows[at] - third]
         if problem.photo_invariant:
             photo, index = np.divmod(number, problem.per_photo - 6)
@@ -171,12 +200,12 @@ class BlockResiduals:
 
 
 def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
-    """(n, k): the design times k solutions of photos, points and shared parameters."""
+    """(n, k): the design times k solutions of photos, points and shared ones; not of conditions."""
     normal, problem = system.cofactors.normal, system.problem
     linear = normal.linear
     k = x.shape[2]
-    first, second, third = system.rows.starts
-    out = np.empty((len(system.names), k))
+    first, second, third, fourth = system.rows.starts
+    out = np.zeros((len(system.names), k))
     out[:first] = normal.seen(x, p, s).reshape(first, k)
     point, axis = system.rows.control.T
     out[first:second] = np.sqrt(linear.point_weight[point, axis])[:, None] * p[point, axis]
@@ -184,10 +213,10 @@ def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
     out[second:third] = np.einsum("kd,kdj->kj", linear.photo_rows[photo, unknown], x[photo])
     if problem.photo_invariant:
         photo, index = np.divmod(system.rows.additional, max(problem.per_photo - 6, 1))
-        out[third:] = np.sqrt(linear.own_weight[index])[:, None] * x[photo, 6 + index]
+        out[third:fourth] = np.sqrt(linear.own_weight[index])[:, None] * x[photo, 6 + index]
     else:
         weight = linear.shared_weight[system.rows.additional]
-        out[third:] = np.sqrt(weight)[:, None] * s[system.rows.additional]
+        out[third:fourth] = np.sqrt(weight)[:, None] * s[system.rows.additional]
     return out
 
 
@@ -226,14 +255,24 @@ def block_residuals(
     cofactors = compute_cofactors(normal, factor, progress=progress)
     rows = observations_of(cofactors)
     own = problem.photo_invariant
-    e = rows.gather(
-        linear.e, linear.point_e, linear.photo_e, linear.own_e if own else linear.shared_e
-    )
     held = cofactors.r_own if own else cofactors.r_shared
-    r = rows.gather(cofactors.r, cofactors.r_control, cofactors.r_photo, np.clip(held, 0.0, 1.0))
-    there = BlockResiduals(cofactors, rows, e, r, 0.0, problem.redundancy)
+    r = rows.gather(
+        cofactors.r,
+        cofactors.r_control,
+        cofactors.r_photo,
+        np.clip(held, 0.0, 1.0),
+        cofactors.r_conditions,
+    )
     # what one linear adjustment from here leaves; at a minimum nothing changes
-    photos, points, shared = normal.gradient()
-    moved = normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
-    left = -(e + _designed(there, *moved)[:, 0])
+    photos, points, shared = normal.step(factor)
+    e = rows.gather(
+        linear.e,
+        linear.point_e,
+        linear.photo_e,
+        linear.own_e if own else linear.shared_e,
+        normal.conditions_left(factor),
+    )
+    there = BlockResiduals(cofactors, rows, e, r, 0.0, problem.redundancy)
+    moved = _designed(there, photos[:, :, None], points[:, :, None], shared[:, None])
+    left = -(e + moved[:, 0])
     return replace(there, e=left, vtpv=float(left @ left))

@@ -16,13 +16,13 @@ from anaplot.bundle.solve.normal import (
     Linearised,
     NormalEquations,
     PointError,
-    Structure,
     linearise,
     move,
     objective,
 )
 from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
 from anaplot.bundle.solve.problem import Problem
+from anaplot.bundle.solve.structure import Structure
 from anaplot.bundle.start.resection import resect
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
 from anaplot.errors import NotComputableError
@@ -321,6 +321,7 @@ def _robust(
     least = np.where(problem.fixed, ground, np.nan_to_num(problem.known_sigma, nan=ground))
     soft = replace(
         problem,
+        conditions=None,
         fixed=np.zeros_like(problem.fixed),
         known_sigma=np.where(held, least, np.nan),
     )
