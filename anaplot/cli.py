@@ -235,10 +235,9 @@ def _plan_block(options: argparse.Namespace) -> int:
 
 
 def _plan_network(options: argparse.Namespace) -> int:
-    from anaplot.report.planblock import run_planned
-    from anaplot.report.plannetwork import network_files, planned_network
+    from anaplot.report.networkcomparison import run_plan_network
 
-    return run_planned(options, planned_network, network_files(options.network))
+    return run_plan_network(options)
 
 
 def _compare(options: argparse.Namespace) -> int:

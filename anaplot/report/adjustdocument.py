@@ -14,6 +14,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import MOST_RAYS, external_reliability
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import parameter_correlations
+from anaplot.bundle.solve.rulesofthumb import RulesOfThumb, rules_of_thumb
 from anaplot.report.adjusttables import (
     check_table,
     condition_table,
@@ -39,6 +40,7 @@ from anaplot.report.document import (
     named,
     say,
 )
+from anaplot.report.rules import rules_json, rules_lines
 
 __all__ = ["adjust_document"]
 
@@ -81,6 +83,7 @@ def adjust_document(
         for ray, axis in np.argwhere(block.problem.newly_rejected).tolist():
             axes.setdefault(int(block.problem.source[ray]), []).append("xy"[axis])
     image_points = image_point_table(block, external, axes)
+    rules = rules_of_thumb(block)
     suspects = likeliest_suspects(block)
     accused = {
         point: suspect_rays(block, point)
@@ -94,6 +97,7 @@ def adjust_document(
         "control": all_control,
         "check": check,
         "indicators": _indicators(block),
+        "rules": rules_json(rules),
         "priors": all_priors,
         "conditions": conditions,
         "spurs": [
@@ -115,7 +119,7 @@ def adjust_document(
                 for first, second, rho in parameter_correlations(block)
             ],
         }
-    page: list[Block] = [*_summary(block, answer, suspects, accused), BLANK]
+    page: list[Block] = [*_summary(block, answer, suspects, accused, rules), BLANK]
     page += [photos, BLANK]
     page += _if_any(control)
     page += _if_any(conditions)
@@ -196,6 +200,7 @@ def _summary(
     answer: Answer,
     suspects: tuple[Suspect, ...],
     accused: Mapping[str, tuple[SuspectRay, ...]],
+    rules: RulesOfThumb,
 ) -> list[Block]:
     problem = block.problem
     image_um = problem.block.precision.image_um
@@ -232,6 +237,7 @@ def _summary(
             "  accuracy     AI X {AI_X:.4f}  Y {AI_Y:.4f}  Z {AI_Z:.4f}  all {AI:.4f} m",
             **answer["indicators"],
         ),
+        *rules_lines(rules, "  "),
     ]
     out = int(block.rejected.sum())
     if out:

@@ -21,6 +21,7 @@ __all__ = [
     "positive",
     "significance",
     "sizes",
+    "versions",
     "whole",
     "wholes",
 ]
@@ -114,6 +115,15 @@ def planted(text: str) -> tuple[str, ...]:
                 f"{part!r} is not a place, x or y, and um, with colons between them"
             )
     return parts
+
+
+def versions(text: str) -> tuple[str, ...]:
+    """Return versions of the cube of 1978, separated by commas, none twice."""
+    found = tuple(part.strip() for part in text.split(","))
+    for part in found:
+        if part not in ("A", "B", "C", "D", "E") or found.count(part) > 1:
+            raise argparse.ArgumentTypeError(f"{text!r} is not versions of the cube, A to E")
+    return found
 
 
 def percentage(text: str) -> float:

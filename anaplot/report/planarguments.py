@@ -16,6 +16,7 @@ from anaplot.report.arguments import (
     planted,
     significance,
     sizes,
+    versions,
     whole,
     wholes,
 )
@@ -149,7 +150,10 @@ def add_network_arguments(network: argparse.ArgumentParser) -> None:
         "network", metavar="cube|FILE", help="the cube of 1978, or a .toml of stations and points"
     )
     network.add_argument(
-        "--case", choices=("A", "B", "C", "D", "E"), help="stations of the cube, default A"
+        "--case",
+        type=versions,
+        metavar="A,B",
+        help="stations of the cube, A to E, default A; several are shown side by side",
     )
     network.add_argument(
         "--image-um", type=length, metavar="UM", help="a-priori sigma0 of the cube, default 5"
@@ -162,6 +166,13 @@ def add_network_arguments(network: argparse.ArgumentParser) -> None:
         help="correlation of a point's residuals from which it is named, default 0.9",
     )
     network.add_argument("--point", metavar="NAME", help="all correlations of this point")
+    network.add_argument(
+        "--plant",
+        type=planted,
+        metavar="PHOTO:POINT:AXIS:UM",
+        help="what the tests would say on average of errors in image coordinates (1:2:x:-30); "
+        "several with commas",
+    )
     add_output(network, "points and photos", folder=False)
     network.add_argument(
         "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"

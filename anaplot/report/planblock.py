@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple, Protocol
 from anaplot.aliases import Progress
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Datum
+from anaplot.bundle.solve.rulesofthumb import rules_of_thumb
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import (
     block_files,
@@ -57,6 +58,7 @@ from anaplot.report.document import (
 from anaplot.report.keywords import takes_options
 from anaplot.report.output import Output
 from anaplot.report.planarguments import add_block_arguments
+from anaplot.report.rules import rules_json, rules_lines
 from anaplot.report.running import computed
 from anaplot.report.stabilizing import stabilizing_json, stabilizing_lines
 
@@ -273,7 +275,7 @@ _WEAK = for_programs(*WeakPhoto._fields)
 def plan_block_document(found: PlannedBlock) -> Document:
     """Return the document of a planned block."""
     plan, block = found.plan, found.block
-    problem, indicators = block.problem, block.indicators()
+    problem, indicators, rules = block.problem, block.indicators(), rules_of_thumb(block)
     classes, accuracy = class_table(block), expected_accuracy(block)
     rows = ((row.kind.rays, "inner" if row.kind.inner else "outer",
              "control" if row.kind.control else "new", row.kind.axis, *row[1:])
@@ -287,6 +289,7 @@ def plan_block_document(found: PlannedBlock) -> Document:
         "unknowns": problem.unknowns,
         "redundancy": block.redundancy,
         "indicators": indicators._asdict(),
+        "rules": rules_json(rules),
         "classes": [_class_json(row) for row in classes],
         "weak_photos": weak,
         "accuracy_m": None if accuracy is None else _accuracy_json(accuracy),
@@ -301,6 +304,7 @@ def plan_block_document(found: PlannedBlock) -> Document:
             **answer,
         ),
         say("mean r: x {ri_x:.3f}, y {ri_y:.3f}, both {ri:.3f}", **answer["indicators"]),
+        *rules_lines(rules),
         BLANK,
         say("CLASSES (Gruen 1980): sqrt(q_vv) in a-priori sigmas, smallest detectable error").of(
             "heading"

@@ -5,16 +5,19 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.aliases import Progress
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.problem import Datum
+from anaplot.bundle.solve.rulesofthumb import rules_of_thumb
 from anaplot.errors import InputError
 from anaplot.exchange.networkfile import NetworkFile, read_network
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.planning.expectedtests import expected_tests
 from anaplot.planning.idealblock import ExposureStation, IdealBlock
 from anaplot.planning.networkplan import (
     Network,
@@ -44,8 +47,11 @@ from anaplot.report.document import (
     table,
     whole,
 )
-from anaplot.report.keywords import takes_options
+from anaplot.report.expectedtests import with_expected_tests
+from anaplot.report.keywords import names_in, takes_options
 from anaplot.report.planarguments import add_network_arguments
+from anaplot.report.planting import planted_errors
+from anaplot.report.rules import rules_json, rules_lines
 from anaplot.textfiles.wording import quoted
 
 __all__ = [
@@ -94,10 +100,11 @@ def network_files(network: str | os.PathLike[str]) -> tuple[Path, ...]:
 def planned_network(
     network: str | os.PathLike[str],
     *,
-    case: Literal["A", "B", "C", "D", "E"] | None = None,
+    case: str | Sequence[str] | None = None,
     image_um: float | None = None,
     correlations: float = 0.9,
     point: str | None = None,
+    plant: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Computed[PlannedNetwork]:
     """Plan camera stations around an object: what they see, check and determine.
@@ -107,13 +114,16 @@ def planned_network(
     network
         "cube", that of Gruen (1978), or a file of stations and points.
     case
-        Stations of the cube; None: A.
+        Stations of the cube, "A" to "E"; None: A. Of several `networks` puts them side by side.
     image_um
         A-priori sigma0 of the cube [um]; None: 5.
     correlations
         Correlation of a point's residuals from which it is named.
     point
         Tell all correlations of this point.
+    plant
+        Errors "PHOTO:POINT:AXIS:UM" in image coordinates, of which it is told what the tests would
+        say on average.
     progress
         Called with what is being done and the fraction of it (0 to 1).
 
@@ -124,17 +134,24 @@ def planned_network(
     NotComputableError
         The stations do not determine the points.
     """
-    asked = _network(os.fspath(network), case, image_um)
+    versions = () if case is None else names_in(case)
+    if len(versions) > 1:
+        raise InputError("--case: one version for one network")
+    asked = _network(os.fspath(network), versions[0] if versions else None, image_um)
     if point is not None and point not in asked.points:
         raise InputError(f"no point {quoted(point)} is seen in this network")
     if progress is not None:
         progress("network", 0.0)
     made = plan_network(asked)
-    block = made.evaluated("control" if asked.control else "free")
+    datum: Datum = "control" if asked.control else "free"
+    block = made.evaluated(datum)
     if point is not None and point not in block.problem.points:
         raise InputError(f"point {quoted(point)} is not determined in this network")
     found = network_reliability(asked, made, block)
     document = plan_network_document(asked, block, found, limit=correlations, point=point)
+    if plant is not None:
+        told = expected_tests(made, block, planted_errors(plant), datum)
+        document = with_expected_tests(document, told)
     return Computed(PlannedNetwork(asked, made, block, found), document)
 
 
@@ -201,6 +218,7 @@ def plan_network_document(
         A determined point all of whose correlations are wanted.
     """
     problem, indicators = block.problem, block.indicators()._asdict()
+    rules, overall = rules_of_thumb(block), block.global_test()
     photos = _reliability("photos", found.photos, "PHOTO", "POINT", ())
     points = _reliability("points", found.points, "POINT", "PHOTO", ("sX", "sY", "sZ"))
     spurs = table("spurs", for_programs("photo", "point", "axis"), block.spurs())
@@ -213,6 +231,8 @@ def plan_network_document(
         "unknowns": problem.unknowns,
         "redundancy": block.redundancy,
         "indicators": indicators,
+        "rules": rules_json(rules),
+        "global_test": None if overall is None else overall._asdict(),
         "new_points": {
             "determined": found.new_determined,
             "mean_s_m": found.new_s,
@@ -242,6 +262,12 @@ def plan_network_document(
         page.append(say("  {:<17}  {}", new, _means(found.new_s)))
     else:
         page.append(say("no control: a free network"))
+    page += rules_lines(rules)
+    if overall is not None:
+        page.append(
+            say("global test, as powerful as the single one ({power:g}): "
+                "alpha {alpha:.3f}, limit {critical:.3f}", **overall._asdict()).folded(2)
+        )  # fmt: skip
     page += [
         *_open(found),
         BLANK,
