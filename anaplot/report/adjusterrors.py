@@ -12,6 +12,7 @@ from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
 from anaplot.bundle.errors.controllast import ControlLast, clean_control_last
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
+from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
@@ -162,6 +163,8 @@ def errors_document(cleaned: BlockFindings) -> Document:
         page += change_lines(cleaned.point_change, "on the ground", "m", indent=2)
     else:
         page.append(say("  nothing is rejected"))
+    misnamed = misnamed_rays(cleaned.block, [row.name for row in rejected])
+    page += _listed("under a wrong name, it seems", [_misnamed(ray) for ray in misnamed])
     page += _listed("rejected on the way, came back", [_named(name) for name in cleaned.came_back])
     page += _listed(
         f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
@@ -180,7 +183,24 @@ def errors_document(cleaned: BlockFindings) -> Document:
     if found.model_values is not None:
         page.append(say("  {}", model_values_line(found.model_values)))
     page += [say("  note: {}", remark).of("remark") for remark in cleaned.remarks]
-    return Document(_json(cleaned), tuple(page), (_rejected_table(rejected),))
+    answer = {**_json(cleaned), "misnamed": [ray._asdict() for ray in misnamed]}
+    return Document(answer, tuple(page), (_rejected_table(rejected),))
+
+
+def _misnamed(ray: MisnamedRay) -> Line:
+    inside = "" if ray.model is None else say(" in {}", ray.model)
+    what = say(
+        "photo {}{}: {} and {} interchanged? With the two exchanged"
+        if ray.interchanged
+        else "photo {}{}: {} is {}? With that name",
+        ray.photo,
+        inside,
+        ray.point,
+        ray.meant,
+    )
+    return what + say(
+        " sigma0 is {:.4f}, {} taken back", ray.sigma0, counted(ray.taken_back, "coordinate")
+    )
 
 
 _REJECTED = for_programs(
