@@ -30,6 +30,9 @@ def rows_of(
     models = tuple(models)
     # written with the later model: the order of its points is that of the left photo's rows
     once = _measured_once(models)
+    said: dict[tuple[str, str], list[RowReason]] = {}
+    for reason in reasons:
+        said.setdefault((reason.model, reason.point), []).append(reason)
     uses: dict[Key, tuple[Use, str | None]] = {}
     out: list[ImagePoint] = []
     for model in models:
@@ -40,7 +43,8 @@ def rows_of(
                 use: Use
                 use, why = uses.get(key, ("xy", None))
                 if side == "right":
-                    use, why = _use(model, m.point), _why(reasons, model, m.point)
+                    use = _use(model, m.point)
+                    why = _why(said.get((model.name, m.point), ()), model, m.point)
                 shared = key in once
                 if shared and side == "right":
                     uses[key] = use, why
@@ -53,14 +57,15 @@ def rows_of(
 def _use(model: ModelState, point: str) -> Use:
     """Return which coordinates of a point's right ray count: x without a row of its own does."""
     x, y = ((point, axis) not in model.off for axis in ("x", "y"))
-    if model.is_off(point):
-        return "off"
-    return "xy" if x and y else "x" if x else "y"
+    if x and y:
+        return "xy"
+    return "off" if model.is_off(point) else "x" if x else "y"
 
 
-def _why(reasons: Collection[RowReason], model: ModelState, point: str) -> str | None:
-    """Return why rows of a point are off: what an operator said, then the strategies."""
-    mine = [r for r in reasons if (r.model, r.point) == (model.name, point)]
+def _why(mine: Collection[RowReason], model: ModelState, point: str) -> str | None:
+    """Return why rows of a point are off: what an operator said of them, then the strategies."""
+    if not mine:
+        return None
     rejected = [r for r in mine if r.reason in STRATEGIES and (point, r.axis) in model.off]
     why = reason_of([r for r in mine if r not in rejected], model, point)
     for strategy in STRATEGIES:
