@@ -163,6 +163,9 @@ class BlockWatch:
                 view, live = self._adjusted(work, live)
             except _OvertakenError:
                 continue
+            except Exception as error:  # noqa: BLE001 - measuring goes on; the operator is told
+                # what the live block holds now is not to be built upon
+                view, live = self._given_up(work, error), None
             with self._changed:
                 self._view, self._done = view, work
                 if self._closed:
@@ -194,30 +197,34 @@ class BlockWatch:
             self._since = {}
             return None, None
         block = replace(work.block, image_points=rows)
-        empty = BlockView(work.after, len(work.models), work.provisional)
+        empty = _nothing_of(work)
         known = live is not None and live.answer is not None
         if live is None:
             live = LiveBlock(block)
         try:
             answer = live.update(block, progress=lambda _what, _share: self._look_up(work))
             view = view_of(answer, empty, self._since if known else None)
-        except _OvertakenError:
-            raise
         except AnaplotError as error:
             return replace(empty, remark=str(error)), live
-        except Exception as error:  # noqa: BLE001 - measuring goes on; the operator is told
-            # what the live block holds now is not to be built upon
-            self._since = {}
-            reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-            return replace(empty, remark=f"the block could not be adjusted: {reason}"), None
         self._since = {point.point: point.since for point in view.suspects}
         return view, live
+
+    def _given_up(self, work: _Work, error: Exception) -> BlockView:
+        """Return what is shown when the program itself fails."""
+        self._since = {}
+        reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        return replace(_nothing_of(work), remark=f"the block could not be adjusted: {reason}")
 
     def _look_up(self, work: _Work) -> None:
         """Give up when overtaken; called many times on the way."""
         with self._changed:
             if self._closed or self._told is not work:
                 raise _OvertakenError
+
+
+def _nothing_of(work: _Work) -> BlockView:
+    """Return the view of a block of which nothing is known."""
+    return BlockView(work.after, len(work.models), work.provisional)
 
 
 def _complete(state: SessionState, outlook: Outlook) -> ModelState | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import subprocess
 import sys
 import threading
@@ -18,8 +19,13 @@ from anaplot.bundle.live import LiveAnswer, LiveBlock
 from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.photogrammetry.block import ImagePoint
+from anaplot.planning.synthetic import synthetic_strip
 from anaplot.plotter.device.hand import Offsets
+from anaplot.session.state import start
+from anaplot.session.workflow import outlook
 from anaplot.station.blockview import BlockView
+from anaplot.station.blockwatch import BlockWatch
+from anaplot.station.modeltables import ModelTables, TableKeeper
 from anaplot.station.station import Station
 
 # an x error at a point that is no tie in the first model: no table of that model shows it
@@ -228,6 +234,44 @@ def test_why_there_is_no_solution(bench: Bench, monkeypatch: pytest.MonkeyPatch)
     station.next_model()
     measure_all(station, watch)
     assert seen(watch, "102/103").solved
+
+
+def test_tables_that_cannot_be_formed_are_told_and_the_work_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = synthetic_strip(2, seed=1)
+    rows = [
+        ImagePoint(photo, name, *at)
+        for photo, seen in made.truth.items()
+        for name, at in seen.items()
+    ]
+    block = replace(made.block, image_points=tuple(rows))
+    failures: list[Exception] = [ZeroDivisionError("odd")]
+    update = TableKeeper.update
+
+    def fails(self: TableKeeper, *arguments: object) -> ModelTables:
+        if failures:
+            raise failures.pop()
+        return update(self, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(TableKeeper, "update", fails)
+    monkeypatch.setattr("anaplot.station.blockwatch._FIRST_SCREEN", 0.0)
+    state = start(block)
+    heard: queue.SimpleQueue[BlockView | None] = queue.SimpleQueue()
+    watch = BlockWatch(lambda: heard.put(watch.view))
+    try:
+        watch.tell(block, state, outlook(state), set())
+        view = heard.get(timeout=WAIT)
+        assert view is not None
+        assert not view.busy
+        assert view.remark == "the block could not be adjusted: ZeroDivisionError: odd"
+        watch.tell(replace(block, name="again"), state, outlook(state), set())
+        while (view := heard.get(timeout=WAIT)) is None or view.busy:
+            pass  # the tables come first
+        assert view.solved
+        assert set(watch.tables) == {("101", "102")}
+    finally:
+        watch.close()
 
 
 @pytest.fixture
