@@ -28,6 +28,7 @@ from anaplot.photogrammetry.block import Block
 __all__ = ["LiveAnswer", "LiveBlock"]
 
 _CHORD_STEPS = 4
+_DATUM = 7  # shift, rotation and scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,10 +111,14 @@ class LiveBlock:
         if fast is not None:
             return self._keep(fast, self._answer.aside if self._answer else (), reused=True)
         error: NotComputableError | None = None
+        hanging: Problem | None = None
         datums: tuple[Datum, ...] = ("control", "free")
         for datum in datums:
             problem = make_problem(block, datum=datum, additional=self._additional)
             aside: tuple[str, ...] = ()
+            if datum == "control" and _hangs(problem):
+                hanging = problem
+                continue
             if datum == "free":
                 problem, aside = self._connected(problem)
             try:
@@ -122,6 +127,9 @@ class LiveBlock:
                 error = error or caught
                 continue
             return self._keep(adjusted, aside, reused=False)
+        if hanging is not None:
+            # what is missing first of all is the datum, and that is told in words
+            return self._keep(self._adjusted(hanging, progress), (), reused=False)
         assert error is not None
         raise error
 
@@ -203,3 +211,10 @@ class LiveBlock:
             reused=reused,
         )
         return self._answer
+
+
+def _hangs(problem: Problem) -> bool:
+    """Whether fewer coordinates and angles are known than a datum has parameters."""
+    priors = (problem.known_sigma, problem.position_sigma, problem.rotation_sigma)
+    known = int(problem.fixed.sum()) + sum(int(np.isfinite(sigma).sum()) for sigma in priors)
+    return known < _DATUM

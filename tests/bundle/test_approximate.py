@@ -11,11 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.adjust import adjust_block, adjust_problem
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.start import subblock
+from anaplot.bundle.start.bridging import bridged_parts
 from anaplot.bundle.start.relative import orient_pair, spread_rotations
 from anaplot.bundle.start.resection import resect, three_point_resection
-from anaplot.bundle.start.subblock import SubBlock
-from anaplot.photogrammetry.block import ControlPoint, Strip
+from anaplot.bundle.start.subblock import SubBlock, unit_rays
+from anaplot.photogrammetry.block import ControlPoint, ImagePoint, Strip
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 from anaplot.photogrammetry.similarity import (
@@ -24,6 +27,7 @@ from anaplot.photogrammetry.similarity import (
     fit_to_partial,
     robust_similarity,
 )
+from anaplot.planning.syntheticblock import synthetic_block
 
 
 def converges_to_the_truth(scene, block=None, sigma=1.5, **options):
@@ -307,3 +311,23 @@ def test_rotations_are_spread_over_all_of_them() -> None:
     nearest = np.degrees(np.arccos((trace - 1.0) / 2.0))
     # 600 random ones leave gaps of 35 degrees
     assert nearest.max() < 28.0
+
+
+@pytest.mark.slow
+def test_a_long_strip_is_hung_on_its_neighbour_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    flown = synthetic_block(2, 24, seed=1)
+    rng = np.random.default_rng(1)
+    rows = tuple(
+        ImagePoint(photo, point, *(np.array(xy) + rng.normal(0.0, 0.005, 2)).tolist())
+        for photo, seen in flown.truth.items()
+        for point, xy in seen.items()
+    )
+    block = replace(flown.block, image_points=rows, control=())
+
+    def one_by_one(*_: object) -> None:
+        raise AssertionError("a photo of the strip was oriented by itself")
+
+    problem = make_problem(block, datum="free")
+    assert len(bridged_parts(problem, unit_rays(problem))) == 2
+    monkeypatch.setattr(subblock, "resect", one_by_one)
+    assert 0.9 < adjust_problem(problem).sigma0 < 1.1

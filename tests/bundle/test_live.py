@@ -9,7 +9,8 @@ import pytest
 from bundleblocks import aerial
 from growing import added, flagged, remeasured, removed
 
-from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle import live as live_module
+from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.live import LiveBlock
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.errors import InputError, NotComputableError
@@ -138,3 +139,30 @@ def test_additional_parameters_stay_with_a_growing_block(named: str) -> None:
     free = live.update(replace(live.block, control=()))
     assert free.datum == "free"
     agree(free.adjusted, adjust_block(live.block, datum="free", additional=additional))
+
+
+def test_without_enough_control_no_datum_but_the_free_one_is_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = aerial(2, 4, per_base=2, noise_um=5.0)
+    asked: list[str] = []
+
+    def adjusted(problem, **kwargs):
+        asked.append(problem.datum)
+        return adjust_problem(problem, **kwargs)
+
+    monkeypatch.setattr(live_module, "adjust_problem", adjusted)
+    for control in ((), scene.block.control[:2]):
+        block = replace(scene.block, control=control)
+        answer = LiveBlock(block).update(block)
+        assert answer.datum == "free"
+        agree(answer.adjusted, adjust_block(block, datum="free"))
+    assert asked == ["free", "free"]
+    # where nothing can be adjusted it is the datum that is said to be missing
+    rows = tuple(r for r in scene.block.image_points if r.photo == "101")
+    alone = replace(scene.block, control=(), image_points=rows)
+    with pytest.raises((InputError, NotComputableError)) as told:
+        LiveBlock(alone).update(alone)
+    with pytest.raises((InputError, NotComputableError)) as by_control:
+        adjust_block(alone)
+    assert str(told.value) == str(by_control.value)

@@ -329,12 +329,19 @@ def _grow(
         waiting = [c for c in waiting if c not in joined]
         if joined:
             continue
-        if ground.add_photos(problem, by_photo, 5) or ground.add_photos(problem, by_photo, 4):
+        # of a strip that shares a line of points, a photo by itself would be worse oriented
+        oriented = [c.oriented for c in waiting]
+        apart = np.any(oriented, axis=0) if oriented else None
+        if any(ground.add_photos(problem, by_photo, fewest, but=apart) for fewest in (5, 4)):
             continue
         hinged = next((c for c in waiting if ground.join(c, hinged=True)), None)
-        if hinged is None:
+        if hinged is not None:
+            waiting = [c for c in waiting if c is not hinged]
+            continue
+        if apart is None:
             break
-        waiting = [c for c in waiting if c is not hinged]
+        if not any(ground.add_photos(problem, by_photo, fewest) for fewest in (5, 4)):
+            break
 
 
 def _in_ground(problem: Problem, subblock: SubBlock) -> bool:

@@ -67,18 +67,27 @@ class SubBlock:
         self.points[new] = found[new]
         return int((new & ~before).sum())
 
-    def add_photos(self, problem: Problem, by_photo: list[Index], fewest: int = 4) -> int:
+    def add_photos(
+        self,
+        problem: Problem,
+        by_photo: list[Index],
+        fewest: int = 4,
+        *,
+        but: Bools | None = None,
+    ) -> int:
         """Orient photos to points of the sub-block, those with most points first; returns how many.
 
-        A photo is taken when most of its points agree within 2 % of the camera constant.
+        A photo is taken when most of its points agree within 2 % of the camera constant; none of
+        (photos,) `but` is.
         """
         added = 0
+        passed = self.oriented if but is None else self.oriented | but
         placed = self.placed
         counts = np.bincount(problem.photo[placed[problem.point]], minlength=len(problem.photos))
         for photo in np.argsort(-counts, kind="stable").tolist():
             if counts[photo] < fewest:
                 break
-            if self.oriented[photo]:
+            if passed[photo]:
                 continue
             rays = by_photo[photo]
             rays = rays[placed[problem.point[rays]]]
