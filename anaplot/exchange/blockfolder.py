@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterable
 from dataclasses import replace
@@ -27,7 +28,7 @@ from anaplot.exchange.imagepointscsv import format_image_points, parse_image_poi
 from anaplot.exchange.patternfile import format_pattern, read_pattern
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES
-from anaplot.textfiles.inputfile import read_text
+from anaplot.textfiles.inputfile import read_bytes, read_text
 from anaplot.textfiles.wholefile import (
     clear_left_over,
     create_whole,
@@ -42,6 +43,7 @@ __all__ = [
     "block_files",
     "check_for_bridge",
     "clear_image_points",
+    "image_points_digest",
     "read_block",
     "with_image_points",
     "write_control",
@@ -109,7 +111,23 @@ def with_image_points(folder: Path, block: Block) -> Block:
     return replace(block, photos=photos, image_points=measured)
 
 
-def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> None:
+def image_points_digest(folder: Path) -> str | None:
+    """Return a digest of a folder's image_points.csv; None where there is none.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    path = folder / IMAGE_POINTS_CSV
+    return _digest(read_bytes(path, MAX_CSV_BYTES)) if os.path.lexists(path) else None
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> str:
     """Write image_points.csv whole and atomically, in place of the one before.
 
     Parameters
@@ -119,13 +137,20 @@ def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> None:
     points
         Rows in file order; their coordinates are read back exactly.
 
+    Returns
+    -------
+    str
+        The digest of the file, as `image_points_digest` has it.
+
     Raises
     ------
     InputError
         A row that could not be read again, or the file could not be written; the old one stays.
     """
     path = folder / IMAGE_POINTS_CSV
-    replace_whole(path, _bounded(path, format_image_points(points).encode(), MAX_CSV_BYTES))
+    data = _bounded(path, format_image_points(points).encode(), MAX_CSV_BYTES)
+    replace_whole(path, data)
+    return _digest(data)
 
 
 def clear_image_points(folder: Path) -> None:

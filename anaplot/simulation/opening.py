@@ -21,6 +21,7 @@ from anaplot.simulation.instrument import PROFILE_OF_SIMULATION, SimulationSetup
 from anaplot.simulation.laidplates import laid_photographs, random_placements
 from anaplot.station.instrument import InstrumentSetup
 from anaplot.station.pointpattern import pattern_of_block, point_pattern_of
+from anaplot.station.pointsfile import BlockRead
 from anaplot.station.station import DEFAULT_PATTERN, Station
 from anaplot.textfiles.wording import place
 
@@ -113,7 +114,8 @@ def open_station(
     check_options(
         profile=profile, port=port, simulate=simulate, truth=truth, point_pattern=point_pattern
     )
-    block = read_block(folder)
+    read = BlockRead.of(folder)
+    block = read.block
     if not block.strips:
         raise InputError(
             f"{place(folder / 'block.toml')}: no strip: at least one [[strip]] is needed to measure"
@@ -130,7 +132,12 @@ def open_station(
         plotter = InstrumentSetup(profile, port) if profile and port else None
         ready()
         return Station(
-            folder, plotter=plotter, point_pattern=chosen, operator=operator, story=story
+            folder,
+            plotter=plotter,
+            point_pattern=chosen,
+            operator=operator,
+            story=story,
+            read=read,
         )
     points = _synthetic(block, seed, chosen) if truth is None else _measured(block, truth)
     ready()
@@ -148,6 +155,7 @@ def open_station(
         operator=operator,
         story=story,
         candidates=rough(points),
+        read=read,
     )
 
 

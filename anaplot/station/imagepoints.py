@@ -36,6 +36,12 @@ def rows_of(
     uses: dict[Key, tuple[Use, str | None]] = {}
     out: list[ImagePoint] = []
     for model in models:
+        if not once and not model.off:
+            # as most are: every coordinate counts, so that there is no reason to be told
+            lefts = [(model.left, m.point, m.xl, m.yl) for m in model.measured]
+            rights = [(model.right, m.point, m.xr, m.yr) for m in model.measured]
+            out += [ImagePoint(*place, model=model.name) for place in lefts + rights]
+            continue
         for photo, side in ((model.left, "left"), (model.right, "right")):
             for m in model.measured:
                 x, y = (m.xl, m.yl) if side == "left" else (m.xr, m.yr)

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
-from anaplot.exchange.blockfolder import read_block, write_image_points
+from anaplot.exchange.blockfolder import (
+    image_points_digest,
+    read_block,
+    write_image_points,
+)
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.modelplan import Candidates
 from anaplot.session.events import Event
@@ -15,7 +20,30 @@ from anaplot.session.reasons import RowReason
 from anaplot.session.state import SessionState
 from anaplot.station.imagepoints import accepted_ever, measured_here, merged_rows
 
-__all__ = ["PointsFile"]
+__all__ = ["BlockRead", "PointsFile"]
+
+
+@dataclass(frozen=True, slots=True)
+class BlockRead:
+    """A block as read from its folder.
+
+    Attributes
+    ----------
+    block
+        What its files say.
+    digest
+        Of the image_points.csv of which it was read; None where there was none.
+    """
+
+    block: Block
+    digest: str | None
+
+    @classmethod
+    def of(cls, folder: Path) -> Self:
+        """Read the block in a folder; errors as `read_block` has them."""
+        # first: what is written between the two is read anew when it counts
+        digest = image_points_digest(folder) if folder.is_dir() else None
+        return cls(read_block(folder), digest)
 
 
 _Written = tuple[tuple[ModelState, ...], tuple[RowReason, ...]]
@@ -28,15 +56,16 @@ class PointsFile:
     ----------
     folder
         The block folder.
-    block
+    read
         As read from it.
     of_session
         Names "left/right" of the models that were accepted in the sessions before.
     """
 
-    def __init__(self, folder: Path, block: Block, of_session: Iterable[str]) -> None:
+    def __init__(self, folder: Path, read: BlockRead, of_session: Iterable[str]) -> None:
         self._folder = folder
-        self.block = block
+        self.block = read.block
+        self._digest = read.digest
         self.of_session = set(of_session)
         self._written: _Written | None = None if self.of_session else ((), ())
 
@@ -59,12 +88,15 @@ class PointsFile:
         if self.holds(state):
             return
         models, reasons = _accepted(state)
-        # read anew: rows that came from elsewhere meanwhile stay
-        found = read_block(self._folder).image_points
+        found, digest = self.block.image_points, image_points_digest(self._folder)
+        if digest != self._digest:
+            # rows that came from elsewhere meanwhile stay
+            found = read_block(self._folder).image_points
         rows = merged_rows(found, models, self.of_session, reasons)
         if rows != found:
-            write_image_points(self._folder, rows)
+            digest = write_image_points(self._folder, rows)
         self.block = replace(self.block, image_points=rows)
+        self._digest = digest
         self._written = models, reasons
 
     def known_points(self, models: tuple[ModelState, ...]) -> Candidates | None:

@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from anaplot.errors import AnaplotError, InputError
-from anaplot.exchange.blockfolder import clear_image_points, read_block
+from anaplot.exchange.blockfolder import clear_image_points
 from anaplot.exchange.journal import JournalError
 from anaplot.orientation.model import warm_up
 from anaplot.orientation.ownpattern import PointPattern
@@ -68,6 +68,7 @@ from anaplot.station.instrument import Instrument, Setup
 from anaplot.station.journaling import Recorder
 from anaplot.station.livestatus import LiveStatus
 from anaplot.station.pointpattern import point_pattern_of
+from anaplot.station.pointsfile import BlockRead
 from anaplot.station.rejectedelsewhere import told_decisions
 from anaplot.station.restored import Snapshots
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
@@ -97,6 +98,8 @@ class Station(Commanded):
         Whether the plates drive to the next point by themselves after a record.
     story
         What the session is about, for the journal's header.
+    read
+        The block, where it was read just now; None: it is read.
 
     Raises
     ------
@@ -116,9 +119,11 @@ class Station(Commanded):
         candidates: Candidates | None = None,
         auto_drive: bool = True,
         story: str = "",
+        read: BlockRead | None = None,
     ) -> None:
         super().__init__(folder)
-        block = read_block(folder)
+        read = BlockRead.of(folder) if read is None else read
+        block = read.block
         if isinstance(point_pattern, str):
             point_pattern = point_pattern_of(point_pattern, folder, block)
         self._lock = threading.RLock()
@@ -143,7 +148,7 @@ class Station(Commanded):
                 undo.callback(self._instrument.close)
                 link = self._instrument.link
                 self._inbox.time = lambda: link.event_time
-            taken_up = TakenUp(folder, block)
+            taken_up = TakenUp(folder, read)
             self._journal, recovered = taken_up.open(
                 session_header(block, operator, self._instrument, story, point_pattern)
             )

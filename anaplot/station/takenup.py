@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from anaplot.exchange.journal import Journal, Recovered
-from anaplot.photogrammetry.block import Block
 from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
 from anaplot.session.state import fold, start
 from anaplot.station.edited import check_unedited
-from anaplot.station.pointsfile import PointsFile
+from anaplot.station.pointsfile import BlockRead, PointsFile
 from anaplot.station.rejectedelsewhere import decisions
 from anaplot.station.restored import Past, choice_for, past_of
 
@@ -26,7 +25,7 @@ class TakenUp:
     ----------
     folder
         The block folder.
-    block
+    read
         As read from it.
 
     Attributes
@@ -40,12 +39,13 @@ class TakenUp:
         The file image_points.csv, and what of it is the session's own.
     """
 
-    def __init__(self, folder: Path, block: Block) -> None:
+    def __init__(self, folder: Path, read: BlockRead) -> None:
         self._folder = folder
-        self._block = block
-        self.past = Past((), 0, start(block), frozenset())
+        self._read = read
+        self._block = read.block
+        self.past = Past((), 0, start(read.block), frozenset())
         self.decided: tuple[DecisionsTakenOver, ...] = ()
-        self.points = PointsFile(folder, block, ())
+        self.points = PointsFile(folder, read, ())
 
     def open(self, header: Mapping[str, Any]) -> tuple[Journal, Recovered]:
         """Open the journal, and take up what it says; errors as `Journal.open` and `take`."""
@@ -74,5 +74,5 @@ class TakenUp:
             count=past.count + len(taken),
             state=fold(past.state, taken),
         )
-        self.points = PointsFile(self._folder, self._block, past.of_session)
+        self.points = PointsFile(self._folder, self._read, past.of_session)
         check_unedited(self._folder, self._block, past.state, self.points.of_session)
