@@ -9,13 +9,14 @@ from __future__ import annotations
 import json
 from collections.abc import Collection
 from dataclasses import fields, is_dataclass, replace
-from typing import Any, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 from anaplot.errors import InputError
 from anaplot.exchange.annotatedkinds import AnnotatedKinds
 from anaplot.photogrammetry.block import Block
 from anaplot.session.events import PhotoName
 from anaplot.session.modelstate import ModelState
+from anaplot.session.pointedat import Target, Targets, unusual, with_unusual
 from anaplot.session.reasons import LastChange, RowReason
 from anaplot.session.returning import AsAccepted, Return
 from anaplot.session.state import SessionState
@@ -34,7 +35,7 @@ from anaplot.textfiles.kinds import (
 )
 from anaplot.textfiles.wording import plain, quoted
 
-__all__ = ["StateWriter", "state_from_text"]
+__all__ = ["StateWriter", "Told", "state_from_text"]
 
 _COUNT = Whole(0, 1_000_000_000)
 
@@ -88,7 +89,26 @@ _STATE = Items(
     ListOf(_kind(RowReason), "reasons"),
     Blank(_kind(LastChange)),
     ListOf(Items(PHOTO, PHOTO), "models"),
+    ListOf(Items(_kind(Target), _COUNT), "pointings"),
 )
+
+
+class Told(NamedTuple):
+    """What a text says.
+
+    Attributes
+    ----------
+    state
+        The state, which may undo nothing.
+    ever
+        Names "left/right" of every model that was ever accepted.
+    pointed
+        How often what was pointed at.
+    """
+
+    state: SessionState
+    ever: frozenset[str]
+    pointed: Targets
 
 
 class StateWriter:
@@ -101,7 +121,7 @@ class StateWriter:
         # the model itself too, so that nothing else takes its identity
         self._known: dict[int, tuple[ModelState, str]] = {}
 
-    def text(self, state: SessionState, ever: Collection[str]) -> str:
+    def text(self, state: SessionState, ever: Collection[str], pointed: Targets) -> str:
         """Return a state, its block and what undo brings back left out, as one line of JSON.
 
         Parameters
@@ -110,6 +130,8 @@ class StateWriter:
             The state.
         ever
             Names "left/right" of every model that was ever accepted.
+        pointed
+            How often what was pointed at.
         """
         table: dict[int, tuple[ModelState, str]] = {}
         numbers: dict[int, int] = {}
@@ -134,6 +156,7 @@ class StateWriter:
             _plain(state.reasons),
             _plain(state.last_change),
             sorted(name.split("/") for name in ever),
+            unusual(state, pointed),
         ]
         self._known = table
         models = ",".join(text for _, text in table.values())
@@ -161,10 +184,8 @@ def _check(model: ModelState, block: Block) -> None:
         raise WrongValueError(f"model {quoted(model.name)} does not fit the block")
 
 
-def state_from_text(text: str, start: SessionState) -> tuple[SessionState, frozenset[str]]:
-    """Return the state that a text says, of a block, and the models ever accepted.
-
-    The state may undo nothing.
+def state_from_text(text: str, start: SessionState) -> Told:
+    """Return the state that a text says, of a block, and what no undo takes back.
 
     Parameters
     ----------
@@ -181,7 +202,7 @@ def state_from_text(text: str, start: SessionState) -> tuple[SessionState, froze
     try:
         said = _STATE.of(json.loads(text))
         table, models, current, suspended, layings, back, latest, recomputed = said[:8]
-        reasons, change, ever = said[8:]
+        reasons, change, ever, pointed = said[8:]
         for model in table:
             _check(model, start.block)
 
@@ -203,7 +224,8 @@ def state_from_text(text: str, start: SessionState) -> tuple[SessionState, froze
             reasons=reasons,
             last_change=change,
         )
-        return state, frozenset("/".join(photos) for photos in ever)
+        names = frozenset("/".join(photos) for photos in ever)
+        return Told(state, names, with_unusual(state, pointed))
     except WrongValueError as error:
         raise InputError(plain(f"snapshot: {error.placed()}", 400)) from None
     except (ValueError, IndexError, RecursionError):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from anaplot.aliases import Side
@@ -15,21 +14,14 @@ from anaplot.plotter.device.server import SimulatorServer
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.schema import Profile
-from anaplot.session.events import (
-    Event,
-    FiducialMeasured,
-    MonoMeasured,
-    PointMeasured,
-    PointRepeated,
-)
 from anaplot.session.heard import MarkSet
-from anaplot.session.state import apply, start
+from anaplot.session.pointedat import Target, Targets
 from anaplot.simulation.laidplates import Placements, laid_photographs
 from anaplot.simulation.stereo import StereoGround, StereoPair
 from anaplot.station.inbox import Inbox
 from anaplot.station.instrument import Instrument
 
-__all__ = ["PROFILE_OF_SIMULATION", "SimulatedInstrument", "SimulationSetup"]
+__all__ = ["PROFILE_OF_SIMULATION", "SimulatedInstrument", "SimulationSetup", "name_of"]
 
 PROFILE_OF_SIMULATION = "simulated"
 _OPERATOR = "the simulated operator"
@@ -147,29 +139,10 @@ class SimulatedInstrument(Instrument):
         """None: a simulated line has no parity."""
         return ()
 
-    def recall(self, events: Sequence[Event]) -> None:
+    def recall(self, pointed: Targets) -> None:
         """Tell the hand how often it set the mark on what, so that its noise goes on as it was."""
-        pointed: Counter[tuple[str, str, str]] = Counter()
-        state = start(self._block)
-        for event in events:
-            state = apply(state, event)
-            match event:
-                case PointMeasured():
-                    pointed[event.left, event.right, event.point] += 1
-                case MonoMeasured():
-                    name = monocular_name(event.side, event.point)
-                    pointed[event.left, event.right, name] += 1
-                case PointRepeated() if event.fiducial:
-                    name = fiducial_name(event.places[0].side, event.name)
-                    pointed[event.left, event.right, name] += 1
-                case PointRepeated(places=(one,)):
-                    pointed[event.left, event.right, monocular_name(one.side, event.name)] += 1
-                case PointRepeated():
-                    pointed[event.left, event.right, event.name] += 1
-                case FiducialMeasured() if state.current is not None:
-                    name = fiducial_name(event.side, event.fiducial)
-                    pointed[(*state.current.photos, name)] += 1
-        self.simulator.remember(pointed)
+        counts = {(t.left, t.right, name_of(t)): count for t, count in pointed.items()}
+        self.simulator.remember(counts)
 
     def lay(self, left: str, right: str, side: Side = "left", placed: Side | None = None) -> None:
         """Lay photographs into the carriages; see `Instrument.lay`."""
@@ -299,6 +272,14 @@ class SimulatedInstrument(Instrument):
         if self._seen is None or self._seen[0] != asked:
             self._seen = (asked, self._ground[1].look(at, columns, rows, field_mm))
         return self._seen[1]
+
+
+def name_of(target: Target) -> str:
+    """Return the name under which pointings at a target are counted."""
+    if target.side is None:
+        return target.name
+    name = fiducial_name if target.fiducial else monocular_name
+    return name(target.side, target.name)
 
 
 def _pedal_of(profile: Profile) -> str | None:

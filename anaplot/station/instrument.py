@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,8 +14,8 @@ from anaplot.plotter.ports import parse_ports
 from anaplot.plotter.profile import load_profile
 from anaplot.plotter.readings import Position
 from anaplot.plotter.schema import Profile
-from anaplot.session.events import Event
 from anaplot.session.heard import Abilities, Seen
+from anaplot.session.pointedat import Targets
 from anaplot.session.requests import (
     DriveTo,
     Lay,
@@ -121,8 +121,8 @@ class Instrument:
         """Open the link; `referenced` says whether the counters' origin is known."""
         self.link.open(referenced=referenced)
 
-    def recall(self, events: Sequence[Event]) -> None:
-        """Take it that this happened in the sessions before, in order."""
+    def recall(self, pointed: Targets) -> None:
+        """Take it that things were pointed at so often in the sessions before."""
 
     def lay(self, left: str, right: str, side: Side = "left", placed: Side | None = None) -> None:
         """Take it that photographs lie in the carriages.

@@ -239,7 +239,7 @@ def replay(
                 desk = desk.folded(event)
             except EventRefusedError as error:
                 raise InputError(f"{record.file} line {record.line}: {error}") from error
-            snapshots.happened(event)
+            snapshots.happened(event, desk.state)
             if isinstance(event, InnerAccepted):
                 difference = _accepted_otherwise(event, desk.state, inner)
         elif record.kind == "table":

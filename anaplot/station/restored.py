@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml
@@ -22,8 +23,9 @@ from anaplot.exchange.journalread import Choice
 from anaplot.exchange.journalsnapshot import Snapshot
 from anaplot.exchange.statecodec import StateWriter, state_from_text
 from anaplot.photogrammetry.block import Block
-from anaplot.session.events import EVENT_KINDS, Event
-from anaplot.session.state import EventRefusedError, SessionState, apply, start
+from anaplot.session.events import EVENT_KINDS, Event, FiducialMeasured
+from anaplot.session.pointedat import Target, Targets, pointed_at
+from anaplot.session.state import EventRefusedError, SessionState, apply, fold, start
 from anaplot.station.imagepoints import accepted_ever
 
 __all__ = [
@@ -55,12 +57,15 @@ class Past:
         To which they led.
     of_session
         Names "left/right" of every model that was ever accepted.
+    pointed
+        How often what was pointed at.
     """
 
     events: tuple[Event, ...]
     count: int
     state: SessionState
     of_session: frozenset[str]
+    pointed: Targets = field(default_factory=dict)
 
 
 def restored(
@@ -73,18 +78,30 @@ def restored(
     InputError
         A record is no event, or does not fit the block; says which.
     """
-    return _folded(start(block), records)[:2]
+    folded = _folded(start(block), records)
+    return folded.events, folded.state
+
+
+class _Folded(NamedTuple):
+    """Events, the state to which they led, and what was pointed at in them.
+
+    `full` says whether undo once reached back as far as it ever does. From there on it is known
+    whatever happened before the state in which the fold began: what else there was to undo has
+    been forgotten.
+    """
+
+    events: tuple[Event, ...]
+    state: SessionState
+    pointed: Counter[Target]
+    full: bool
 
 
 def _folded(
-    state: SessionState, records: Iterable[JournalRecord]
-) -> tuple[tuple[Event, ...], SessionState, bool]:
-    """Return events and state, and whether undo once reached back as far as it ever does.
-
-    From there on it is known whatever happened before the state in which the fold began: what
-    else there was to undo has been forgotten.
-    """
+    state: SessionState, records: Iterable[JournalRecord], before: Targets | None = None
+) -> _Folded:
+    """Fold the events that records are, with what was pointed at before."""
     events = []
+    pointed = Counter(before)
     full = False
     for record in records:
         event = event_of(record)
@@ -95,8 +112,11 @@ def _folded(
                 f"{record.file} line {record.line}: does not fit block.toml: {error}"
             ) from error
         events.append(event)
+        target = pointed_at(event, state.current)
+        if target is not None:
+            pointed[target] += 1
         full = full or state.undo_is_full
-    return tuple(events), state, full
+    return _Folded(tuple(events), state, pointed, full)
 
 
 def block_digest(block: Block) -> str:
@@ -107,13 +127,8 @@ def block_digest(block: Block) -> str:
     return digest.hexdigest()
 
 
-def choice_for(block: Block, header: Mapping[str, Any]) -> Choice | None:
-    """Return what chooses the youngest snapshot of a block behind which enough happened.
-
-    None for a simulated session: what the simulated hand does goes on from all that it did.
-    """
-    if header.get("simulated") is True:
-        return None
+def choice_for(block: Block) -> Choice:
+    """Return what chooses the youngest snapshot of a block behind which enough happened."""
     digest = block_digest(block)
 
     def choose(found: Iterable[Snapshot]) -> Snapshot | None:
@@ -153,8 +168,8 @@ def past_of(folder: Path, block: Block, recovered: Recovered) -> Past:
     records = recovered.records
     if recovered.snapshot is not None:
         records = read_journal(folder, keep=_is_event).records
-    events, state = restored(block, records)
-    return Past(events, len(events), state, frozenset(accepted_ever(events)))
+    events, state, pointed, _ = _folded(start(block), records)
+    return Past(events, len(events), state, frozenset(accepted_ever(events)), pointed)
 
 
 def _is_event(kind: str) -> bool:
@@ -167,13 +182,14 @@ def _behind(block: Block, recovered: Recovered) -> Past | None:
     if snapshot is None:
         return None
     try:
-        state, before = state_from_text(snapshot.text, start(block))
-        events, state, full = _folded(state, recovered.records)
+        state, ever, before = state_from_text(snapshot.text, start(block))
+        events, state, pointed, full = _folded(state, recovered.records, before)
     except InputError:
         return None  # the events from the beginning lead on, or say what is wrong
     if not full:
         return None
-    return Past(events, snapshot.events + len(events), state, before | accepted_ever(events))
+    count = snapshot.events + len(events)
+    return Past(events, count, state, ever | accepted_ever(events), pointed)
 
 
 class Snapshots:
@@ -195,6 +211,8 @@ class Snapshots:
         self._digest = block_digest(block)
         self._count = past.count
         self._ever = set(past.of_session)
+        self._pointed = Counter(past.pointed)
+        self._state = past.state
         self._next = past.count + SPACING - past.count % SPACING
 
     def happened(self, events: Iterable[Event], state: SessionState) -> None:
@@ -207,10 +225,18 @@ class Snapshots:
         self._count += len(events)
         accepted = accepted_ever(events)
         self._ever |= accepted
+        before, self._state = self._state, state
+        for number, event in enumerate(events, 1):
+            after = state
+            if number < len(events) and isinstance(event, FiducialMeasured):
+                after = fold(before, events[:number])  # which model was in the instrument then
+            target = pointed_at(event, after.current)
+            if target is not None:
+                self._pointed[target] += 1
         if not accepted or self._count < self._next:
             return
         try:
-            text = self._writer.text(state, self._ever)
+            text = self._writer.text(state, self._ever, self._pointed)
             self._journal.append_snapshot(text, self._digest, self._count)
         except JournalError:
             return

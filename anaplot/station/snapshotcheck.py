@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from anaplot.errors import InputError
 from anaplot.exchange.journal import JournalRecord
 from anaplot.exchange.journalsnapshot import PART, SNAPSHOT, VERSION, text_of
 from anaplot.exchange.statecodec import state_from_text
 from anaplot.session.events import Event
+from anaplot.session.pointedat import Target, pointed_at
 from anaplot.session.state import SessionState, start
 from anaplot.station.imagepoints import accepted_ever
 
@@ -22,10 +25,14 @@ class SnapshotCheck:
         self._parts: list[JournalRecord] = []
         self._count = 0
         self._ever: frozenset[str] = frozenset()
+        self._pointed: Counter[Target] = Counter()
 
-    def happened(self, event: Event) -> None:
-        """Take notice of an event."""
+    def happened(self, event: Event, state: SessionState) -> None:
+        """Take notice of an event, and of the state to which it led."""
         self._count += 1
+        target = pointed_at(event, state.current)
+        if target is not None:
+            self._pointed[target] += 1
         self._ever |= accepted_ever((event,))
 
     def difference(self, record: JournalRecord, state: SessionState) -> str | None:
@@ -40,8 +47,10 @@ class SnapshotCheck:
         if text is None:
             return "the snapshot cannot be read"
         try:
-            said, ever = state_from_text(text, start(state.block))
+            told = state_from_text(text, start(state.block))
         except InputError as error:
             return str(error)
-        same = said == state and said.last_change == state.last_change and ever == self._ever
+        said = told.state
+        same = said == state and said.last_change == state.last_change
+        same = same and (told.ever, told.pointed) == (self._ever, self._pointed)
         return None if same and record.payload.get("events") == self._count else _OTHERWISE

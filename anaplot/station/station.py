@@ -30,7 +30,6 @@ from anaplot.session.commanding import decide
 from anaplot.session.commands import Command, TurnWheels
 from anaplot.session.desk import DEFAULT_PATTERN, Desk
 from anaplot.session.draft import Decision, Note
-from anaplot.session.events import Event
 from anaplot.session.heard import (
     DriveBegun,
     DriveFailed,
@@ -42,6 +41,7 @@ from anaplot.session.heard import (
 )
 from anaplot.session.hearing import hear
 from anaplot.session.plates import ReadOut, image_of, plates_of
+from anaplot.session.pointedat import Targets
 from anaplot.session.referencing import references
 from anaplot.session.requests import (
     DriveTo,
@@ -157,14 +157,13 @@ class Station(Commanded):
             self._recorder = Recorder(self._journal, time.monotonic)
             self._recorder.events(taken_up.decided)
             past, self._points = taken_up.past, taken_up.points
-            state = past.state
             self._snapshots = Snapshots(self._journal, block, past)
             self._status = LiveStatus(plain(shlex.quote(str(folder))))
             self._desk = Desk.at(
-                state,
+                past.state,
                 None if self._instrument is None else self._instrument.abilities,
                 point_pattern=point_pattern,
-                candidates=self._points.known_points(state.models)
+                candidates=self._points.known_points(past.state.models)
                 if candidates is None
                 else candidates,
                 control=block.control,
@@ -176,7 +175,7 @@ class Station(Commanded):
                     self._news.tell("warning", remark)
             self._write_points()
             if self._instrument is not None:
-                self._open(self._instrument, past.events)
+                self._open(self._instrument, past.pointed)
             undo.pop_all()
         self._tell_watch()
         self._snapshot = self._picture()
@@ -184,11 +183,11 @@ class Station(Commanded):
         self._worker = Worker(self._inbox, self._take, self._refused, self._fail)
         self._worker.thread.start()
 
-    def _open(self, instrument: Instrument, events: tuple[Event, ...]) -> None:
+    def _open(self, instrument: Instrument, pointed: Targets) -> None:
         self._link = LinkView(
             "opening", instrument.profile.id, instrument.port, instrument.simulated
         )
-        instrument.recall(events)
+        instrument.recall(pointed)
         known = references(self._desk.state)[1]
         # counters may have been off since: nothing they say is believed unchecked
         instrument.open(referenced=not (instrument.profile.incremental and known))

@@ -54,7 +54,7 @@ class TakenUp:
             header,
             keep=lambda kind: kind in EVENT_KINDS,
             accept=self.take,
-            choose=choice_for(self._block, header),
+            choose=choice_for(self._block),
         )
 
     def take(self, recovered: Recovered) -> None:

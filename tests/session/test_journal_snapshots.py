@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
@@ -35,6 +36,7 @@ from anaplot.session.events import (
     RowSwitched,
     Undone,
 )
+from anaplot.session.pointedat import Target, Targets, pointed_at
 from anaplot.session.state import EventRefusedError, SessionState, apply, start
 from anaplot.station import restored as restored_module
 from anaplot.station.imagepoints import accepted_ever
@@ -46,10 +48,14 @@ from anaplot.station.station import Station
 UNDO = 8
 
 
-def read_back(state: SessionState, ever: Iterable[str] = ()) -> SessionState:
-    said, names = state_from_text(StateWriter().text(state, frozenset(ever)), start(state.block))
-    assert names == frozenset(ever)
-    return said
+def read_back(
+    state: SessionState, ever: Iterable[str] = (), pointed: Targets | None = None
+) -> SessionState:
+    text = StateWriter().text(state, frozenset(ever), pointed or {})
+    told = state_from_text(text, start(state.block))
+    assert told.ever == frozenset(ever)
+    assert told.pointed == (pointed or {})
+    return told.state
 
 
 def check_same(one: SessionState, other: SessionState) -> None:
@@ -58,11 +64,19 @@ def check_same(one: SessionState, other: SessionState) -> None:
     assert one.last_change == other.last_change
 
 
+def pointed_in(events: Iterable[Event], states: list[SessionState]) -> Counter[Target]:
+    """How often what was pointed at, counted beside the fold."""
+    pairs = zip(events, states[1:], strict=True)
+    targets = (pointed_at(event, state.current) for event, state in pairs)
+    return Counter(target for target in targets if target is not None)
+
+
 @given(drafts)
 @settings(max_examples=60)
 def test_a_state_is_read_back_equal(steps: list[Draft]) -> None:
     events, states = played(steps)
-    check_same(read_back(states[-1], accepted_ever(events)), states[-1])
+    pointed = pointed_in(events, states)
+    check_same(read_back(states[-1], accepted_ever(events), pointed), states[-1])
     assert not read_back(states[-1]).may_undo
 
 
@@ -132,7 +146,7 @@ def test_models_returned_to_and_mono_ones_are_read_back_equal() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{}", "null", "[[],[1],null,false,0,null,null,[],[],null,[]]"]
+    "text", ["", "[]", "{}", "null", "[[],[1],null,false,0,null,null,[],[],null,[],[]]"]
 )
 def test_what_is_no_state_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="snapshot"):
@@ -155,7 +169,7 @@ def test_models_that_do_not_fit_the_block_are_refused() -> None:
 def open_session(folder: Path, block: Block, header: dict[str, object]) -> tuple[Journal, Past]:
     """Open a block's journal as a station does."""
     journal, recovered = Journal.open(
-        folder, header, keep=lambda kind: kind in EVENT_KINDS, choose=choice_for(block, header)
+        folder, header, keep=lambda kind: kind in EVENT_KINDS, choose=choice_for(block)
     )
     try:
         return journal, past_of(folder, block, recovered)
@@ -174,6 +188,7 @@ class Day:
         self.block = read_block(folder)
         self.state = start(self.block)
         self.count = 0
+        self.pointed: Counter[Target] = Counter()
         self.journal = Journal.open(folder, {}, roll_bytes=roll_bytes)[0]
         past = Past((), 0, self.state, frozenset())
         self.snapshots = Snapshots(self.journal, self.block, past)
@@ -196,6 +211,9 @@ class Day:
         self.journal.append(event.kind, event_to_payload(event), durable=True)
         self.state = apply(self.state, event)
         self.count += 1
+        target = pointed_at(event, self.state.current)
+        if target is not None:
+            self.pointed[target] += 1
         self.snapshots.happened([event], self.state)
 
     @property
@@ -212,6 +230,7 @@ class Day:
         assert past.state.last_change == state.last_change
         assert past.state._history == state._history
         assert past.of_session == accepted_ever(events)
+        assert past.pointed == self.pointed
         assert past.count == len(events) == self.count
         assert (len(past.events) < len(events)) is by_snapshot
 
@@ -277,7 +296,7 @@ def test_damage_before_a_snapshot_is_refused_as_ever(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        (b'"version":1', b'"version":2'),
+        (b'"version":2', b'"version":1'),
         (b'"format":1', b'"format":2'),
         (b'"parts":1', b'"parts":2'),
         (b'"part_bytes":', b'"part_bytes":1'),
@@ -323,7 +342,7 @@ def test_a_cut_anywhere_in_a_snapshot_leaves_the_events(tmp_path: Path) -> None:
 def test_a_snapshot_that_says_otherwise_is_told_by_a_replay(tmp_path: Path) -> None:
     day = Day(tmp_path / "b")
     wrong = replace(day.state, layings=day.state.layings + 1)
-    text = StateWriter().text(wrong, frozenset())
+    text = StateWriter().text(wrong, frozenset(), {})
     day.journal.append_snapshot(text, "x", day.count)
     day.journal.close()
     [difference] = replay_session(day.folder).differences

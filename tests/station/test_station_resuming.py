@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import automaticjob
 import pytest
@@ -23,10 +24,12 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.journal import read_journal
 from anaplot.plotter.device.hand import Offsets
+from anaplot.session import state as state_module
 from anaplot.session.events import FiducialMeasured, PointMeasured
 from anaplot.session.state import SessionState, fold, start
 from anaplot.simulation.demo import Demo
-from anaplot.station import restored
+from anaplot.simulation.instrument import SimulatedInstrument
+from anaplot.station import restored, takenup
 from anaplot.station.replay import replay_session
 from anaplot.station.station import Station
 
@@ -234,6 +237,38 @@ def test_the_simulated_hand_goes_on_where_it_was(bench: Bench) -> None:
     picture = again.snapshot()
     assert picture.solution is not None
     assert not picture.solution.flagged
+
+
+def test_so_it_does_behind_a_snapshot(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(state_module, "_HISTORY", 8)
+    monkeypatch.setattr(restored, "SPACING", 10)
+    station, watch = bench.open()
+    for _ in range(2):
+        station.next_model()
+        measure_all(station, watch)
+        measure(station, watch, station.snapshot().points[0].point)
+        station.undo()
+        station.accept()
+    station.close()
+    folds: list[bool] = []
+    real = restored.past_of
+
+    def past_of(*given: Any) -> restored.Past:
+        past = real(*given)
+        folds.append(len(past.events) == past.count)
+        return past
+
+    monkeypatch.setattr(takenup, "past_of", past_of)
+    pointed = []
+    for behind in (10, 1_000_000):
+        monkeypatch.setattr(restored, "_BEHIND", behind)
+        again, _ = bench.open()
+        assert isinstance(again.instrument, SimulatedInstrument)
+        pointed.append(again.instrument.simulator.pointed)
+        again.close()
+    assert folds == [False, True]
+    assert pointed[0] == pointed[1]
+    assert max(pointed[0].values()) > 1
 
 
 def test_points_not_written_before_the_end_are_written_at_the_next_start(bench: Bench) -> None:
