@@ -32,9 +32,9 @@ def decisions(block: Block, state: SessionState) -> tuple[DecisionsTakenOver, ..
     state
         To which the journal led.
     """
-    rows = rows_by_photo(block.image_points)
     if not (any(map(rejects, block.image_points)) or _rejected(state)):
         return ()
+    rows = rows_by_photo(block.image_points)
     found: list[DecidedRow] = []
     for photos in [photos for strip in block.strips for photos in strip.models()]:
         model = state.accepted(*photos)

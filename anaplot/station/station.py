@@ -122,14 +122,13 @@ class Station(Commanded):
         read: BlockRead | None = None,
     ) -> None:
         super().__init__(folder)
-        read = BlockRead.of(folder) if read is None else read
-        block = read.block
+        taken_up = TakenUp(folder, read or BlockRead.of(folder))
+        block = taken_up.block
         if isinstance(point_pattern, str):
             point_pattern = point_pattern_of(point_pattern, folder, block)
         self._lock = threading.RLock()
-        self._turn = (
-            threading.Lock()
-        )  # who asks the instrument; taken before the other, never in it
+        # who asks the instrument; taken before the other, never in it
+        self._turn = threading.Lock()
         self._driven = 0  # the errand of the last drive that was begun
         self._inbox = Inbox()
         self._closed = False
@@ -148,7 +147,6 @@ class Station(Commanded):
                 undo.callback(self._instrument.close)
                 link = self._instrument.link
                 self._inbox.time = lambda: link.event_time
-            taken_up = TakenUp(folder, read)
             self._journal, recovered = taken_up.open(
                 session_header(block, operator, self._instrument, story, point_pattern)
             )
@@ -169,10 +167,9 @@ class Station(Commanded):
                 control=block.control,
                 auto_drive=auto_drive,
             )
-            taken = told_decisions(taken_up.decided)
-            for remark in (*recovered.remarks, pattern_verdict(point_pattern), taken):
-                if remark:
-                    self._news.tell("warning", remark)
+            told = (pattern_verdict(point_pattern), told_decisions(taken_up.decided))
+            for remark in filter(None, (*recovered.remarks, *told)):
+                self._news.tell("warning", remark)
             self._write_points()
             if self._instrument is not None:
                 self._open(self._instrument, past.pointed)

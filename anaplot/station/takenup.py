@@ -30,6 +30,8 @@ class TakenUp:
 
     Attributes
     ----------
+    block
+        The block.
     past
         What happened in the sessions before, and the state to which it led; what was decided
         elsewhere since then with it.
@@ -42,7 +44,7 @@ class TakenUp:
     def __init__(self, folder: Path, read: BlockRead) -> None:
         self._folder = folder
         self._read = read
-        self._block = read.block
+        self.block = read.block
         self.past = Past((), 0, start(read.block), frozenset())
         self.decided: tuple[DecisionsTakenOver, ...] = ()
         self.points = PointsFile(folder, read, ())
@@ -54,7 +56,7 @@ class TakenUp:
             header,
             keep=lambda kind: kind in EVENT_KINDS,
             accept=self.take,
-            choose=choice_for(self._block),
+            choose=choice_for(self.block),
         )
 
     def take(self, recovered: Recovered) -> None:
@@ -66,8 +68,8 @@ class TakenUp:
             The journal does not fit the block, or somebody else changed a row of the session's;
             what a strategy for gross errors rejected there is taken over.
         """
-        past = past_of(self._folder, self._block, recovered)
-        self.decided = taken = decisions(self._block, past.state)
+        past = past_of(self._folder, self.block, recovered)
+        self.decided = taken = decisions(self.block, past.state)
         self.past = past = replace(
             past,
             events=(*past.events, *taken),
@@ -75,4 +77,4 @@ class TakenUp:
             state=fold(past.state, taken),
         )
         self.points = PointsFile(self._folder, self._read, past.of_session)
-        check_unedited(self._folder, self._block, past.state, self.points.of_session)
+        check_unedited(self._folder, self.block, past.state, self.points.of_session)
