@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import sys
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from anaplot.console.palette import PointProvider
 
 __all__ = ["KEPT", "THEME", "ConsoleApp", "run_console"]
+
+_SWITCH = 0.001  # s after which a thread that computes lets others on: screen and station wait
 
 KEPT = 1
 """Result of a console whose operator keeps a block that would be deleted."""
@@ -233,6 +236,7 @@ def run_console(
         )
         kept = Kept(default_path().with_name("console.toml"))
         app = ConsoleApp(station, keys, controls=controls, kept=kept, temporary=keep is not None)
+        sys.setswitchinterval(_SWITCH)
         result = app.run()
     finally:
         station.close()

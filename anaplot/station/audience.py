@@ -11,6 +11,7 @@ from anaplot.station.snapshot import Snapshot
 __all__ = ["Audience", "News", "Notice"]
 
 _KEPT_NOTICES = 100  # for whoever listens first
+_TABLE_FIRST = 0.05  # s
 
 Notice = tuple[Severity, str]
 
@@ -48,6 +49,11 @@ class Audience:
         self._subscribers: list[Callable[[Snapshot], None]] = []
         self._listeners: list[Callable[[str, str], None]] = []
         self._kept: list[Notice] = []
+
+    @property
+    def pause(self) -> float:
+        """Seconds that the block's adjustment lets go by: who looks waits for the model's table."""
+        return _TABLE_FIRST if self._subscribers else 0.0
 
     def subscribe(self, callback: Callable[[Snapshot], None]) -> Callable[[], None]:
         """Call back with every new snapshot, from any thread; returns what ends it."""

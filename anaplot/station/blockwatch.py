@@ -77,6 +77,7 @@ class BlockWatch:
     def __init__(self, ready: Callable[[], None], *, rest: float = _FIRST_SCREEN) -> None:
         self._ready = ready
         self._begins = time.monotonic() + rest
+        self._due = 0.0  # when the newest state may be computed
         self._changed = threading.Condition()
         self._told: _Work | None = None
         self._done: _Work | None = None
@@ -107,7 +108,13 @@ class BlockWatch:
             return self._tables
 
     def tell(
-        self, block: Block, state: SessionState, outlook: Outlook, of_session: Set[str]
+        self,
+        block: Block,
+        state: SessionState,
+        outlook: Outlook,
+        of_session: Set[str],
+        *,
+        pause: float = 0.0,
     ) -> None:
         """Take notice of a new state; returns at once.
 
@@ -122,6 +129,9 @@ class BlockWatch:
             alone says which of the two models is wrong.
         of_session
             Names of the models that the session has ever accepted.
+        pause
+            Seconds before anything is computed: two threads at once share one interpreter, and
+            whoever looks waits for the table of the model, not for the block.
         """
         current = _complete(state, outlook)
         work = _Work(
@@ -137,6 +147,7 @@ class BlockWatch:
             if self._told is None and not work.models and not block.image_points:
                 return
             self._told = work
+            self._due = time.monotonic() + pause
             self._changed.notify_all()
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="block", daemon=True)
@@ -176,6 +187,8 @@ class BlockWatch:
         """Wait for something to adjust; None at the end."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._told is not self._done)
+            while not self._closed and (rest := self._due - time.monotonic()) > 0.0:
+                self._changed.wait(rest)
             return None if self._closed else self._told
 
     def _tabled(self, work: _Work) -> None:

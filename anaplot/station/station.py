@@ -470,8 +470,8 @@ class Station(Commanded):
             self._news.any = True
 
     def _tell_watch(self) -> None:
-        desk, points = self._desk, self._points
-        self._watch.tell(points.block, desk.state, desk.outlook, points.of_session)
+        desk, points, pause = self._desk, self._points, self._audience.pause
+        self._watch.tell(points.block, desk.state, desk.outlook, points.of_session, pause=pause)
 
     def _picture(self) -> Snapshot:
         self._serial += 1

@@ -21,6 +21,7 @@ from anaplot.exchange.blockfolder import read_block, write_image_points
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.plotter.device.hand import Offsets
+from anaplot.session.desk import Desk
 from anaplot.session.state import start
 from anaplot.session.workflow import outlook
 from anaplot.station.blockview import BlockView
@@ -388,3 +389,28 @@ print(sum(name.startswith("anaplot.bundle") for name in sys.modules))
         check=True,
     )
     assert found.stdout.strip() == "0"
+
+
+def test_an_adjustment_that_waits_begins_with_newer_news_and_ends_at_once() -> None:
+    strip = synthetic_strip(4, seed=11)
+    points = tuple(
+        ImagePoint(photo, point, x, y)
+        for photo, points in strip.truth.items()
+        for point, (x, y) in points.items()
+    )
+    desk = Desk.at(start(strip.block))
+    ready = threading.Event()
+    watch = BlockWatch(ready.set)
+
+    def told(count: int, pause: float) -> None:
+        block = replace(strip.block, image_points=points[:count])
+        watch.tell(block, desk.state, desk.outlook, frozenset(), pause=pause)
+
+    told(len(points), 100.0 * WAIT)
+    assert watch.view is not None
+    assert watch.view.busy
+    told(len(points) - 1, 0.0)
+    assert ready.wait(WAIT)
+    told(len(points), 100.0 * WAIT)
+    watch.close()
+    assert block_threads() == []
