@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.session.models import geometry_of
 from anaplot.session.modelstate import ModelState
 from anaplot.session.remembering import remembered
+from anaplot.session.statedorientation import StatedPoint, stated_points
 
 __all__ = ["Elsewhere", "consecutive", "elsewhere", "ground"]
 
@@ -29,10 +31,13 @@ class Elsewhere(NamedTuple):
         Those that are oriented, by name.
     strip_of
         The strip that has a point, by point; one of them where several have it.
+    stated
+        Where points lie by the exterior orientations that are stated beforehand.
     """
 
     strips: Mapping[str, StripGeometry]
     strip_of: Mapping[str, str]
+    stated: Mapping[str, StatedPoint] = MappingProxyType({})
 
 
 @remembered
@@ -50,7 +55,8 @@ def elsewhere(block: Block, models: tuple[ModelState, ...], strip: str) -> Elsew
     for model in models:
         if model.strip != strip:
             strip_of |= {m.point: model.strip for m in model.used}
-    return Elsewhere(strips, strip_of)
+    stated = stated_points(block, (model for model in models if model.strip != strip))
+    return Elsewhere(strips, strip_of, stated)
 
 
 @lru_cache(maxsize=_STRIPS)

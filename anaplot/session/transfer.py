@@ -3,7 +3,7 @@
 Known from elsewhere are points of other strips and of the ground. Where they lie in the model's
 photos follows from the similarity between the strips, or between strip and ground, by the points
 that both have: from two such points on, better with every further one. Where all points are marked
-beforehand, their marks say it from the first.
+beforehand, their marks say it from the first, and stated exterior orientations do so roughly.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from anaplot.session.models import geometry_of
 from anaplot.session.modelstate import ModelState
 from anaplot.session.remembering import remembered
 from anaplot.session.state import SessionState
+from anaplot.session.statedorientation import seen_by_stated, stated_control
 
 __all__ = [
     "GROUND",
@@ -282,7 +283,7 @@ class _InWork:
         self._sigma0 = block.precision.image_um * 1e-3
         self._own, self._again = own, again
         self._control = {c.point for c in known.control}
-        self._others, self._measured = theirs
+        self._others, self._measured, self._stated = theirs
         chain = consecutive(block, strip, own if current is None else (*own, current))
         self._this = geometry_of(block, chain)
         self._near = _recent(self._this, chain)
@@ -389,9 +390,13 @@ class _InWork:
                     before = out.get(name)
                     if before is None or sigma < (before[1] or 0.0):
                         out[name] = (at, sigma, source)
-        in_left, in_right = (
-            (self._known.candidates or {}).get(photo, {}) for photo in model.photos
-        )
+        # what was measured says it better, unless it says next to nothing
+        stated = {**self._stated, **stated_control(self._block, self._known.control, GROUND)}
+        for name, at, sigma, source in seen_by_stated(self._block, model, stated):
+            if name not in out or (out[name][1] or 0.0) > _UNCERTAIN:
+                out[name] = (at, sigma, source)
+        marked = self._known.candidates or {}
+        in_left, in_right = (marked.get(photo, {}) for photo in model.photos)
         for name in in_left.keys() & in_right.keys():
             if self._mark(name):
                 source = self._measured.get(name, GROUND)
