@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Set
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from anaplot.exchange.blockfolder import IMAGE_POINTS_CSV
 from anaplot.exchange.journal import read_journal
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
+from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, fold, start
 from anaplot.station.imagepoints import accepted_ever, measured_here, rows_of
 from anaplot.station.rejectedelsewhere import agreeing, decisions
@@ -154,7 +155,7 @@ def edited_rows(
     other = [row for row in block.image_points if differs(row)]
     if not other:
         return ()
-    written, ever = _written(folder, block)
+    written, ever = _written(folder, block, {row.photo for row in other})
 
     def known(row: ImagePoint) -> bool:
         if (row.photo, row.point, row.x, row.y) not in ever:
@@ -196,16 +197,25 @@ def _has_use(path: Path) -> bool:
         return False
 
 
-def _written(folder: Path, block: Block) -> tuple[set[object], set[object]]:
-    """Return every row, and every measurement, that the session has ever had to write."""
+def _written(folder: Path, block: Block, photos: Set[str]) -> tuple[set[object], set[object]]:
+    """Return every row of photos, and every measurement, that the session has ever had to write.
+
+    The rows of a photo follow from the models that have it: nothing else is looked at.
+    """
     state = start(block)
+    known: tuple[ModelState, ...] = ()
     written: set[object] = set()
     ever: set[object] = set()
     for _, _, event in read_history(folder)[1]:
         before, state = state, apply(state, event)
-        if state.models != before.models:
-            written.update((*_name(r), r.x, r.y, r.use) for r in rows_of(state.models))
-            ever.update(measured_here(state.models))
+        if state.models is before.models:
+            continue
+        models = tuple(m for m in state.models if not photos.isdisjoint(m.photos))
+        if models != known:
+            known = models
+            rows = (row for row in rows_of(models) if row.photo in photos)
+            written.update((*_name(r), r.x, r.y, r.use) for r in rows)
+            ever.update(measured_here(models))
     return written, ever
 
 

@@ -182,7 +182,8 @@ def test_rows_of_the_session_are_the_same_whatever_pair_of_rows_is_off() -> None
         assert_equal(again, solve(state, one))
 
 
-def test_what_was_measured_once_is_written_for_each_model_where_they_differ() -> None:
+def measured_once() -> tuple[Scene, SessionState, str]:
+    """Return models of which the last has left rays of the one before it, but for a point."""
     scene = Scene(4)
     state = scene.whole(scene.chosen(2))
     assert state.current is not None
@@ -200,15 +201,33 @@ def test_what_was_measured_once_is_written_for_each_model_where_they_differ() ->
         replace(before, off=frozenset({(gone, "y")})),
         replace(last, mono=True, measured=shared, plan=plan),
     )
+    return scene, replace(state, models=models, current=None), gone
+
+
+def test_what_was_measured_once_is_written_for_each_model_where_they_differ() -> None:
+    scene, state, gone = measured_once()
+    models = state.models
+    _, before, last = models
+    shared = {m.point for m in last.measured}
+    place = {m.point for m in before.measured}
     rows = rows_of(models)
     served = {row.point: row.use for row in rows if row.model is None}
-    assert set(served) == (place.keys() & {m.point for m in shared}) - {gone}
+    assert set(served) == (place & shared) - {gone}
     assert set(served.values()) == {"xy"}
     assert [(row.model, row.use) for row in rows if (row.photo, row.point) == ("103", gone)] == [
         ("102/103", "off"),
         ("103/104", "xy"),
     ]
     block = replace(scene.block, image_points=rows)
-    state = replace(state, models=models, current=None)
     for model, again in zip(models, bridge_strip(block, block.strips[0]).models, strict=True):
         assert_equal(again, solve(state, model))
+
+
+def test_the_rows_of_a_photo_follow_from_the_models_that_have_it() -> None:
+    _, state, _ = measured_once()
+    rows = rows_of(state.models)
+    for photo in ("101", "102", "103", "104"):
+        here = rows_of(m for m in state.models if photo in m.photos)
+        mine = [row for row in rows if row.photo == photo]
+        assert mine
+        assert [row for row in here if row.photo == photo] == mine
