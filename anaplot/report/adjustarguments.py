@@ -133,6 +133,20 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         help="name the pairs of a point's rays whose residuals are correlated at LIMIT or more",
     )
     adjust.add_argument(
+        "--test-set",
+        action="append",
+        metavar="SET",
+        help="test observations together: point:POINT, photo:PHOTO, ray:PHOTO:POINT, or a file "
+        "(set,photo,point,axis,condition,share); may stand several times",
+    )
+    adjust.add_argument(
+        "--function",
+        action="append",
+        metavar="FUNCTION",
+        help="a function of coordinates with its standard deviation and what an undetected error "
+        "does to it: 'distance A B', 'height A B', 'centre A B C'; may stand several times",
+    )
+    adjust.add_argument(
         "--hypothesis-alpha",
         type=significance,
         default=0.05,

@@ -15,6 +15,8 @@ from anaplot.bundle.errors.controllast import ControlLast
 from anaplot.bundle.errors.grosserrors import BlockFindings
 from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses, block_hypotheses
 from anaplot.bundle.hypotheses.components import BlockComponents, Grouping, block_components
+from anaplot.bundle.hypotheses.coordinatefunctions import FunctionValue, evaluate_functions
+from anaplot.bundle.hypotheses.errorsets import ErrorSetTest, error_set_tests
 from anaplot.bundle.hypotheses.priorknowledge import BlockPrior, PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.additional import AdditionalParameters, additional_parameters
@@ -32,6 +34,12 @@ from anaplot.report.computed import Computed
 from anaplot.report.conditionpoints import refuse_unknown_points
 from anaplot.report.correlations import RayPair, correlated_rays, correlations_document
 from anaplot.report.document import BLANK, Document, say
+from anaplot.report.errorsets import (
+    error_sets_document,
+    error_sets_of,
+    functions_document,
+    functions_of,
+)
 from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import takes_options
@@ -65,6 +73,8 @@ class BlockAdjustment:
         The modified data snooping beside the exact test.
     correlations
         Pairs of a point's rays whose residuals are correlated.
+    test_sets, functions
+        Tests of sets of observations, and functions of coordinates, as they were asked for.
     """
 
     block: AdjustedBlock
@@ -75,6 +85,8 @@ class BlockAdjustment:
     components: BlockComponents | None = field(default=None, repr=False)
     snooping: SnoopedBlock | None = field(default=None, repr=False)
     correlations: tuple[RayPair, ...] | None = field(default=None, repr=False)
+    test_sets: tuple[ErrorSetTest, ...] = field(default=(), repr=False)
+    functions: tuple[FunctionValue, ...] = field(default=(), repr=False)
 
     @property
     def rejected(self) -> tuple[Rejection[ObservationName], ...]:
@@ -106,6 +118,8 @@ def adjust(
     components: Grouping | None = None,
     operators: str | os.PathLike[str] | None = None,
     plant: Sequence[str] | None = None,
+    test_set: Sequence[str] | None = None,
+    function: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Computed[BlockAdjustment]:
     """Adjust a block as one bundle, from nothing but its measurements.
@@ -151,6 +165,11 @@ def adjust(
         A file that says who measured which photo, for the grouping "operators".
     plant
         Errors "PHOTO:POINT:AXIS:UM" that are put in for a trial.
+    test_set
+        Sets of observations that are tested together: files, "point:POINT", "photo:PHOTO",
+        "ray:PHOTO:POINT".
+    function
+        Functions of coordinates: "distance A B", "height A B", "centre A B C ...".
     progress
         Called with what is being done and the fraction of it (0 to 1); a `Watch` also ends the
         search for gross errors early when it is stopped.
@@ -189,6 +208,7 @@ def adjust(
     if operators is not None:
         who = read_operators(Path(operators), [photo.id for photo in given.photos])
     chosen = _additional(additional, additional_sigma_um)
+    asked = functions_of(function or ())
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     cleaned = earlier = None
     if errors is None:
@@ -228,7 +248,11 @@ def adjust(
     if components is not None:
         parted = block_components(adjusted, components, operators=who, progress=watch)
     tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha, given.test.power))
-    found = BlockAdjustment(adjusted, tested, cleaned, earlier, estimated, parted, snooped, related)
+    sets = error_set_tests(adjusted, error_sets_of(adjusted, test_set or ()))
+    values = evaluate_functions(adjusted, asked)
+    found = BlockAdjustment(
+        adjusted, tested, cleaned, earlier, estimated, parted, snooped, related, sets, values
+    )
     flagged = adjusted.any_flagged or len(found.rejected) > 0
     document = planting.with_planting(_document(found, snooping, correlations), planted)
     return Computed(found, with_journal_notes(document, note), flagged)
@@ -300,6 +324,10 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
         parts["prior_estimate"] = prior_document(found.prior_estimate)
     if found.components is not None:
         parts["components"] = components_document(found.components)
+    if found.test_sets:
+        parts["test_sets"] = error_sets_document(found.test_sets)
+    if found.functions:
+        parts["functions"] = functions_document(found.functions)
     if found.errors is not None:
         parts["errors"] = errors_document(found.errors)
     if found.errors_without_control is not None:
@@ -310,7 +338,7 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
 # what a person reads after the block itself, in this order
 _ORDER = (
     *("errors_without_control", "errors", "hypotheses", "prior_estimate", "components"),
-    *("snooping", "correlations"),
+    *("snooping", "correlations", "test_sets", "functions"),
 )
 
 

@@ -39,6 +39,8 @@ __all__ = [
     "clean_block",
     "clean_step_by_step",
     "errors_document",
+    "in_words",
+    "name_json",
 ]
 
 _MOST = 30  # rows of a list in the text; JSON holds them all
@@ -103,7 +105,7 @@ def clean_step_by_step(
     )
 
 
-def _named(name: ObservationName) -> Line:
+def in_words(name: ObservationName) -> Line:
     """Return an observation in words."""
     kind, first, *rest = name
     if kind == "image":
@@ -119,10 +121,11 @@ def _short(name: ObservationName) -> Line:
     """Return a partner in words: its point is that of the row that it stands beside."""
     if name[0] == "image":
         return say("{} of photo {}", name[4], name[1])
-    return _named(name)
+    return in_words(name)
 
 
-def _name_json(name: ObservationName) -> Answer:
+def name_json(name: ObservationName) -> Answer:
+    """Return an observation for programs: its kind, and what it belongs to."""
     keys = {
         "image": ("photo", "point", "model", "axis"),
         "control": ("point", "axis"),
@@ -153,7 +156,7 @@ def errors_document(cleaned: BlockFindings) -> Document:
         *_before_and_after(cleaned),
     ]
     if rejected:
-        width = max(len(line_text(_named(row.name))) for row in rejected)
+        width = max(len(line_text(in_words(row.name))) for row in rejected)
         page.append(
             say("  ORDER  {:<{width}}       ERROR     SIGMA           w   RED-N  BECAUSE",
                 "OBSERVATION", width=width)
@@ -165,19 +168,19 @@ def errors_document(cleaned: BlockFindings) -> Document:
         page.append(say("  nothing is rejected"))
     misnamed = misnamed_rays(cleaned.block, [row.name for row in rejected])
     page += _listed("under a wrong name, it seems", [_misnamed(ray) for ray in misnamed])
-    page += _listed("rejected on the way, came back", [_named(name) for name in cleaned.came_back])
+    page += _listed("rejected on the way, came back", [*map(in_words, cleaned.came_back)])
     page += _listed(
         f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
         [
-            say("{} is rejected, {} is kept (correlation {:.2f})", _named(gone), _named(kept), rho)
-            for gone, kept, rho in cleaned.hard_to_tell
+            say("{} is rejected, {} is kept (correlation {:.2f})", in_words(a), in_words(b), rho)
+            for a, b, rho in cleaned.hard_to_tell
         ],
     )  # fmt: skip
     page += _listed(
-        "cannot be left out", [say("{}: {}", _named(r.name), r.reason) for r in cleaned.refused]
+        "cannot be left out", [say("{}: {}", in_words(r.name), r.reason) for r in cleaned.refused]
     )
     page += _listed(
-        "cannot be tested: nothing checks them", [_named(name) for name in cleaned.untestable]
+        "cannot be tested: nothing checks them", [in_words(name) for name in cleaned.untestable]
     )
     page += _odds(cleaned)
     if found.model_values is not None:
@@ -213,7 +216,7 @@ _REJECTED = for_programs(
 def _rejected_table(rejected: Sequence[Rejection[ObservationName]]) -> Table:
     rows = []
     for row in rejected:
-        name = _name_json(row.name)
+        name = name_json(row.name)
         rows.append(
             (*(name.get(column.key) for column in _REJECTED[:7]), row.order, row.statistic,
              row.critical, row.error, row.sigma, row.unit, row.w, row.r_back, row.r,
@@ -221,7 +224,7 @@ def _rejected_table(rejected: Sequence[Rejection[ObservationName]]) -> Table:
         )  # fmt: skip
     if all(row.name[0] != "condition" for row in rejected):
         return table("rejected", _REJECTED, rows)
-    names = [_name_json(row.name) for row in rejected]
+    names = [name_json(row.name) for row in rejected]
     whole = [(*row, one.get("id"), one.get("what")) for row, one in zip(rows, names, strict=True)]
     return table("rejected", (*_REJECTED, *for_programs("id", "what")), whole)
 
@@ -255,7 +258,7 @@ def _before_and_after(cleaned: BlockFindings) -> list[Block]:
         say("  sigma0 {}; redundancy {}", after, block.redundancy),
         *_listed(
             say("{}; the search began without", cleaned.begun.reason),
-            [_named(name) for name in cleaned.begun.left_out],
+            [in_words(name) for name in cleaned.begun.left_out],
         ),
     ]
 
@@ -279,7 +282,7 @@ def _rejected_line(row: Rejection[ObservationName], width: int, strategy: str) -
     if row.partners:
         alike = named(map(_short, row.partners), _MOST, "", separator=", or ")
         ends.append(say("; or {}", alike))
-    name = _named(row.name)
+    name = in_words(row.name)
     blank = " " * (width - len(line_text(name)))
     line = say(
         "  {:5c}  {}{}  {:10.1c}{:10.1c} {}{:{wide}.2c}{:8.3c}",
@@ -322,7 +325,7 @@ def _odds(cleaned: BlockFindings) -> list[Block]:
     return page + _listed(
         "two gross errors",
         [
-            say("{:5.1f} %  {}  and  {}", 100.0 * p, _named(names[a]), _named(names[b]))
+            say("{:5.1f} %  {}  and  {}", 100.0 * p, in_words(names[a]), in_words(names[b]))
             for a, b, p in zip(
                 odds.rows.tolist(), odds.others.tolist(), odds.probability.tolist(), strict=True
             )
@@ -334,7 +337,7 @@ def _odds(cleaned: BlockFindings) -> list[Block]:
 def _probable(odds: Array, names: Sequence[ObservationName]) -> list[Line]:
     """Return the observations that are probable enough, the most probable first."""
     return [
-        say("{:5.1f} %  {}", 100.0 * odds[k], _named(names[k]))
+        say("{:5.1f} %  {}", 100.0 * odds[k], in_words(names[k]))
         for k in np.argsort(-odds, kind="stable").tolist()
         if odds[k] >= _ODDS
     ]
@@ -369,10 +372,10 @@ def _json(cleaned: BlockFindings) -> Answer:
         "sigma0_before": None if cleaned.first is None else cleaned.first.sigma0,
         "redundancy_before": None if cleaned.first is None else cleaned.first.redundancy,
         "no_solution": cleaned.begun.reason or None,
-        "begun_without": [_name_json(name) for name in cleaned.begun.left_out],
+        "begun_without": [name_json(name) for name in cleaned.begun.left_out],
         "rejected": [
             {
-                **_name_json(row.name),
+                **name_json(row.name),
                 "order": row.order,
                 "statistic": row.statistic,
                 "critical": row.critical,
@@ -383,24 +386,24 @@ def _json(cleaned: BlockFindings) -> Answer:
                 "r": row.r_back,
                 "redundancy_number": row.r,
                 "weight": row.weight,
-                "partners": [_name_json(name) for name in row.partners],
+                "partners": [name_json(name) for name in row.partners],
             }
             for row in cleaned.rejected
         ],
         "ground": change_json(cleaned.point_change, "m"),
-        "came_back": [_name_json(name) for name in cleaned.came_back],
+        "came_back": [name_json(name) for name in cleaned.came_back],
         "hard_to_tell": [
-            {"rejected": _name_json(gone), "kept": _name_json(kept), "correlation": rho}
+            {"rejected": name_json(gone), "kept": name_json(kept), "correlation": rho}
             for gone, kept, rho in cleaned.hard_to_tell
         ],
-        "untestable": [_name_json(name) for name in cleaned.untestable],
-        "refused": [{**_name_json(r.name), "reason": r.reason} for r in cleaned.refused],
+        "untestable": [name_json(name) for name in cleaned.untestable],
+        "refused": [{**name_json(r.name), "reason": r.reason} for r in cleaned.refused],
         "steps": [_step_json(step, names) for step in found.steps],
         "odds": {
             "sigma0": sigma0_in_words(found.strategy),
             "none": found.odds.none,
             "single": [
-                {**_name_json(names[k]), "probability": float(found.odds.rows[k])}
+                {**name_json(names[k]), "probability": float(found.odds.rows[k])}
                 for k in np.argsort(-found.odds.rows, kind="stable").tolist()
                 if found.odds.rows[k] >= _ODDS
             ],
@@ -409,7 +412,7 @@ def _json(cleaned: BlockFindings) -> Answer:
     }
     if found.model_values is not None:
         out["model_values"] = model_values_json(
-            found.model_values, lambda row: _name_json(names[row])
+            found.model_values, lambda row: name_json(names[row])
         )
     if found.pair_odds is not None:
         odds = found.pair_odds
@@ -419,12 +422,12 @@ def _json(cleaned: BlockFindings) -> Answer:
             "one": float(odds.single.sum()),
             "two": odds.pairs,
             "single": [
-                {**_name_json(names[k]), "probability": float(odds.single[k])}
+                {**name_json(names[k]), "probability": float(odds.single[k])}
                 for k in np.argsort(-odds.single, kind="stable").tolist()
                 if odds.single[k] >= _ODDS
             ],
             "pairs": [
-                {"first": _name_json(names[a]), "second": _name_json(names[b]), "probability": p}
+                {"first": name_json(names[a]), "second": name_json(names[b]), "probability": p}
                 for a, b, p in zip(
                     odds.rows.tolist(),
                     odds.others.tolist(),
@@ -439,7 +442,7 @@ def _json(cleaned: BlockFindings) -> Answer:
 def _step_json(step: SearchStep, names: Sequence[ObservationName]) -> Answer:
     return {
         "action": step.action,
-        "rows": [_name_json(names[k]) for k in step.rows],
+        "rows": [name_json(names[k]) for k in step.rows],
         "statistic": step.statistic,
         "critical": step.critical,
         "before": step.before,

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.imaging import BlockState
@@ -28,7 +29,7 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import Structure
 
-__all__ = ["BlockResiduals", "block_residuals"]
+__all__ = ["BlockResiduals", "block_residuals", "residuals_of"]
 
 
 _PORTION = 60_000_000  # bytes of the largest array while columns are solved for
@@ -92,6 +93,46 @@ class BlockResiduals:
         for at, k in enumerate(wanted.tolist()):
             out[at] = self._known[k]
         return out.T
+
+    def moves(self, rows: Index) -> Array:
+        """Return (p, 3, k) what an error of one sigma in each of k rows does to the points [m].
+
+        In the datum of the solution.
+        """
+        cofactors = self.cofactors
+        _, points, _ = cofactors.normal.solve(cofactors.factor, *self._sides(rows))
+        update = cofactors.normal.update(cofactors.factor)
+        fourth = self.rows.starts[3]
+        if update is not None:
+            mine = np.flatnonzero(rows >= fourth)
+            own = update.equations.contrasts[rows[mine] - fourth]
+            points[:, :, mine] += update.points @ (own @ update.inner).T
+        return points
+
+    def solved(self, points: Array) -> tuple[Array, Array]:
+        """Return what k functions of the points have to do with the points and the rows.
+
+        Parameters
+        ----------
+        points
+            (p, 3, k) gradients of the functions; zeros for coordinates free of error.
+
+        Returns
+        -------
+        (p, 3, k) and (n, k) arrays
+            Their cofactors with the points, and what an error of one sigma in each row changes
+            them by; in the datum of the solution.
+        """
+        normal, factor, k = self.cofactors.normal, self.cofactors.factor, points.shape[2]
+        photos = np.zeros((len(self.problem.photos), self.problem.per_photo, k))
+        found = normal.solve(factor, photos, points, np.zeros((len(normal.corner), k)))
+        rows = _designed(self, *found)
+        update = normal.update(factor)
+        if update is not None:
+            # G M^-1 G' has been taken away: what is left of G' by an error of the contrasts
+            direct = update.points.reshape(-1, update.inner.shape[0]).T @ points.reshape(-1, k)
+            rows[self.rows.starts[3] :] = update.equations.contrasts @ (update.inner @ direct)
+        return found[1], rows
 
     def design(self) -> csr_array:
         """Return (n, u) derivatives, each row divided by its sigma: photos, points, shared ones."""
@@ -218,6 +259,14 @@ def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
         weight = linear.shared_weight[system.rows.additional]
         out[third:fourth] = np.sqrt(weight)[:, None] * s[system.rows.additional]
     return out
+
+
+def residuals_of(block: AdjustedBlock) -> BlockResiduals:
+    """Return an adjusted block as a residual system; rejected rows are zero in it."""
+    tested, rows = block.tested, block.observations
+    e = np.where(tested.use, -tested.residual / rows.sigma, 0.0)
+    r = np.where(tested.use, tested.r, 0.0)
+    return BlockResiduals(block.cofactors, rows, e, r, block.vtpv, block.redundancy)
 
 
 def block_residuals(

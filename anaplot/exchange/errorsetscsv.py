@@ -1,0 +1,89 @@
+"""A file of sets of observations to be tested together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from anaplot.textfiles.csvtable import read_csv
+from anaplot.textfiles.kinds import NAME, NUMBER, PHOTO, Blank, Text, Word
+from anaplot.textfiles.wording import place
+
+__all__ = ["SetRow", "read_error_sets"]
+
+_AXES = ("x", "y", "X", "Y", "Z", "omega", "phi", "kappa")
+
+
+class SetRow(NamedTuple):
+    """What a set takes in; what is None is not said, and everything fits.
+
+    Attributes
+    ----------
+    set
+        Name of the set.
+    photo, point
+        Names; control has no photo, a prior no point.
+    axis
+        "x" or "y" of an image point, "X", "Y" or "Z" of control and priors, or an angle of a prior.
+    condition
+        Where a condition between points stands, as "conditions.csv:3".
+    share
+        How large its errors are against those of the other rows.
+    where
+        File and line.
+    """
+
+    set: str
+    photo: str | None
+    point: str | None
+    axis: str | None
+    condition: str | None
+    share: float | None
+    where: str
+
+
+def read_error_sets(path: Path) -> tuple[SetRow, ...]:
+    """Read sets of observations.
+
+    Parameters
+    ----------
+    path
+        The file: column set, and of photo, point, axis, condition and share what is needed.
+
+    Returns
+    -------
+    tuple[SetRow, ...]
+        The rows in file order.
+
+    Raises
+    ------
+    InputError
+        The first thing that is wrong, with file and line; a set with shares in some rows only.
+    """
+    table = read_csv(
+        path,
+        {"set": NAME},
+        {
+            "photo": Blank(PHOTO),
+            "point": Blank(Text(255)),
+            "axis": Blank(Word(*_AXES)),
+            "condition": Blank(Text(255)),
+            "share": Blank(NUMBER),
+        },
+    )
+    if not len(table):
+        raise table.fail(None, None, "no rows")
+    names = ("set", "photo", "point", "axis", "condition", "share")
+    shared: dict[str, bool] = {}
+    out = []
+    for row, (of, photo, point, axis, condition, share) in enumerate(
+        zip(*(table[name] for name in names), strict=True)
+    ):
+        one = SetRow(of, photo, point, axis, condition, share, place(path, table.line(row)))
+        if one.photo is None and one.point is None and one.condition is None:
+            raise table.fail(row, None, "neither a photo nor a point nor a condition")
+        with_share = one.share is not None
+        if shared.setdefault(one.set, with_share) != with_share:
+            raise table.fail(row, "share", f"set {one.set}: in some rows only")
+        out.append(one)
+    return tuple(out)
