@@ -64,7 +64,38 @@ def test_points_of_a_later_model_whose_ties_are_free_of_error_by_numerical_deriv
     pair = pair_of(flight, 1, orient(pair_of(flight, 0, base=70.0), PAPER, BAARDA))
     found = model_accuracy(orient(pair, PAPER, BAARDA))
     assert found.elements == ORDER
-    assert found.points == pytest.approx(spread_of_points(moved(pair, PAPER)), rel=1e-5)
+    change = moved(pair, PAPER)
+    assert found.points == pytest.approx(spread_of_points(change), rel=1e-5)
+
+
+def test_elements_of_a_later_model_follow_from_the_unknowns_by_numerical_derivatives():
+    flight = fly(4, photos=3, tilt=5.0, kappa=15.0)
+    model = orient(
+        pair_of(flight, 1, orient(pair_of(flight, 0, base=70.0), PAPER, BAARDA)), PAPER, BAARDA
+    )
+    bx, by, bz = model.base
+    assert model.unknowns == ("bx", "beta_y", "beta_z", "kappa", "phi", "omega")
+    assert min(abs(by), abs(bz)) > 0.01 * abs(bx), "else nothing of the scale is in them"
+
+    def elements(unknowns):
+        scale, beta_y, beta_z, kappa, phi, omega = unknowns
+        return np.array([scale, scale * beta_y, scale * beta_z, omega, phi, kappa])
+
+    at, step = np.array([bx, by / bx, bz / bx, 0.0, 0.0, 0.0]), 1e-4 * np.eye(6)
+    change = np.array([elements(at + h) - elements(at - h) for h in step]).T / 2e-4
+    covariance = change @ model.q_gg @ change.T
+    spread = np.sqrt(np.diag(covariance))
+    found = model_accuracy(model)
+    assert found.deviations == pytest.approx(5e-3 * spread)
+    assert found.correlations == pytest.approx(covariance / np.outer(spread, spread))
+
+
+def test_points_at_infinity_are_no_part_of_the_mean():
+    found = model_accuracy(ideal(pattern("13"), 90.0, 100.0, 152.0))
+    rms = np.sqrt(np.mean(found.points**2, axis=0))
+    assert found.rms == pytest.approx(rms)
+    far = np.vstack((found.points, [np.inf, 0.01, np.nan]))
+    assert replace(found, points=far).rms == pytest.approx(rms)
 
 
 def test_the_estimated_sigma_counts_under_tau():

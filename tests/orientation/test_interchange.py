@@ -84,6 +84,14 @@ def test_ties_that_are_interchanged_in_both_photos_are_named_without_a_photo():
     assert f"interchanged in photo {pair.left}?" in text
 
 
+def test_in_a_first_model_nothing_tells_in_which_photo():
+    pair = scene(1, 13, later=False)
+    for photos in ("l", "r"):
+        points, text = told(exchanged(pair, 1, 11, photos))
+        assert set(points) == {pair.points[1], pair.points[11]}
+        assert "interchanged?" in text
+
+
 def test_the_pair_is_suspected_first():
     pair = scene(1, 13, later=True)
     ties = [pair.points.index(point) for point in pair.points if point in pair.ties]

@@ -38,7 +38,7 @@ from anaplot.session.events import (
 )
 from anaplot.session.models import solve
 from anaplot.session.recomputed import recomputed_models
-from anaplot.session.requests import Lay, WritePoints
+from anaplot.session.requests import Lay, ReadAnew, WritePoints
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold
 from anaplot.session.tolerances import tolerance_of_check_mm
 from anaplot.station.imagepoints import rows_of
@@ -423,7 +423,6 @@ def test_a_return_in_each_kind_of_instrument(abilities) -> None:
     bench.press()
     assert bench.desk.state.returned.point is None  # type: ignore[union-attr]
     bench.give(Accept())
-    assert bench.requests[-1] is not None
     assert WritePoints() in bench.requests
     after = bench.desk.state
     assert after.current is not None
@@ -444,8 +443,11 @@ def test_photos_that_lie_otherwise_ask_for_the_counters_reference() -> None:
     assert measured is not None
     beyond = tolerance_of_check_mm(SCENE.block.precision.image_um) + 1e-3
     bench.stands = Position(measured.xl, measured.yl, measured.xr, measured.yr)
+    before = bench.requests.count(ReadAnew())
     shifted(bench, beyond)
     assert bench.desk.referencing is not None
+    # what was read of the counters before is none of theirs
+    assert bench.requests.count(ReadAnew()) == before + 1
     assert f"point {name} is {beyond:.3f} mm from where it is on record" in bench.told[-1]
     # nothing counts before the reference is there
     shifted(bench, beyond)

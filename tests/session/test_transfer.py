@@ -1,5 +1,7 @@
 """Points known from other strips and from the ground: offered, predicted, checked at once."""
 
+from dataclasses import replace
+
 import pytest
 from deskscene import DRIVEN, Bench
 from transferscene import BlockBench, flown, marked, second_strip_begun
@@ -11,7 +13,7 @@ from anaplot.session.commands import Accept, AddPoint, Drive, NextModel, Switch,
 from anaplot.session.desk import Desk
 from anaplot.session.events import PlannedPoint, PointAdded, PointMeasured, RowSwitched
 from anaplot.session.state import EventRefusedError, apply, fold, start
-from anaplot.session.transfer import GROUND
+from anaplot.session.transfer import GROUND, Known
 
 SEEDS = (1, 5)
 
@@ -33,6 +35,12 @@ def bench_at(desk, seed=4, **mistakes):
     bench = BlockBench.over(flown(seed), marked(flown(seed)), seed, **mistakes)
     bench.desk = desk
     return bench
+
+
+def test_check_points_are_known_and_what_is_off_is_not():
+    off, check, control, *_ = flown(4).block.control
+    off, check = replace(off, use="off"), replace(check, use="check")
+    assert Known.of((off, check, control), None).control == (check, control)
 
 
 @pytest.mark.slow
@@ -168,7 +176,7 @@ def test_a_point_under_a_second_name_is_told(begun):
     lateral = next(o.planned for o in bench.offers if o.mark == "lateral")
     sharp = bench.desk.transfer.places
     known = next(p.point for p in bench.desk.state.current.plan)
-    # once under another name where a point of this model lies, once where one of strip 1 is marked
+    # under another name where a point of this model lies
     bench.give(Drive(known))
     place = bench.true(known)
     record(bench, "9001", place)
