@@ -16,6 +16,7 @@ def house() -> dict[str, tuple[Path, Module]]:
     return modules(ROOT)
 
 
+@pytest.mark.slow
 def test_nothing_imports_itself_by_way_of_others(house: dict[str, tuple[Path, Module]]) -> None:
     graph = imports(house)
     assert len(graph) > 100

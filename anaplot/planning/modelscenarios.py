@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
@@ -73,6 +74,7 @@ def model_rows(name: str, scatter: Array | None = None) -> _IdealRows:
     return _IdealRows(name, solution.q_vv / root[:, None] / root, root, solution.redundancy)
 
 
+@cache  # the same models, whoever asks
 def _as_measured(name: str) -> tuple[_IdealRows, ...]:
     """Return models whose points lie where people set them: some millimetres off.
 

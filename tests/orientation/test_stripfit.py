@@ -160,6 +160,7 @@ def test_control_on_a_line_determines_no_inclination(block: Block) -> None:
         fit_strip(replace(block, control=control), "1", points, 92.0)
 
 
+@pytest.mark.slow
 def test_noise_keeps_the_size_of_its_test(block: Block) -> None:
     # 200 strips of 30 rows at alpha .001: 6 expected, more than 16 once in 3000 times
     ground = ground_of(model_points())

@@ -111,6 +111,7 @@ def test_impossible_plans_are_refused(change, said) -> None:
         plan_block(replace(BlockPlan(3, 5), **change))
 
 
+@pytest.mark.slow
 def test_the_command_and_the_folder(tmp_path: Path, capsys) -> None:
     folder, table = tmp_path / "block", tmp_path / "classes.csv"
     call = ["plan", "block", "--strips", "2", "--photos", "4", "--twin", "--control-m", "0.02"]
