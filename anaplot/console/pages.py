@@ -172,5 +172,7 @@ def _measured(snapshot: Snapshot) -> tuple[object, ...]:
 
 
 def _events(snapshot: Snapshot) -> tuple[object, ...]:
-    """Return what is another when something has happened."""
-    return _measured(snapshot), snapshot.points, snapshot.inners, snapshot.last_change
+    """Return what is another when something has happened, and equal when nothing has."""
+    inners = tuple((inner.fiducials, inner.accepted) for inner in snapshot.inners)
+    model = snapshot.left, snapshot.right, snapshot.reopened, snapshot.accepted
+    return *model, snapshot.points, inners, snapshot.last_change

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import time
+from dataclasses import replace
 
 import pytest
 from consolefake import FakeStation, console, picture
@@ -13,6 +14,7 @@ from rich.cells import cell_len
 from anaplot.console.logpage import log_lines
 from anaplot.session.changes import Change
 from anaplot.session.reasons import LastChange
+from anaplot.station.snapshot import InnerView
 
 DAY = "2026-01-01T10:00:0{}.000Z"
 FIRST = Change(DAY.format(0), "Ada", "measured", "101/102", "102", "7", new=(1.0, 2.0))
@@ -126,3 +128,19 @@ async def test_news_that_never_end_do_not_keep_the_page_empty():
         await until(pilot, lambda: "1 of 1 changes" in text(app))
         station.log = read
         await pilot.press("H")
+
+
+async def test_news_without_a_change_do_not_read_the_journal_again():
+    inner = InnerView("102", "left", (), None, (), (), accepted=True)
+    station = FakeStation(picture(inners=(inner,)))
+    station.changes = [FIRST]
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("H")
+        await until(pilot, lambda: "1 of 1 changes" in text(app))
+        again = picture(serial=2, inners=(replace(inner),), expected="the plates stand")
+        station.tell(replace(again, solution=replace(again.solution)))
+        await until(pilot, lambda: "the plates stand" in text(app))
+        await pilot.press("H")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+    assert station.calls == [("log",)]
