@@ -207,10 +207,11 @@ class FitPage(Page):
 
     def _decide(self, choice: FitChoice) -> None:
         if choice != self._choice:
-            self._choice = choice
+            before, self._choice = self._choice, choice
             self._decided(choice)
             self._draw()
-            self._beside.wanted()
+            if choice != replace(before, strip=choice.strip):  # all strips are fitted at once
+                self._beside.wanted()
 
     def action_switch(self) -> None:
         """Put the point under the cursor out, or in again."""

@@ -86,8 +86,10 @@ async def test_the_keys_of_the_page(size):
         await until(pilot, lambda: "polynomials of degree 2" in text(app))
         await pilot.press("3")
         await until(pilot, lambda: "polynomials of degree 3" in text(app))
+        fits = len(station.calls)
         await pilot.press("right")
         await until(pilot, lambda: "no model is determined yet" in text(app))
+        assert len(station.calls) == fits  # all strips are fitted at once
         assert "No control point is measured" in text(app)
         await pilot.press("left", "-", "minus", "minus", "x")
         await until(pilot, lambda: "similarity; 2 models, 8 control points" in text(app))
