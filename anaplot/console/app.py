@@ -105,6 +105,7 @@ class ConsoleApp(App[int]):
     ) -> None:
         self._kept = kept
         self._shown = ShownCells()
+        self._greeting: tuple[str, ...] = ()
         super().__init__()
         self._keys_of_user = dict(keymap or {})
         self._main = OrientationScreen(station, self._keys_of_user, controls, temporary=temporary)
@@ -149,6 +150,9 @@ class ConsoleApp(App[int]):
         self.theme_changed_signal.subscribe(self, lambda chosen: kept.keep(chosen.name))
 
     def _greet(self, lines: tuple[str, ...]) -> None:
+        if lines == self._greeting:
+            return
+        self._greeting = lines
         for panel in self._main.query(AdvicePanel):
             panel.greet(lines)
         self._main.set_class(bool(lines), "-welcome")
