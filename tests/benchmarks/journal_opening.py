@@ -1,8 +1,10 @@
 """How long a block takes to open whose journal is long.
 
-Run it as `python tests/benchmarks/journal_opening.py`. Journals of 1000 and of 10 000 points are
-written, with the line's traffic and a table after every point, and read and opened as the console
-does it. The ratio is of one run on one machine: 10 when every point costs the same.
+Run it as `python tests/benchmarks/journal_opening.py`. Journals of 1000 and of 10 000 points of
+flown strips are written, with the line's traffic and a table after every point, and read and opened
+as the console does it: for the first time, when image_points.csv is written too, again, and with a
+simulated plotter. Processor time of the thread that opens; a ratio is of one run on one machine: 10
+when every point costs the same.
 """
 
 from __future__ import annotations
@@ -10,16 +12,18 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from anaplot.exchange.blockfolder import read_block, write_new_block
+from anaplot.exchange.blockfolder import read_block, write_control, write_new_block
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import Journal, read_journal
-from anaplot.photogrammetry.block import Photo
+from anaplot.photogrammetry.block import Strip
+from anaplot.planning.syntheticblock import SyntheticBlock, synthetic_block
 from anaplot.session.events import (
     EVENT_KINDS,
     Event,
@@ -29,77 +33,83 @@ from anaplot.session.events import (
     PointMeasured,
 )
 from anaplot.session.state import apply, start
-from anaplot.simulation.demo import Demo
+from anaplot.simulation.instrument import SimulationSetup
 from anaplot.station.header import session_header
 from anaplot.station.restored import Past, Snapshots, restored
 from anaplot.station.station import Station
 
-POINTS = 13  # a model
-TIES = 5
+POINTS = 20  # a model, at most
+Seen = dict[str, tuple[float, float]]
+Noise = Callable[[tuple[float, float]], tuple[float, float]]
 _TRAFFIC = {"items": [["in", "main", "P +012.3456 -034.5678 +012.0000 -034.5000\n", 12345.6]] * 8}
 _TABLE = {"rows": [["101-1", "y", 0.1234567890123, 1.234567890123, 0.987654321, 1.2345678]] * 18}
 
 
-def model(k: int, ties: list[str], random: np.random.Generator) -> Iterator[Event]:
-    """Yield what happens in the k-th model."""
-    left, right = str(k), str(k + 1)
-    names = [*ties, *(f"{k}-{i}" for i in range(POINTS - len(ties)))]
-    places = [tuple(float(v) for v in random.uniform(-80.0, 80.0, 4).round(3)) for _ in names]
-    plan = [
-        PlannedPoint(name, "tie" if name in ties else "new", *place)
-        for name, place in zip(names, places, strict=True)
-    ]
-    yield ModelChosen("1", left, right, tuple(plan))
-    for name, (xl, yl, xr, yr) in zip(names, places, strict=True):
-        yield PointMeasured(left, right, name, xl, yl, xr, yr, "1")
-    yield ModelAccepted(left, right)
-
-
-def write(folder: Path, points: int) -> None:
-    """Write a block with the journal of a day."""
-    models = -(-points // POINTS)
-    random = np.random.default_rng(1)
-    some = Demo.make(1, 1).strip.block
-    photos = [str(k) for k in range(1, models + 2)]
-    camera = some.cameras[0].id
-    block = replace(
-        some,
-        photos=tuple(Photo(id=photo, camera=camera) for photo in photos),
-        strips=(replace(some.strips[0], id="1", photos=tuple(photos)),),
-        image_points=(),
-        control=(),
+def model(
+    flown: SyntheticBlock, strip: Strip, photos: tuple[str, str], before: Seen, noise: Noise
+) -> tuple[list[Event], Seen]:
+    """Return what happens in a model, and where its points lie in its right photo."""
+    left, right = photos
+    common = [p for p in flown.truth[left] if p in flown.truth[right]]
+    points = [p for p in common if p in flown.ground][:POINTS]
+    there = {p: noise(flown.truth[right][p]) for p in points}
+    places = {p: (*(before.get(p) or noise(flown.truth[left][p])), *there[p]) for p in points}
+    plan = tuple(
+        PlannedPoint(p, "tie" if p in before else "new", *place) for p, place in places.items()
     )
-    write_new_block(folder, block)
-    ties: list[str] = []
+    measured = [PointMeasured(left, right, p, *place, "1") for p, place in places.items()]
+    return [ModelChosen(strip.id, left, right, plan), *measured, ModelAccepted(left, right)], there
+
+
+def write(folder: Path, strips: int, photos: int) -> int:
+    """Write a block with the journal of a day; return how many points were measured."""
+    random = np.random.default_rng(1)
+
+    def noise(xy: tuple[float, float]) -> tuple[float, float]:
+        x, y = (np.array(xy) + random.normal(0.0, 0.005, 2)).round(4).tolist()
+        return x, y
+
+    flown = synthetic_block(strips, photos, seed=1)
+    write_new_block(folder, replace(flown.block, image_points=(), control=()))
+    write_control(folder, flown.block.control)
     block = read_block(folder)
+    count = 0
     with Journal.open(folder, session_header(block, "", None, ""))[0] as journal:
         state = start(block)
         snapshots = Snapshots(journal, block, Past((), 0, state, frozenset()))
-        for k in range(1, models + 1):
-            for event in model(k, ties, random):
-                records = [("traffic", _TRAFFIC), (event.kind, event_to_payload(event))]
-                journal.append_many([*records, ("table", _TABLE)], durable=False)
-                state = apply(state, event)
-                snapshots.happened([event], state)
-            ties = [f"{k}-{i}" for i in range(TIES)]
+        for strip in block.strips:
+            seen: Seen = {}
+            for pair in strip.models():
+                events, seen = model(flown, strip, pair, seen, noise)
+                for event in events:
+                    records = [("traffic", _TRAFFIC), (event.kind, event_to_payload(event))]
+                    journal.append_many([*records, ("table", _TABLE)], durable=False)
+                    state = apply(state, event)
+                    snapshots.happened([event], state)
+                count += len(events) - 2
+    return count
 
 
 def measured(folder: Path) -> dict[str, float]:
     """Return the seconds of what opening consists of, and of opening."""
     times = {}
-    begin = time.perf_counter()
-    block = read_block(folder)
-    times["block"] = time.perf_counter() - begin
-    begin = time.perf_counter()
-    records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
-    times["lines"] = time.perf_counter() - begin
-    begin = time.perf_counter()
-    restored(block, records)
-    times["events"] = time.perf_counter() - begin
-    for what in ("opened", "again"):
-        begin = time.perf_counter()
-        station = Station(folder)
-        times[what] = time.perf_counter() - begin
+
+    @contextmanager
+    def taken(what: str) -> Iterator[None]:
+        begin = time.thread_time()
+        yield
+        times[what] = time.thread_time() - begin
+
+    with taken("files alone"):
+        block = read_block(folder)
+    with taken("all lines"):
+        records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
+    with taken("all events"):
+        restored(block, records)
+    for what, simulate in (("written", False), ("opened", False), ("simulated", True)):
+        plotter = SimulationSetup({photo.id: {} for photo in block.photos}) if simulate else None
+        with taken(what):
+            station = Station(folder, plotter=plotter, candidates={})
         station.close()
     return times
 
@@ -107,15 +117,15 @@ def measured(folder: Path) -> dict[str, float]:
 def main() -> None:
     """Print times and ratios."""
     with tempfile.TemporaryDirectory() as name:
-        days = []
-        for points in (1_000, 10_000):
-            folder = Path(name) / str(points)
-            write(folder, points)
+        days, counts = [], []
+        for strips, photos in ((2, 26), (13, 40)):
+            folder = Path(name) / str(strips)
+            counts.append(write(folder, strips, photos))
             days.append(measured(folder))
     short, long = days
     for what, seconds in long.items():
         print(
-            f"{what:8} 1000 points {1e3 * short[what]:7.1f} ms, 10 000 points "
+            f"{what:11} {counts[0]} points {1e3 * short[what]:7.1f} ms, {counts[1]} points "
             f"{1e3 * seconds:7.1f} ms, ratio {seconds / short[what]:5.1f}"
         )
 
