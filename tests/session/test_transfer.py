@@ -13,7 +13,7 @@ from anaplot.session.commands import Accept, AddPoint, Drive, NextModel, Switch,
 from anaplot.session.desk import Desk
 from anaplot.session.events import PlannedPoint, PointAdded, PointMeasured, RowSwitched
 from anaplot.session.state import EventRefusedError, apply, fold, start
-from anaplot.session.transfer import GROUND, Known
+from anaplot.session.transfer import GROUND, Known, transfer
 
 SEEDS = (1, 5)
 
@@ -41,6 +41,50 @@ def test_check_points_are_known_and_what_is_off_is_not():
     off, check, control, *_ = flown(4).block.control
     off, check = replace(off, use="off"), replace(check, use="check")
     assert Known.of((off, check, control), None).control == (check, control)
+
+
+def test_lateral_ties_are_spread_from_the_left_and_away_from_the_edge():
+    made = flown(4)
+    state = second_strip_begun(made)
+    photos = state.current.photos
+    empty = replace(state, current=replace(state.current, plan=(), measured=()))
+    marks = marked(made)
+    theirs = {m.point for model in state.models for m in model.measured}
+    at = {p: marks[photos[0]][p][0] for p in theirs if all(p in marks[photo] for photo in photos)}
+
+    def offered():
+        found = transfer(empty, Known.of((), marks)).offers
+        assert {o.source for o in found} == {"1"}
+        return [o.planned.point for o in found]
+
+    first, second, third = offered()
+    assert at[first] == min(at.values())
+    assert at[second] == max(at.values())
+    ends = at[first], at[second]
+    between = {p: min(abs(x - end) for end in ends) for p, x in at.items()}
+    assert between[third] == max(between.values())
+    reach = made.block.camera_of(photos[0]).reach()
+    x, y = marks[photos[0]][first]
+    for edge in ((x, reach[1] - 2.9), (x, 2.9 - reach[1]), (2.9 - reach[0], y)):
+        marks[photos[0]][first] = edge
+        assert first not in offered()
+
+
+@pytest.mark.slow
+def test_no_check_point_helps_to_determine_the_ground(measured):
+    for bench in measured:
+        seen = {m.point for model in bench.desk.state.models[3:] for m in model.measured}
+        point = next(c for c in bench.made.block.control if c.point in seen)
+        rest = [c for c in bench.made.block.control if c is not point]
+
+        def similarity(use, point=point, rest=rest, state=bench.desk.state):
+            known = Known.of((replace(point, use=use), *rest), None)
+            return next(
+                c for c in transfer(state, known).checks if c.other == GROUND
+            ).tie.similarity
+
+        shift = {use: similarity(use).shift.tolist() for use in ("control", "check", "off")}
+        assert shift["check"] == shift["off"] != shift["control"]
 
 
 @pytest.mark.slow
