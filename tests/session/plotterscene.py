@@ -9,8 +9,16 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
+import numpy as np
+
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
+from anaplot.bundle.solve.namedpoints import point_places
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import read_block, write_control
 from anaplot.orientation.patterns import pattern
 from anaplot.photogrammetry.block import Block
+from anaplot.planning.syntheticblock import SyntheticBlock
 from anaplot.plotter.conversation import Conversation
 from anaplot.plotter.device.hand import Hand, HandSettled, Offsets
 from anaplot.plotter.device.plotter import SimulatedPlotter
@@ -31,7 +39,7 @@ from anaplot.station.commanded import Commanded
 from anaplot.station.livestatus import LiveStatus
 from anaplot.station.snapshot import LinkView, Snapshot, snapshot_of
 
-__all__ = ["Workplace"]
+__all__ = ["Workplace", "block_of_options", "misfit"]
 
 _LINK = "main"
 
@@ -188,3 +196,41 @@ class Workplace(Commanded):
         operator = AutomaticOperator(self, wait=self.passes)
         operator.run()
         return operator
+
+
+def block_of_options(made: SyntheticBlock, folder: Path, camera: str) -> Path:
+    """Make a block folder of a synthetic block by the options of `anaplot new`, and return it.
+
+    Parameters
+    ----------
+    made
+        The block.
+    folder
+        Takes the list of control, too.
+    camera
+        As `--camera` has it.
+    """
+    folder.mkdir(exist_ok=True)
+    write_control(folder, made.block.control)
+    out = folder / "block"
+    options = ["--camera", camera, "--control", str(folder / "control.csv")]
+    for strip in made.block.strips:
+        options += ["--strip", f"{strip.photos[0]}-{strip.photos[-1]}"]
+    assert main(["new", str(out), *options]) == 0
+    assert [strip.photos for strip in read_block(out).strips] == [
+        strip.photos for strip in made.block.strips
+    ]
+    return out
+
+
+def misfit(adjusted: AdjustedBlock, made: SyntheticBlock) -> tuple[float, int]:
+    """Return d' C^-1 d of the errors d of all ground coordinates, and how many they are.
+
+    C is their whole covariance matrix with the a-priori sigma0: a chi-square, if it is right.
+    """
+    names = adjusted.problem.points
+    true = np.array([made.ground[name] for name in names])
+    errors = (point_places(adjusted, names) - true).ravel()
+    at = [(k, axis) for k in range(len(names)) for axis in range(3)]
+    covariance = coordinate_cofactors(adjusted, at)
+    return float(errors @ np.linalg.solve(covariance, errors)), len(at)
