@@ -181,7 +181,7 @@ def is_live(
         "add_point": working and snapshot.inner is None,
         "automatic": snapshot.link.simulated,
         "suspend": not snapshot.finished,
-        "stop": working and snapshot.link.state == "live",
+        "stop": working and snapshot.drives and snapshot.link.state == "live",
     }
     return live.get(action, True)
 

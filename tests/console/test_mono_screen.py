@@ -187,3 +187,5 @@ def test_the_key_is_there_only_when_needed():
     assert is_live("record", picture(), rows=18)
     assert is_live("reference", lost(), rows=18)
     assert not is_live("record", lost(), rows=18)
+    assert is_live("stop", picture(), rows=18)
+    assert not is_live("stop", picture(drives=False), rows=18)
