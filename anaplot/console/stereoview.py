@@ -49,6 +49,8 @@ class _Viewed:
         Field and step.
     hand
         Whether the simulated hand sets the mark.
+    mono
+        Whether it is a mono comparator's read-out.
     """
 
     left: str
@@ -57,6 +59,7 @@ class _Viewed:
     readout: ReadOut | None
     wheels: Wheels
     hand: bool
+    mono: bool
 
 
 class StereoView(DrawnWidget):
@@ -109,7 +112,8 @@ class StereoView(DrawnWidget):
             hand = controls.hand
             if raster is not None:
                 pair = controls.stereo(*raster, wheels.field_mm)
-        viewed = _Viewed(snapshot.left, snapshot.right, pair, readout, wheels, hand)
+        mono = snapshot.mono if readout is None else readout.mono
+        viewed = _Viewed(snapshot.left, snapshot.right, pair, readout, wheels, hand, mono)
         if viewed != self._viewed:
             self._viewed = viewed
             self.draw()
@@ -125,7 +129,7 @@ class StereoView(DrawnWidget):
         if viewed is None:
             return []
         if viewed.pair is None or patch is None:
-            return self._bare(viewed.readout, size)
+            return self._bare(viewed.readout, size, mono=viewed.mono)
         if viewed.pair.left.shape != (4 * patch[1], 2 * patch[0]):
             return []  # seen in the former size: the next look is on its way
         return [
@@ -229,14 +233,14 @@ class StereoView(DrawnWidget):
                 lines[i] += [gap, head, Segment(part[_SIGN:], self._style("value"))]
         return [Strip(line).adjust_cell_length(width, self.rich_style) for line in lines]
 
-    def _bare(self, readout: ReadOut | None, size: Size) -> list[Strip]:
+    def _bare(self, readout: ReadOut | None, size: Size, *, mono: bool) -> list[Strip]:
         """Return all six numbers, or the two of a mono comparator, as large as there is room."""
         r = readout
         values = [None] * 6 if r is None else [r.xl, r.xr, r.yl, r.yr, r.px, r.py]
         named = list(zip(("x'", "x''", "y'", "y''", "px", "py"), values, strict=True))
         pairs = [named[0:2], named[2:4], named[4:6]]
-        if r is not None and r.mono:
-            pairs = [[("x", r.xl), ("y", r.yl)]]
+        if mono:
+            pairs = [[("x", values[0]), ("y", values[2])]]
             named = pairs[0]
         blank = Strip.blank(size.width, self.rich_style)
         for beside in (2, 1):

@@ -85,6 +85,12 @@ async def test_one_photo_is_shown_as_one(size):
         await pilot.press("v")
         await pilot.pause()
         assert "px" not in text(app)
+        # a device that speaks only when it records
+        station.read = None
+        await until(pilot, lambda: "old" in lines(app)[2])
+        assert "x   12.500" in lines(app)[2]
+        assert "px" not in text(app)
+        assert "x''" not in text(app)
 
 
 async def test_the_overview_gives_way_to_a_record_in_one_photo():
