@@ -307,6 +307,16 @@ def _inside(at: str | int, kind: Kind[T], value: Any) -> T:
         raise WrongValueError(str(error), at, *error.at) from None
 
 
+def _all_inside(kinds: Sequence[Kind[T]], items: Sequence[Any]) -> tuple[T, ...]:
+    """Return the values of as many items as kinds."""
+    try:
+        return tuple([kind.of(item) for kind, item in zip(kinds, items, strict=True)])
+    except WrongValueError:
+        # once more, to say where
+        pairs = enumerate(zip(kinds, items, strict=True))
+        return tuple([_inside(index, kind, item) for index, (kind, item) in pairs])
+
+
 class ListOf(Kind[tuple[T, ...]], Generic[T]):
     """A list, of one of the given lengths where there are any.
 
@@ -332,7 +342,7 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
             raise WrongValueError(f"must hold {self._what}, not {len(value)}")
         if self._most is not None and len(value) > self._most:
             raise WrongValueError(f"holds {len(value)} {self._what}, more than {self._most}")
-        return tuple(_inside(index, self._kind, item) for index, item in enumerate(value))
+        return _all_inside([self._kind] * len(value), value)
 
 
 class Numbers(ListOf[float]):
@@ -369,10 +379,7 @@ class Items(Kind[tuple[Any, ...]]):
             raise WrongValueError(f"must be a list, not {describe_type(value)}")
         if len(value) != len(self._kinds):
             raise WrongValueError(f"must hold {len(self._kinds)} items, not {len(value)}")
-        return tuple(
-            _inside(index, kind, item)
-            for index, (kind, item) in enumerate(zip(self._kinds, value, strict=True))
-        )
+        return _all_inside(self._kinds, value)
 
 
 class MapOf(Kind[dict[S, T]], Generic[S, T]):
