@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
+from screenreading import lines, text, until
 
 from anaplot.console.blockline import block_line
 from anaplot.console.blockpage import block_page
@@ -52,20 +53,6 @@ VIEW = BlockView(
     ri_y=0.418,
     suspects=(suspect(), suspect("7", None, 0.6, newly=False)),
 )
-
-
-def lines(app):
-    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
-
-
-def text(app):
-    return "\n".join(lines(app))
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(60):
-        while not condition():
-            await pilot.pause()
 
 
 AT_80_BY_24 = """\

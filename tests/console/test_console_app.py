@@ -1,6 +1,5 @@
 """The screen driven by its keys, over a station made of dataclasses."""
 
-import asyncio
 import re
 import threading
 from dataclasses import replace
@@ -9,6 +8,7 @@ import pytest
 from consolefake import FakeStation, console, diagnosis, picture
 from idealmodel import ideal_pair, spoiled
 from rich.cells import cell_len
+from screenreading import came, lines, selected, text, until
 from testedrows import with_rows
 
 from anaplot.adjustment.strategies import STRATEGIES
@@ -17,7 +17,6 @@ from anaplot.console.helptext import help_lines
 from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import ACTIONS
 from anaplot.console.panels import DetailsPane, MessagePanel, ReadOutLine
-from anaplot.console.tableview import TableView
 from anaplot.errors import InputError, LinkError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
@@ -39,28 +38,6 @@ class Listened(ConsoleApp):
 
     def bell(self):
         self.bells += 1
-
-
-def lines(app) -> list[str]:
-    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
-
-
-def text(app) -> str:
-    return "\n".join(lines(app))
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(60):
-        while not condition():
-            await pilot.pause()
-
-
-async def came(station, *call):
-    await asyncio.to_thread(station.wait_for, *call)
-
-
-def selected(app):
-    return app.screen_stack[0].query_one(TableView).selected
 
 
 AT_80_BY_24 = """\

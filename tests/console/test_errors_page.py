@@ -1,9 +1,8 @@
 """The page of strategies for gross errors, over a model with one planted error."""
 
-import asyncio
-
 import pytest
 from consolefake import FakeStation, console, picture
+from screenreading import text, until
 from testedrows import with_rows
 
 from anaplot.console.errorspage import CHOICES, errors_line, errors_lines, model_findings
@@ -76,17 +75,6 @@ def test_a_model_without_redundancy_says_so() -> None:
     assert "No row of this model can be tested yet." in page(None, "search")
     solution = model(wrong=None)
     assert model_findings(with_rows(solution, solution.table, redundancy=0), "search") is None
-
-
-def text(app) -> str:
-    strips = app.screen._compositor.render_strips()
-    return "\n".join("".join(s.text for s in strip) for strip in strips)
-
-
-async def until(pilot, condition) -> None:
-    async with asyncio.timeout(60):
-        while not condition():
-            await pilot.pause()
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import pytest
 from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
+from screenreading import until
 
 PAGES = {
     "f2": "Orientation of the model",
@@ -33,12 +32,6 @@ COMPUTED = {"pointing", "log", "strips_on_control"}
 def lines(app) -> list[str]:
     strips = app.screen._compositor.render_strips()
     return ["".join(s.text for s in strip) for strip in strips]
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(15):
-        while not condition():
-            await pilot.pause()
 
 
 async def shown(app, pilot, words: str, depth: int) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import threading
 
 import numpy as np
 import pytest
 from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
+from screenreading import lines, text, until
 
 from anaplot.console.fitpage import FitChoice, fit_lines
 from anaplot.orientation.stripfit import StripFit, fit_strip
@@ -45,20 +45,6 @@ def fitted(degree, without) -> tuple[StripOnControl, ...]:
         StripOnControl("1", 2, tuple(PLACES), found),
         StripOnControl("2", 0, (), other),
     )
-
-
-def lines(app):
-    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
-
-
-def text(app):
-    return "\n".join(lines(app))
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(15):
-        while not condition():
-            await pilot.pause()
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])

@@ -1,12 +1,12 @@
 """The screen during an inner orientation: fiducials in table and map, the same keys."""
 
-import asyncio
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
+from screenreading import came, lines, selected, text, until
 
 from anaplot.console.describe import advice_of, describe_model, describe_row
 from anaplot.console.inwork import in_work
@@ -14,7 +14,6 @@ from anaplot.console.keys import is_live
 from anaplot.console.mapdrawing import draw_map
 from anaplot.console.panels import ReadOutLine
 from anaplot.console.rows import shown_rows
-from anaplot.console.tableview import TableView
 from anaplot.photogrammetry.block import Camera, TestSettings
 from anaplot.photogrammetry.inner import orient_inner
 from anaplot.photogrammetry.inneradvice import inner_advice
@@ -73,28 +72,6 @@ def scene(view: InnerView, *more: InnerView, **changes):
         problem="",
         **changes,
     )
-
-
-def lines(app) -> list[str]:
-    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
-
-
-def text(app) -> str:
-    return "\n".join(lines(app))
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(60):
-        while not condition():
-            await pilot.pause()
-
-
-async def came(station, *call):
-    await asyncio.to_thread(station.wait_for, *call)
-
-
-def selected(app):
-    return app.screen_stack[0].query_one(TableView).selected
 
 
 SIZES = [(80, 24), (120, 40), (160, 50)]

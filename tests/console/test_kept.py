@@ -6,16 +6,12 @@ from pathlib import Path
 
 import pytest
 from consolefake import FakeStation, picture
+from screenreading import text
 
 from anaplot.console.app import ConsoleApp
 from anaplot.console.kept import Kept
 from anaplot.console.panels import WELCOME
 from anaplot.console.tableview import TableView
-
-
-def text(app: ConsoleApp) -> str:
-    strips = app.screen._compositor.render_strips()
-    return "\n".join("".join(s.text for s in strip) for strip in strips)
 
 
 @pytest.mark.smoke

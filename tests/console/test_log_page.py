@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import itertools
 import time
 from dataclasses import replace
@@ -10,6 +9,7 @@ from dataclasses import replace
 import pytest
 from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
+from screenreading import lines, text, until
 
 from anaplot.console.logpage import log_lines
 from anaplot.session.changes import Change
@@ -66,20 +66,6 @@ def test_foreign_names_are_shown_as_they_are(name):
     page = log_lines([change], name, 72)
     assert all(cell_len(line.plain) <= 72 for line in page)
     assert not any(c in line.plain for line in page for c in "\x1b\u202e")
-
-
-def lines(app):
-    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
-
-
-def text(app):
-    return "\n".join(lines(app))
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(15):
-        while not condition():
-            await pilot.pause()
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from consolefake import FakeStation, console, picture
 from overviewbench import MODELS, status
+from screenreading import text
 
 from anaplot.console.describe import describe_row
 from anaplot.console.keys import ACTIONS, is_live, label_now
@@ -22,10 +23,6 @@ LOST = "the counters have lost their reference: set the mark on point 114 and pr
 
 def lines(app) -> list[str]:
     return [strip.text for strip in app.screen._compositor.render_strips()]
-
-
-def text(app) -> str:
-    return "\n".join(lines(app))
 
 
 async def until(pilot, condition):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from rich.cells import cell_len
+from screenreading import lines, text
 from textual.widgets import Input
 
 from anaplot.cli import main
@@ -16,14 +17,6 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.report.newquestions import NONE, new_block, new_questions
 
 SIZES = [(80, 24), (160, 50)]
-
-
-def lines(app) -> list[str]:
-    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
-
-
-def text(app) -> str:
-    return "\n".join(lines(app))
 
 
 async def answer(pilot, words: str) -> None:

@@ -1,6 +1,5 @@
 """Where am I: the overview between models, at the end of a strip, and first of all."""
 
-import asyncio
 import re
 from dataclasses import replace
 
@@ -8,6 +7,7 @@ import pytest
 from consolefake import FakeStation, console, picture
 from overviewbench import FOLDER, MODELS, accepted, between, status, view
 from rich.cells import cell_len
+from screenreading import came, lines, text, until
 
 from anaplot.console.intent import PAGES
 from anaplot.console.overview import (
@@ -35,14 +35,6 @@ KEYS = {name: (key,) for name, key in (
 )}  # fmt: skip
 
 
-def lines(app) -> list[str]:
-    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
-
-
-def text(app) -> str:
-    return "\n".join(lines(app))
-
-
 def stands(app) -> bool:
     shown = app.screen_stack[0].query_one(OverviewView).display
     assert shown is not app.screen_stack[0].query_one(TableView).display
@@ -51,16 +43,6 @@ def stands(app) -> bool:
 
 def here(app) -> str:
     return app.screen_stack[0].query_one(ModelList).selected.name
-
-
-async def came(station, *call):
-    await asyncio.to_thread(station.wait_for, *call)
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(60):
-        while not condition():
-            await pilot.pause()
 
 
 # -- lines ---------------------------------------------------------------------------------------

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import pytest
 from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
+from screenreading import text, until
 
 from anaplot.adjustment.pooling import VarianceTest
 from anaplot.console.pointingpage import pointing_lines
@@ -36,17 +35,6 @@ def found(who: str = "ann") -> Pointing:
         ),
         remarks=("1 flagged row counts in the sigma0 of the models",),
     )
-
-
-def text(app):
-    strips = app.screen._compositor.render_strips()
-    return "\n".join("".join(s.text for s in strip) for strip in strips)
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(15):
-        while not condition():
-            await pilot.pause()
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])

@@ -1,6 +1,5 @@
 """The stereo view: what it draws, its keys, and a model measured by hand through them."""
 
-import asyncio
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +8,13 @@ from consolefake import FakeStation, console, picture
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
+from screenreading import came, lines, selected, text, until
 
 from anaplot.console.app import ConsoleApp
 from anaplot.console.bignumber import big_number
 from anaplot.console.halftone import TONES, halftone, tones
 from anaplot.console.stereodrawing import StereoLayer, draw_patch, patch_size
 from anaplot.console.stereoview import StereoView
-from anaplot.console.tableview import TableView
 from anaplot.console.wheels import FIELDS, Wheels
 from anaplot.exchange.blockfolder import write_new_block
 from anaplot.photogrammetry.block import TestSettings as Settings
@@ -31,28 +30,6 @@ from anaplot.station.station import Station
 
 SIZES = [(80, 24), (100, 30), (120, 40), (160, 50), (220, 60)]
 LEFT, RIGHT = {"103": (10.0, 20.0), "far": (12.0, 20.0)}, {"103": (-80.0, 21.0), "far": (-78.0, 21)}
-
-
-def lines(app) -> list[str]:
-    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
-
-
-def text(app) -> str:
-    return "\n".join(lines(app))
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(60):
-        while not condition():
-            await pilot.pause()
-
-
-async def came(station, *call):
-    await asyncio.to_thread(station.wait_for, *call)
-
-
-def selected(app):
-    return app.screen_stack[0].query_one(TableView).selected
 
 
 def simulated() -> FakeStation:

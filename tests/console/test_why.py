@@ -7,6 +7,7 @@ import asyncio
 import pytest
 from consolefake import FakeStation, console, picture
 from rich.cells import cell_len
+from screenreading import lines, until
 
 from anaplot.console.keymap import keys_in_force
 from anaplot.console.whyline import why_line
@@ -15,16 +16,6 @@ from anaplot.station.snapshot import LinkView
 
 ASKED = "why? 1 pointing 2 identification 3 transfer 4 instrument"
 OFF = LastChange("off", "102/103", "103", "y")
-
-
-def lines(app):
-    return ["".join(s.text for s in strip) for strip in app.screen._compositor.render_strips()]
-
-
-async def until(pilot, condition):
-    async with asyncio.timeout(60):
-        while not condition():
-            await pilot.pause()
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
