@@ -172,12 +172,21 @@ class Page(ModalScreen[None]):
             with VerticalScroll(can_focus=False):
                 yield Static(Content("\n").join(self._lines), classes="page--text")
 
+    def on_mount(self) -> None:
+        """Show what has come since it was laid out."""
+        self._renew()
+
     def show(self, lines: list[Content]) -> None:
         """Show this from now on, scrolled as far as it was."""
         if lines != self._lines:
             self._lines = lines
             if self.is_mounted:
-                self.query_one(".page--text", Static).update(Content("\n").join(lines))
+                self._renew()
+
+    def _renew(self) -> None:
+        # there is no text yet while the page is laid out, and none any more when it was closed
+        for text in self.query(".page--text").results(Static):
+            text.update(Content("\n").join(self._lines))
 
     def action_close(self) -> None:
         """Close the page."""
