@@ -15,7 +15,6 @@ from anaplot.bundle.solve.datum import check_datum, datum_change
 from anaplot.bundle.solve.gaussnewton import (
     Minimum,
     NoConvergenceError,
-    equations_at,
     find_minimum,
 )
 from anaplot.bundle.solve.imaging import BlockState
@@ -353,11 +352,6 @@ def adjust_bundle(
     """
     structure = make_structure(problem, start.centres)
     check_datum(problem, start, linearise(problem, start))
-    if problem.conditions is not None and problem.conditions.firm.any():
-        normal, factor, _ = equations_at(problem, structure, start)
-        update = normal.update(factor)
-        if update is not None:
-            problem.conditions.check_firm(np.diag(update.rows))
     try:
         found = find_minimum(problem, start, structure, progress=progress)
     except NoConvergenceError as error:

@@ -375,6 +375,30 @@ def test_conditions_free_of_error_that_depend_on_each_other_are_named() -> None:
 
 
 @pytest.mark.parametrize(
+    "dependent",
+    [
+        ("distance p6 p7", "distance p7 p10", "distance p6 p10", "angle p7 p6 p10"),
+        ("distance p6 p7", "distance p7 p6"),
+        ("line p5 p6 p7 p8", "line p8 p7 p6 p5"),
+    ],
+)
+@pytest.mark.parametrize("sigma_um", [5.0, 4000.0])
+def test_how_well_the_photographs_know_points_does_not_hide_dependence(dependent, sigma_um) -> None:
+    # with 4 mm points are known to a hundredth of what the conditions extend over
+    scene = flat_scene(sigma_um=sigma_um, control_sigma=0.0)
+    conditions = [condition(scene, *one.split(" ", 1), 0.0) for one in dependent]
+    good = condition(scene, "distance", "p11 p14", 0.0)
+    with pytest.raises(NotComputableError, match="depend on what is free of error") as caught:
+        with_conditions(scene, [*conditions, good])
+    named = str(caught.value).split(": free of error")[0].split(", ")
+    assert named == [one.id for one in conditions]
+    # one less, and there is a solution that meets them all
+    block = with_conditions(scene, [*conditions[1:], good])
+    equations = block.problem.conditions.equations(block.state.points, block.problem.fixed)
+    assert np.abs(equations.misclosure).max() < 1e-8
+
+
+@pytest.mark.parametrize(
     ("kind", "points", "value", "what"),
     [
         ("distance", "1 2 3", 5.0, "3 points"),

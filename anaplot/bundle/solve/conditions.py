@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import block_diag, csr_array
+from scipy.sparse import block_diag, csc_array, csr_array
 
 from anaplot.adjustment.residualsystem import diagonal
 from anaplot.aliases import Array, Bools, Index
@@ -41,6 +41,7 @@ _APART = 1e-9  # of the block's extent: points that are closer are one
 _THIN = 1e-3  # width over length: points on a line determine no plane
 _RANK = 1e-9
 _HELD = 1e-3  # redundancy number of what is held by something else as firmly
+_DEPENDENT = 1e-8  # eigenvalue, of a unit diagonal, of conditions that depend on each other
 _EPS = float(np.finfo(np.float64).eps)
 
 # how many parameters the rows of an axis share at most
@@ -235,22 +236,37 @@ class Conditions:
             contrasts.T @ (misclosure / sigma),
         )
 
-    def check_firm(self, r: Array) -> None:
+    def check_firm(self, equations: ConditionEquations, spread: Array) -> None:
         """Complain of conditions free of error that something else free of error holds already.
 
         Parameters
         ----------
-        r
-            (n,) redundancy numbers of the rows: of what alone is free of error they are zero.
+        equations
+            Theirs, at the state of `spread`.
+        spread
+            (q, q) cofactors of the contrasts without the conditions, in standard deviations: by
+            their scale alone they do not tell what depends, for those of conditions free of error
+            are so large that rounding hides a unit matrix beside them.
 
         Raises
         ------
         NotComputableError
-            Some are not; names the conditions.
+            Some are; names the conditions.
         """
-        held = np.flatnonzero(self.firm & (r > _HELD))
-        if len(held):
-            names = dict.fromkeys(self.conditions[k].id for k in self.of_row[held].tolist())
+        # the rows of a contrast are of one condition: any of them tells which
+        columns = csc_array(equations.contrasts)
+        row = columns.indices[columns.indptr[:-1]]
+        of_contrast, firm = self.of_row[row], np.flatnonzero(self.firm[row])
+        size = np.diag(spread)[firm]
+        held = size < 1.0 / _HELD
+        if not held.any() and len(firm):
+            part = spread[np.ix_(firm, firm)] / np.sqrt(size[:, None] * size)
+            if np.isfinite(part).all() and np.linalg.eigvalsh(part)[0] < _DEPENDENT:
+                values, vectors = np.linalg.eigh(part)
+                held = (vectors[:, values < _DEPENDENT] ** 2).sum(axis=1) > _HELD
+        if held.any():
+            of = of_contrast[firm[held]]
+            names = dict.fromkeys(self.conditions[k].id for k in of.tolist())
             what = "depends" if len(names) == 1 else "depend"
             raise NotComputableError(
                 f"{', '.join(names)}: free of error, but {what} on what is free of error already: "

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from anaplot.aliases import Array
-from anaplot.bundle.solve.conditions import ConditionEquations
+from anaplot.bundle.solve.conditions import ConditionEquations, Conditions
 
 __all__ = ["ConditionUpdate"]
 
@@ -45,12 +45,21 @@ class ConditionUpdate:
     inner: Array = field(repr=False)
 
     @classmethod
-    def of(cls, equations: ConditionEquations, gain: _Solutions) -> ConditionUpdate:
-        """Return the update by conditions whose G is known."""
+    def of(
+        cls, conditions: Conditions, equations: ConditionEquations, gain: _Solutions
+    ) -> ConditionUpdate:
+        """Return the update by conditions whose G is known.
+
+        Raises
+        ------
+        NotComputableError
+            Conditions free of error depend on each other or on control free of error.
+        """
         photos, points, shared = gain
         q = points.shape[2]
         spread = equations.whitened @ points.reshape(-1, q)
         spread = 0.5 * (spread + spread.T)
+        conditions.check_firm(equations, spread)
         # scaled to a unit diagonal: what is free of error stands beside what is not
         size = 1.0 / np.sqrt(1.0 + np.diag(spread))
         scaled = (np.eye(q) + spread) * size[:, None] * size

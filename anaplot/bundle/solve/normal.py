@@ -474,17 +474,23 @@ class NormalEquations:
         return photos, points, shared
 
     def update(self, factor: Factor) -> ConditionUpdate | None:
-        """Return what the conditions between points change of solutions; None without any."""
-        conditions = self.linear.conditions
-        if conditions is None or conditions.whitened.shape[0] == 0:
+        """Return what the conditions between points change of solutions; None without any.
+
+        Raises
+        ------
+        NotComputableError
+            Conditions free of error depend on each other or on control free of error.
+        """
+        conditions, equations = self.problem.conditions, self.linear.conditions
+        if conditions is None or equations is None or equations.whitened.shape[0] == 0:
             return None
         if self._update is None:
-            q, p = conditions.whitened.shape[0], len(self.problem.points)
+            q, p = equations.whitened.shape[0], len(self.problem.points)
             photos = np.zeros((len(self.problem.photos), self.problem.per_photo, q))
-            points = conditions.whitened.toarray().T.reshape(p, 3, q)
+            points = equations.whitened.toarray().T.reshape(p, 3, q)
             shared = np.zeros((len(self.corner), q))
             gain = self._solve(factor, photos, points, shared)
-            self._update = ConditionUpdate.of(conditions, gain)
+            self._update = ConditionUpdate.of(conditions, equations, gain)
         return self._update
 
     def step(self, factor: Factor, linear: Linearised | None = None) -> Unknowns:
