@@ -10,6 +10,7 @@ from anaplot.adjustment.consistency import GlobalTest, single_test
 from anaplot.aliases import Axis
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Datum
+from anaplot.errors import InputError
 from anaplot.photogrammetry.planting import PlantedError, with_planted_errors
 from anaplot.planning.idealblock import IdealBlock
 
@@ -102,7 +103,9 @@ def expected_tests(
             for row in block.ray_rows() for k, one in enumerate(row.xy)}  # fmt: skip
     single = []
     for error in planted:
-        row = rows[error.where, error.axis]
+        row = rows.get((error.where, error.axis))
+        if row is None:
+            raise InputError(f"image point {error.where} is not determined in this network")
         w = abs(error.um) * float(row.r) ** 0.5 / sigma
         power = float(ndtr(w - limit) + ndtr(-w - limit))
         single.append(ExpectedSingle(*error, row.r, row.mdb, w, power))

@@ -157,7 +157,9 @@ class AddedPoint(NamedTuple):
 
 
 def extra_points(sets: Sequence[StabilizingSet], size: int, near: float) -> tuple[AddedPoint, ...]:
-    """Return the points of the sets of one size; one for those that are the same for several.
+    """Return the points of the sets of a size; one for those that are the same for several.
+
+    A photo with fewer candidates gets its largest set.
 
     Parameters
     ----------
@@ -168,9 +170,15 @@ def extra_points(sets: Sequence[StabilizingSet], size: int, near: float) -> tupl
     near
         Distance up to which two points are one [m].
     """
-    places: list[tuple[float, float]] = []
+    largest: dict[str, StabilizingSet] = {}
     for one in sets:
-        for x, y, _ in (point.place for point in one.points if len(one.points) == size):
+        if len(one.points) <= size:
+            largest[one.photo] = max(
+                largest.get(one.photo, one), one, key=lambda of: len(of.points)
+            )
+    places: list[tuple[float, float]] = []
+    for one in largest.values():
+        for x, y, _ in (point.place for point in one.points):
             if all(max(abs(x - u), abs(y - v)) > near for u, v in places):
                 places.append((x, y))
     digits = max(2, len(str(len(places))))
@@ -326,7 +334,7 @@ class _Neighbourhood:
             mine.append(np.repeat(one.photo == index, 2))
         return cls(
             block.cofactors.r[rays].ravel(),
-            normal.seen(*solved)[rays].reshape(2 * len(rays), 6 * n),
+            normal.seen(*solved, rays).reshape(2 * len(rays), 6 * n),
             solved[0][near, :6].reshape(6 * n, 6 * n),
             tuple(rows),
             tuple(projectors),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
@@ -321,11 +321,14 @@ def plan_block_document(found: PlannedBlock) -> Document:
     return Document(answer, page, (by_class, weak))
 
 
-def plan_lines(plan: BlockPlan) -> list[Line]:
-    """Say what is planned: strips, distances, control."""
+def plan_lines(plan: BlockPlan, bridging: Sequence[float] = ()) -> list[Line]:
+    """Say what is planned: strips, distances, control; also at several bridging distances."""
     twin = ", twin" if plan.twin else ""
+    distances = counted(plan.bridging, "base")
+    if len(bridging) > 1:
+        distances = f"{', '.join(f'{one:g}' for one in bridging)} bases"
     control = {
-        "perimeter": f"perimeter, bridging {counted(plan.bridging, 'base')}{twin}",
+        "perimeter": f"perimeter, bridging {distances}{twin}",
         "corners": f"corners{twin}",
         "none": "none: a free network",
     }

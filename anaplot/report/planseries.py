@@ -56,8 +56,9 @@ def run_plan_block(options: argparse.Namespace) -> int:
     distances = options.bridging
     if distances is None or len(distances) == 1:
         return run_planned(options, planned_block)
-    if options.to is not None:
-        raise InputError("--to goes with one bridging distance")
+    for option, given in (("--to", options.to), ("--stabilize", options.stabilize)):
+        if given is not None:
+            raise InputError(f"{option} goes with one bridging distance")
     twice = next((one for one in distances if distances.count(one) > 1), None)
     if twice is not None:
         raise InputError(f"bridging distance {twice:g} is given twice")
@@ -86,8 +87,7 @@ def block_series(blocks: Sequence[PlannedBlock]) -> Computed[PlannedSeries]:
         "classes": [_class_json(row) for row in classes],
     }
     page: tuple[Block, ...] = (
-        *plan_lines(blocks[0].plan)[:2],
-        say("control every {} bases", ", ".join(f"{one.plan.bridging:g}" for one in blocks)),
+        *plan_lines(blocks[0].plan, [one.plan.bridging for one in blocks]),
         BLANK,
         say("CLASSES (Gruen 1980, Table 2): means of sqrt(q_vv) by bridging distance").of(
             "heading"

@@ -18,6 +18,7 @@ from anaplot.report.columns import counted
 __all__ = ["SAMPLED", "ModelValues", "snooping_models"]
 
 SAMPLED = "sampled"
+_BEFORE = "block"  # its former name
 _PAPER = {
     "3x3": PaperModel(3),
     "3x3-twin": PaperModel(3, twin=True),
@@ -73,7 +74,7 @@ def snooping_models(
         )
     if bridging is not None:
         raise InputError("--snooping-bridging goes with the paper's values: --snooping-model paper")
-    if source == SAMPLED:
+    if source in (SAMPLED, _BEFORE):
         roots = estimate_models(block.cofactors.normal, block.cofactors.factor)
         return ModelValues(SAMPLED, "estimated for this block", roots)
     path = Path(source)

@@ -80,3 +80,17 @@ def test_an_error_of_measurement_is_no_wrong_name(size_mm: float) -> None:
 
 def test_nothing_rejected_names_nothing() -> None:
     assert misnamed_rays(adjust_block(measured(3)), ()) == ()
+
+
+@pytest.mark.slow
+def test_rejected_control_hides_no_wrong_name() -> None:
+    block = renamed(measured(1), "203", {"03-03": "02-03", "02-03": "03-03"})
+    weighted = tuple(replace(row, sigma=(0.05, 0.05, 0.05)) for row in block.control)
+    at = next(k for k, row in enumerate(weighted) if row.xyz[0] is not None)
+    x, y, z = weighted[at].xyz
+    wrong = replace(weighted[at], xyz=(x, y, None if z is None else z + 10.0))
+    control = (*weighted[:at], wrong, *weighted[at + 1 :])
+    found = block_gross_errors(replace(block, control=control), "search")
+    assert ("control", wrong.point, "Z") in {row.name for row in found.rejected}
+    [ray] = misnamed_rays(found.block, [row.name for row in found.rejected])
+    assert (ray.photo, ray.interchanged) == ("203", True)

@@ -53,6 +53,13 @@ def test_a_ray_measured_twice_is_one_photo_and_a_rejected_one_none() -> None:
     assert rules_of_thumb(with_rejected).in_fewer == 1
 
 
+def test_a_check_point_is_new() -> None:
+    made = plan_network(cube("A"))
+    rows = (*made.block.control[1:], replace(made.block.control[0], use="check"))
+    block = replace(made, block=replace(made.block, control=rows)).evaluated()
+    assert rules_of_thumb(block).new == rules_of_thumb(made.evaluated()).new + 1
+
+
 @pytest.mark.parametrize(
     ("rules", "said"),
     [

@@ -10,6 +10,7 @@ import pytest
 
 from anaplot.adjustment.consistency import single_test
 from anaplot.cli import main
+from anaplot.errors import InputError
 from anaplot.photogrammetry.planting import PlantedError
 from anaplot.planning.expectedtests import expected_tests
 from anaplot.planning.networkplan import cube, plan_network
@@ -112,3 +113,12 @@ def test_a_coordinate_that_nothing_checks_is_never_noticed(capsys) -> None:
     assert found["errors"][0]["mdb_um"] is None
     assert found["errors"][0]["power"] == pytest.approx(0.001, abs=1e-6)
     assert found["theta"] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_an_error_in_a_ray_that_determines_nothing_is_refused() -> None:
+    made = plan_network(cube("A"))
+    alone = next(row for row in made.block.image_points if row.point == "2" and row.photo == "1")
+    rows = tuple(row for row in made.block.image_points if row.point != "2" or row == alone)
+    once = replace(made, block=replace(made.block, image_points=rows))
+    with pytest.raises(InputError, match="1:2 is not determined"):
+        expected_tests(once, once.evaluated(), [PlantedError("1:2", "x", 30.0)], "control")

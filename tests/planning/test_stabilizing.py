@@ -121,6 +121,9 @@ def test_one_point_serves_two_photos_that_ask_for_it() -> None:
     ]
     asked = [point.place[:2] for one in sets if len(one.points) == 4 for point in one.points]
     added = extra_points(sets, 4, 0.05 * plan.base)
+    # a photo with fewer candidates gets what there is
+    fewer = [one for one in sets if len(one.points) < 4]
+    assert extra_points(fewer, 4, 0.0) == extra_points(fewer, 2, 0.0) != ()
     assert 0 < len(added) <= len(asked)
     assert len({one.name for one in added}) == len(added)
     for x, y in asked:

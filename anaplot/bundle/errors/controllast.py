@@ -14,10 +14,11 @@ import numpy as np
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.watch import Watch
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
+from anaplot.bundle.errors.leftout import with_priors_of
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import priors_hold
-from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -114,21 +115,11 @@ def clean_control_last(
         problem = replace(problem, rejected=rejected)
     if datum == "priors":
         # a prior rejected without control stays so
-        problem = _with_priors_of(problem, images.block.problem)
+        problem = with_priors_of(problem, images.block.problem)
     control = block_gross_errors(
         problem, strategy, settings, control_only=True, as_given=as_given, watch=watch
     )
     return ControlLast(images, control, datum)
-
-
-def _with_priors_of(problem: Problem, other: Problem) -> Problem:
-    """Return the bundle with the prior orientations that another one of its photos has left."""
-    place = {name: k for k, name in enumerate(problem.photos)}
-    both = [(place[name], k) for k, name in enumerate(other.photos) if name in place]
-    mine, its = np.array(both, dtype=np.intp).reshape(-1, 2).T
-    position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
-    position[mine], rotation[mine] = other.position_sigma[its], other.rotation_sigma[its]
-    return replace(problem, position_sigma=position, rotation_sigma=rotation)
 
 
 def _without_control(

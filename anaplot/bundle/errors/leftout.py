@@ -10,7 +10,7 @@ from anaplot.bundle.solve.observations import ORIENTATION, ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import BlockResiduals
 
-__all__ = ["missing", "without"]
+__all__ = ["missing", "with_priors_of", "without", "without_same"]
 
 
 def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
@@ -70,3 +70,35 @@ def missing(problem: Problem, reduced: Problem) -> tuple[ObservationName, ...]:
         rows = problem.conditions.rows
         names += [("condition", *rows[k]) for k in np.flatnonzero(gone).tolist()]
     return tuple(names)
+
+
+def with_priors_of(problem: Problem, other: Problem) -> Problem:
+    """Return the bundle with the prior orientations that another one of its photos has left."""
+    place = {name: k for k, name in enumerate(problem.photos)}
+    both = [(place[name], k) for k, name in enumerate(other.photos) if name in place]
+    mine, its = np.array(both, dtype=np.intp).reshape(-1, 2).T
+    position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
+    position[mine], rotation[mine] = other.position_sigma[its], other.rotation_sigma[its]
+    return replace(problem, position_sigma=position, rotation_sigma=rotation)
+
+
+def without_same(problem: Problem, other: Problem) -> Problem:
+    """Return a bundle without the control, priors and conditions that another one is without.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    other
+        One of nearly the same block: its points may stand in another order.
+    """
+    place = {name: k for k, name in enumerate(other.points)}
+    control = problem.known_sigma.copy()
+    for k, name in enumerate(problem.points):
+        if name in place:
+            control[k] = other.known_sigma[place[name]]
+    conditions, others = problem.conditions, other.conditions
+    if conditions is not None and others is not None:
+        gone = {others.rows[k] for k in np.flatnonzero(others.rejected).tolist()}
+        conditions = conditions.without([k for k, row in enumerate(conditions.rows) if row in gone])
+    return with_priors_of(replace(problem, known_sigma=control, conditions=conditions), other)

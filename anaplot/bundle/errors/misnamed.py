@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from anaplot.adjustment.significance import critical_normal
 from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_problem
+from anaplot.bundle.errors.leftout import without_same
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import imaged
 from anaplot.bundle.solve.observations import ObservationName
@@ -72,7 +74,7 @@ def misnamed_rays(
     rays = _rejected_rays(block, rejected)
     found: list[MisnamedRay] = []
     settled: set[int] = set()
-    for tried in list(_candidates(block, list(rays)))[:_MOST]:
+    for tried in islice(_candidates(block, list(rays)), _MOST):
         if not settled.isdisjoint(tried.rows):
             continue
         right = _put_right(block, rays, tried)
@@ -171,7 +173,9 @@ def _put_right(
     try:
         changed = replace(problem.block, image_points=tuple(rows))
         right = adjust_problem(
-            make_problem(changed, datum=problem.datum, additional=problem.additional)
+            without_same(
+                make_problem(changed, datum=problem.datum, additional=problem.additional), problem
+            )
         )
     except NotComputableError:
         return None

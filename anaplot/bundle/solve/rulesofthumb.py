@@ -54,7 +54,9 @@ def rules_of_thumb(block: AdjustedBlock) -> RulesOfThumb:
     counts = ~block.rejected.all(axis=1)
     pairs = np.unique(np.stack((problem.point[counts], problem.photo[counts])), axis=1)
     photos = np.bincount(pairs[0], minlength=len(problem.points))
-    new = np.array([point not in problem.control_rows for point in problem.points], dtype=bool)
+    rows = problem.control_rows
+    control = {name for name, row in rows.items() if row.use == "control"}
+    new = np.array([point not in control for point in problem.points], dtype=bool)
     return RulesOfThumb(
         indicators.ri_x >= LEAST_RI,
         indicators.ri_y >= LEAST_RI,
