@@ -40,4 +40,4 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 @pytest.fixture
 def without_block(monkeypatch: pytest.MonkeyPatch) -> None:
     """The block is not adjusted beside: the automatic operator does not look at it."""
-    monkeypatch.setattr(BlockWatch, "tell", lambda *_: None)
+    monkeypatch.setattr(BlockWatch, "tell", lambda *_, **__: None)
