@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import clean_control_last
 from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.hypotheses.controltests import control_tests
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.conditions import Conditions
 from anaplot.bundle.solve.externalreliability import external_reliability
@@ -372,6 +373,49 @@ def test_conditions_free_of_error_that_depend_on_each_other_are_named() -> None:
     both = condition(firm, "distance", " ".join(held), 0.0)
     with pytest.raises(InputError, match="free of error"):
         adjust_block(replace(firm.block, conditions=(both,)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "points", "sigma", "axis"),
+    [
+        ("distance", "p1 p6", 0.001, "X"),
+        ("distance", "p1 p6", 0.0, "X"),
+        ("plane", "p1 p2 p5 p6 p10", 0.02, "Z"),
+        ("plane", "p1 p2 p5 p6 p10", 0.0, "Z"),
+    ],
+)
+def test_control_free_of_error_is_given_up_in_its_conditions_too(
+    kind, points, sigma, axis, monkeypatch
+) -> None:
+    scene = flat_scene(control_sigma=0.0)
+    off = 0.05 if kind == "distance" else 0.0
+    tied = (condition(scene, kind, points, sigma, off=off),)
+    block = adjust_block(replace(scene.block, conditions=tied))
+    (found,) = (
+        one for one in control_tests(block).coordinates if (one.point, one.axis) == ("p1", axis)
+    )
+    # against an adjustment in which the coordinate is unknown
+    at = "XYZ".index(axis)
+    rows = []
+    for row in scene.block.control:
+        if row.point == "p1":
+            given = row.xyz[at]
+            row = replace(row, xyz=tuple(None if k == at else v for k, v in enumerate(row.xyz)))
+        rows.append(row)
+    without = adjust_block(replace(scene.block, conditions=tied, control=tuple(rows)))
+    place = without.problem.points.index("p1")
+    adjusted = (without.state.points + without.state.origin)[place, at]
+    assert found.difference == pytest.approx(adjusted - given, rel=1e-2, abs=2e-4)
+    assert found.s == pytest.approx(sqrt(without.cofactors.points[place, at, at]), rel=1e-3)
+    saved = block.vtpv - without.vtpv
+    assert found.verdict.known.square == pytest.approx(saved, rel=1e-2, abs=1e-3)
+    # one by one the same
+    together = control_tests(block)
+    monkeypatch.setattr("anaplot.bundle.hypotheses.controltests._MOST", 0)
+    for one, other in zip(control_tests(block).points, together.points, strict=True):
+        assert one.conditions == other.conditions
+        square = other.verdict.known.square
+        assert one.verdict.known.square == pytest.approx(square, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,11 @@ d, R the projector on the residuals (e = R e at the minimum), the linear model g
 
 without another adjustment. M^-1 is the covariance of d for sigma0 = 1: that of the given
 coordinates and that of the photogrammetric ones without them, together. A weighted coordinate has
--1/sigma in its own row; one free of error has the derivatives of its rays. The residuals of the
-test's own variance factor are those that remain when the coordinates are given up.
+-1/sigma in its own row; one free of error has the derivatives of its rays, and those D of the
+conditions between points that name it. With G and M_c of the conditions (see
+`anaplot.bundle.solve.conditionupdate`) and C of the other rows, they add D'M_c^-1 D - X - X' to M,
+X = (J'C)'G M_c^-1 D: finite for conditions free of error, too. The residuals of the test's own
+variance factor are those that remain when the coordinates are given up.
 
 A free or minimal datum uses no control. There the given coordinates are tested against the network
 up to a similarity: with C the covariances of both together and G what a change of datum does to
@@ -358,7 +361,57 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
                 taken = block.cofactors.points[point][np.ix_(axes, axes)]
                 taken = taken * weight[:, None] * weight
             information[index] -= taken
+    tied = _tied(block, places, fixed, sides, together=together)
+    if tied is not None:
+        score += tied.score
+        information += tied.information
+        size += tied.size
     return _Control(places, fixed, score, information, size)
+
+
+class _Tied(NamedTuple):
+    """What conditions between points add to g, to M, and to the terms that M is made of."""
+
+    score: Array
+    information: Array
+    size: Array
+
+
+def _tied(
+    block: AdjustedBlock,
+    places: list[tuple[int, int]],
+    fixed: Bools,
+    sides: Callable[[range], Sides],
+    *,
+    together: bool,
+) -> _Tied | None:
+    """Return the part of conditions that name control free of error; None without any.
+
+    `sides` are J'C of the other rows; not `together`: of M only the blocks of points are needed.
+    """
+    conditions = block.problem.conditions
+    normal, factor = block.cofactors.normal, block.cofactors.factor
+    update = normal.update(factor)
+    if conditions is None or update is None:
+        return None
+    # as if no coordinate were free of error
+    equations = conditions.equations(block.state.points, np.zeros_like(block.problem.fixed))
+    columns = [3 * point + axis for point, axis in places]
+    d: Array = equations.whitened[:, columns].toarray() * fixed
+    mine = np.flatnonzero(d.any(axis=0))
+    if not len(mine):
+        return None
+    weighted = update.inner @ d
+    own = d.T @ weighted
+    gained = [(part @ weighted[:, mine]).reshape(-1, len(mine)) for part in update.gain]
+    named = {places[k][0] for k in mine.tolist()}
+    beside = np.zeros_like(own)
+    for k, (point, _) in enumerate(places):
+        if together or point in named:
+            for side, gain in zip(sides(range(k, k + 1)), gained, strict=True):
+                beside[k, mine] += side.ravel() @ gain
+    left = equations.contrasts.T @ normal.conditions_left(factor)
+    return _Tied(d.T @ left, own - beside - beside.T, np.diag(own).copy())
 
 
 def _derivatives(block: AdjustedBlock) -> Array:
