@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from anaplot.exchange.blockfolder import image_points_digest
 from anaplot.exchange.journal import Journal, Recovered
 from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
 from anaplot.session.state import fold, start
@@ -68,6 +69,7 @@ class TakenUp:
             The journal does not fit the block, or somebody else changed a row of the session's;
             what a strategy for gross errors rejected there is taken over.
         """
+        self._read_again()
         past = past_of(self._folder, self.block, recovered)
         self.decided = taken = decisions(self.block, past.state)
         self.past = past = replace(
@@ -78,3 +80,11 @@ class TakenUp:
         )
         self.points = PointsFile(self._folder, self._read, past.of_session)
         check_unedited(self._folder, self.block, past.state, self.points.of_session)
+
+    def _read_again(self) -> None:
+        """Read image_points.csv again where it was written before the lock was had."""
+        if image_points_digest(self._folder) == self._read.digest:
+            return
+        now = BlockRead.of(self._folder)
+        self.block = replace(self.block, image_points=now.block.image_points)
+        self._read = replace(now, block=self.block)

@@ -37,9 +37,11 @@ from anaplot.session.state import EventRefusedError, SessionState, apply, fold
 from anaplot.session.undone import undone
 from anaplot.station.edited import check_unedited, journaled
 from anaplot.station.imagepoints import merged_rows, rows_of
+from anaplot.station.pointsfile import BlockRead
 from anaplot.station.rejectedelsewhere import agreeing, decisions, told_decisions
 from anaplot.station.replay import replay_session
 from anaplot.station.station import Station
+from anaplot.station.takenup import TakenUp
 
 
 def measured(photos: int = 4, seed: int = 5) -> tuple[Scene, list[Event], SessionState]:
@@ -245,6 +247,27 @@ def test_open_takes_over_what_adjust_applied(
     assert read_block(folder).image_points != rows
     with Station(folder) as station:
         assert station.state.models == after.models
+
+
+def test_what_adjust_applies_while_the_block_is_being_opened_is_taken_over(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "b"
+    state = folder_of(folder)
+    read = BlockRead.of(folder)
+    point = state.models[0].plan[0].point
+    file = applied(
+        read.block.image_points, [("image", "102", point, "101/102", axis) for axis in "xy"], "tau"
+    )
+    write_image_points(folder, file)
+    taken_up = TakenUp(folder, read)
+    journal, _ = taken_up.open({})
+    try:
+        assert (point, "y") in taken_up.past.state.models[0].off
+        taken_up.points.write(taken_up.past.state)
+    finally:
+        journal.close()
+    assert read_block(folder).image_points == taken_up.block.image_points == file
 
 
 def test_what_else_was_changed_is_refused_as_ever(tmp_path: Path) -> None:
