@@ -318,6 +318,22 @@ def test_what_is_compared_changes_nothing() -> None:
     assert rows[-1].w is None
 
 
+@pytest.mark.parametrize("use", ["check", "off"])
+@pytest.mark.parametrize(("kind", "points"), [("plane", "p5 p6 p7 p8"), ("distance", "p2 p17")])
+def test_a_condition_that_means_nothing_is_compared_without_numbers(kind, points, use) -> None:
+    scene = _with_twin() if kind == "distance" else flat_scene(noise_um=0.0)
+    bad = replace(
+        condition(scene, kind, points, 0.02, use=use), value=1.0 if kind == "distance" else None
+    )
+    good = condition(scene, "distance", "p2 p7", 0.02, use="check")
+    block = adjust_block(replace(scene.block, conditions=(bad, good)))
+    *without, last = compared_conditions(block)
+    assert {row.row.id for row in without} == {bad.id}
+    assert all(row.difference is row.s is row.w is None for row in without)
+    (alone,) = compared_conditions(adjust_block(replace(scene.block, conditions=(good,))))
+    assert last == alone
+
+
 def test_a_free_network_takes_what_is_of_shape_alone_and_compares_lengths() -> None:
     scene = flat_scene()
     block = adjust_block(

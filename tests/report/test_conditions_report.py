@@ -119,6 +119,23 @@ def test_degenerate_conditions_are_not_computable(folder, capsys) -> None:
     assert said.count("\n") == 1
 
 
+def test_a_degenerate_condition_that_is_off_stops_nothing(adjusted, folder, capsys) -> None:
+    block, _ = adjusted
+    twins = [replace(row, point="q6") for row in block.image_points if row.point == "p6"]
+    write_image_points(folder, (*block.image_points, *twins))
+    path = folder / "distances.csv"
+    path.write_text("from,to,distance,sigma,use\np6,q6,3,0.1,control\n")
+    assert main(["adjust", str(folder)]) == 4
+    assert "distances.csv:2: points p6 and q6 coincide" in capsys.readouterr().err
+    for use in ("off", "check"):
+        path.write_text(f"from,to,distance,sigma,use\np6,q6,3,0.1,{use}\n")
+        row = answer_of(capsys, "adjust", str(folder))["conditions"][0]
+        assert row["use"] == use
+        assert row["v"] is row["w"] is row["s"] is None
+        assert main(["adjust", str(folder)]) == 0
+        assert "p6 q6" in capsys.readouterr().out
+
+
 def test_a_block_without_them_has_an_empty_list(adjusted) -> None:
     block, _ = adjusted
     assert adjust(replace(block, image_points=block.image_points)).to_dict()["conditions"] == []

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.conditions import ConditionRow
+from anaplot.bundle.solve.conditions import ConditionRow, Conditions
+from anaplot.errors import NotComputableError
 
 __all__ = ["ComparedRow", "compared_conditions"]
 
@@ -24,7 +26,8 @@ class ComparedRow(NamedTuple):
     unit
         "m" or "rad".
     difference
-        Adjusted minus given.
+        Adjusted minus given; None where its points coincide, or lie on a line where something else
+        is asked for.
     s
         Standard deviation of the difference, of the adjusted points and of what is given; None
         where it is off, without sigma0, and outside the datum of control, in which lengths mean
@@ -34,28 +37,48 @@ class ComparedRow(NamedTuple):
     row: ConditionRow
     use: Literal["check", "off"]
     unit: Literal["m", "rad"]
-    difference: float
+    difference: float | None
     s: float | None
 
     @property
     def w(self) -> float | None:
         """The difference in its standard deviations."""
-        return self.difference / self.s if self.s else None
+        return self.difference / self.s if self.s and self.difference is not None else None
 
 
 def compared_conditions(block: AdjustedBlock) -> list[ComparedRow]:
-    """Return the rows of the conditions that are compared only, or off.
-
-    Raises
-    ------
-    NotComputableError
-        Points of one of them coincide, or lie on a line where a plane is asked for.
-    """
-    problem, normal = block.problem, block.cofactors.normal
-    of = problem.compared
+    """Return the rows of the conditions that are compared only, or off."""
+    of, fixed = block.problem.compared, block.problem.fixed
     if of is None:
         return []
+    sound = set()
+    for k in range(len(of.conditions)):
+        with suppress(NotComputableError):
+            of.those([k]).equations(block.state.points, fixed)
+            sound.add(k)
+    found = iter(_compared(block, of.those(sorted(sound))) if sound else [])
+    out = []
+    for row, k, angular in zip(of.rows, of.of_row.tolist(), of.angular.tolist(), strict=True):
+        off = of.conditions[k].use == "off"
+        difference, s = next(found) if k in sound else (None, None)
+        out.append(
+            ComparedRow(
+                row,
+                "off" if off else "check",
+                "rad" if angular else "m",
+                difference,
+                None if off else s,
+            )
+        )
+    return out
+
+
+def _compared(block: AdjustedBlock, of: Conditions) -> list[tuple[float | None, float | None]]:
+    """Return differences of the rows of conditions, and their standard deviations."""
+    problem, normal = block.problem, block.cofactors.normal
     equations = of.equations(block.state.points, problem.fixed)
+    if problem.datum != "control" or block.sigma is None:
+        return [(difference, None) for difference in equations.misclosure.tolist()]
     q = equations.whitened.shape[0]
     photos = np.zeros((len(problem.photos), problem.per_photo, q))
     points = equations.whitened.toarray().T.reshape(len(problem.points), 3, q)
@@ -64,25 +87,5 @@ def compared_conditions(block: AdjustedBlock) -> list[ComparedRow]:
     spread = np.eye(q) + equations.whitened @ moved[1].reshape(-1, q)
     contrasts = equations.contrasts
     variance = (contrasts @ (contrasts @ spread).T).diagonal() * equations.sigma**2
-    known = problem.datum == "control" and block.sigma is not None
-    deviations = (np.sqrt(np.maximum(variance, 0.0)) * (block.sigma or 0.0)).tolist()
-    out = []
-    for row, condition, angular, difference, s in zip(
-        of.rows,
-        of.of_row.tolist(),
-        of.angular.tolist(),
-        equations.misclosure.tolist(),
-        deviations,
-        strict=True,
-    ):
-        off = of.conditions[condition].use == "off"
-        out.append(
-            ComparedRow(
-                row,
-                "off" if off else "check",
-                "rad" if angular else "m",
-                difference,
-                s if known and not off else None,
-            )
-        )
-    return out
+    s = np.sqrt(np.maximum(variance, 0.0)) * block.sigma
+    return list(zip(equations.misclosure.tolist(), s.tolist(), strict=True))

@@ -160,6 +160,14 @@ class Conditions:
         """(n,) which rows are angles [rad]; the others are lengths [m]."""
         return np.array([row.axis == "angle" for row in self.rows], dtype=bool)
 
+    def those(self, some: Sequence[int]) -> Conditions:
+        """Return some of the conditions, by ascending numbers."""
+        return Conditions(
+            tuple(self.conditions[k] for k in some),
+            tuple(self.points[k] for k in some),
+            self.rejected[np.isin(self.of_row, some)],
+        )
+
     @property
     def every(self) -> Conditions:
         """The same with all rows."""
