@@ -31,16 +31,13 @@ def point_pattern_of(name: str, folder: Path, block: Block) -> PointPattern:
     if not is_pattern_file(name):
         return pattern(name)
     path = Path(name)
-    file = read_pattern(path)
-    own = OwnPattern(_recorded_name(path, folder), file.places, file.ties)
-    fault = pattern_fault(own, block)
-    if fault is not None:
-        raise file.fault(*fault)
-    return own
+    return _own_pattern(path, _recorded_name(path, folder), block)
 
 
 def pattern_of_block(folder: Path, block: Block, usual: str) -> PointPattern:
     """Return the pattern that block.toml states, a file standing beside it, or else the usual one.
+
+    A file is recorded by the name that block.toml has for it.
 
     Raises
     ------
@@ -48,7 +45,17 @@ def pattern_of_block(folder: Path, block: Block, usual: str) -> PointPattern:
         As `point_pattern_of`.
     """
     name = block.measuring.pattern or usual
-    return point_pattern_of(str(folder / name) if is_pattern_file(name) else name, folder, block)
+    return _own_pattern(folder / name, name, block) if is_pattern_file(name) else pattern(name)
+
+
+def _own_pattern(path: Path, name: str, block: Block) -> OwnPattern:
+    """Return the pattern of a file, under a name."""
+    file = read_pattern(path)
+    own = OwnPattern(name, file.places, file.ties)
+    fault = pattern_fault(own, block)
+    if fault is not None:
+        raise file.fault(*fault)
+    return own
 
 
 def pattern_points(pattern: PointPattern) -> tuple[PatternPoint, ...] | None:

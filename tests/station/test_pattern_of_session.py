@@ -14,6 +14,7 @@ from anaplot.exchange.journal import Journal, read_journal
 from anaplot.exchange.patternfile import read_pattern
 from anaplot.orientation.ownpattern import OwnPattern
 from anaplot.session.events import ModelChosen, PlannedPoint
+from anaplot.simulation.opening import open_station
 from anaplot.station.payloads import opened_by
 from anaplot.station.rebuild import rebuild
 from anaplot.station.replay import recorded_block, replay_session
@@ -57,9 +58,12 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-def opened(folder: Path, pattern: Path) -> Path:
-    """Open a station with a pattern's file, begin a model, and return its folder."""
-    Station(folder, point_pattern=str(pattern)).close()
+def opened(folder: Path, pattern: Path | None) -> Path:
+    """Open a station with a pattern's file or the block's, begin a model, return its folder."""
+    if pattern is None:
+        open_station(folder).close()
+    else:
+        Station(folder, point_pattern=str(pattern)).close()
     journal, _ = Journal.open(folder, {})
     append_event(journal, ModelChosen("1", "101", "102", PLAN))
     journal.close()
@@ -96,6 +100,28 @@ def test_a_rebuilt_block_has_the_pattern_of_the_session(
         assert read_block(new).measuring.pattern == "mine.csv"
         assert read_pattern(new / "mine.csv").points == points
     Station(tmp_path / "saved", point_pattern=str(tmp_path / "saved" / "mine.csv")).close()
+
+
+@pytest.mark.parametrize("kind", ["dot", "absolute", "link"])
+def test_the_blocks_pattern_is_recorded_as_the_block_names_it(
+    folder: Path, tmp_path: Path, kind: str
+) -> None:
+    points = read_pattern(folder / "mine.csv").points
+    name = {"dot": "./mine.csv", "absolute": str(folder / "mine.csv"), "link": "link.csv"}[kind]
+    (folder / "link.csv").symlink_to("mine.csv")
+    (folder / "block.toml").write_text(BLOCK.replace("mine.csv", name))
+    opened(folder, None)
+    records = read_journal(folder).records
+    assert opened_by(records[0]).pattern == name
+    (folder / "mine.csv").unlink()
+    assert recorded_block(folder, records).measuring.points == points
+    rebuild(replay_session(folder), tmp_path / "again")
+    salvage(folder, tmp_path / "saved")
+    for new in (tmp_path / "again", tmp_path / "saved"):
+        measuring = read_block(new).measuring
+        assert measuring.pattern is not None
+        assert read_pattern(new / measuring.pattern).points == points
+        open_station(new).close()
 
 
 def test_a_pattern_that_stood_elsewhere_comes_to_stand_in_the_folder(
