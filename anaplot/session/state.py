@@ -49,8 +49,19 @@ from anaplot.session.returning import (
 )
 from anaplot.session.takingover import Decided, decided
 
-__all__ = ["EventRefusedError", "Measured", "ModelState", "SessionState", "apply", "fold", "start"]
+__all__ = [
+    "WHILE_SUSPENDED",
+    "EventRefusedError",
+    "Measured",
+    "ModelState",
+    "SessionState",
+    "apply",
+    "fold",
+    "start",
+]
 
+# what was decided elsewhere waits for nobody
+WHILE_SUSPENDED = Resumed | DecisionsTakenOver
 _HISTORY = 1000  # undo reaches back this many events
 
 
@@ -171,8 +182,7 @@ def apply(state: SessionState, event: Event) -> SessionState:
     EventRefusedError
         When the event cannot happen in this state; says why.
     """
-    # what was decided elsewhere waits for nobody
-    if state.suspended and not isinstance(event, Resumed | DecisionsTakenOver):
+    if state.suspended and not isinstance(event, WHILE_SUSPENDED):
         raise EventRefusedError("work is suspended: resume first")
     after = _happened(state, event)
     if isinstance(event, Suspended | Resumed | ReasonGiven):

@@ -35,7 +35,14 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
-from anaplot.session.state import EventRefusedError, SessionState, apply, fold, start
+from anaplot.session.state import (
+    WHILE_SUSPENDED,
+    EventRefusedError,
+    SessionState,
+    apply,
+    fold,
+    start,
+)
 from anaplot.station.payloads import heard_in, inner_table_of, opened_by, table_of
 from anaplot.station.rebuild import rebuild
 from anaplot.station.replay import Replayed, recorded_block
@@ -212,7 +219,7 @@ class _Fold:
         events: list[Event] = []
         words: list[str] = []
         current = self.state.current
-        if self.state.suspended and not isinstance(event, Resumed):
+        if self.state.suspended and not isinstance(event, WHILE_SUSPENDED):
             events.append(Resumed())
             words.append("work was resumed")
         here = _photos_of(event)

@@ -14,6 +14,8 @@ from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.journal import Journal, read_journal
 from anaplot.exchange.recordline import encode_line
 from anaplot.session.events import (
+    DecidedRow,
+    DecisionsTakenOver,
     ModelAccepted,
     ModelChosen,
     ModelReopened,
@@ -68,6 +70,10 @@ def measured(left: str, right: str, name: str) -> PointMeasured:
 
 def chosen(left: str, right: str, *points: PlannedPoint) -> ModelChosen:
     return ModelChosen("1", left, right, points, False)
+
+
+def rejected(name: str) -> DecidedRow:
+    return DecidedRow("101", "102", name, "y", False, "tau")
 
 
 FIRST = chosen("101", "102", planned("1"), planned("2"), planned("3"))
@@ -265,6 +271,17 @@ def test_what_rests_on_something_lost_is_left_out_or_assumed(tmp_path):
         "row-switched: point 1 is not measured in model 101/102"
     ]
     assert [words.partition("line 7: ")[2] for words in out.assumed] == ["work was resumed"]
+
+
+def test_decisions_taken_over_while_work_is_suspended_resume_nothing(tmp_path):
+    points = [measured("101", "102", name) for name in "123"]
+    taken = DecisionsTakenOver((rejected("2"),))
+    session = Session(tmp_path, FIRST, *points, ACCEPTED, Suspended(), taken, Resumed())
+    session.damage(1)
+    out = session.salvaged()
+    assert (out.left_out, out.assumed) == ((), ())
+    assert out.state.models[0].off == {("2", "y")}
+    assert not out.state.suspended
 
 
 def test_a_point_whose_plan_is_lost_was_planned(tmp_path):
