@@ -22,6 +22,8 @@ from anaplot.exchange.recordline import JOURNAL_FORMAT, encode_line
 from anaplot.exchange.salvage import Gap, read_what_can_be_read
 from anaplot.session.events import (
     EVENT_KINDS,
+    DecidedRow,
+    DecisionsTakenOver,
     Event,
     ModelAccepted,
     ModelChosen,
@@ -212,6 +214,9 @@ class _Fold:
         if not isinstance(event, Suspended | Resumed | ReasonGiven):
             self._changed |= state.last_change is not None and state.last_change.latest
         self.assumed += [f"{where}: {word}" for word in words]
+        fallen = _fallen(event, events[-1])
+        if fallen:
+            self.left_out.append(f"{where}: {event.kind}: what does not fit: {plain(fallen)}")
         return events
 
     def _fitting(self, event: Event) -> tuple[list[Event], list[str]]:
@@ -227,6 +232,8 @@ class _Fold:
             put_in, said = self._changed_over(event, here)
             events += put_in
             words += said
+        if isinstance(event, DecisionsTakenOver):
+            return self._decided(event)
         if isinstance(event, ModelChosen):
             ahead = self.state
             with contextlib.suppress(EventRefusedError):
@@ -248,6 +255,28 @@ class _Fold:
                 events.append(PointAdded(_as_known(at, known)))
                 words.append(f"point {plain(event.point)} was added to model {current.name}")
         return [*events, event], words
+
+    def _decided(self, event: DecisionsTakenOver) -> tuple[list[Event], list[str]]:
+        """Return the decisions that fit; before them that the model in work was accepted.
+
+        As a whole where none fits: then it is refused.
+        """
+        ahead, events, words = self.state, list[Event](), list[str]()
+        current = ahead.current
+        if (
+            current is not None
+            and ahead.accepted(*current.photos) is None
+            and any((row.left, row.right) == current.photos for row in event.rows)
+        ):
+            accepted = ModelAccepted(*current.photos)
+            with contextlib.suppress(EventRefusedError):
+                ahead = apply(ahead, accepted)
+                events.append(accepted)
+                words.append(f"model {plain(current.name)} was accepted")
+        rows = event.rows
+        if not _fits(ahead, rows):
+            rows = tuple(row for row in rows if _fits(ahead, (row,))) or rows
+        return [*events, DecisionsTakenOver(rows)], words
 
     def _changed_over(self, event: Event, here: tuple[str, str]) -> tuple[list[Event], list[str]]:
         """Return how the work came to the model of an event: what was accepted or returned to."""
@@ -280,6 +309,23 @@ def _photos_of(event: Event) -> tuple[str, str] | None:
             return event.left, event.right
         case _:
             return None
+
+
+def _fits(state: SessionState, rows: tuple[DecidedRow, ...]) -> bool:
+    try:
+        apply(state, DecisionsTakenOver(rows))
+    except EventRefusedError:
+        return False
+    return True
+
+
+def _fallen(before: Event, after: Event) -> str:
+    """Return which rows of decisions are not among those that were brought over; "" for none."""
+    if not isinstance(before, DecisionsTakenOver) or not isinstance(after, DecisionsTakenOver):
+        return ""
+    kept = set(after.rows)
+    rows = [row for row in before.rows if row not in kept]
+    return ", ".join(f"{row.left}/{row.right} {row.point} {row.axis}" for row in rows)
 
 
 def _as_known(point: PlannedPoint, known: set[str]) -> PlannedPoint:

@@ -284,6 +284,35 @@ def test_decisions_taken_over_while_work_is_suspended_resume_nothing(tmp_path):
     assert not out.state.suspended
 
 
+@pytest.mark.parametrize("lost", [(), (4,)])
+def test_decisions_taken_over_that_fit_still_come_over(tmp_path, lost):
+    points = [measured("101", "102", name) for name in "123"]
+    taken = DecisionsTakenOver((rejected("1"), rejected("2"), rejected("3")))
+    session = Session(tmp_path, FIRST, *points, ACCEPTED, taken, Undone(), taken)
+    session.damage(1, *lost)
+    out = session.salvaged()
+    assert out.state.models[0].off == {("2", "y"), ("3", "y")}
+    assert {row.point for row in out.state.reasons} == {"2", "3"}
+    assert [words.partition("jsonl ")[2] for words in out.left_out] == [
+        f"line {line}: decisions-taken-over: what does not fit: 101/102 1 y" for line in (7, 9)
+    ]
+    assert [words.partition("jsonl ")[2] for words in out.assumed] == [
+        "line 7: model 101/102 was accepted" for _ in lost
+    ]
+
+
+def test_decisions_of_which_none_fits_are_left_out(tmp_path):
+    points = [measured("101", "102", name) for name in "123"]
+    taken = DecisionsTakenOver((rejected("1"),))
+    session = Session(tmp_path, FIRST, *points, ACCEPTED, taken)
+    session.damage(1)
+    out = session.salvaged()
+    assert out.state.models[0].off == frozenset()
+    assert [words.partition("line 7: ")[2] for words in out.left_out] == [
+        "decisions-taken-over: model 101/102 has no row y of point 1"
+    ]
+
+
 def test_a_point_whose_plan_is_lost_was_planned(tmp_path):
     session = Session(tmp_path, FIRST)
     with Journal.open(session.folder, {})[0] as journal:  # line 3: opened
