@@ -495,8 +495,8 @@ class _InWork:
             off = now.xyz - then.xyz
             count = max(then.errors.shape[1], now.errors.shape[1])
             errors = widened(now.errors, count) - widened(then.errors, count)
-            cov = self._sigma0**2 * errors @ errors.T
-            if float(off @ np.linalg.solve(cov, off)) > _STRAYED:
+            cov = self._sigma0**2 * errors @ errors.T  # 0: not computed anew, the place is kept
+            if cov.any() and float(off @ np.linalg.solve(cov, off)) > _STRAYED:
                 out.append((name, float(np.linalg.norm(off)), of))
         return tuple(out)
 

@@ -9,11 +9,13 @@ from transferscene import BlockBench, flown, marked, second_strip_begun
 from anaplot.exchange.eventcodec import event_from_payload, event_to_payload
 from anaplot.photogrammetry.readings import InPosition, Position, Record
 from anaplot.planning.synthetic import synthetic_strip
+from anaplot.session import transfer as transfer_module
 from anaplot.session.commands import Accept, AddPoint, Drive, NextModel, Switch, Undo
 from anaplot.session.desk import Desk
 from anaplot.session.events import PlannedPoint, PointAdded, PointMeasured, RowSwitched
+from anaplot.session.models import geometry_of
 from anaplot.session.state import EventRefusedError, apply, fold, start
-from anaplot.session.transfer import GROUND, Known, transfer
+from anaplot.session.transfer import GROUND, NOTHING_KNOWN, Known, transfer, transfer_of_strip
 
 SEEDS = (1, 5)
 
@@ -238,7 +240,7 @@ def record(bench, name, place):
 
 
 @pytest.mark.slow
-def test_an_id_that_an_earlier_model_has_elsewhere_is_told():
+def test_an_id_that_an_earlier_model_has_elsewhere_is_told(monkeypatch):
     made = flown(4)
     bench = BlockBench.over(made, {p: v for p, v in marked(made).items() if p < "2"}, 4)
     bench.block(2)
@@ -253,6 +255,19 @@ def test_an_id_that_an_earlier_model_has_elsewhere_is_told():
     place = bench.true(bench.desk.state.current.plan[-1].point) + 1.0
     record(bench, first, place)
     assert any(t.startswith(f"{first} measured ") and "101/102 has it" in t for t in bench.told)
+    # a place that could not be computed anew stays the former one: no two places to compare
+    block, models, current = made.block, bench.desk.state.models, bench.desk.state.current
+    (last,) = transfer_of_strip(block, (*models, current), (*models, current), NOTHING_KNOWN, 1)
+    assert [name for name, _, _ in last.strayed] == [first]
+    former = geometry_of(block, models[:1]).points[first]
+
+    def kept(block, chain):
+        geometry = geometry_of(block, chain)
+        return replace(geometry, points={**geometry.points, first: former})
+
+    monkeypatch.setattr(transfer_module, "geometry_of", kept)
+    (last,) = transfer_of_strip(block, (*models, current), (*models, current), NOTHING_KNOWN, 1)
+    assert last.strayed == ()
 
 
 def test_a_single_strip_without_control_has_nothing_of_all_that():
