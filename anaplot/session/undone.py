@@ -8,6 +8,8 @@ from anaplot.session.state import SessionState
 
 __all__ = ["undone"]
 
+_FEW = 6  # rows are named, and models; more are counted
+
 
 def undone(before: SessionState, after: SessionState) -> str:
     """Return what an undo has taken back: what holds again now.
@@ -46,11 +48,21 @@ def _elsewhere(before: SessionState, after: SessionState) -> str:
     if (before.returned is None) != (after.returned is None):
         return ""
     changed = [
-        f"{now.name}: {rows}"
+        (now.name, rows, state)
         for was, now in zip(before.models, after.models, strict=True)
-        if (rows := _rows(was.off, now.off, ""))
+        for rows, state in ((was.off - now.off, "on"), (now.off - was.off, "off"))
+        if rows
     ]
-    return "; ".join(changed)
+    if len(changed) > _FEW:
+        many = sum(len(rows) for _, rows, _ in changed)
+        models = len({name for name, _, _ in changed})
+        states = " or ".join(sorted({state for _, _, state in changed}, reverse=True))
+        return f"{many} rows of {models} models {states} again"
+    few = sum(len(rows) for _, rows, _ in changed) <= _FEW
+    return "; ".join(
+        f"{name}: {_named(rows) if few or len(rows) == 1 else f'{len(rows)} rows'} {state} again"
+        for name, rows, state in changed
+    )
 
 
 def _inner(was: ModelState, now: ModelState) -> str:
@@ -92,9 +104,12 @@ def _rows(was: frozenset[tuple[str, str]], now: frozenset[tuple[str, str]], kind
     """Return which rows are on or off again."""
     for rows, state in ((was - now, "on"), (now - was, "off")):
         if rows:
-            names = [f"{point} {axis}" for point, axis in sorted(rows)]
-            return f"{kind}{_listed(names)} {state} again"
+            return f"{kind}{_named(rows)} {state} again"
     return ""
+
+
+def _named(rows: frozenset[tuple[str, str]]) -> str:
+    return _listed([f"{point} {axis}" for point, axis in sorted(rows)])
 
 
 def _listed(names: list[str]) -> str:

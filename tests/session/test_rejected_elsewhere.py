@@ -164,6 +164,33 @@ def test_undo_takes_it_back_and_says_so() -> None:
     assert apply(back, ModelAccepted("101", "102")).models[0].off == after.models[0].off
 
 
+def test_more_than_a_few_rows_taken_back_are_counted() -> None:
+    _, _, state = measured(3)
+    few, many = (
+        replace(
+            state,
+            models=tuple(
+                replace(m, off=m.off | {(p.point, "y") for p in m.plan[:n]}) for m in state.models
+            ),
+        )
+        for n in (2, 5)
+    )
+    names = [p.point for p in state.models[0].plan[:2]]
+    assert f"101/102: {', '.join(f'{n} y' for n in sorted(names))} on again; 10" in undone(
+        few, state
+    )
+    assert undone(many, state) == "101/102: 5 rows on again; 102/103: 5 rows on again"
+    assert undone(state, many) == "101/102: 5 rows off again; 102/103: 5 rows off again"
+    first = state.models[0]
+    block = [replace(first, right=f"{k}") for k in range(300)]
+    off = [replace(m, off=frozenset((p.point, "y") for p in m.plan[:3])) for m in block]
+    on = [replace(m, off=frozenset()) for m in block]
+    before, after = replace(state, models=tuple(off)), replace(state, models=tuple(on))
+    assert undone(before, after) == "900 rows of 300 models on again"
+    mixed = replace(before, models=(on[0], *off[1:])), replace(before, models=(off[0], *on[1:]))
+    assert undone(*mixed) == "900 rows of 300 models on or off again"
+
+
 def test_what_does_not_fit_is_refused() -> None:
     scene, _, state = measured(3)
     row = DecidedRow("101", "102", "nobody", "y", False, "tau")
