@@ -234,6 +234,7 @@ def run_console(
     InputError
         When the keymap cannot be read or is not valid.
     """
+    interval = sys.getswitchinterval()
     try:
         keys = (
             load_keymap(default_path(), required=False) if keymap is None else load_keymap(keymap)
@@ -243,6 +244,7 @@ def run_console(
         sys.setswitchinterval(_SWITCH)
         result = app.run()
     finally:
+        sys.setswitchinterval(interval)
         station.close()
     if result == KEPT and keep is not None:
         keep()

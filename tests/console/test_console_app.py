@@ -1,6 +1,8 @@
 """The screen driven by its keys, over a station made of dataclasses."""
 
+import contextlib
 import re
+import sys
 import threading
 from dataclasses import replace
 
@@ -747,6 +749,24 @@ def test_running_closes_the_station_whatever_happens(tmp_path):
     with pytest.raises(InputError, match="file not found"):
         run_console(station, keymap=tmp_path / "none.toml")
     assert station.closed == 1
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_running_leaves_threads_to_take_turns_as_before(monkeypatch, tmp_path, fails):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    before, within = sys.getswitchinterval(), []
+
+    def run(self):
+        within.append(sys.getswitchinterval())
+        if fails:
+            raise InputError("no screen")
+
+    monkeypatch.setattr(ConsoleApp, "run", run)
+    station = FakeStation()
+    with pytest.raises(InputError) if fails else contextlib.nullcontext():
+        run_console(station)
+    assert within[0] < before
+    assert sys.getswitchinterval() == before
 
 
 def test_running_returns_what_the_application_says(monkeypatch, tmp_path):
