@@ -24,6 +24,7 @@ from anaplot.bundle.hypotheses.controltests import control_tests
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.conditions import Conditions
 from anaplot.bundle.solve.externalreliability import external_reliability
+from anaplot.bundle.solve.normal import move, objective
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.errors import InputError, NotComputableError
@@ -368,6 +369,32 @@ def test_degenerate_conditions_are_named(kind, points, sigma, what) -> None:
     one = replace(one, where="conditions.csv:4", value=1.0 if one.value is not None else None)
     with pytest.raises(NotComputableError, match=rf"conditions\.csv:4.*{what}"):
         adjust_block(replace(scene.block, conditions=(one,)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "points"), [("distance", "p6 p7"), ("plane", "p1 p6 p10 p11 p15")]
+)
+def test_a_trial_step_into_a_state_without_meaning_is_damped(kind, points, monkeypatch) -> None:
+    scene = flat_scene()
+    conditions = [condition(scene, kind, points, 0.05)]
+    expected = with_conditions(scene, conditions)
+    names = points.split()
+    met = []
+
+    def astray(problem, state, *corrections):
+        found = move(problem, state, *corrections)
+        if met:
+            return found
+        at = [problem.points.index(name) for name in names]
+        places = found.points.copy()
+        places[at] = places[at[0]] + 0.5 * np.arange(len(at))[:, None] * (kind == "plane")
+        met.append(replace(found, points=places))
+        return met[0]
+
+    monkeypatch.setattr("anaplot.bundle.solve.gaussnewton.move", astray)
+    found = with_conditions(scene, conditions)
+    assert objective(found.problem, met[0])[0] == float("inf")
+    np.testing.assert_allclose(found.state.points, expected.state.points, atol=1e-5)
 
 
 def _with_twin():

@@ -125,6 +125,8 @@ def find_minimum(
     state = start
     value, depth = objective(problem, state)
     if not value < float("inf"):
+        # a condition that means nothing there is named
+        linearise(problem, state)
         raise NoConvergenceError(
             f"block {problem.block.name}: the approximate values put a point into a photo's centre",
             start,

@@ -24,6 +24,7 @@ from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivat
 from anaplot.bundle.solve.pointroots import PointError, inverse_roots
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Piece, Structure
+from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.collinearity import turns
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
@@ -145,14 +146,20 @@ def image_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array
 
 
 def objective(problem: Problem, state: BlockState) -> tuple[float, Array]:
-    """Return v'Pv at a state, and the depth of every ray's point [m]."""
+    """Return v'Pv at a state, and the depth of every ray's point [m].
+
+    Infinite where a condition means nothing, as where its points coincide: `linearise` says which.
+    """
     e, depth = image_misclosures(problem, state)
     if problem.rejected is not None:
         e[problem.rejected] = 0.0
     total = float(np.vdot(e, e))
     for part in _prior_misclosures(problem, state):
         total += float(np.vdot(part, part))
-    conditions = _condition_equations(problem, state)
+    try:
+        conditions = _condition_equations(problem, state)
+    except NotComputableError:
+        return float("inf"), depth
     if conditions is not None:
         total += float(np.vdot(conditions.e, conditions.e))
     return (total if total == total else float("inf")), depth

@@ -31,6 +31,7 @@ def reintersected(problem: Problem, state: BlockState) -> BlockState:
     """
     count = len(problem.points)
     damping = np.full(count, _DAMPING)
+    problem = replace(problem, conditions=None)  # those tie points together
     linear = linearise(problem, state)
     cost = _costs(problem, linear)
     for _ in range(_ROUNDS):
