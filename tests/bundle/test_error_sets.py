@@ -46,6 +46,34 @@ def test_a_set_of_one_is_the_test_of_that_observation(adjusted) -> None:
         )
 
 
+def test_conditions_free_of_error_are_tested_as_by_themselves_and_beside_others() -> None:
+    scene = flat_scene()
+    block = with_conditions(scene, every_kind(scene, firm=(0, 1, 2)))
+    rows = [row for row in block.condition_rows() if row.use]
+    firm = [row for row in rows if row.key[1] in {one.id for one in every_kind(scene)[:3]}]
+    for row in firm:
+        (found,) = error_set_tests(block, [ErrorSet("one", (row.key,))])
+        assert found.dimension == 1
+        assert found.square == pytest.approx((row.w * block.sigma0) ** 2, rel=1e-6)
+        known = f_noncentrality(0.001, 0.80, 1)
+        assert abs(found.errors[0].worst) == pytest.approx(
+            row.mdb * np.sqrt(found.noncentrality / known), rel=1e-6
+        )
+    # all rows of a plane: as many directions as it has conditions
+    plane = [row.key for row in firm if row.axis == "normal"]
+    (found,) = error_set_tests(block, [ErrorSet("plane", tuple(plane))])
+    assert (found.dimension, found.undetectable) == (2, 3)
+    # beside rays, what giving up both saves, against tiny sigmas in place of none
+    wanted = (firm[0].key, *POINT[:3])
+    tight = [replace(one, sigma=1e-4) if k < 3 else one for k, one in enumerate(every_kind(scene))]
+    other = with_conditions(scene, tight)
+    for shares in (None, (2.0, 1.0, -1.0, 0.5)):
+        (found,) = error_set_tests(block, [ErrorSet("both", wanted, shares)])
+        (limit,) = error_set_tests(other, [ErrorSet("both", wanted, shares)])
+        assert (found.dimension, found.undetectable) == (limit.dimension, 0)
+        assert found.square == pytest.approx(limit.square, rel=1e-3)
+
+
 @pytest.mark.parametrize("shares", [None, "related"])
 def test_the_statistic_is_what_giving_up_the_set_saves(adjusted, shares) -> None:
     # T = v'Pv with the set less v'Pv with its errors as unknowns: from an own dense adjustment

@@ -9,6 +9,10 @@ c_p with z a number (eq. 14). With R = Q_vv P whitened, R_SS = C'RC and e = Rl,
 T being chi-square of rank(R_SS) degrees of freedom if there is no error, and of that noncentrality
 if there is. Of all errors of one size that along the eigenvector of the smallest eigenvalue of R_SS
 is the hardest to detect; along eigenvectors of eigenvalue zero none is, at any size.
+
+Rows of conditions free of error have next to no standard deviation, and next to nothing on the
+diagonal of R. Errors in them are measured by the standard deviation of what a condition would be
+without itself: the root of the largest diagonal element of its rows times smaller.
 """
 
 from __future__ import annotations
@@ -87,7 +91,8 @@ class SetStatistic(NamedTuple):
     Attributes
     ----------
     values
-        (b,) eigenvalues of the directions that are checked, the smallest first.
+        (b,) eigenvalues of the directions that are checked, the smallest first; errors of
+        conditions free of error in their own measure.
     axes
         (k, b) these directions, in standard deviations of the observations.
     parts
@@ -140,7 +145,8 @@ class ErrorSetTest:
         things at once.
     worst_sigmas
         Length of the smallest detectable error along the worst of the directions that are checked,
-        in standard deviations of the observations.
+        in standard deviations of the observations; of conditions free of error in those of the
+        difference that they would have if they did not count.
     moved, moved_m
         The point that this error moves farthest, and by how much in X, Y, Z [m], in the datum of
         control; None otherwise.
@@ -215,10 +221,11 @@ def set_statistic(system: BlockResiduals, rows: Index, shares: Array | None = No
     shares
         (k,) how their errors are related, in the units of the rows; None where they are free.
     """
-    directions = np.eye(len(rows))
+    measure = _measures(system)[rows]
+    directions = np.diag(measure)
     if shares is not None:
         along = shares / system.sigma[rows]
-        directions = (along / np.linalg.norm(along))[:, None]
+        directions = (along / np.linalg.norm(along / measure))[:, None]
     r = directions.T @ system.columns(rows)[rows] @ directions
     values, vectors = np.linalg.eigh(0.5 * (r + r.T))
     seen = values >= TESTABLE
@@ -228,6 +235,18 @@ def set_statistic(system: BlockResiduals, rows: Index, shares: Array | None = No
         vectors[:, seen].T @ (directions.T @ system.e[rows]),
         int((~seen).sum()),
     )
+
+
+def _measures(system: BlockResiduals) -> Array:
+    """(n,) in what errors of rows are measured, in their standard deviations."""
+    out = np.ones(len(system.e))
+    conditions, r = system.problem.conditions, system.cofactors.r_conditions
+    if conditions is not None:
+        largest = np.zeros(len(conditions.conditions))
+        np.maximum.at(largest, conditions.of_row, r)
+        scaled = conditions.firm & (largest[conditions.of_row] > 0.0)
+        out[system.rows.starts[3] :][scaled] = largest[conditions.of_row][scaled] ** -0.5
+    return out
 
 
 def _tested(
