@@ -11,7 +11,8 @@ from anaplot.textfiles.wording import place
 
 __all__ = ["SetRow", "read_error_sets"]
 
-_AXES = ("x", "y", "X", "Y", "Z", "omega", "phi", "kappa")
+_OF_CONDITIONS = ("across", "up", "normal", "length", "distance", "angle")
+_AXES = ("x", "y", "X", "Y", "Z", "omega", "phi", "kappa", *_OF_CONDITIONS)
 
 
 class SetRow(NamedTuple):
@@ -24,7 +25,8 @@ class SetRow(NamedTuple):
     photo, point
         Names; control has no photo, a prior no point.
     axis
-        "x" or "y" of an image point, "X", "Y" or "Z" of control and priors, or an angle of a prior.
+        "x" or "y" of an image point, "X", "Y" or "Z" of control and priors, an angle of a prior, or
+        what a row of a condition is.
     condition
         Where a condition between points stands, as "conditions.csv:3".
     share
@@ -82,6 +84,10 @@ def read_error_sets(path: Path) -> tuple[SetRow, ...]:
         one = SetRow(of, photo, point, axis, condition, share, place(path, table.line(row)))
         if one.photo is None and one.point is None and one.condition is None:
             raise table.fail(row, None, "neither a photo nor a point nor a condition")
+        if one.condition is not None and one.photo is not None:
+            raise table.fail(row, "photo", "not with a condition")
+        if one.condition is None and one.axis in _OF_CONDITIONS:
+            raise table.fail(row, "axis", f"{one.axis} is of a condition, and none is given")
         with_share = one.share is not None
         if shared.setdefault(one.set, with_share) != with_share:
             raise table.fail(row, "share", f"set {one.set}: in some rows only")

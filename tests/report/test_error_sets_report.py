@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import pytest
 from test_adjust_errors import make
@@ -59,6 +60,37 @@ def test_sets_and_functions_are_told(folder, capsys) -> None:
     assert row[-1] == "REJECTED"
     assert any(line[:3] == ["distance", "p6", "p12"] for line in lines)
     assert "directions of its errors: checked by nothing" in text
+
+
+def test_axes_separate_the_rows_of_a_condition(folder, tmp_path, capsys) -> None:
+    other = tmp_path / "block"
+    shutil.copytree(folder, other)
+    (other / "conditions.csv").write_text("kind,points,value,sigma\nline,p6 p7 p8,,500\n")
+    path = tmp_path / "line.csv"
+    path.write_text(
+        "set,condition,point,axis\nlevel,conditions.csv:2,,across\none,conditions.csv:2,p7,up\n"
+        "known,distances.csv:2,,distance\n"
+    )
+    assert main(["adjust", str(other), "--test-set", str(path), "--json"]) == 0
+    sets = {one["set"]: one for one in json.loads(capsys.readouterr().out)["test_sets"]}
+    assert [row["axis"] for row in sets["level"]["observations"]] == ["across"] * 3
+    assert len(sets["one"]["observations"]) == len(sets["known"]["observations"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("row", "what"),
+    [
+        ("a,11,,,distances.csv:2", "photo: not with a condition"),
+        ("a,,p6,across,", "across is of a condition, and none is given"),
+    ],
+)
+def test_rows_that_contradict_themselves_are_refused(folder, tmp_path, row, what, capsys) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(f"set,photo,point,axis,condition\n{row}\n")
+    assert main(["adjust", str(folder), "--test-set", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert "bad.csv line 2" in said
+    assert what in said
 
 
 @pytest.mark.parametrize(
