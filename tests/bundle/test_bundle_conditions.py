@@ -24,6 +24,7 @@ from anaplot.bundle.hypotheses.controltests import control_tests
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.conditions import Conditions
 from anaplot.bundle.solve.externalreliability import external_reliability
+from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.normal import move, objective
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.residuals import block_residuals
@@ -184,6 +185,29 @@ def test_the_minimum_is_that_of_the_dense_sum_of_squares(adjusted) -> None:
     gradient = white.T @ e
     size = np.linalg.norm(white, axis=0) * np.linalg.norm(e)
     assert np.abs(gradient / np.where(size > 0.0, size, 1.0)).max() < 1e-6
+
+
+def test_right_hand_sides_are_solved_for_in_portions_with_the_same_result(
+    adjusted, monkeypatch
+) -> None:
+    block = adjusted("parameters of all photos")
+    normal, factor = block.cofactors.normal, block.cofactors.factor
+    sides = normal.update(factor).gain
+    whole = normal.solve(factor, *sides)
+    widths = []
+    solve = Factor.solve
+
+    def counted(self, right, corner):
+        widths.append(right.shape[-1])
+        return solve(self, right, corner)
+
+    monkeypatch.setattr(Factor, "solve", counted)
+    monkeypatch.setattr("anaplot.bundle.solve.normal._PORTION", 16 * normal.z[:, :, 0].size)
+    parts = normal.solve(factor, *sides)
+    assert max(widths) == 2
+    assert sum(widths) == sides[0].shape[-1]
+    for one, other in zip(parts, whole, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.abs(other).max())
 
 
 def test_a_condition_free_of_error_is_met(adjusted) -> None:

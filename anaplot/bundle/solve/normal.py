@@ -41,6 +41,7 @@ __all__ = [
     "rounding",
 ]
 
+_PORTION = 300_000_000  # bytes of the largest array while right-hand sides are solved for
 Unknowns = tuple[Array, Array, Array]  # of photos (n, d), of points (p, 3), shared (g,)
 
 
@@ -543,7 +544,23 @@ class NormalEquations:
         return out if update is None else update.applied(out)
 
     def _solve(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
-        """Solve without the conditions."""
+        """Solve without the conditions, in portions."""
+        count = photos.shape[2]
+        # the largest array has a value per ray, unknown of its photo, and right-hand side
+        step = max(1, _PORTION // (8 * self.z.shape[0] * self.z.shape[1]))
+        if count <= step:
+            return self._solve_portion(factor, photos, points, shared)
+        found = []
+        for k in range(0, count, step):
+            mine = slice(k, k + step)
+            sides = photos[:, :, mine], points[:, :, mine], shared[:, mine]
+            found.append(self._solve_portion(factor, *sides))
+        x, p, s = (np.concatenate([part[k] for part in found], axis=-1) for k in range(3))
+        return x, p, s
+
+    def _solve_portion(
+        self, factor: Factor, photos: Array, points: Array, shared: Array
+    ) -> Unknowns:
         problem = self.problem
         k = photos.shape[2]
         m, d = self.z.shape[:2]
