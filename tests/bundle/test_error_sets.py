@@ -14,7 +14,7 @@ from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.hypotheses.coordinatefunctions import CoordinateFunction, evaluate_functions
 from anaplot.bundle.hypotheses.errorsets import ErrorSet, error_set_tests, set_statistic
 from anaplot.bundle.hypotheses.verdict import VarianceFactor
-from anaplot.bundle.solve.residuals import residuals_of
+from anaplot.bundle.solve.residuals import BlockResiduals, residuals_of
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import TestSettings
 
@@ -130,6 +130,21 @@ def test_size_and_power_are_those_of_theory(adjusted, kind, which) -> None:
             counts[k] += left.test(found.square, asked.dimension, alpha).rejected
     for share, wanted in zip(counts / runs, (alpha, power), strict=True):
         assert abs(share - wanted) < 4.0 * np.sqrt(wanted * (1.0 - wanted) / runs)
+
+
+def test_columns_are_kept_for_one_set_only(adjusted, monkeypatch) -> None:
+    held = []
+    columns = BlockResiduals.columns
+
+    def counted(self, rows):
+        found = columns(self, rows)
+        held.append(len(self._known))
+        return found
+
+    monkeypatch.setattr(BlockResiduals, "columns", counted)
+    sets = [ErrorSet(p, tuple(photo_rows(adjusted, p))) for p in ("101", "102", "103")]
+    error_set_tests(adjusted, sets)
+    assert held == [len(one.observations) for one in sets]
 
 
 def test_a_wrong_photo_is_found_by_its_set_and_not_by_others() -> None:

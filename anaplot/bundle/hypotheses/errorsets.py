@@ -205,7 +205,8 @@ def error_set_tests(block: AdjustedBlock, sets: Sequence[ErrorSet]) -> tuple[Err
             raise InputError(f"{where}: {len(kept)} observations, at most {MOST_IN_A_SET}")
         rows = np.array([place[one.observations[k]] for k in kept], dtype=np.intp)
         shares = None if one.shares is None else np.array([one.shares[k] for k in kept])
-        out.append(_tested(block, system, one.name, rows, shares))
+        # columns of R are kept as long as the set needs them
+        out.append(_tested(block, residuals_of(block), one.name, rows, shares))
     return tuple(out)
 
 
