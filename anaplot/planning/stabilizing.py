@@ -11,13 +11,12 @@ for every other observation, G its cofactors with those photos: exact, without a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -101,27 +100,34 @@ def weak_ones(block: AdjustedBlock) -> tuple[PlannedReliability, ...]:
 
 
 def stabilizing_sets(
-    block: AdjustedBlock, photo: str, measured: Measured | None = None
+    block: AdjustedBlock, photos: Iterable[str], measured: Measured | None = None
 ) -> tuple[StabilizingSet, ...]:
-    """Find the points whose measurement helps a photo most: the best one, two and four.
+    """Find the points whose measurement helps photos most: of each the best one, two and four.
 
     Parameters
     ----------
     block
         The adjusted block.
-    photo
-        Its name.
+    photos
+        Their names.
     measured
         How often a photo's ray is measured; None: once wherever the photo shows the place.
 
     Returns
     -------
     tuple of StabilizingSet
-        One for each of `SIZES` that there are candidates for; none for a photo that does not look
-        down, or whose candidates no other photo sees.
+        Of one photo after another, one for each of `SIZES` that there are candidates for; none for
+        a photo that does not look down, or whose candidates no other photo sees.
     """
-    index = block.problem.photos.index(photo)
-    candidates = _candidates(block, index, measured)
+    every = _Photos.of(block)
+    return tuple(one for photo in photos for one in _sets_of(block, every, photo, measured))
+
+
+def _sets_of(
+    block: AdjustedBlock, photos: _Photos, photo: str, measured: Measured | None
+) -> tuple[StabilizingSet, ...]:
+    index = photos.names.index(photo)
+    candidates = _candidates(block, photos, index, measured)
     if not candidates:
         return ()
     local = _Neighbourhood.of(block, index, candidates)
@@ -225,9 +231,10 @@ class _Photos(NamedTuple):
         return np.flatnonzero(inside & (found.depth > 0.0))
 
 
-def _candidates(block: AdjustedBlock, index: int, measured: Measured | None) -> list[_Candidate]:
+def _candidates(
+    block: AdjustedBlock, photos: _Photos, index: int, measured: Measured | None
+) -> list[_Candidate]:
     problem, state = block.problem, block.state
-    photos = _Photos.of(block)
     rotation, centre, reach = state.rotations[index], state.centres[index], photos.reach[index]
     if abs(rotation[2, 2]) < _UPRIGHT:
         return []
@@ -295,8 +302,8 @@ class _Neighbourhood:
         (6 n, 6 n) cofactors of those.
     rows
         Of each candidate (2 j, 6 n): its coordinates after the point is eliminated.
-    projectors
-        Of each candidate (2 j, 2 j), what is left of them.
+    alone
+        Of each candidate (2 j,): the redundancy numbers that its rays alone have.
     mine
         Of each candidate (2 j,): whether the coordinate is one of the photo.
     """
@@ -305,7 +312,7 @@ class _Neighbourhood:
     beside: Array
     q: Array
     rows: tuple[Array, ...]
-    projectors: tuple[Array, ...]
+    alone: tuple[Array, ...]
     mine: tuple[Array, ...]
 
     @classmethod
@@ -322,7 +329,7 @@ class _Neighbourhood:
         shared = np.zeros((len(normal.corner), 6 * n))
         solved = normal.solve(block.cofactors.factor, photos, points, shared)
         rays = np.flatnonzero(problem.photo == index)
-        rows, projectors, mine = [], [], []
+        rows, alone, mine = [], [], []
         for one in candidates:
             j = len(one.photo)
             b = one.b.reshape(2 * j, 3)
@@ -330,14 +337,14 @@ class _Neighbourhood:
             a = np.zeros((j, 2, n, 6))
             a[np.arange(j), :, np.searchsorted(near, one.photo)] = one.a
             rows.append(projector @ a.reshape(2 * j, 6 * n))
-            projectors.append(projector)
+            alone.append(np.diag(projector))
             mine.append(np.repeat(one.photo == index, 2))
         return cls(
             block.cofactors.r[rays].ravel(),
             normal.seen(*solved, rays).reshape(2 * len(rays), 6 * n),
             solved[0][near, :6].reshape(6 * n, 6 * n),
             tuple(rows),
-            tuple(projectors),
+            tuple(alone),
             tuple(mine),
         )
 
@@ -346,14 +353,12 @@ class _Neighbourhood:
         if not chosen:
             return float(self.r.mean()), float(self.r.min())
         rows = np.concatenate([self.rows[k] for k in chosen])
-        q_rows = self.q @ rows.T
-        inner = np.eye(len(rows)) + rows @ q_rows
-        old = self.r + np.einsum(
-            "ki,ij,kj->k", self.beside @ rows.T, np.linalg.inv(inner), self.beside @ rows.T
-        )
+        between, beside = rows @ self.q @ rows.T, self.beside @ rows.T
+        inverse = np.linalg.inv(np.eye(len(rows)) + between)
+        old = self.r + ((beside @ inverse) * beside).sum(axis=1)
         # of the new ones P - P A Q' A'P with Q' the cofactors that they have changed themselves
-        residual = block_diag(*(self.projectors[k] for k in chosen)) - np.linalg.solve(
-            inner, rows @ q_rows
-        )
-        new = np.diag(residual)[np.concatenate([self.mine[k] for k in chosen])]
+        alone = np.concatenate([self.alone[k] for k in chosen])
+        new = (alone - (inverse * between).sum(axis=1))[
+            np.concatenate([self.mine[k] for k in chosen])
+        ]
         return float(np.concatenate([old, new]).mean()), float(old.min())

@@ -134,9 +134,10 @@ def add_block_arguments(block: argparse.ArgumentParser) -> None:
     )
     block.add_argument(
         "--stabilize",
-        choices=("1", "2", "4"),
+        choices=("0", "1", "2", "4"),
         metavar="POINTS",
-        help="plan so many points more for every weak photo, those that help it most: 1, 2 or 4",
+        help="plan so many points more for every weak photo, those that help it most: 1, 2 or 4; "
+        "0: they are not even looked for",
     )
     add_output(block, "the classes", folder=False)
     block.add_argument(

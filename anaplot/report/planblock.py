@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
@@ -111,7 +110,7 @@ def planned_block(
     image_um: float = 5.0,
     control_m: float = 0.0,
     measured: Literal["stereo", "mono"] = "stereo",
-    stabilize: Literal[1, 2, 4, "1", "2", "4"] | None = None,
+    stabilize: Literal[0, 1, 2, 4, "0", "1", "2", "4"] | None = None,
     progress: Progress | None = None,
 ) -> Computed[PlannedBlock]:
     """Plan a regular aerial block: what is to be expected of it before it is flown.
@@ -144,7 +143,8 @@ def planned_block(
     measured
         "stereo": a ray in every model that shows it; "mono": once.
     stabilize
-        How many points more to plan for every weak photo; None: none, they are only named.
+        How many points more to plan for every weak photo; None: none, they are only named;
+        0: they are not looked for.
     progress
         Called with what is being done and the fraction of it (0 to 1).
 
@@ -186,12 +186,13 @@ def planned_block(
     datum: Datum = "free" if plan.control == "none" else "control"
     block = made.evaluated(datum)
     added = None
-    if stabilize is not None:
+    many = None if stabilize is None else int(stabilize)
+    if many:
         sets = _stabilizing(plan, made, block)
-        added = extra_points(sets, int(stabilize), _NEAR * plan.base)
+        added = extra_points(sets, many, _NEAR * plan.base)
         made = plan_block(plan, {point.name: point.place for point in added})
         block = made.evaluated(datum)
-    sets = _stabilizing(plan, made, block, _SHOWN)
+    sets = _stabilizing(plan, made, block, _SHOWN) if many != 0 else ()
     found = PlannedBlock(plan, made, block, sets, added)
     return Computed(found, plan_block_document(found))
 
@@ -199,9 +200,8 @@ def planned_block(
 def _stabilizing(
     plan: BlockPlan, made: IdealBlock, block: AdjustedBlock, most: int | None = None
 ) -> tuple[StabilizingSet, ...]:
-    measured = rays_measured(plan, made)
     weak = [one.name for one in weak_ones(block)[:most]]
-    return tuple(chain.from_iterable(stabilizing_sets(block, one, measured) for one in weak))
+    return stabilizing_sets(block, weak, rays_measured(plan, made))
 
 
 class _Planned(Protocol):
