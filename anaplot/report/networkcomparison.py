@@ -18,10 +18,9 @@ from anaplot.report.document import (
     table,
     whole,
 )
-from anaplot.report.output import Output
 from anaplot.report.planblock import run_planned
 from anaplot.report.plannetwork import PlannedNetwork, network_files, planned_network
-from anaplot.report.running import computed
+from anaplot.report.running import run_side_by_side
 
 __all__ = ["compared_networks", "run_plan_network"]
 
@@ -61,14 +60,8 @@ def run_plan_network(options: argparse.Namespace) -> int:
         return run_planned(options, planned_network, network_files(options.network))
     if options.to is not None or options.point is not None or options.plant is not None:
         raise InputError("--to, --point and --plant go with one version of the cube")
-    output = Output.of(options)
-    output.check({"is read": network_files(options.network)})
-    networks = []
-    for version in versions:
-        options.case = (version,)
-        networks.append(computed(options, planned_network).result)
-    output.show(compared_networks(networks).document)
-    return 0
+    reads = network_files(options.network)
+    return run_side_by_side(options, "case", planned_network, compared_networks, reads)
 
 
 def compared_networks(

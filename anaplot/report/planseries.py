@@ -23,9 +23,8 @@ from anaplot.report.document import (
     table,
     whole,
 )
-from anaplot.report.output import Output
 from anaplot.report.planblock import PlannedBlock, plan_lines, planned_block, run_planned
-from anaplot.report.running import computed
+from anaplot.report.running import run_side_by_side
 
 __all__ = ["PlannedSeries", "block_series", "run_plan_block"]
 
@@ -62,14 +61,8 @@ def run_plan_block(options: argparse.Namespace) -> int:
     twice = next((one for one in distances if distances.count(one) > 1), None)
     if twice is not None:
         raise InputError(f"bridging distance {twice:g} is given twice")
-    output = Output.of(options)
-    output.check({})
-    blocks = []
-    for distance in distances:
-        options.bridging = (distance,)
-        blocks.append(computed(options, planned_block).result)
-    output.show(block_series(blocks).document)
-    return 0
+    options.stabilize = 0  # of points for weak photos nothing is shown
+    return run_side_by_side(options, "bridging", planned_block, block_series)
 
 
 def block_series(blocks: Sequence[PlannedBlock]) -> Computed[PlannedSeries]:

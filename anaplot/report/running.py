@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
@@ -18,7 +18,7 @@ from anaplot.report.output import Output
 from anaplot.report.progress import ProgressLine
 from anaplot.textfiles.wording import place, plain
 
-__all__ = ["BlockOrFolder", "block_of", "computed", "run_computation"]
+__all__ = ["BlockOrFolder", "block_of", "computed", "run_computation", "run_side_by_side"]
 
 T = TypeVar("T")
 
@@ -55,6 +55,43 @@ def run_computation(
     found = computed(options, compute)
     output.show(found.document)
     return 1 if found.flagged and options.fail_on_flag else 0
+
+
+def run_side_by_side(
+    options: argparse.Namespace,
+    option: str,
+    compute: Callable[..., Computed[T]],
+    compare: Callable[[Sequence[T]], Computed[Any]],
+    reads: Iterable[Path] = (),
+) -> int:
+    """Compute anew with each value of an option, and show the results beside each other.
+
+    Parameters
+    ----------
+    options
+        Of the command line.
+    option
+        Name of the one with several values; each is given alone, as a sequence of one.
+    compute
+        As `computed` has it.
+    compare
+        Puts the results side by side.
+    reads
+        The files that it reads.
+
+    Raises
+    ------
+    AnaplotError
+        Bad input, or what cannot be computed; nothing is printed then.
+    """
+    output = Output.of(options)
+    output.check({"is read": reads})
+    results = []
+    for value in getattr(options, option):
+        one = argparse.Namespace(**{**vars(options), option: (value,)})
+        results.append(computed(one, compute).result)
+    output.show(compare(results).document)
+    return 0
 
 
 def computed(options: argparse.Namespace, compute: Callable[..., Computed[T]]) -> Computed[T]:
