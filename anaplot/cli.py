@@ -120,12 +120,12 @@ def _open(options: argparse.Namespace) -> int:
             ready=need_terminal,
         )
     except AnaplotError as error:
-        if not asked:
-            raise
-        from anaplot.report.partingline import open_again
+        if asked:
+            from anaplot.report.partingline import open_again
 
-        again = open_again(options.block, options)
-        raise type(error)(f"{error}; the block is written - {again} opens it") from error
+            again = open_again(options.block, options)
+            error.args = (f"{error}; the block is written - {again} opens it",)
+        raise
     before = station.state
     code = _show(station)
     _part(station, before, options.block, options)

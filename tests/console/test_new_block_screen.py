@@ -9,6 +9,7 @@ from rich.cells import cell_len
 from screenreading import lines, text
 from textual.widgets import Input
 
+from anaplot.adjustment.leastsquares import RankDefectError
 from anaplot.cli import main
 from anaplot.console import newblockscreen
 from anaplot.console.newblockscreen import NewBlockApp, ask_for_block
@@ -188,3 +189,17 @@ def test_a_device_that_is_not_there_is_told_with_the_command_that_goes_on(
     assert line.endswith(
         f"; the block is written - anaplot open {folder} --port {tmp_path}/nothing opens it"
     )
+
+
+def test_an_error_that_knows_more_than_its_text_is_told_with_the_command_too(
+    tmp_path, capsys, monkeypatch
+):
+    def opened(*_, **__):
+        raise RankDefectError(("scale",), 1e9)
+
+    monkeypatch.setattr("anaplot.cli._is_missing", lambda _: True)
+    monkeypatch.setattr(newblockscreen, "ask_for_block", lambda _, *, instrument: ())
+    monkeypatch.setattr("anaplot.simulation.opening.open_station", opened)
+    assert main(["open", str(tmp_path / "b"), "--simulate"]) == 4
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "not determined: scale (condition number 1e+09); the block is written - " in line
