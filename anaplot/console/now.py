@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
+
+from rich.cells import cell_len
 
 from anaplot.aliases import Axis
 from anaplot.console.inwork import in_work
@@ -13,7 +15,7 @@ from anaplot.console.rows import ShownRow
 from anaplot.session.nextstep import Step, StepKind
 from anaplot.station.snapshot import Snapshot
 
-__all__ = ["NOTHING", "Entered", "Now", "now_of"]
+__all__ = ["NOTHING", "Entered", "Now", "longest_now", "now_of"]
 
 Entered = Literal["drive", "next_model", "accept", "suspend", "add_point", "return_to"]
 
@@ -75,16 +77,55 @@ def now_of(
     moved
         The row to which the operator moved the cursor by hand; None while it follows.
     """
-    steps = snapshot.agenda.steps
-    lead = next((step for step in steps if _enters(step)), None)
+    lead = _lead(snapshot)
     led = None if lead is None else lead.point
     row = _row(snapshot, led)
     where = None if moved is None else moved.point
-    if not steps:
+    if not snapshot.agenda.steps:
         about = None if row is None else row[0]
         there = snapshot.next_point if snapshot.unreferenced else about
         return Now(snapshot.expected, "drive", where or there, row)
     elsewhere = None if where == led else where
+    text = _text(snapshot, keys, lead, elsewhere)
+    if elsewhere is not None or lead is None:
+        return Now(text, "drive", elsewhere, row)
+    action = _ENTERED[lead.kind]
+    return Now(text, action, led if action == "drive" else None, row)
+
+
+def longest_now(
+    snapshot: Snapshot, keys: Mapping[str, tuple[str, ...]], points: Iterable[str]
+) -> str:
+    """Return the longest sentence that there is while the cursor follows, or is on these points.
+
+    Parameters
+    ----------
+    snapshot, keys
+        As `now_of` has them.
+    points
+        Those of all rows.
+    """
+    if not snapshot.agenda.steps:
+        return snapshot.expected
+    lead = _lead(snapshot)
+    led = None if lead is None else lead.point
+    places = (None, *(point for point in points if point != led))
+    return max((_text(snapshot, keys, lead, place) for place in places), key=cell_len)
+
+
+def _lead(snapshot: Snapshot) -> Step | None:
+    """Return the step that Enter does."""
+    return next((step for step in snapshot.agenda.steps if _enters(step)), None)
+
+
+def _text(
+    snapshot: Snapshot,
+    keys: Mapping[str, tuple[str, ...]],
+    lead: Step | None,
+    elsewhere: str | None,
+) -> str:
+    """Return the steps as a sentence; `elsewhere`: a point that is not what the lead is about."""
+    steps = snapshot.agenda.steps
     if elsewhere is not None:
         wanted = [] if lead is None else [_wanted(lead, snapshot, keys, entered=False)]
         if elsewhere != snapshot.target:
@@ -96,11 +137,7 @@ def now_of(
     if at is not None and at not in (step.point for step in steps):
         wanted.insert(0, f"measure {at}, then {_shown(keys, 'record')}")
     remark = snapshot.agenda.remark
-    text = ", or ".join(wanted) + (f" ({remark})" if remark else "")
-    if elsewhere is not None or lead is None:
-        return Now(text, "drive", elsewhere, row)
-    action = _ENTERED[lead.kind]
-    return Now(text, action, led if action == "drive" else None, row)
+    return ", or ".join(wanted) + (f" ({remark})" if remark else "")
 
 
 def _enters(step: Step) -> bool:

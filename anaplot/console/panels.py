@@ -315,22 +315,22 @@ class ExpectedLine(_Lines):
         super().__init__(id=id)
         self._head: Part = ("", "")
         self._text = ""
-        self._others: frozenset[str] = frozenset()
+        self._longest = ""
 
-    def show(self, snapshot: Snapshot, text: str, others: frozenset[str] = frozenset()) -> None:
+    def show(self, snapshot: Snapshot, text: str, longest: str = "") -> None:
         """Show this from now on.
 
-        `text`: what is to be done, with its keys. `others`: what it would be on other rows.
+        `text`: what is to be done, with its keys. `longest`: what it would be on another row.
         """
         head: Part = (" NOW ", "bold reverse $text-accent")
         if snapshot.finished:
             head = (" DONE ", "bold reverse $text-success")
         elif snapshot.suspended:
             head = (" SUSPENDED ", "bold reverse $text-warning")
-        if (head, text, others) == (self._head, self._text, self._others):
+        if (head, text, longest) == (self._head, self._text, self._longest):
             return
         before = self._needed(self.size.width)
-        self._head, self._text, self._others = head, text, others
+        self._head, self._text, self._longest = head, text, longest
         if self._needed(self.size.width) == before:
             self.show_lines()
         else:  # a new layout is costly
@@ -343,7 +343,7 @@ class ExpectedLine(_Lines):
 
     def _needed(self, width: int) -> int:
         room = width - self._indent - 1
-        texts = (self._text, *self._others) if self._head[0] else ()
+        texts = (self._text, self._longest) if self._head[0] else ()
         return max((min(len(wrap(text, room)), 2) for text in texts), default=0)
 
     @property

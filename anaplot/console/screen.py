@@ -36,7 +36,7 @@ from anaplot.console.keybar import KeyBar, key_in_words, show_key
 from anaplot.console.keymap import keys_in_force
 from anaplot.console.keys import bindings, key_hints
 from anaplot.console.mapview import MapView
-from anaplot.console.now import Now, now_of
+from anaplot.console.now import Now, longest_now, now_of
 from anaplot.console.overviewview import OverviewView
 from anaplot.console.pages import Pages
 from anaplot.console.panels import (
@@ -140,7 +140,7 @@ class OrientationScreen(Screen[None]):
         self._choices = Choices()
         self._flagged: frozenset[tuple[str, str]] = frozenset()
         self._moved_by_hand = False
-        self._sentences: frozenset[str] = frozenset()
+        self._longest = ""
         self._unread: list[tuple[str, str]] = []
         self._pages = Pages(
             station,
@@ -259,15 +259,13 @@ class OrientationScreen(Screen[None]):
         """Show the rows; the cursor follows the line NOW, unless it was moved by hand."""
         snapshot, order = self._snapshot, self._choices.order
         rows = sort_rows(shown_rows(snapshot), order)
-        follows = now_of(snapshot, self._keys)
         self.query_one(TableView).show(
             rows,
             order,
             fiducials=snapshot.inner is not None,
-            chosen=None if self._moved_by_hand else follows.row,
+            chosen=None if self._moved_by_hand else now_of(snapshot, self._keys).row,
         )
-        moved = {row.point: now_of(snapshot, self._keys, row).text for row in rows}
-        self._sentences = frozenset((follows.text, *moved.values()))
+        self._longest = longest_now(snapshot, self._keys, self.points())
 
     def _show_advice(self) -> None:
         snapshot = self._snapshot
@@ -281,7 +279,7 @@ class OrientationScreen(Screen[None]):
         self.query_one(ExpectedLine).show(
             now.snapshot,
             ", or ".join(filter(None, (aimed(now, enter), now.now.text))),
-            self._sentences,
+            self._longest,
         )
         self.set_class(self.query_one(OverviewView).stands, "-overview")
         self.query_one(MapView).show(

@@ -9,7 +9,7 @@ from consolefake import picture
 from testedrows import with_rows
 
 from anaplot.console.keymap import keys_in_force
-from anaplot.console.now import Now, now_of
+from anaplot.console.now import Now, longest_now, now_of
 from anaplot.console.rows import ShownRow, shown_rows
 from anaplot.session.nextstep import Agenda, Step
 from anaplot.station.snapshot import Snapshot
@@ -108,6 +108,18 @@ def test_what_enter_does_is_said_of_a_row_selected_by_hand_too() -> None:
     now = now_of(between, KEYS, by_hand(between, "110"))
     assert now.text == "to 110: Enter, or lay photos 101 and 102, then g (next model)"
     assert (now.action, now.point) == ("drive", "110")
+
+
+@pytest.mark.parametrize(
+    "snapshot",
+    [shown(DONE), shown(LAY), shown(DONE, target="103"), shown(Agenda(())), shown(Agenda((OFF,)))],
+)
+def test_no_row_has_a_longer_sentence_than_the_longest(snapshot: Snapshot) -> None:
+    rows = shown_rows(snapshot)
+    texts = [now_of(snapshot, KEYS, row).text for row in (None, *rows)]
+    longest = longest_now(snapshot, KEYS, [row.point for row in rows])
+    assert longest in texts
+    assert len(longest) == max(map(len, texts))
 
 
 def test_without_a_drive_none_is_offered() -> None:
