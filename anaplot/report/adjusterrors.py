@@ -12,7 +12,7 @@ from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
 from anaplot.bundle.errors.controllast import ControlLast, clean_control_last
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
-from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
+from anaplot.bundle.errors.misnamed import MisnamedRay
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
@@ -166,8 +166,7 @@ def errors_document(cleaned: BlockFindings) -> Document:
         page += change_lines(cleaned.point_change, "on the ground", "m", indent=2)
     else:
         page.append(say("  nothing is rejected"))
-    misnamed = misnamed_rays(cleaned.block, [row.name for row in rejected])
-    page += _listed("under a wrong name, it seems", [_misnamed(ray) for ray in misnamed])
+    page += _listed("under a wrong name, it seems", [_misnamed(ray) for ray in cleaned.misnamed])
     page += _listed("rejected on the way, came back", [*map(in_words, cleaned.came_back)])
     page += _listed(
         f"hard to tell apart (correlation of residuals {settings.partner:g} or more)",
@@ -186,8 +185,7 @@ def errors_document(cleaned: BlockFindings) -> Document:
     if found.model_values is not None:
         page.append(say("  {}", model_values_line(found.model_values)))
     page += [say("  note: {}", remark).of("remark") for remark in cleaned.remarks]
-    answer = {**_json(cleaned), "misnamed": [ray._asdict() for ray in misnamed]}
-    return Document(answer, tuple(page), (_rejected_table(rejected),))
+    return Document(_json(cleaned), tuple(page), (_rejected_table(rejected),))
 
 
 def _misnamed(ray: MisnamedRay) -> Line:
@@ -391,6 +389,7 @@ def _json(cleaned: BlockFindings) -> Answer:
             for row in cleaned.rejected
         ],
         "ground": change_json(cleaned.point_change, "m"),
+        "misnamed": [ray._asdict() for ray in cleaned.misnamed],
         "came_back": [name_json(name) for name in cleaned.came_back],
         "hard_to_tell": [
             {"rejected": name_json(gone), "kept": name_json(kept), "correlation": rho}

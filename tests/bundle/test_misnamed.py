@@ -37,8 +37,7 @@ def renamed(block: Block, photo: str, names: dict[str, str]) -> Block:
 
 def named(block: Block) -> tuple[tuple[MisnamedRay, ...], float]:
     found = block_gross_errors(block, "search")
-    rays = misnamed_rays(found.block, [row.name for row in found.rejected])
-    return rays, float(adjust_block(measured(1)).sigma0 or 0.0)
+    return found.misnamed, float(adjust_block(measured(1)).sigma0 or 0.0)
 
 
 @pytest.mark.slow
@@ -92,5 +91,5 @@ def test_rejected_control_hides_no_wrong_name() -> None:
     control = (*weighted[:at], wrong, *weighted[at + 1 :])
     found = block_gross_errors(replace(block, control=control), "search")
     assert ("control", wrong.point, "Z") in {row.name for row in found.rejected}
-    [ray] = misnamed_rays(found.block, [row.name for row in found.rejected])
+    [ray] = found.misnamed
     assert (ray.photo, ray.interchanged) == ("203", True)

@@ -37,6 +37,7 @@ from anaplot.bundle.errors.misfits import (
     adjust_without_misfits,
     minimum_without_misfits,
 )
+from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import linearise
@@ -76,12 +77,15 @@ class BlockFindings(Cleaned[BlockPlace, ObservationName, BlockResiduals]):
         Significance and limits.
     held
         Observations that were rejected before and that it did not look at.
+    misnamed
+        Rays with rejected coordinates that only bear the name of another point.
     """
 
     block: AdjustedBlock
     begun: PartialAdjustment
     settings: SearchSettings
     held: frozenset[ObservationName] = frozenset()
+    misnamed: tuple[MisnamedRay, ...] = ()
 
     @property
     def kept_out(self) -> frozenset[ObservationName]:
@@ -226,7 +230,9 @@ def block_gross_errors(
         cleaned = evaluate(subject.problem_without(end.out), found)
     went = [cast("ObservationName", one.name) for one in end.findings.rejected]
     others = sorted(end.out.difference(held, went), key=lambda name: subject.rows[name])
-    return BlockFindings(end, (*others, *went), cleaned, begun, used, held)
+    rejected = (*others, *went)
+    misnamed = misnamed_rays(cleaned, rejected, watch)
+    return BlockFindings(end, rejected, cleaned, begun, used, held, misnamed)
 
 
 _Names = frozenset[ObservationName]

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.significance import critical_normal
+from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.errors.leftout import without_same
@@ -60,7 +61,7 @@ class MisnamedRay(NamedTuple):
 
 
 def misnamed_rays(
-    block: AdjustedBlock, rejected: Collection[ObservationName]
+    block: AdjustedBlock, rejected: Collection[ObservationName], watch: Watch | None = None
 ) -> tuple[MisnamedRay, ...]:
     """Return the rays that only bear a wrong name.
 
@@ -70,13 +71,19 @@ def misnamed_rays(
         The block, adjusted without the rejected observations.
     rejected
         What was rejected in it; other things than image coordinates stay as they are.
+    watch
+        Told of every name that is tried; where it asks for the end, no more are.
     """
+    watch = Watch() if watch is None else watch
     rays = _rejected_rays(block, rejected)
     found: list[MisnamedRay] = []
     settled: set[int] = set()
     for tried in islice(_candidates(block, list(rays)), _MOST):
+        if watch.stopped:
+            break
         if not settled.isdisjoint(tried.rows):
             continue
+        watch("wrong names", 0.0)
         right = _put_right(block, rays, tried)
         if right is not None:
             found.append(right)
