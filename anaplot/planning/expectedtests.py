@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from anaplot.adjustment.consistency import GlobalTest, single_test
+from anaplot.adjustment.consistency import GlobalTest
+from anaplot.adjustment.significance import noncentral_f_power, normal_power
 from anaplot.aliases import Axis
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Datum
@@ -91,13 +92,10 @@ def expected_tests(
     lambda is v'Pv / sigma0^2 of the block that holds the errors and no noise: what Q_vv leaves of
     them.
     """
-    from scipy.special import chndtr, ndtr
-
     wrong = replace(made, block=with_planted_errors(made.block, planted)).evaluated(datum)
     redundancy = block.redundancy
     size = 0.0 if wrong.sigma0 is None else redundancy * wrong.sigma0**2
     test = block.problem.test
-    limit = single_test(test.alpha, test.power).critical
     sigma = made.block.precision.image_um
     rows = {(f"{row.photo}:{row.point}", "xy"[k]): one
             for row in block.ray_rows() for k, one in enumerate(row.xy)}  # fmt: skip
@@ -107,7 +105,7 @@ def expected_tests(
         if row is None:
             raise InputError(f"image point {error.where} is not determined in this network")
         w = abs(error.um) * float(row.r) ** 0.5 / sigma
-        power = float(ndtr(w - limit) + ndtr(-w - limit))
+        power = normal_power(w, test.alpha)
         single.append(ExpectedSingle(*error, row.r, row.mdb, w, power))
     overall = block.global_test()
     return ExpectedTests(
@@ -115,7 +113,5 @@ def expected_tests(
         size,
         1.0 + size / redundancy if redundancy > 0 else None,
         overall,
-        None
-        if overall is None
-        else 1.0 - float(chndtr(overall.critical * redundancy, redundancy, size)),
+        None if overall is None else noncentral_f_power(size, overall.critical, redundancy, None),
     )
