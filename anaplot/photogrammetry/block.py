@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 from anaplot.aliases import TestKind
 from anaplot.photogrammetry.camera import CameraCalibration
@@ -142,6 +143,11 @@ class ImagePoint:
     def counts(self, axis: str) -> bool:
         """Return whether a coordinate, "x" or "y", counts."""
         return self.use != "off" and axis in self.use
+
+    def use_without(self, axes: Collection[str]) -> Use:
+        """Return which of its coordinates count when those of some axes do not."""
+        left = "".join(axis for axis in "xy" if self.counts(axis) and axis not in axes)
+        return cast("Use", left or "off")
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block, write_image_points
 from anaplot.exchange.lockfile import FolderLock
 from anaplot.exchange.rejectedrows import as_before, rejecting_reason, said_by
-from anaplot.photogrammetry.block import ImagePoint, Use
+from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.adjustcommand import adjust
 from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, say
@@ -101,13 +101,13 @@ def applied(
 
 
 def _without(row: ImagePoint, axes: set[str], strategy: Strategy) -> ImagePoint:
-    left = "".join(axis for axis in "xy" if row.counts(axis) and axis not in axes) or "off"
+    left = row.use_without(axes)
     if left == row.use:
         return row
     reason = row.reason
     if said_by(reason) != strategy:
         reason = rejecting_reason(strategy, row.use, reason)
-    return replace(row, use=cast("Use", left), reason=reason)
+    return replace(row, use=left, reason=reason)
 
 
 def taken_back(rows: Iterable[ImagePoint], strategies: Iterable[str]) -> tuple[ImagePoint, ...]:

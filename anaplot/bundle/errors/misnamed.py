@@ -25,7 +25,6 @@ from anaplot.bundle.solve.imaging import imaged
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.block import ImagePoint, Use
 from anaplot.photogrammetry.collinearity import project
 
 __all__ = ["MisnamedRay", "misnamed_rays"]
@@ -173,7 +172,7 @@ def _put_right(
     row = rows[tried.row]
     for k, axes in rejected.items():
         if k not in tried.rows:
-            rows[k] = replace(rows[k], use=_without(rows[k], axes))
+            rows[k] = replace(rows[k], use=rows[k].use_without(axes))
     rows[tried.row] = replace(row, point=tried.meant)
     if tried.other is not None:
         rows[tried.other] = replace(rows[tried.other], point=row.point)
@@ -196,12 +195,6 @@ def _put_right(
     return MisnamedRay(
         row.photo, row.point, row.model, tried.meant, tried.other is not None, right.sigma0, back
     )
-
-
-def _without(row: ImagePoint, axes: frozenset[str]) -> Use:
-    left = [axis for axis in "xy" if row.counts(axis) and axis not in axes]
-    uses: dict[str, Use] = {"xy": "xy", "x": "x", "y": "y", "": "off"}
-    return uses["".join(left)]
 
 
 def _square(block: AdjustedBlock) -> float:
