@@ -44,7 +44,7 @@ class LiveAnswer:
     suspect_rays
         For every flagged point its rays, the most probably wrong one first.
     explained
-        For every flagged point how probable it is that an error of the first of them is what shows.
+        For every flagged point how probable it is that an error of one of them is what shows.
     aside
         Photos that do not hang together with the rest yet.
     reused

@@ -89,3 +89,31 @@ def test_one_wrong_ray_explains_what_shows_and_chance_or_two_wrong_ones_do_not(k
     # of three residuals of the point one ray takes two; what is left shows unless it is below 4.3,
     # the root of the F of 1 and 12 degrees of freedom, of 30 and more: in one direction of ten
     assert sum(said(2) > 0.99 for _ in range(runs)) < 0.1 * runs
+
+
+def test_what_is_explained_is_summed_over_all_rays_of_the_point() -> None:
+    scene = aerial(1, 3, per_base=1, control_sigma=0.05, test=TestSettings(kind="baarda"))
+    problem = make_problem(scene.block)
+    block = adjust_bundle(problem, scene.start(problem))
+    design, free = dense(block)
+    residual = np.eye(len(design)) - design @ dense_inverse(design, free) @ design.T
+    m = len(problem.photo)
+    control = {known.point for known in scene.block.control}
+    twice = np.nonzero(np.bincount(problem.point) == 2)[0].tolist()
+    point = next(p for p in twice if problem.points[p] not in control)
+    mine = np.nonzero(problem.point == point)[0]
+    e = np.zeros(len(design))
+    e[2 * mine[0] + 1] = 8.0
+    v = (residual @ e)[: 2 * m].reshape(m, 2)
+    factors = []
+    for ray in mine:
+        # two rays are checked in one direction: the eigenvector of the only eigenvalue
+        values, axes = np.linalg.eigh(residual[2 * ray : 2 * ray + 2, 2 * ray : 2 * ray + 2])
+        q, z = values[1], axes[:, 1] @ v[ray]
+        g = 400.0 * q
+        factors.append(float(np.exp(z * z / q * g / (1.0 + g) / 2.0) / np.sqrt(1.0 + g)))
+    said = explained(replace(block, v=v, vtpv=float(e @ residual @ e)), problem.points[point])
+    assert said == pytest.approx(sum(factors) / (sum(factors) + 9.0 * m))
+    # which of them it is is another question
+    assert max(factors) / sum(factors) == pytest.approx(0.5, abs=0.01)
+    assert said > 0.85

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from math import log
+from math import log, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.hypothesis import f_test
 from anaplot.adjustment.reliability import ERROR_PRIOR_SIGMAS, NONE_PRIOR
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import sigma0_known
@@ -74,12 +75,13 @@ def suspect_rays(block: AdjustedBlock, point: str) -> tuple[SuspectRay, ...]:
 
 
 def explained(block: AdjustedBlock, point: str) -> float:
-    """Return how probable it is that an error of the most probable ray of a point is what shows.
+    """Return how probable it is that an error of one ray of a point, whichever, is what shows.
 
     Against none at all, with the prior of conventions (Odds) shared by all rays of the block. 0
-    where the others do not agree without that ray either: by the sum of squares that is left of the
-    point's, chi-square where sigma is known, else against that of all other observations, F. Then
-    more than one is wrong, as where another detail was taken for the point in a model.
+    where the others do not agree without the most probable one either: by the sum of squares that
+    is left of the point's, chi-square where sigma is known, else against that of all other
+    observations, F. Then more than one is wrong, as where another detail was taken for the point in
+    a model.
 
     Raises
     ------
@@ -97,19 +99,18 @@ def explained(block: AdjustedBlock, point: str) -> float:
 
 def _agree(block: AdjustedBlock, weighed: _Weighed, square: float, rank: int) -> bool:
     """Whether the other rays of a point agree without one that explains so much of its squares."""
-    from scipy.special import chdtrc, fdtrc
-
     free = weighed.rank - rank
     if free < 1:
         return True
     left = max(weighed.square - square, 0.0)
     if not weighed.estimated:
-        return bool(chdtrc(free, left) > _CHANCE)
+        return not f_test(left, free, alpha=_CHANCE).rejected
     elsewhere = block.redundancy - weighed.rank
     rest = block.vtpv / weighed.sigma**2 - weighed.square
     if elsewhere < 1 or rest <= 0.0:
         return True  # nothing else says how large sigma is
-    return bool(fdtrc(free, elsewhere, left / free / (rest / elsewhere)) > _CHANCE)
+    sigma = sqrt(rest / elsewhere)
+    return not f_test(left, free, alpha=_CHANCE, sigma=sigma, redundancy=elsewhere).rejected
 
 
 class _Weighed(NamedTuple):
