@@ -10,8 +10,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
 
-from anaplot.console.beside import Beside
-from anaplot.console.dialogs import Page
+from anaplot.console.computedpage import ComputedPage
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.orientation.stripfit import Degree, FittedPoint, StripFit
 from anaplot.station.stripcontrol import StripOnControl
@@ -134,7 +133,7 @@ def _row(point: FittedPoint, here: bool, width: int) -> Content:
     return Content.styled(fit(text, width), f"{style} reverse".strip() if here else style)
 
 
-class FitPage(Page):
+class FitPage(ComputedPage):
     """The strips on their control; keys put points in and out and choose degree and strip.
 
     Parameters
@@ -172,20 +171,16 @@ class FitPage(Page):
         bundle: Callable[[], None],
         width: int,
     ) -> None:
-        super().__init__("Strip on its control", fit_lines(None, choice, "", width))
+        super().__init__(
+            "Strip on its control",
+            fit_lines(None, choice, "", width),
+            lambda: compute(self._choice),
+            self._computed,
+            width,
+        )
         self._choice, self._decided, self._bundle = choice, decided, bundle
-        self._width = width
         self._strips: tuple[StripOnControl, ...] | None = None
         self._cursor = ""
-        self._beside = Beside(self, lambda: compute(self._choice), self._computed, self._failed)
-
-    def on_mount(self) -> None:
-        """Begin with a fit."""
-        self._beside.wanted()
-
-    def renew(self) -> None:
-        """Fit anew: something was measured."""
-        self._beside.wanted()
 
     def _computed(self, strips: tuple[StripOnControl, ...]) -> None:
         self._strips = strips
@@ -193,9 +188,6 @@ class FitPage(Page):
         if points and self._cursor not in points:
             self._cursor = points[0]
         self._draw()
-
-    def _failed(self, words: str) -> None:
-        self.show([Content.styled(line, "$text-error") for line in wrap(words, self._width)])
 
     @property
     def _points(self) -> tuple[str, ...]:
@@ -211,7 +203,7 @@ class FitPage(Page):
             self._decided(choice)
             self._draw()
             if choice != replace(before, strip=choice.strip):  # all strips are fitted at once
-                self._beside.wanted()
+                self.renew()
 
     def action_switch(self) -> None:
         """Put the point under the cursor out, or in again."""

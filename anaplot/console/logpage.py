@@ -9,8 +9,8 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 from textual.content import Content
 
-from anaplot.console.beside import Beside
-from anaplot.console.dialogs import AskName, Page
+from anaplot.console.computedpage import ComputedPage
+from anaplot.console.dialogs import AskName
 from anaplot.console.text import fit, fit_end, number, wrap
 from anaplot.session.changes import Change
 from anaplot.textfiles.wording import plain
@@ -82,7 +82,7 @@ def _xy(value: tuple[float, float] | None) -> str:
     return "nothing" if value is None else f"{value[0]:.4f} {value[1]:.4f}"
 
 
-class LogPage(Page):
+class LogPage(ComputedPage):
     """Who changed what; it follows the work while it is read.
 
     Parameters
@@ -104,26 +104,14 @@ class LogPage(Page):
     def __init__(
         self, read: Callable[[], tuple[Change, ...]], model: Callable[[], str], width: int
     ) -> None:
-        super().__init__("Who changed what", log_lines(None, "", width))
-        self._model, self._width = model, width
+        super().__init__("Who changed what", log_lines(None, "", width), read, self._read, width)
+        self._model = model
         self._changes: tuple[Change, ...] | None = None
         self._wanted = ""
-        self._beside = Beside(self, read, self._read, self._failed)
-
-    def on_mount(self) -> None:
-        """Begin to read."""
-        self._beside.wanted()
-
-    def renew(self) -> None:
-        """Read on: something was changed."""
-        self._beside.wanted()
 
     def _read(self, changes: tuple[Change, ...]) -> None:
         self._changes = changes
         self._draw()
-
-    def _failed(self, words: str) -> None:
-        self.show([Content.styled(line, "$text-error") for line in wrap(words, self._width)])
 
     def _draw(self) -> None:
         self.show(log_lines(self._changes, self._wanted, self._width))

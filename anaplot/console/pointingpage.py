@@ -8,8 +8,7 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 from textual.content import Content
 
-from anaplot.console.beside import Beside
-from anaplot.console.dialogs import Page
+from anaplot.console.computedpage import ComputedPage
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.station.drift import Drift
 from anaplot.station.pointing import GroupTest, Pointing, PooledSigma
@@ -110,7 +109,7 @@ def _drifted(one: Drift) -> str:
     )
 
 
-class PointingPage(Page):
+class PointingPage(ComputedPage):
     """How precise the pointing is; Enter points again.
 
     Parameters
@@ -131,23 +130,12 @@ class PointingPage(Page):
     def __init__(
         self, compute: Callable[[], Pointing], again: Callable[[], None], width: int
     ) -> None:
-        super().__init__("How precise the pointing is", pointing_lines(None, width))
-        self._again, self._width = again, width
-        self._beside = Beside(self, compute, self._computed, self._failed)
-
-    def on_mount(self) -> None:
-        """Begin with what is known."""
-        self._beside.wanted()
-
-    def renew(self) -> None:
-        """Compute anew: more is known."""
-        self._beside.wanted()
+        lines = pointing_lines(None, width)
+        super().__init__("How precise the pointing is", lines, compute, self._computed, width)
+        self._again = again
 
     def _computed(self, found: Pointing) -> None:
         self.show(pointing_lines(found, self._width))
-
-    def _failed(self, words: str) -> None:
-        self.show([Content.styled(line, "$text-error") for line in wrap(words, self._width)])
 
     def action_again(self) -> None:
         """Close the page and point again."""
