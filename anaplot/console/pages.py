@@ -10,6 +10,7 @@ from textual.app import App
 from textual.content import Content
 
 from anaplot.console.blockpage import BlockPage
+from anaplot.console.computedpage import ComputedPage
 from anaplot.console.describe import describe_model, describe_row
 from anaplot.console.dialogs import Page
 from anaplot.console.errorspage import FIRST, ErrorsPage, errors_lines
@@ -68,29 +69,14 @@ class Pages:
         self._station, self._snapshot, self._keys = station, station.snapshot(), keys
         self._messages, self._chosen, self._again = messages, chosen, again
         self._back = back
-        self._block: BlockPage | None = None
-        self._ties: TiesPage | None = None
-        self._errors: ErrorsPage | None = None
-        self._fit: FitPage | None = None
-        self._pointing: PointingPage | None = None
         self._choice = FitChoice()
-        self._log: LogPage | None = None
+        self._followed: dict[Page, Callable[[Snapshot], None]] = {}
 
     def show(self, snapshot: Snapshot) -> None:
         """Bring the pages that follow the work up to date."""
         before, self._snapshot = self._snapshot, snapshot
-        if self._fit is not None and _measured(before) != _measured(snapshot):
-            self._fit.renew()
-        if self._pointing is not None and before.accepted != snapshot.accepted:
-            self._pointing.renew()
-        if self._log is not None and _events(before) != _events(snapshot):
-            self._log.renew()
-        if self._block is not None:
-            self._block.renew(snapshot)
-        if self._ties is not None:
-            self._ties.renew(snapshot)
-        if self._errors is not None:
-            self._errors.renew()
+        for renew in tuple(self._followed.values()):
+            renew(before)
 
     def open(self, app: App[object], page: str, selected: ShownRow | None) -> None:
         """Open the page of that name; details are those of the selected row."""
@@ -105,58 +91,59 @@ class Pages:
         elif page == "messages":
             app.push_screen(Page("Messages", self._messages(_WIDTH)))
         elif page == "block":
-            self._block = BlockPage(snapshot, self._back, _WIDTH)
-            app.push_screen(self._block, self._block_read)
+            block = BlockPage(snapshot, self._back, _WIDTH)
+            self._follow(app, block, lambda _: block.renew(self._snapshot))
         elif page == "ties":
-            self._ties = TiesPage(snapshot, _WIDTH)
-            app.push_screen(self._ties, self._ties_read)
+            ties = TiesPage(snapshot, _WIDTH)
+            self._follow(app, ties, lambda _: ties.renew(self._snapshot))
         elif page == "fit":
             strip = self._choice.strip or snapshot.strip
             self._choice = replace(self._choice, strip=strip)
             bundle = partial(self.open, app, "block", selected)
-            self._fit = FitPage(self._choice, self._fitted, self._fit_chosen, bundle, _WIDTH)
-            app.push_screen(self._fit, self._fit_read)
+            fit = FitPage(self._choice, self._fitted, self._fit_chosen, bundle, _WIDTH)
+            self._compute(app, fit, _measured)
         elif page == "pointing":
-            self._pointing = PointingPage(self._station.pointing, self._again, _WIDTH)
-            app.push_screen(self._pointing, self._pointing_read)
+            pointing = PointingPage(self._station.pointing, self._again, _WIDTH)
+            self._compute(app, pointing, lambda shown: shown.accepted)
         elif page == "log":
-            self._log = LogPage(self._station.log, self._model, _WIDTH)
-            app.push_screen(self._log, self._log_read)
+            self._compute(app, LogPage(self._station.log, self._model, _WIDTH), _events)
         elif page == "errors":
             strategy = self.strategy or FIRST
             self._choose(strategy)
-            self._errors = ErrorsPage(strategy, self._errors_lines, self._choose)
-            app.push_screen(self._errors, self._errors_read)
+            errors = ErrorsPage(strategy, self._errors_lines, self._choose)
+            self._follow(app, errors, lambda _: errors.renew())
         elif page == "help":
             app.push_screen(HelpPage(lambda words: help_lines(self._keys, _WIDTH, words)))
 
-    def _block_read(self, _: None) -> None:
-        self._block = None
+    def _follow(self, app: App[object], page: Page, renew: Callable[[Snapshot], None]) -> None:
+        """Open a page that is renewed while it is read; `renew` is told the snapshot before."""
+        self._followed[page] = renew
 
-    def _ties_read(self, _: None) -> None:
-        self._ties = None
+        def closed(_: None) -> None:
+            del self._followed[page]
 
-    def _pointing_read(self, _: None) -> None:
-        self._pointing = None
+        app.push_screen(page, closed)
 
-    def _log_read(self, _: None) -> None:
-        self._log = None
+    def _compute(
+        self, app: App[object], page: ComputedPage, needed: Callable[[Snapshot], object]
+    ) -> None:
+        """Open a page that is computed anew, while it is read, when what it needs is another."""
+
+        def renew(before: Snapshot) -> None:
+            if needed(before) != needed(self._snapshot):
+                page.renew()
+
+        self._follow(app, page, renew)
 
     def _model(self) -> str:
         now = self._snapshot
         return f"{now.left}/{now.right}" if now.left else ""
-
-    def _fit_read(self, _: None) -> None:
-        self._fit = None
 
     def _fit_chosen(self, choice: FitChoice) -> None:
         self._choice = choice
 
     def _fitted(self, choice: FitChoice) -> tuple[StripOnControl, ...]:
         return self._station.strips_on_control(choice.degree, choice.without)
-
-    def _errors_read(self, _: None) -> None:
-        self._errors = None
 
     def _errors_lines(self, strategy: str) -> list[Content]:
         return errors_lines(self._snapshot.solution, strategy, _WIDTH)
