@@ -146,7 +146,7 @@ def complete_step(problem: Problem, state: BlockState, structure):
     times.append(time.perf_counter())
     factor = normal.factor()
     times.append(time.perf_counter())
-    photos, points, shared = normal.gradient()
+    photos, points, shared = normal.own_gradient
     normal.solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
     times.append(time.perf_counter())
     cofactors = compute_cofactors(normal, factor)

@@ -240,7 +240,7 @@ def damped_step(
         factor = normal.factor(None if progress is None else (lambda f: progress("factor", f)))
     except (NotPositiveError, PointError):
         return None
-    photos, points, shared = normal.gradient()
+    photos, points, shared = normal.own_gradient
     dx = normal.step(factor)
     change = float(np.vdot(photos, dx[0]) + np.vdot(points, dx[1]) + shared @ dx[2])
     if linear.conditions is not None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -453,17 +454,20 @@ class NormalEquations:
             self.corner_scale,
         )
 
-    def gradient(self, linear: Linearised | None = None) -> tuple[Array, Array, Array]:
+    @cached_property
+    def own_gradient(self) -> Unknowns:
+        """`gradient` of the state of the matrix itself."""
+        return self.gradient(self.linear)
+
+    def gradient(self, other: Linearised) -> Unknowns:
         """Right-hand sides -J'e of photos (n, d), points (p, 3) and border (g,).
 
         Parameters
         ----------
-        linear
-            Where the misclosures come from; None for the state of the matrix itself.
+        other
+            Where the misclosures come from.
         """
-        problem = self.problem
-        other = self.linear if linear is None else linear
-        mine = self.linear
+        problem, mine = self.problem, self.linear
         ae = np.einsum("mij,mi->mj", mine.a, other.e)
         photos = -(self.structure.by_photo @ ae)
         photos -= np.einsum("nij,ni->nj", mine.photo_rows, other.photo_e)
@@ -502,7 +506,15 @@ class NormalEquations:
         return self._update
 
     def step(self, factor: Factor, linear: Linearised | None = None) -> Unknowns:
-        """Return the corrections (n, d), (p, 3), (g,) of one Gauss-Newton step; see `gradient`."""
+        """Return the corrections (n, d), (p, 3), (g,) of one Gauss-Newton step.
+
+        Parameters
+        ----------
+        factor
+            That of the matrix.
+        linear
+            Where the misclosures come from; None for the state of the matrix itself.
+        """
         out, e = self._without(factor, self.linear if linear is None else linear)
         update = self.update(factor)
         if update is not None:
@@ -520,7 +532,8 @@ class NormalEquations:
 
     def _without(self, factor: Factor, linear: Linearised) -> tuple[Unknowns, Array]:
         """Solve for a step without the conditions; also their misclosures (q, 1)."""
-        photos, points, shared = self.gradient(linear)
+        own = linear is self.linear
+        photos, points, shared = self.own_gradient if own else self.gradient(linear)
         out = self._solve(factor, photos[:, :, None], points[:, :, None], shared[:, None])
         update = self.update(factor)
         if update is None or linear.conditions is None:
