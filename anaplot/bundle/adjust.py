@@ -18,7 +18,7 @@ from anaplot.bundle.solve.gaussnewton import (
     find_minimum,
 )
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import linearise, objective
+from anaplot.bundle.solve.linearised import linearise, objective
 from anaplot.bundle.solve.openmovement import held_by_noise, parameters_left_open
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors

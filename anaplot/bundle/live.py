@@ -19,7 +19,7 @@ from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import components
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
-from anaplot.bundle.solve.normal import linearise, move, objective
+from anaplot.bundle.solve.linearised import linearise, move, objective
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.start.approximate import extended_state
 from anaplot.errors import NotComputableError

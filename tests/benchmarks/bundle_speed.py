@@ -16,7 +16,8 @@ import numpy as np
 
 from anaplot.bundle.live import LiveBlock
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import NormalEquations, linearise
+from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.bundle.solve.structure import make_structure

@@ -25,7 +25,7 @@ from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.conditions import Conditions
 from anaplot.bundle.solve.externalreliability import external_reliability
 from anaplot.bundle.solve.factor import Factor
-from anaplot.bundle.solve.normal import move, objective
+from anaplot.bundle.solve.linearised import move, objective
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.residuals import block_residuals
 from anaplot.errors import InputError, NotComputableError

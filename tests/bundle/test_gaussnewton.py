@@ -12,7 +12,7 @@ from weaknetworks import dense_minimum, short_base
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import objective
+from anaplot.bundle.solve.linearised import objective
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.reintersect import reintersected
 from anaplot.bundle.solve.structure import make_structure

@@ -12,7 +12,7 @@ from denseblock import dense, dense_inverse
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.imaging import imaged, imaged_with_derivatives
-from anaplot.bundle.solve.normal import move
+from anaplot.bundle.solve.linearised import move
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Camera, ControlPoint

@@ -13,7 +13,7 @@ from denseblock import dense
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.hypotheses.priorknowledge import prior_estimate
 from anaplot.bundle.solve.additional import additional_parameters
-from anaplot.bundle.solve.normal import linearise
+from anaplot.bundle.solve.linearised import linearise
 from anaplot.errors import InputError
 
 ESTIMATORS = ("known", "common", "separate")

@@ -17,7 +17,8 @@ from anaplot.bundle.solve.datum import anchor, check_datum
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import NormalEquations, PointError, linearise
+from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem

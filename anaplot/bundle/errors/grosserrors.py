@@ -40,7 +40,7 @@ from anaplot.bundle.errors.misfits import (
 from anaplot.bundle.errors.misnamed import MisnamedRay, misnamed_rays
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import linearise
+from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.residuals import BlockResiduals

@@ -19,7 +19,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import check_datum
 from anaplot.bundle.solve.gaussnewton import Minimum, NoConvergenceError, find_minimum
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import linearise
+from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure, make_structure

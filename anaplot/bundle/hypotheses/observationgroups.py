@@ -13,7 +13,7 @@ from anaplot.aliases import Array, Index, Progress
 from anaplot.bundle.adjust import evaluate
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.gaussnewton import Minimum, equations_at, find_minimum
-from anaplot.bundle.solve.normal import Linearised
+from anaplot.bundle.solve.linearised import Linearised
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 

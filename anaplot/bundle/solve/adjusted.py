@@ -16,7 +16,7 @@ from anaplot.adjustment.tested import AppliedTest, Observation, Tested, examine
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.gaussnewton import Convergence
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import image_misclosures
+from anaplot.bundle.solve.linearised import image_misclosures
 from anaplot.bundle.solve.observations import (
     ORIENTATION,
     ObservationName,

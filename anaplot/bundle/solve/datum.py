@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import Linearised
+from anaplot.bundle.solve.linearised import Linearised
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.solve.reliability import DatumChange
 from anaplot.errors import NotComputableError

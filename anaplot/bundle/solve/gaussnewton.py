@@ -11,10 +11,8 @@ from anaplot.aliases import Array, Progress
 from anaplot.bundle.solve.datum import Anchor, anchor, relocate
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import (
+from anaplot.bundle.solve.linearised import (
     Linearised,
-    NormalEquations,
-    PointError,
     Unknowns,
     effect,
     linearise,
@@ -22,6 +20,7 @@ from anaplot.bundle.solve.normal import (
     objective,
     rounding,
 )
+from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reintersect import reintersected

@@ -19,15 +19,8 @@ from anaplot.aliases import Array
 from anaplot.bundle.solve.datum import Anchor, anchor
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import (
-    Linearised,
-    NormalEquations,
-    PointError,
-    Unknowns,
-    effect,
-    linearise,
-    move,
-)
+from anaplot.bundle.solve.linearised import Linearised, Unknowns, effect, linearise, move
+from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.solve.structure import Structure
 from anaplot.errors import NotComputableError

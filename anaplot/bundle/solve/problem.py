@@ -15,6 +15,7 @@ import numpy as np
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.additional import AdditionalParameters, lens_units
 from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
+from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
 
@@ -23,22 +24,6 @@ __all__ = ["Datum", "Group", "LeftOut", "Problem", "listed", "make_problem"]
 Datum = Literal["control", "minimal", "free"]
 
 _AXES = "XYZ"
-
-
-class LeftOut(NamedTuple):
-    """Something declared or measured that takes no part.
-
-    Attributes
-    ----------
-    kind
-        "photo", "point", "control" or "condition".
-    name, reason
-        What, and why.
-    """
-
-    kind: Literal["photo", "point", "control", "condition"]
-    name: str
-    reason: str
 
 
 class Group(NamedTuple):
@@ -318,9 +303,9 @@ def make_problem(
     known, known_sigma, fixed = _known(block, names, control, held)
     priors = _priors(block, held)
     counted = np.array([[row.counts("x"), row.counts("y")] for row in rows])
-    useful, left_out = _select(
-        block, photo, point, counted, names, control, known, known_sigma, fixed, priors
-    )
+    observed = (fixed | np.isfinite(known_sigma)).sum(axis=1)
+    has_prior = np.isfinite(priors[1]).sum(axis=1) + np.isfinite(priors[3]).sum(axis=1)
+    useful, left_out = select_rays(block, photo, point, counted, names, observed, has_prior)
     left_out += [
         LeftOut("control", name, "is not measured in any photo")
         for name, row in control.items()
@@ -485,57 +470,6 @@ def _priors(block: Block, held: bool) -> tuple[Array, Array, Array, Array]:
             if held:
                 out[at + 1][k] = sigmas
     return out  # type: ignore[return-value]
-
-
-def _select(
-    block: Block,
-    photo: Index,
-    point: Index,
-    counted: Bools,
-    names: list[str],
-    control: Mapping[str, ControlPoint],
-    known: Array,
-    known_sigma: Array,
-    fixed: Bools,
-    priors: tuple[Array, Array, Array, Array],
-) -> tuple[Bools, list[LeftOut]]:
-    """Rays that take part, and what does not."""
-    pair, pair_of = np.unique(photo * len(names) + point, return_inverse=True)
-    pair_photo, pair_point = pair // len(names), pair % len(names)
-    seen_axes = np.zeros((len(pair), 2), dtype=bool)
-    np.logical_or.at(seen_axes, pair_of, counted)
-    coordinates = seen_axes.sum(axis=1)
-    alive = coordinates > 0
-    observed = (fixed | np.isfinite(known_sigma)).sum(axis=1)
-    has_prior = np.isfinite(priors[1]).sum(axis=1) + np.isfinite(priors[3]).sum(axis=1)
-    left: list[LeftOut] = []
-    gone_points = np.zeros(len(names), dtype=bool)
-    gone_photos = np.zeros(len(block.photos), dtype=bool)
-    while True:
-        rays = np.bincount(pair_point[alive], minlength=len(names))
-        # one ray and one known coordinate still determine a point
-        enough = np.bincount(pair_point[alive], coordinates[alive], len(names))
-        poor = ~gone_points & ((enough + observed < 3) | (rays == 0))
-        for k in np.nonzero(poor)[0]:
-            reason = ("has no ray left", "has one ray only", "has two coordinates only")[
-                min(int(rays[k]), 2)
-            ]
-            left.append(LeftOut("point", names[int(k)], reason))
-        gone_points |= poor
-        alive &= ~gone_points[pair_point]
-        seen = np.bincount(pair_photo[alive], minlength=len(block.photos))
-        enough = np.bincount(pair_photo[alive], coordinates[alive], len(block.photos))
-        few = ~gone_photos & ((enough + has_prior < 6) | (seen == 0))
-        for k in np.nonzero(few)[0]:
-            count = int(seen[k])
-            what = "no usable points" if count == 0 else f"{count} usable point{'s' * (count > 1)}"
-            if 2 * count + has_prior[k] >= 6:
-                what = f"{int(enough[k])} usable coordinates"
-            left.append(LeftOut("photo", block.photos[int(k)].id, f"has {what}"))
-        gone_photos |= few
-        alive &= ~gone_photos[pair_photo]
-        if not few.any():
-            return alive[pair_of] & counted.any(axis=1), left
 
 
 def _groups(count: Index) -> tuple[Group, ...]:

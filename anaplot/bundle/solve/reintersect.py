@@ -8,7 +8,7 @@ import numpy as np
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import Linearised, linearise
+from anaplot.bundle.solve.linearised import Linearised, linearise
 from anaplot.bundle.solve.problem import Problem
 
 __all__ = ["reintersected"]

@@ -23,7 +23,8 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import NormalEquations, linearise
+from anaplot.bundle.solve.linearised import linearise
+from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.observations import ObservationName, Observations, observations_of
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors

@@ -12,14 +12,8 @@ from anaplot.bundle.solve.datum import anchor
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, damped_step
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.normal import (
-    Linearised,
-    NormalEquations,
-    PointError,
-    linearise,
-    move,
-    objective,
-)
+from anaplot.bundle.solve.linearised import Linearised, linearise, move, objective
+from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.openmovement import held_by_noise, undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Structure

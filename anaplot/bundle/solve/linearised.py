@@ -1,0 +1,269 @@
+"""A bundle linearised at a state: whitened derivatives and misclosures of every observation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.bundle.solve.conditions import ConditionEquations
+from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivatives
+from anaplot.bundle.solve.problem import Problem
+from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.collinearity import turns
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
+
+__all__ = [
+    "Linearised",
+    "Unknowns",
+    "effect",
+    "image_misclosures",
+    "linearise",
+    "move",
+    "objective",
+    "rounding",
+]
+
+Unknowns = tuple[Array, Array, Array]  # of photos (n, d), of points (p, 3), shared (g,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """Whitened derivatives and misclosures at a state: rows are divided by their sigmas.
+
+    Attributes
+    ----------
+    a
+        (m, 2, d) with respect to the ray's photo.
+    b
+        (m, 2, 3) with respect to its point; columns of coordinates free of error are zero.
+    h
+        (m, 2, q) with respect to the additional parameters of its group; q = 0 when they are
+        photo-invariant or none.
+    e
+        (m, 2) computed minus observed.
+    point_weight, point_e
+        (points, 3) weights of control and its whitened misclosure.
+    photo_rows, photo_e
+        (photos, 6, d) rows of the priors of every photo (zero where there is none) and (photos, 6)
+        their misclosures.
+    own_e, shared_e
+        Misclosures of the priors on additional parameters.
+    own_weight, shared_weight
+        Their weights.
+    depth
+        (m,) distance of the point in front of the photo [m].
+    conditions
+        Of the conditions between points; None without.
+    """
+
+    a: Array
+    b: Array
+    h: Array
+    e: Array
+    point_weight: Array
+    point_e: Array
+    photo_rows: Array
+    photo_e: Array
+    own_weight: Array
+    own_e: Array
+    shared_weight: Array
+    shared_e: Array
+    depth: Array
+    conditions: ConditionEquations | None = None
+
+    @property
+    def vtpv(self) -> float:
+        """Weighted sum of squares of all misclosures."""
+        return sum(float(np.vdot(e, e)) for e in self.misclosures)
+
+    @property
+    def misclosures(self) -> tuple[Array, ...]:
+        """Of every kind of observation."""
+        of = self.conditions
+        more = () if of is None else (of.e,)
+        return (self.e, self.point_e, self.photo_e, self.own_e, self.shared_e, *more)
+
+
+def _angles(rotations: Array) -> Array:
+    return np.array([rotation_angles(r) for r in rotations]).reshape(-1, 3)
+
+
+def _wrapped(angle: Array) -> Array:
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _prior_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array, Array, Array]:
+    """Whitened misclosures of control, photo priors, own and shared additional parameters."""
+    point = np.where(
+        np.isfinite(problem.known_sigma),
+        (state.points - (problem.known - state.origin)) / problem.known_sigma,
+        0.0,
+    )
+    photo = np.zeros((len(problem.photos), 6))
+    with_position = np.isfinite(problem.position_sigma)
+    if with_position.any():
+        off = (state.centres - (problem.position - state.origin)) / problem.position_sigma
+        photo[:, :3] = np.where(with_position, off, 0.0)
+    with_rotation = np.isfinite(problem.rotation_sigma).any(axis=1)
+    if with_rotation.any():
+        found = _angles(state.rotations[with_rotation])
+        off = _wrapped(found - problem.rotation[with_rotation])
+        sigma = problem.rotation_sigma[with_rotation]
+        photo[with_rotation, 3:] = np.where(np.isfinite(sigma), off / sigma, 0.0)
+    own, shared = np.zeros_like(state.own), np.zeros_like(state.shared)
+    if len(problem.additional_sigma):
+        own = state.own / problem.additional_sigma if state.own.size else own
+        if shared.size:
+            shared = state.shared / np.tile(
+                problem.additional_sigma, len(problem.additional_groups)
+            )
+    return point, photo, own, shared
+
+
+def image_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array]:
+    """Return (m, 2) computed minus observed in sigmas, also of rejected ones; (m,) depths [m]."""
+    seen = imaged(problem, state)
+    e = (seen.xy - problem.xy) / problem.sigma_xy
+    return e, seen.depth
+
+
+def objective(problem: Problem, state: BlockState) -> tuple[float, Array]:
+    """Return v'Pv at a state, and the depth of every ray's point [m].
+
+    Infinite where a condition means nothing, as where its points coincide: `linearise` says which.
+    """
+    e, depth = image_misclosures(problem, state)
+    if problem.rejected is not None:
+        e[problem.rejected] = 0.0
+    total = float(np.vdot(e, e))
+    for part in _prior_misclosures(problem, state):
+        total += float(np.vdot(part, part))
+    try:
+        conditions = _condition_equations(problem, state)
+    except NotComputableError:
+        return float("inf"), depth
+    if conditions is not None:
+        total += float(np.vdot(conditions.e, conditions.e))
+    return (total if total == total else float("inf")), depth
+
+
+def _condition_equations(problem: Problem, state: BlockState) -> ConditionEquations | None:
+    if problem.conditions is None:
+        return None
+    return problem.conditions.equations(state.points, problem.fixed)
+
+
+def linearise(problem: Problem, state: BlockState) -> Linearised:
+    """Return derivatives and misclosures at a state."""
+    seen = imaged_with_derivatives(problem, state)
+    weight = 1.0 / problem.sigma_xy
+    n, m = len(problem.photos), len(problem.photo)
+    d = problem.per_photo
+    white = seen.parameter * weight[:, :, None]
+    if problem.photo_invariant:
+        a = np.empty((m, 2, d))
+        np.multiply(seen.photo, weight[:, :, None], out=a[:, :, :6])
+        a[:, :, 6:] = white
+        h = np.empty((m, 2, 0))
+    else:
+        a, h = seen.photo * weight[:, :, None], white
+    b = seen.point * weight[:, :, None]
+    if problem.fixed.any():
+        b *= ~problem.fixed[problem.point][:, None, :]
+    e = (seen.xy - problem.xy) * weight
+    if problem.rejected is not None:
+        for part in (a, b, h, e):
+            part[problem.rejected] = 0.0
+    point_e, photo_e, own_e, shared_e = _prior_misclosures(problem, state)
+    rows = np.zeros((n, 6, d))
+    with_position = np.isfinite(problem.position_sigma)
+    for axis in range(3):
+        rows[:, axis, axis] = np.where(
+            with_position[:, axis], 1.0 / problem.position_sigma[:, axis], 0.0
+        )
+    for k in np.nonzero(np.isfinite(problem.rotation_sigma).any(axis=1))[0]:
+        omega, phi, _ = rotation_angles(state.rotations[k])
+        # d angles = axes^-1 d(small rotation)
+        inverse = np.linalg.pinv(rotation_axes(omega, phi), rcond=1e-9)
+        weighted = inverse / problem.rotation_sigma[k][:, None]
+        rows[k, 3:, 3:6] = np.where(np.isfinite(weighted), weighted, 0.0)
+    prior = 1.0 / problem.additional_sigma**2 if len(problem.additional_sigma) else None
+    return Linearised(
+        a=a,
+        b=b,
+        h=h,
+        e=e,
+        point_weight=np.where(np.isfinite(problem.known_sigma), problem.known_sigma**-2.0, 0.0),
+        point_e=point_e,
+        photo_rows=rows,
+        photo_e=photo_e,
+        own_weight=prior if prior is not None and problem.photo_invariant else np.zeros(d - 6),
+        own_e=own_e,
+        shared_weight=(
+            np.tile(prior, len(problem.additional_groups))
+            if prior is not None and not problem.photo_invariant
+            else np.zeros(problem.in_border)
+        ),
+        shared_e=shared_e,
+        depth=seen.depth,
+        conditions=_condition_equations(problem, state),
+    )
+
+
+def effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearised:
+    """Return what changes of the unknowns do to every observation, in place of the misclosures."""
+    photos, points, shared = unknowns
+    e = np.einsum("mij,mj->mi", linear.a, photos[problem.photo])
+    e += np.einsum("mij,mj->mi", linear.b, points[problem.point])
+    if len(shared):
+        of_ray = shared.reshape(-1, linear.h.shape[2])[problem.additional_group]
+        e += np.einsum("mij,mj->mi", linear.h, of_ray)
+    return replace(
+        linear,
+        e=e,
+        point_e=np.sqrt(linear.point_weight) * points,
+        photo_e=np.einsum("nij,nj->ni", linear.photo_rows, photos),
+        own_e=np.sqrt(linear.own_weight) * photos[:, 6:],
+        shared_e=np.sqrt(linear.shared_weight) * shared,
+        conditions=None if linear.conditions is None else linear.conditions.effect(points),
+    )
+
+
+def rounding(problem: Problem, state: BlockState, depth: Array) -> float:
+    """Return the squared norm of what rounding does to the misclosures, in a-priori sigmas.
+
+    Parameters
+    ----------
+    problem, state
+        The bundle, and where it is evaluated.
+    depth
+        (m,) of the rays there [m].
+    """
+    away = np.abs(state.points).max(axis=1)[problem.point]
+    away = away + np.abs(state.centres).max(axis=1)[problem.photo]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        image = problem.c[problem.photo] * (1.0 + away / np.abs(depth))
+        size = (image + np.abs(problem.xy).max(axis=1)) / problem.sigma_xy.min(axis=1)
+        of_points = np.abs(state.points) / problem.known_sigma
+        of_photos = np.abs(state.centres) / problem.position_sigma
+    total = 2.0 * float(np.vdot(size, size))
+    total += float(np.nansum(of_points**2)) + float(np.nansum(of_photos**2))
+    if problem.conditions is not None:
+        total += problem.conditions.rounding(state.points) / float(np.finfo(np.float64).eps) ** 2
+    return total * float(np.finfo(np.float64).eps) ** 2
+
+
+def move(
+    problem: Problem, state: BlockState, photos: Array, points: Array, shared: Array
+) -> BlockState:
+    """Add corrections: (photos, d), (points, 3) and (g,)."""
+    return BlockState(
+        centres=state.centres + photos[:, :3],
+        rotations=turns(photos[:, 3:6]) @ state.rotations,
+        points=state.points + points,
+        own=state.own + photos[:, 6:],
+        shared=state.shared + shared,
+        origin=state.origin,
+    )

@@ -1,0 +1,89 @@
+"""Which rays, points and photos of a block determine anything, and which are left out."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Bools, Index
+from anaplot.photogrammetry.block import Block
+
+__all__ = ["LeftOut", "select_rays"]
+
+
+class LeftOut(NamedTuple):
+    """Something declared or measured that takes no part.
+
+    Attributes
+    ----------
+    kind
+        "photo", "point", "control" or "condition".
+    name, reason
+        What, and why.
+    """
+
+    kind: Literal["photo", "point", "control", "condition"]
+    name: str
+    reason: str
+
+
+def select_rays(
+    block: Block,
+    photo: Index,
+    point: Index,
+    counted: Bools,
+    names: list[str],
+    observed: Index,
+    has_prior: Index,
+) -> tuple[Bools, list[LeftOut]]:
+    """Return (m,) rays that take part, and what does not.
+
+    Parameters
+    ----------
+    block
+        The block.
+    photo, point
+        (m,) of every ray, in its photos and in `names`.
+    counted
+        (m, 2) which coordinates count.
+    names
+        Of the points.
+    observed, has_prior
+        (points,) coordinates of a point, (photos,) elements of an orientation, that are known
+        beside the rays.
+    """
+    pair, pair_of = np.unique(photo * len(names) + point, return_inverse=True)
+    pair_photo, pair_point = pair // len(names), pair % len(names)
+    seen_axes = np.zeros((len(pair), 2), dtype=bool)
+    np.logical_or.at(seen_axes, pair_of, counted)
+    coordinates = seen_axes.sum(axis=1)
+    alive = coordinates > 0
+    left: list[LeftOut] = []
+    gone_points = np.zeros(len(names), dtype=bool)
+    gone_photos = np.zeros(len(block.photos), dtype=bool)
+    while True:
+        rays = np.bincount(pair_point[alive], minlength=len(names))
+        # one ray and one known coordinate still determine a point
+        enough = np.bincount(pair_point[alive], coordinates[alive], len(names))
+        poor = ~gone_points & ((enough + observed < 3) | (rays == 0))
+        for k in np.nonzero(poor)[0]:
+            reason = ("has no ray left", "has one ray only", "has two coordinates only")[
+                min(int(rays[k]), 2)
+            ]
+            left.append(LeftOut("point", names[int(k)], reason))
+        gone_points |= poor
+        alive &= ~gone_points[pair_point]
+        seen = np.bincount(pair_photo[alive], minlength=len(block.photos))
+        enough = np.bincount(pair_photo[alive], coordinates[alive], len(block.photos))
+        few = ~gone_photos & ((enough + has_prior < 6) | (seen == 0))
+        for k in np.nonzero(few)[0]:
+            count = int(seen[k])
+            what = "no usable points" if count == 0 else f"{count} usable point{'s' * (count > 1)}"
+            if 2 * count + has_prior[k] >= 6:
+                what = f"{int(enough[k])} usable coordinates"
+            left.append(LeftOut("photo", block.photos[int(k)].id, f"has {what}"))
+        gone_photos |= few
+        alive &= ~gone_photos[pair_photo]
+        if not few.any():
+            return alive[pair_of] & counted.any(axis=1), left
