@@ -155,6 +155,8 @@ def foot_lines(status: BlockStatus, doing: str, width: int, height: int) -> list
         _labelled("look" if i == 0 else "", words, width, "bold $text-error")
         for i, words in enumerate(spots)
     ]
+    weak = status.weak_photos[: max(height - len(lines) - len(last), 0)]
+    lines += [_labelled("" if i else "weak", words, width) for i, words in enumerate(weak)]
     return [*lines, *last][:height]
 
 

@@ -21,7 +21,6 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.photogrammetry.collinearity import project, project_with_derivatives
-from anaplot.planning.plannedreliability import PlannedReliability, photo_reliability
 
 __all__ = [
     "SIZES",
@@ -29,6 +28,7 @@ __all__ = [
     "ExtraPoint",
     "Measured",
     "StabilizingSet",
+    "as_recorded",
     "extra_points",
     "stabilizing_sets",
     "weak_ones",
@@ -91,12 +91,45 @@ class StabilizingSet:
     low_after: float
 
 
-def weak_ones(block: AdjustedBlock) -> tuple[PlannedReliability, ...]:
+def weak_ones(block: AdjustedBlock) -> tuple[str, ...]:
     """Return the photos with few redundant observations beside the others, the weakest first."""
-    photos = photo_reliability(block)
-    limit = _WEAK * float(np.median([one.mean_r for one in photos]))
-    weak = [one for one in photos if one.mean_r < limit]
-    return tuple(sorted(weak, key=lambda one: (round(one.mean_r, 9), one.name)))
+    problem = block.problem
+    photos = np.repeat(problem.photo, 2)
+    counts = np.ones(2 * len(problem.photo))
+    if problem.rejected is not None:
+        counts[problem.rejected.ravel()] = 0.0
+    every = np.bincount(photos, counts, len(problem.photos))
+    total = np.bincount(photos, block.cofactors.r.ravel(), len(problem.photos))
+    mean = total / np.maximum(every, 1.0)
+    limit = _WEAK * float(np.median(mean))
+    weak = [(round(r, 9), name) for name, r in zip(problem.photos, mean, strict=True) if r < limit]
+    return tuple(name for _, name in sorted(weak))
+
+
+def as_recorded(block: AdjustedBlock) -> Measured | None:
+    """Return how often rays are measured where a block's rows name their models.
+
+    Once in every model of its strip that shows the place in both photos, else once. None where no
+    row names a model: every ray is measured once.
+    """
+    if all(row.model is None for row in block.problem.block.image_points):
+        return None
+    every, origin = _Photos.of(block), block.state.origin
+    partners: dict[str, list[str]] = {}
+    for strip in block.problem.block.strips:
+        for left, right in strip.models():
+            partners.setdefault(left, []).append(right)
+            partners.setdefault(right, []).append(left)
+    seen: dict[bytes, frozenset[str]] = {}
+
+    def times(photo: str, place: Array) -> int:
+        key = place.tobytes()
+        if key not in seen:
+            seen.clear()  # a place is asked for photo by photo
+            seen[key] = frozenset(every.names[k] for k in every.seen(place - origin))
+        return max(1, sum(other in seen[key] for other in partners.get(photo, ())))
+
+    return times
 
 
 def stabilizing_sets(

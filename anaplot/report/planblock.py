@@ -200,8 +200,7 @@ def planned_block(
 def _stabilizing(
     plan: BlockPlan, made: IdealBlock, block: AdjustedBlock, most: int | None = None
 ) -> tuple[StabilizingSet, ...]:
-    weak = [one.name for one in weak_ones(block)[:most]]
-    return stabilizing_sets(block, weak, rays_measured(plan, made))
+    return stabilizing_sets(block, weak_ones(block)[:most], rays_measured(plan, made))
 
 
 class _Planned(Protocol):

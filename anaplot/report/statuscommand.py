@@ -27,6 +27,7 @@ from anaplot.report.document import (
 from anaplot.report.document import Block as Part
 from anaplot.report.journalnote import journal_answer
 from anaplot.report.output import Output
+from anaplot.report.stabilizing import stabilizing_json, stabilizing_lines
 from anaplot.session.blockaccidents import block_accidents
 from anaplot.session.recomputed import Recomputed
 from anaplot.station.blockstatus import BlockStatus, NextStep, status_of
@@ -48,6 +49,7 @@ _MODELS = (
     whole("ties", "TIES", 6),
 )
 _MOST_SPOTS = 10
+_MOST_WEAK = 6  # photos for which points are found that would help
 _IN_STRIP = for_programs(
     "left", "right", "state", "sigma0_um", "redundancy", "flagged", "off", "ties"
 )
@@ -92,7 +94,7 @@ def _view(block: Block) -> BlockView | None:
 
     empty = BlockView("", 0, False)
     try:
-        return view_of(LiveBlock(block).update(block), empty, None)
+        return view_of(LiveBlock(block).update(block), empty, None, most_weak=_MOST_WEAK)
     except AnaplotError as error:
         return replace(empty, remark=str(error))
 
@@ -154,6 +156,7 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
     if len(spots) > _MOST_SPOTS:
         page.append(say("  and {} more to look at", len(spots) - _MOST_SPOTS).of("look"))
     page += unchecked_line(status.accidents)
+    page += _weak_lines(status.block)
     page += [say("remark: {}", remark).of("remark") for remark in remarks]
     page.append(_next_line(status.next).of("heading"))
     return Document(answer, tuple(page), (models, suspects))
@@ -192,7 +195,21 @@ def _block(view: BlockView | None, suspects: object) -> Answer | None:
     if view is None or not view.solved:
         return None
     flagged = sum(len(point.flagged) for point in view.suspects)
-    return {"sigma0": view.sigma0, "flagged": flagged, "suspects": suspects}
+    return {
+        "sigma0": view.sigma0,
+        "flagged": flagged,
+        "suspects": suspects,
+        "weak_photos": list(view.weak),
+        "stabilizing": stabilizing_json(view.stabilizing),
+    }
+
+
+def _weak_lines(view: BlockView | None) -> list[Part]:
+    if view is None or not view.weak:
+        return []
+    count = say("weak: {} of {} photos have few redundant observations beside the others",
+                len(view.weak), view.photos)  # fmt: skip
+    return [count, *stabilizing_lines(view.stabilizing)]
 
 
 def _block_line(view: BlockView | None) -> Line:

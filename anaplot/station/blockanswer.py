@@ -9,12 +9,17 @@ import numpy as np
 
 from anaplot.bundle.errors.suspects import ImageCoordinate, likeliest_suspects
 from anaplot.bundle.live import LiveAnswer
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.planning.stabilizing import as_recorded, stabilizing_sets, weak_ones
 from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
+from anaplot.station.modeltables import measured_in_files
 
 __all__ = ["view_of"]
 
 
-def view_of(answer: LiveAnswer, empty: BlockView, since: Mapping[str, str] | None) -> BlockView:
+def view_of(
+    answer: LiveAnswer, empty: BlockView, since: Mapping[str, str] | None, *, most_weak: int = 0
+) -> BlockView:
     """Return what an adjusted block says.
 
     Parameters
@@ -26,11 +31,15 @@ def view_of(answer: LiveAnswer, empty: BlockView, since: Mapping[str, str] | Non
     since
         Points flagged in the answer before, each with the newest model of the block when it was
         first flagged; None when there was no answer before: then nothing counts as new.
+    most_weak
+        For how many weak photos at most the points are found that would help them.
     """
     adjusted = answer.adjusted
     problem, test = adjusted.problem, adjusted.problem.test
     indicators = adjusted.indicators()
     um = problem.block.precision.image_um
+    weak = _weak(adjusted) if most_weak else ()
+    sets = stabilizing_sets(adjusted, weak[:most_weak], as_recorded(adjusted)) if weak else ()
     return replace(
         empty,
         sigma0=adjusted.sigma0,
@@ -46,7 +55,26 @@ def view_of(answer: LiveAnswer, empty: BlockView, since: Mapping[str, str] | Non
         ri_y=indicators.ri_y,
         suspects=_suspects(answer, empty, since),
         aside=answer.aside,
+        weak=weak,
+        stabilizing=sets,
     )
+
+
+def _weak(adjusted: AdjustedBlock) -> tuple[str, ...]:
+    """Return weak photos, but for those that are weak because a model is not measured yet."""
+    weak = weak_ones(adjusted)
+    if not weak:
+        return ()
+    block = adjusted.problem.block
+    done = measured_in_files(block)
+    waiting = {
+        photo
+        for strip in block.strips
+        for model in strip.models()
+        if model not in done
+        for photo in model
+    }
+    return tuple(photo for photo in weak if photo not in waiting)
 
 
 def _suspects(

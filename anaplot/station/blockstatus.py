@@ -35,6 +35,8 @@ __all__ = [
     "with_table",
 ]
 
+_FEW = 2  # points for a weak photo that go into one line
+
 ModelStanding = Literal["open", "in work", "accepted", "recomputed", "look"]
 
 
@@ -214,6 +216,18 @@ class BlockStatus:
         if measured > 1 and not self.coverage.lateral_ties:
             spots.append(WeakSpot("", "no point ties the strips together yet"))
         return tuple(spots)
+
+    @property
+    def weak_photos(self) -> tuple[str, ...]:
+        """What would help the weakest photos, in words: the best two points, or the best one."""
+        if self.block is None:
+            return ()
+        few = {one.photo: one for one in self.block.stabilizing if len(one.points) <= _FEW}
+        return tuple(
+            f"photo {one.photo}: mean r {one.before:.2f}, {one.after:.2f} with "
+            + " and ".join(f"({point.x:.0f}, {point.y:.0f})" for point in one.points)
+            for one in few.values()
+        )
 
 
 def _of_block(view: BlockView | None) -> Iterator[WeakSpot]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from anaplot.planning.stabilizing import StabilizingSet
 
 __all__ = ["SURE", "BlockView", "FlaggedCoordinate", "SuspectedPoint", "SuspectedRay", "percent"]
 
@@ -127,6 +130,11 @@ class BlockView:
         Photos that do not hang together with the rest yet.
     remark
         Why there is no solution, or "".
+    weak
+        Photos with few redundant observations beside the others, the weakest first; without those
+        of which a model is still to be measured.
+    stabilizing
+        Points that would help the weakest of them most.
     """
 
     after: str
@@ -147,6 +155,8 @@ class BlockView:
     suspects: tuple[SuspectedPoint, ...] = ()
     aside: tuple[str, ...] = ()
     remark: str = ""
+    weak: tuple[str, ...] = ()
+    stabilizing: tuple[StabilizingSet, ...] = ()
 
     @property
     def solved(self) -> bool:

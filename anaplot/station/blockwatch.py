@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["BlockWatch"]
 
+_MOST_WEAK = 3  # photos for which points are found that would help: the overview has few lines
 _FIRST_SCREEN = 1.0  # s after opening before anything is loaded: the first screen comes first
 
 
@@ -216,7 +217,9 @@ class BlockWatch:
             live = LiveBlock(block)
         try:
             answer = live.update(block, progress=lambda _what, _share: self._look_up(work))
-            view = view_of(answer, empty, self._since if known else None)
+            # with a model in work the overview has given way to its table
+            most = 0 if work.provisional else _MOST_WEAK
+            view = view_of(answer, empty, self._since if known else None, most_weak=most)
         except AnaplotError as error:
             return replace(empty, remark=str(error)), live
         self._since = {point.point: point.since for point in view.suspects}

@@ -21,6 +21,7 @@ from anaplot.console.overview import (
 )
 from anaplot.console.overviewview import ModelList, OverviewView
 from anaplot.console.tableview import TableView
+from anaplot.planning.stabilizing import ExtraPoint, StabilizingSet
 from anaplot.station.blockstatus import (
     BlockStatus,
     Coverage,
@@ -121,6 +122,27 @@ def test_the_foot_says_how_much_it_leaves_out():
     # a command is not cut
     shown = [line.plain.strip() for line in foot_lines(found, "anaplot adjust /a/long/path", 50, 6)]
     assert shown[-2:] == ["next    adjust the block: anaplot adjust", "/a/long/path"]
+
+
+def test_the_foot_names_points_for_weak_photos_where_there_is_room():
+    points = tuple(
+        ExtraPoint(x, 92.0, (x, 92.0, 0.0), ("101", "102")) for x in (-92.0, -46.2, 0.0, 92.4)
+    )
+    sets = tuple(
+        StabilizingSet(photo, points[:size], 0.231, 0.3 + size / 25, 0.0, 0.0)
+        for photo in ("101", "104")
+        for size in (1, 2, 4)
+    )
+    seen = replace(view(), weak=("101", "104"), stabilizing=sets)
+    found = replace(status(MODELS, NextStep("adjust", "x")), block=seen)
+    words = "photo 101: mean r 0.23, 0.38 with (-92, 92) and (-46, 92)"
+    assert found.weak_photos == (words, words.replace("101", "104"))
+    shown = [line.plain.strip() for line in foot_lines(found, "x", 80, 12)]
+    assert f"weak    {words}" in shown
+    assert shown[-1].startswith("next")
+    # the verdict and what is next go before
+    few = [line.plain.strip() for line in foot_lines(found, "x", 80, 2)]
+    assert not any("mean r" in line for line in few)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,13 @@ from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.blockplan import BlockPlan, plan_block, rays_measured
 from anaplot.planning.idealblock import ExposureStation, photograph
 from anaplot.planning.plannedreliability import photo_reliability
-from anaplot.planning.stabilizing import SIZES, extra_points, stabilizing_sets, weak_ones
+from anaplot.planning.stabilizing import (
+    SIZES,
+    as_recorded,
+    extra_points,
+    stabilizing_sets,
+    weak_ones,
+)
 
 PLANS = (
     BlockPlan(2, 4),
@@ -27,7 +33,7 @@ PLANS = (
 def test_what_is_predicted_is_what_the_block_with_the_points_has(plan: BlockPlan) -> None:
     made = plan_block(plan)
     block = made.evaluated()
-    weak = [one.name for one in weak_ones(block)]
+    weak = weak_ones(block)
     photo = weak[0] if weak else block.problem.photos[0]
     old = {row.point for row in block.ray_rows() if row.photo == photo}
     sets = stabilizing_sets(block, [photo], rays_measured(plan, made))
@@ -55,7 +61,7 @@ def test_the_best_point_is_the_best_of_all() -> None:
     plan = PLANS[0]
     made = plan_block(plan)
     block = made.evaluated()
-    photo = weak_ones(block)[0].name
+    photo = weak_ones(block)[0]
     best = stabilizing_sets(block, [photo], rays_measured(plan, made))[0]
     centre = made.stations[photo].centre
     for x, y in np.random.default_rng(2).uniform(-0.4, 0.4, (12, 2)) * 2300.0:
@@ -63,6 +69,24 @@ def test_the_best_point_is_the_best_of_all() -> None:
         if len({row.photo for row in then.ray_rows() if row.point == "s"}) > 1:
             of = next(of for of in photo_reliability(then) if of.name == photo)
             assert of.mean_r < best.after + 0.01
+
+
+def test_a_recorded_block_is_measured_in_its_models() -> None:
+    plan = PLANS[0]
+    made = plan_block(plan)
+    block = made.evaluated()
+    weak = weak_ones(block)
+    planned = stabilizing_sets(block, weak, rays_measured(plan, made))
+    assert stabilizing_sets(block, weak, as_recorded(block)) == planned != ()
+    assert planned != stabilizing_sets(block, weak)
+    assert as_recorded(plan_block(PLANS[1]).evaluated()) is None
+
+
+def test_weak_photos_are_those_of_the_rows() -> None:
+    block = plan_block(PLANS[0]).evaluated()
+    photos = photo_reliability(block)
+    limit = 0.85 * np.median([one.mean_r for one in photos])
+    assert set(weak_ones(block)) == {one.name for one in photos if one.mean_r < limit} != set()
 
 
 def tilted(extra: dict[str, np.ndarray]):
@@ -94,7 +118,7 @@ def tilted(extra: dict[str, np.ndarray]):
 
 def test_tilted_photos_over_hills_are_met_too() -> None:
     block = tilted({}).evaluated()
-    photo = weak_ones(block)[0].name
+    photo = weak_ones(block)[0]
     sets = stabilizing_sets(block, [photo])
     for one in sets:
         extra = {f"s{k}": np.array(point.place) for k, point in enumerate(one.points)}
@@ -114,7 +138,7 @@ def test_one_point_serves_two_photos_that_ask_for_it() -> None:
     plan = BlockPlan(3, 4, 0.60, 0.60)
     made = plan_block(plan)
     block = made.evaluated()
-    weak = [photo.name for photo in weak_ones(block)]
+    weak = weak_ones(block)
     sets = stabilizing_sets(block, weak, rays_measured(plan, made))
     asked = [point.place[:2] for one in sets if len(one.points) == 4 for point in one.points]
     added = extra_points(sets, 4, 0.05 * plan.base)

@@ -140,3 +140,30 @@ def test_a_block_without_strips(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert found["next"]["command"].startswith(f"anaplot adjust '{folder}'")
     assert found["next"]["do"] == "adjust"
     assert main(["status", str(tmp_path / "nowhere")]) == 2
+
+
+def test_weak_photos_get_the_points_that_a_plan_gives_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "planned"
+    said = ["plan", "block", "--strips", "2", "--photos", "4", "--to", str(folder), "--json"]
+    assert main(said) == 0
+    planned = json.loads(capsys.readouterr().out)["stabilizing"]
+    found = status(folder, capsys)["block"]
+    assert {one["photo"] for one in planned} == set(found["weak_photos"])
+    for mine, its in zip(found["stabilizing"], planned, strict=True):
+        assert mine["after"] == pytest.approx(its["after"], abs=1e-6)
+        assert [(p["x"], p["y"], p["photos"]) for p in mine["points"]] == [
+            (p["x"], p["y"], p["photos"]) for p in its["points"]
+        ]
+    assert main(["status", str(folder)]) == 0
+    text = capsys.readouterr().out
+    assert "weak: 4 of 8 photos have few redundant observations beside the others" in text
+    assert "  101    mean r 0.230, 0.309 with 1, 0.364 with 2, 0.419 with 4 points" in text
+    # a photo waits until its models are measured
+    rows = (folder / "image_points.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [row for row in rows if "103/104" not in row]
+    (folder / "image_points.csv").write_text("".join(kept), encoding="utf-8")
+    waiting = status(folder, capsys)["block"]
+    assert {"103", "104"}.isdisjoint(waiting["weak_photos"])
+    assert "101" in waiting["weak_photos"]
