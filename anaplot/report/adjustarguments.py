@@ -89,8 +89,9 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
     adjust.add_argument(
         "--additional",
         metavar="SET",
-        help="additional parameters: ebner, gruen or physical (a lens: c, x0, y0, k1, k2, k3, p1, "
-        "p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo",
+        help="additional parameters: ebner, gruen, gruen50 or physical (a lens: c, x0, y0, k1, k2, "
+        "k3, p1, p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo; "
+        "some of them as ebner:b1,b2 or gruen:-a43",
     )
     adjust.add_argument(
         "--additional-sigma-um",
@@ -261,8 +262,9 @@ def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--additional",
         metavar="SET",
-        help="additional parameters: ebner, gruen or physical (a lens: c, x0, y0, k1, k2, k3, p1, "
-        "p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo",
+        help="additional parameters: ebner, gruen, gruen50 or physical (a lens: c, x0, y0, k1, k2, "
+        "k3, p1, p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo; "
+        "some of them as ebner:b1,b2 or gruen:-a43",
     )
     parser.add_argument(
         "--additional-sigma-um", type=positive, metavar="UM", help="weigh them by their effect"

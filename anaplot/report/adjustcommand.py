@@ -131,8 +131,8 @@ def adjust(
     datum
         "control", "minimal" or "free" by inner constraints over the points.
     additional
-        "set" or "set:scope" of additional parameters: ebner, gruen, physical; block, strip,
-        camera, photo.
+        "set", "set:scope", "set:names" or "set:names:scope" of additional parameters: ebner,
+        gruen, gruen50, physical; block, strip, camera, photo; "b1,b2" or "-b1,-b2".
     additional_sigma_um
         Their a-priori standard deviation as effect in the image [um]; None: free.
     snooping

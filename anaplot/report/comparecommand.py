@@ -66,7 +66,7 @@ def compare(
     separate
         Whether each epoch is adjusted by itself; otherwise both in one, with common control.
     additional
-        "set" or "set:scope" of additional parameters, as `adjust` has them.
+        A set of additional parameters, some of it, and its scope, as `adjust` has them.
     additional_sigma_um
         Their a-priori standard deviation as effect in the image [um]; None: free.
     common_parameters

@@ -9,6 +9,7 @@ from anaplot.bundle.solve.additional import (
     additional_parameters,
     ebner,
     gruen,
+    gruen50,
     physical,
 )
 from anaplot.errors import InputError
@@ -46,6 +47,21 @@ def test_orthogonal_to_each_other_and_to_the_exterior_orientation(parameter_set,
     assert np.linalg.matrix_rank(product, tol=1e-6) == 2 * side * side
 
 
+def test_the_complete_set_is_all_that_can_happen_on_the_5_x_5_grid() -> None:
+    line = np.linspace(-90.0, 90.0, 5)
+    x, y = (axis.ravel() for axis in np.meshgrid(line, line))
+    basis = gruen50.basis(x, y, 90.0, np.full(x.shape, 150.0)).reshape(50, 50)
+    basis = basis / np.linalg.norm(basis, axis=0)
+    np.testing.assert_allclose(basis.T @ basis, np.eye(50), atol=1e-12)
+    assert gruen50.names[:44] == gruen.names
+    # the six more are what the exterior orientation of a vertical photo does over flat ground
+    effects = exterior_effects(x, y, 150.0).reshape(50, 6)
+    left = effects - basis[:, 44:] @ (basis[:, 44:].T @ effects)
+    np.testing.assert_allclose(left, 0.0, atol=1e-10)
+    turned = basis[:, gruen50.names.index("b12")]
+    np.testing.assert_allclose(turned, effects[:, 5] / np.linalg.norm(effects[:, 5]), atol=1e-12)
+
+
 def test_the_misprint_of_1978_is_not_orthogonal() -> None:
     line = np.linspace(-1.0, 1.0, 5)
     x, y = (axis.ravel() for axis in np.meshgrid(line, line))
@@ -56,7 +72,7 @@ def test_the_misprint_of_1978_is_not_orthogonal() -> None:
 
 
 def test_names_are_unique_and_physical_terms_have_their_meaning() -> None:
-    for parameter_set in (ebner, gruen, physical):
+    for parameter_set in (ebner, gruen, gruen50, physical):
         assert len(set(parameter_set.names)) == len(parameter_set.names)
     x, y, c = np.array([30.0, -40.0]), np.array([20.0, 10.0]), np.full(2, 120.0)
     basis = physical.basis(x, y, 50.0, c)
@@ -78,3 +94,37 @@ def test_names_of_sets_and_scopes() -> None:
             additional_parameters(text)
     with pytest.raises(InputError):
         additional_parameters("ebner", 0.0)
+
+
+def test_some_parameters_of_a_set() -> None:
+    some = additional_parameters("ebner:b7, b2:camera", 3.0)
+    assert (some.set.names, some.scope, some.sigma_um) == (("b2", "b7"), "camera", 3.0)
+    assert additional_parameters("ebner:camera:b2,b7", 3.0) == some
+    less = additional_parameters("gruen:-a43,-b55").set
+    assert less.names == tuple(n for n in gruen.names if n not in ("a43", "b55"))
+    x, y, c = np.array([30.0, -40.0]), np.array([20.0, 10.0]), np.full(2, 120.0)
+    for one, whole in ((some.set, ebner), (less, gruen), (less.only(["b45", "a12"]), gruen)):
+        at = [whole.names.index(name) for name in one.names]
+        np.testing.assert_array_equal(one.terms(x, y, 50.0, c), whole.basis(x, y, 50.0, c)[..., at])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("ebnr", "no set 'ebnr' (did you mean 'ebner'?)"),
+        ("gruen:a34,a443", "no parameter 'a443' (did you mean 'a44'?)"),
+        ("gruen:-a433", "no parameter 'a433' (did you mean 'a43'?)"),
+        ("gruen:camra", "no scope or parameter 'camra' (did you mean 'camera'?)"),
+        ("physical:q", "parameters c, x0, y0, k1"),
+        ("ebner:b1,-b2", "each with -"),
+        ("ebner:b1:b2", "a second choice of parameters"),
+        ("ebner:block:photo", "a second scope"),
+        ("ebner:", "no scope or parameter ''"),
+        ("ebner:" + ",".join(f"-b{k}" for k in range(1, 13)), "none is left"),
+    ],
+)
+def test_a_wrong_choice_is_told_with_the_nearest_name(text: str, said: str) -> None:
+    with pytest.raises(InputError) as refused:
+        additional_parameters(text)
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)

@@ -9,7 +9,7 @@ import pytest
 from bundleblocks import aerial, cube
 
 from anaplot.bundle.adjust import adjust_block
-from anaplot.bundle.solve.additional import additional_parameters, ebner, gruen, physical
+from anaplot.bundle.solve.additional import additional_parameters, ebner, gruen, gruen50, physical
 from anaplot.bundle.solve.parametercorrelations import parameter_correlations
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import InputError, NotComputableError
@@ -162,6 +162,35 @@ def test_gruens_44_parameters_on_a_5_x_5_block() -> None:
     scene = aerial(4, 5, per_base=2, noise_um=5.0)
     block = adjust_block(scene.block, additional=additional_parameters("gruen", 20.0))
     assert len(block.parameter_rows()) == len(gruen.names) == 44
+
+
+def test_of_the_complete_set_nothing_determines_the_one_that_is_kappa() -> None:
+    scene = aerial(3, 4, per_base=2, noise_um=5.0, relief=150.0, turned=True)
+    weighted = adjust_block(scene.block, additional=additional_parameters("gruen50", 20.0))
+    assert len(weighted.parameter_rows()) == len(gruen50.names) == 50
+    # an image turned about its origin is a kappa, whatever is seen: only noise says otherwise
+    free = adjust_block(scene.block, additional=additional_parameters("gruen50:a21,b12"))
+    shear, torsion = np.sqrt(np.diag(free.cofactors.shared))
+    assert shear < 0.01
+    assert torsion > 1.0
+
+
+@pytest.mark.parametrize("text", ["ebner", "physical"])
+def test_some_parameters_are_the_whole_set_with_the_others_held_at_zero(text: str) -> None:
+    scene = aerial(4, 5, per_base=2, noise_um=3.0, relief=150.0, turned=True, control_sigma=0.05)
+    whole = adjust_block(scene.block, additional=additional_parameters(text, 20.0))
+    names = whole.problem.additional.set.names
+    kept = [k for k in range(len(names)) if k % 3 == 0]
+    away = [k for k in range(len(names)) if k % 3 != 0]
+    chosen = ",".join(names[k] for k in kept)
+    some = adjust_block(scene.block, additional=additional_parameters(f"{text}:{chosen}", 20.0))
+    z, q = whole.state.shared, whole.cofactors.shared
+    gain = q[np.ix_(kept, away)] @ np.linalg.inv(q[np.ix_(away, away)])
+    s = np.sqrt(np.diag(some.cofactors.shared))
+    np.testing.assert_allclose((some.state.shared - (z[kept] - gain @ z[away])) / s, 0.0, atol=1e-2)
+    np.testing.assert_allclose(
+        some.cofactors.shared, q[np.ix_(kept, kept)] - gain @ q[np.ix_(away, kept)], rtol=1e-2
+    )
 
 
 def test_too_many_free_parameters_are_named_as_undetermined() -> None:

@@ -8,8 +8,8 @@ the rays pass: not linear, for its terms follow the principal point.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = [
     "AdditionalParameters",
@@ -25,38 +26,94 @@ __all__ = [
     "additional_parameters",
     "ebner",
     "gruen",
+    "gruen50",
     "lens_units",
     "physical",
 ]
 
 Column = list[Array | float]
 Scope = Literal["block", "strip", "camera", "photo"]
-SetName = Literal["ebner", "gruen", "physical"]
+SetName = Literal["ebner", "gruen", "gruen50", "physical"]
 
 _SCOPES: tuple[Scope, ...] = ("block", "strip", "camera", "photo")
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterSet:
-    """A set of additional parameters.
+    """A set of additional parameters, or some of it.
 
     Attributes
     ----------
     name
-        "ebner", "gruen" or "physical".
+        "ebner", "gruen", "gruen50" or "physical".
     names
         Names of the parameters.
     basis
         Function of x, y (n,) [mm], the reach b [mm] and the camera constant (n,) [mm] that
-        returns (n, 2, len(names)): what the parameters do, to first order.
+        returns (n, 2, k): what all k parameters of the whole set do, to first order.
     lens
         Whether the parameters are those of a lens: `basis` then only tells their size.
+    chosen
+        Which columns of `basis` belong to the names; empty: all of them.
     """
 
     name: SetName
     names: tuple[str, ...]
     basis: Callable[[Array, Array, float, Array], Array]
     lens: bool = False
+    chosen: tuple[int, ...] = ()
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns of `basis` that belong to the names."""
+        return self.chosen or tuple(range(len(self.names)))
+
+    def terms(self, x: Array, y: Array, b: float, c: Array) -> Array:
+        """Return (n, 2, len(names)): what the parameters do, see `basis`."""
+        return self.basis(x, y, b, c)[:, :, list(self.columns)]
+
+    def only(self, names: Iterable[str]) -> ParameterSet:
+        """Return the set with these of its parameters alone, in its own order.
+
+        Raises
+        ------
+        InputError
+            No such parameter, or none at all.
+        """
+        wanted = set()
+        for name in names:
+            if name not in self.names:
+                near = hint(name, self.names, listing=False)
+                near = near or f"; {self.name} has {_span(self.names)}"
+                raise InputError(
+                    f"additional parameters {self.name}: no parameter {quoted(name)}{near}"
+                )
+            wanted.add(name)
+        kept = [k for k, name in enumerate(self.names) if name in wanted]
+        if not kept:
+            raise InputError(f"additional parameters {self.name}: none is left")
+        return replace(
+            self,
+            names=tuple(self.names[k] for k in kept),
+            chosen=tuple(self.columns[k] for k in kept),
+        )
+
+    def without(self, names: Iterable[str]) -> ParameterSet:
+        """Return the set without some of its parameters.
+
+        Raises
+        ------
+        InputError
+            No such parameter, or none is left.
+        """
+        away = self.only(names).names
+        return self.only(name for name in self.names if name not in away)
+
+
+def _span(names: tuple[str, ...]) -> str:
+    if len(names) <= 12:
+        return ", ".join(names)
+    return f"{', '.join(names[:8])} ... {names[-1]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +123,7 @@ class AdditionalParameters:
     Attributes
     ----------
     set
-        The basis functions.
+        Which ones.
     scope
         One set for the block, or one for each strip, camera or photo.
     sigma_um
@@ -137,6 +194,15 @@ def _gruen_names() -> tuple[str, ...]:
     return tuple(names)
 
 
+def _gruen50_basis(x: Array, y: Array, b: float, c: Array) -> Array:
+    """Gruen's 44 parameters and the six that the exterior orientation has taken from the 50."""
+    u, v = x / b, y / b
+    k, m = u * u - 0.5, v * v - 0.5
+    dx: Column = [1.0, 0.0, u, -v, k, u * v]
+    dy: Column = [0.0, 1.0, v, u, u * v, m]
+    return np.concatenate((_gruen_basis(x, y, b, c), _columns(x, dx, dy)), axis=2)
+
+
 def lens_units(b: float, c: float) -> Array:
     """Return (10,) the `LENS_PARAMETERS` whose effect in the image is 1 mm at the reach.
 
@@ -164,6 +230,18 @@ ebner = ParameterSet("ebner", tuple(f"b{k}" for k in range(1, 13)), _ebner_basis
 gruen = ParameterSet("gruen", _gruen_names(), _gruen_basis)
 """Gruen's 44 parameters; unit as in `ebner`."""
 
+gruen50 = ParameterSet(
+    "gruen50", (*_gruen_names(), "a11", "b11", "b21", "b12", "a13", "b31"), _gruen50_basis
+)
+"""All 50 of the 5 x 5 grid: the 44 and what they leave to the exterior orientation.
+
+The coefficients that eq. (7) has no name for are a11, b11 (the principal point), b21 (x, y: the
+camera constant), b12 (-y, x), a13 (k, x y) and b31 (x y, m), orthogonal to each other and to the
+44. Over flat ground they are what a vertical photo's own orientation does to the image. b12 is so
+everywhere: kappa turns the image about its origin, whatever is seen, and "one of the two linear
+terms which lead to image torsions has to be rejected a-priori".
+"""
+
 physical = ParameterSet("physical", LENS_PARAMETERS, _physical_basis, lens=True)
 """The lens (conventions, Pixels): corrections of the camera's own values.
 
@@ -173,28 +251,61 @@ stretches the image: what is adjusted is the camera's c plus this. x0 and y0 are
 point lies in the image's axes, and all distortion is about it. k1, k2, k3 > 0 push points outwards.
 """
 
-_SETS: dict[str, ParameterSet] = {"ebner": ebner, "gruen": gruen, "physical": physical}
+_SETS: dict[str, ParameterSet] = {one.name: one for one in (ebner, gruen, gruen50, physical)}
 
 
 def additional_parameters(text: str, sigma_um: float | None = None) -> AdditionalParameters:
-    """Return the parameters that "set" or "set:scope" names.
+    """Return the parameters that "set", "set:scope", "set:names" or "set:names:scope" says.
+
+    Parameters
+    ----------
+    text
+        A set; a scope (block, strip, camera, photo); names with commas between, these alone, or
+        each with a minus before it, all but these: "ebner:b1,b2", "gruen:-a43:camera".
+    sigma_um
+        See `AdditionalParameters`.
 
     Raises
     ------
     InputError
-        No such set or scope, or a standard deviation that is not positive.
+        No such set, scope or parameter, or a standard deviation that is not positive.
     """
-    name, _, scope = text.partition(":")
+    name, *parts = text.split(":")
+    about = f"additional parameters {quoted(text)}"
     chosen = _SETS.get(name)
     if chosen is None:
-        raise InputError(
-            f"additional parameters {text!r}: no set {name!r}; there are {', '.join(_SETS)}"
-        )
-    found = next((s for s in _SCOPES if s == (scope or "block")), None)
-    if found is None:
-        raise InputError(
-            f"additional parameters {text!r}: no scope {scope!r}; there are {', '.join(_SCOPES)}"
-        )
+        near = hint(name, _SETS, listing=False)
+        raise InputError(f"{about}: no set {quoted(name)}{near}; there are {', '.join(_SETS)}")
+    scope: Scope | None = None
+    selected: str | None = None
+    for part in parts:
+        found = next((one for one in _SCOPES if one == part), None)
+        if found is not None and scope is None:
+            scope = found
+        elif found is None and selected is None:
+            selected = part
+        else:
+            what = "scope" if found is not None else "choice of parameters"
+            raise InputError(f"{about}: a second {what}")
     if sigma_um is not None and not 0.0 < sigma_um < float("inf"):
         raise InputError(f"additional parameters: the sigma {sigma_um:g} um must be positive")
-    return AdditionalParameters(chosen, found, sigma_um)
+    if selected is not None:
+        chosen = _selected(chosen, selected, about)
+    return AdditionalParameters(chosen, scope or "block", sigma_um)
+
+
+def _selected(whole: ParameterSet, text: str, about: str) -> ParameterSet:
+    """Return the parameters "b1,b2" of a set, or those that "-b1,-b2" leaves."""
+    parts = [part.strip() for part in text.split(",")]
+    names = [part.removeprefix("-").strip() for part in parts]
+    stray = next((one for one in names if one not in whole.names), None)
+    if stray is not None and len(names) == 1 and not parts[0].startswith("-"):
+        raise InputError(
+            f"{about}: no scope or parameter {quoted(stray)}"
+            f"{hint(stray, (*_SCOPES, *whole.names), listing=False)}; scopes are "
+            f"{', '.join(_SCOPES)}, parameters {_span(whole.names)}"
+        )
+    away = [part.startswith("-") for part in parts]
+    if any(away) and not all(away):
+        raise InputError(f"{about}: either the parameters to take, or those to leave, each with -")
+    return whole.without(names) if any(away) else whole.only(names)

@@ -10,7 +10,7 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.collinearity import Projection, project, project_with_derivatives
-from anaplot.photogrammetry.lens import through_lens
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 
 __all__ = ["BlockState", "Imaged", "imaged", "imaged_with_derivatives"]
 
@@ -77,9 +77,16 @@ def _values(problem: Problem, state: BlockState, rays: Index | slice) -> Array:
 
 def _lens(problem: Problem, units: Array, state: BlockState, rays: Index | slice) -> Array:
     """(n, 10) parameters of the lens of every ray."""
-    out: Array = units[problem.additional_group[rays]] * _values(problem, state, rays)
+    values = units[problem.additional_group[rays]] * _values(problem, state, rays)
+    out = np.zeros((len(values), len(LENS_PARAMETERS)))
+    out[:, _unknown(problem)] = values
     out[:, 0] += problem.c[problem.photo[rays]]
     return out
+
+
+def _unknown(problem: Problem) -> list[int]:
+    """Which parameters of the lens are unknown."""
+    return [] if problem.additional is None else list(problem.additional.set.columns)
 
 
 def imaged(problem: Problem, state: BlockState) -> Projection:
@@ -129,5 +136,6 @@ def imaged_with_derivatives(
             seen.depth,
             np.matmul(lens.by_direction, seen.photo),
             np.matmul(lens.by_direction, seen.point),
-            lens.by_parameter * units[problem.additional_group[rays]][:, None, :],
+            lens.by_parameter[:, :, _unknown(problem)]
+            * units[problem.additional_group[rays]][:, None, :],
         )

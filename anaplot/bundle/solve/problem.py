@@ -13,8 +13,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from anaplot.aliases import Array, Bools, Index
-from anaplot.bundle.solve.additional import AdditionalParameters, lens_units
+from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
+from anaplot.bundle.solve.laidparameters import lay_out_parameters
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
@@ -334,7 +335,7 @@ def make_problem(
     ray = np.concatenate((ray, aside))
     xy, compact_photo = every_xy[ray], new_photo[photo[ray]]
     c = np.array([block.cameras[k].c for k in cameras])
-    basis, units, group, groups, sigma = _additional(
+    parameters = lay_out_parameters(
         block,
         additional,
         [block.photos[k].id for k in used_photos],
@@ -367,11 +368,11 @@ def make_problem(
         rotation=priors[2][used_photos],
         rotation_sigma=priors[3][used_photos],
         additional=additional,
-        basis=basis,
-        lens_units=units,
-        additional_group=group,
-        additional_groups=groups,
-        additional_sigma=sigma,
+        basis=parameters.basis,
+        lens_units=parameters.lens_units,
+        additional_group=parameters.group,
+        additional_groups=parameters.groups,
+        additional_sigma=parameters.sigma,
         left_out=(*left_out, *(LeftOut("condition", *one) for one in laid.left_out)),
         unused_rays=np.nonzero(~useful)[0],
         control_rows=control,
@@ -481,53 +482,3 @@ def _groups(count: Index) -> tuple[Group, ...]:
         first_point += int(points)
         first_ray += int(points) * int(rays)
     return tuple(groups)
-
-
-def _additional(
-    block: Block,
-    additional: AdditionalParameters | None,
-    photos: list[str],
-    cameras: Index,
-    c: Array,
-    photo: Index,
-    xy: Array,
-    count: int,
-) -> tuple[Array, Array | None, Index, tuple[str, ...], Array]:
-    """Basis functions, units of a lens, the group of every ray, names of groups, sigmas [mm].
-
-    Units and sigmas are those of the first `count` rays.
-    """
-    n = len(photo)
-    if additional is None:
-        return np.empty((n, 2, 0)), None, np.zeros(n, dtype=np.intp), (), np.empty(0)
-    if additional.scope == "block":
-        names: tuple[str, ...] = ("block",)
-        of_photo = np.zeros(len(photos), dtype=np.intp)
-    elif additional.scope == "photo":
-        names, of_photo = tuple(photos), np.arange(len(photos))
-    elif additional.scope == "camera":
-        used, of_photo = np.unique(cameras, return_inverse=True)
-        names = tuple(block.cameras[k].id for k in used)
-    else:
-        strips = {name: strip.id for strip in block.strips for name in strip.photos}
-        labels = [strips.get(name, "(no strip)") for name in photos]
-        names = tuple(dict.fromkeys(labels))
-        of_photo = np.array([names.index(label) for label in labels], dtype=np.intp)
-    # a lens is one thing for its group, whatever the cameras; other terms belong to the format
-    of_ray = of_photo[photo] if additional.set.lens else cameras[photo]
-    reach = np.zeros(len(block.cameras))
-    np.maximum.at(reach, cameras[photo[:count]], np.abs(xy[:count]).max(axis=1))
-    basis = np.empty((n, 2, len(additional.set.names)))
-    units = []
-    for part in np.unique(of_ray):
-        mine = of_ray == part
-        b = float(reach[cameras[photo[mine]]].max()) or 1.0
-        cs = c[photo[mine]]
-        basis[mine] = additional.set.basis(xy[mine, 0], xy[mine, 1], b, cs)
-        units.append(lens_units(b, float(np.mean(c[photo[:count][mine[:count]]]))))
-    sigma = np.empty(0)
-    if additional.sigma_um is not None:
-        largest = np.abs(basis[:count]).max(axis=(0, 1))
-        sigma = additional.sigma_um * 1e-3 / np.where(largest > 0.0, largest, 1.0)
-    lens = np.array(units) if additional.set.lens else None
-    return basis, lens, of_photo[photo].astype(np.intp), names, sigma
