@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import radians, sqrt
 from typing import NamedTuple, Protocol
 
@@ -141,9 +142,6 @@ class StripTie:
     _other: System = field(repr=False)
     gross: tuple[str, ...]
     _known: _Adjusted = field(repr=False)
-    _noise: Array = field(repr=False)
-    _seen: Array = field(repr=False)
-    _unknowns: Array = field(repr=False)
 
     def positions(self) -> tuple[list[str], Array]:
         """Return the names of all points of the other system, and where they lie in this one."""
@@ -169,7 +167,7 @@ class StripTie:
         first = self.count - other.count - 2
         out = {}
         for name, at, effect in zip(wanted, xyz, effects, strict=True):
-            errors = effect @ self._unknowns
+            errors = effect @ self._known.moved
             own = other.points[name].errors
             errors[:, first : first + own.shape[1]] += now.scale * now.rotation @ own
             out[name] = Located(at, errors)
@@ -192,11 +190,11 @@ class StripTie:
         ndarray, ndarray
             Both as they are then.
         """
-        count = len(self._noise)
-        known = errors[:, :count]
+        known = errors[:, : self.count]
+        noise, seen = self._known.explained(known)
         out = errors.copy()
-        out[:, :count] -= (known @ self._seen.T) @ self._seen
-        return values - known @ self._noise, out
+        out[:, : self.count] -= seen
+        return values - noise, out
 
     @property
     def suspects(self) -> tuple[str, ...]:
@@ -290,7 +288,6 @@ def tie_systems(
         other,
         gross,
         known,
-        *known.explained(),
     )
 
 
@@ -325,15 +322,25 @@ class _Common:
         out[-2:, -2:] = self.tilt**2 * np.eye(2)
         return out
 
-    def errors(self, now: Similarity) -> Array:
-        """Return what every error does to the misclosures of level systems."""
-        n = 3 * len(self.names)
-        out = np.zeros((n + 2, self.own_count + self.other_count + 2))
-        out[:n, : self.own_count] = -self._own.reshape(n, -1)
-        turned = np.matmul(now.scale * now.rotation, self._other)
-        out[:n, self.own_count : -2] = turned.reshape(n, -1)
-        out[n:, -2:] = self.tilt * np.eye(2)
-        return out
+    def by_errors(self, rows: Array, now: Similarity) -> Array:
+        """Return (k, e): what every error does to (k, rows) sums of misclosures of level systems.
+
+        There are many more errors than rows: what each does to each row is never written out.
+        """
+        n, k = len(self.names), len(rows)
+        points = rows[:, :-2]
+        turned = (points.reshape(k, n, 3) @ (now.scale * now.rotation)).reshape(k, 3 * n)
+        own, other = self._own.reshape(3 * n, -1), self._other.reshape(3 * n, -1)
+        return np.concatenate((-(points @ own), turned @ other, self.tilt * rows[:, -2:]), axis=1)
+
+    def by_rows(self, errors: Array, now: Similarity) -> Array:
+        """Return (k, rows): what the misclosures of level systems have of (k, e) errors."""
+        n, k = len(self.names), len(errors)
+        own, other = self._own.reshape(3 * n, -1), self._other.reshape(3 * n, -1)
+        first, second = errors[:, : self.own_count], errors[:, self.own_count : -2]
+        turned = (second @ other.T).reshape(k, n, 3) @ (now.scale * now.rotation).T
+        points = turned.reshape(k, 3 * n) - first @ own.T
+        return np.concatenate((points, self.tilt * errors[:, -2:]), axis=1)
 
 
 class _Adjusted:
@@ -342,6 +349,8 @@ class _Adjusted:
     def __init__(self, common: _Common, start: Similarity, *, level: bool) -> None:
         self._common, self.level, self.similarity = common, level, start
         self._middle: Array = common.target.mean(axis=0)
+        from scipy.linalg.lapack import dtrtrs  # loaded with the first pair of systems
+
         for _ in range(_STEPS):
             now = self.similarity
             design, at = self._design()
@@ -350,7 +359,7 @@ class _Adjusted:
                 inclined = np.array([-now.rotation[1, 2], now.rotation[0, 2]]) / common.sigma0
                 value = np.concatenate((value, inclined))
             self.root = np.linalg.cholesky(common.covariance(now, level=level))
-            white = np.linalg.solve(self.root, np.column_stack((design, value)))
+            white = dtrtrs(self.root, np.column_stack((design, value)), lower=1)[0]
             self._white = white[:, :7]
             try:
                 self._solved = adjust(
@@ -385,7 +394,7 @@ class _Adjusted:
         """Return the tested points; differences are not filled in."""
         names = self._common.names
         n = len(names)
-        unwhitened = np.linalg.inv(self.root).T
+        unwhitened = self._inverse.T
         residual = (unwhitened @ self._solved.w)[: 3 * n].reshape(n, 3)  # P v
         cofactor = unwhitened @ self._solved.q_vv @ unwhitened.T  # P Q_vv P
         influence = self.root @ self._solved.q_vv @ unwhitened.T
@@ -413,23 +422,45 @@ class _Adjusted:
             )
         return out
 
-    def explained(self) -> tuple[Array, Array, Array]:
-        """Say what the residuals of level systems tell of errors.
+    @cached_property
+    def _inverse(self) -> Array:
+        """That of the root of the covariance, which whitens."""
+        from scipy.linalg.lapack import dtrtri
+
+        inverse: Array = dtrtri(self.root, lower=1)[0]
+        return inverse
+
+    @cached_property
+    def moved(self) -> Array:
+        """(7, e) what errors do to the unknowns of level systems."""
+        gain = -self._solved.q_xx @ (self._white.T @ self._inverse)
+        return self._common.by_errors(gain, self.similarity)
+
+    @cached_property
+    def _residual(self) -> Array:
+        """(rows, rows) what of the misclosures of level systems is left as whitened residuals."""
+        solved = self._solved.q_xx @ (self._white.T @ self._inverse)
+        residual: Array = self._inverse - self._white @ solved
+        return residual
+
+    def explained(self, known: Array) -> tuple[Array, Array]:
+        """Say what the residuals of level systems tell of values that err.
+
+        Parameters
+        ----------
+        known
+            (k, e) errors of the values.
 
         Returns
         -------
         ndarray
-            (e,) the errors [mm] that explain them.
+            (k,) how far the values err by the errors [mm] that explain the residuals.
         ndarray
-            (rows, e) what of the errors they see.
-        ndarray
-            (7, e) what errors do to the unknowns.
+            (k, e) what of their errors the residuals see.
         """
-        white = np.linalg.solve(self.root, self._common.errors(self.similarity))
-        unknowns = -self._solved.q_xx @ (self._white.T @ white)
-        seen = white + self._white @ unknowns
-        noise: Array = self._common.sigma0 * (self._solved.w @ seen)
-        return noise, seen, unknowns
+        seen = self._common.by_rows(known, self.similarity) @ self._residual.T
+        noise: Array = self._common.sigma0 * (seen @ self._solved.w)
+        return noise, self._common.by_errors(seen @ self._residual, self.similarity)
 
     @property
     def middle(self) -> Array:
