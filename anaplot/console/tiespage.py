@@ -10,7 +10,7 @@ from textual.content import Content
 from anaplot.console.dialogs import Page
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.orientation.striptie import TiePoint
-from anaplot.session.transfer import GROUND, TieCheck
+from anaplot.session.tiecheck import GROUND, TieCheck
 from anaplot.station.snapshot import Snapshot
 from anaplot.textfiles.wording import plain
 

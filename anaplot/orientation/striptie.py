@@ -143,11 +143,9 @@ class StripTie:
     gross: tuple[str, ...]
     _known: _Adjusted = field(repr=False)
 
-    def positions(self) -> tuple[list[str], Array]:
-        """Return the names of all points of the other system, and where they lie in this one."""
-        names = list(self._other.points)
-        xyz = np.array([self._other.points[n].xyz for n in names]).reshape(-1, 3)
-        return names, self._known.similarity.apply(xyz)
+    def carried(self, xyz: Array) -> Array:
+        """Return (n, 3) places of the other system in this one, if both are level."""
+        return self._known.similarity.apply(xyz)
 
     def placed(self, names: Iterable[str] | None = None) -> dict[str, Located]:
         """Return points of the other system in this one by the similarity, if both are level.

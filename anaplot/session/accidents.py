@@ -14,7 +14,8 @@ from anaplot.photogrammetry.block import Precision
 from anaplot.session.modelstate import ModelState
 from anaplot.session.remembering import remembered
 from anaplot.session.state import SessionState
-from anaplot.session.transfer import GROUND, TieCheck, Transfer
+from anaplot.session.tiecheck import GROUND, TieCheck
+from anaplot.session.transfer import Transfer
 
 __all__ = ["Accident", "accidents", "accidents_in"]
 

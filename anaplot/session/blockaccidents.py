@@ -7,7 +7,7 @@ strip, and after the strips before.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from anaplot.orientation.striptie import FEWEST
 from anaplot.photogrammetry.block import Block
@@ -15,7 +15,8 @@ from anaplot.session.accidents import Accident, accidents_in
 from anaplot.session.elsewhere import consecutive
 from anaplot.session.filedmodels import filed_models
 from anaplot.session.modelstate import ModelState
-from anaplot.session.transfer import RECENT, Known, transfer_of_strip
+from anaplot.session.tiecheck import Known
+from anaplot.session.transfer import RECENT, transfer_of_strip
 
 __all__ = [
     "MOST_MEASUREMENTS",
@@ -75,6 +76,8 @@ def block_accidents(block: Block) -> BlockAccidents:
     """
     known = Known.of(block.control, None)
     models = filed_models(block)
+    # cameras, photos and tests alone: a block is looked up whole
+    block = replace(block, image_points=())
     before: dict[str, tuple[ModelState, ...]] = {}
     found: list[FiledAccident] = []
     unchecked = []

@@ -26,7 +26,8 @@ from anaplot.session.referencing import KnownPlace, Referencing, asked_for, refe
 from anaplot.session.repeating import Repeating
 from anaplot.session.requests import Lay
 from anaplot.session.state import SessionState, fold
-from anaplot.session.transfer import NOTHING_KNOWN, Known, Offer, Transfer, transfer
+from anaplot.session.tiecheck import NOTHING_KNOWN, Known
+from anaplot.session.transfer import Offer, Transfer, transfer
 from anaplot.session.workflow import Outlook, outlook
 
 __all__ = ["DEFAULT_PATTERN", "NO_ERRAND", "Desk"]

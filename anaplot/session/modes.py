@@ -33,7 +33,8 @@ from anaplot.session.innerstate import InnerState
 from anaplot.session.modelstate import ModelState
 from anaplot.session.plates import ReadOut, image_of, plate_of, plates_of
 from anaplot.session.state import SessionState
-from anaplot.session.transfer import Known, Transfer, transfer
+from anaplot.session.tiecheck import Known
+from anaplot.session.transfer import Transfer, transfer
 
 __all__ = ["Fiducials", "Mode", "Pairs", "Singles", "mode_of"]
 

@@ -8,7 +8,7 @@ beforehand, their marks say it from the first, and stated exterior orientations 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field, replace
 from math import isfinite, radians
 from typing import Literal, NamedTuple
@@ -18,10 +18,9 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import NotComputableError
 from anaplot.orientation.stripgeometry import Located, Pose, StripGeometry, in_photo, widened
-from anaplot.orientation.striptie import Placed, StripTie, System, tie_systems
-from anaplot.photogrammetry.block import Block, ControlPoint
+from anaplot.orientation.striptie import Placed, StripTie, System
+from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.collinearity import project
-from anaplot.planning.modelplan import Candidates
 from anaplot.session.elsewhere import Elsewhere, consecutive, elsewhere, ground
 from anaplot.session.events import PlannedPoint, Role
 from anaplot.session.models import geometry_of
@@ -29,15 +28,21 @@ from anaplot.session.modelstate import ModelState
 from anaplot.session.remembering import remembered
 from anaplot.session.state import SessionState
 from anaplot.session.statedorientation import seen_by_stated, stated_control
+from anaplot.session.tiecheck import (
+    GROUND,
+    NOTHING_KNOWN,
+    Known,
+    TieCheck,
+    TiedStrip,
+    check_tie,
+    control_placed,
+    tie_to,
+)
 
 __all__ = [
-    "GROUND",
-    "NOTHING_KNOWN",
     "RECENT",
-    "Known",
     "Mark",
     "Offer",
-    "TieCheck",
     "Transfer",
     "transfer",
     "transfer_of_strip",
@@ -45,9 +50,6 @@ __all__ = [
 
 Mark = Literal["", "lateral", "control"]
 """What a point is beside its role in the model: known in another strip, or on the ground."""
-GROUND = "control"
-"""What the ground is called beside the names of strips."""
-
 RECENT = 12
 """Models of the strip in work whose points tie it."""
 
@@ -58,33 +60,8 @@ _LATERAL = 3  # lateral ties that every model adds
 _EDGE = 3.0  # mm at the edge of a photo where nothing is offered
 _UNCERTAIN = 8.0  # mm: who drives there has to search a circle of this standard deviation at most
 _STRAYED = 24.0  # chi-square of 3 degrees of freedom that chance exceeds once in 40 000
-_OUTLIERS = 3  # common points that are left out at most before others are placed by the rest
 # what is not known of a right photo before it is measured: base and inclination
 _BASE, _TILT = 0.05, radians(2.0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Known:
-    """What is known from elsewhere.
-
-    Attributes
-    ----------
-    control
-        Control and check points, those that are off left out.
-    candidates
-        Approximate image coordinates of marked points by photo, or None.
-    """
-
-    control: tuple[ControlPoint, ...] = ()
-    candidates: Candidates | None = None
-
-    @classmethod
-    def of(cls, control: Iterable[ControlPoint], candidates: Candidates | None) -> Known:
-        """Return it from a block's control and its candidates."""
-        return cls(tuple(c for c in control if c.use != "off"), candidates)
-
-
-NOTHING_KNOWN = Known()
 
 
 class Offer(NamedTuple):
@@ -113,43 +90,6 @@ class Offer(NamedTuple):
         if self.mark == "lateral":
             return f"lateral tie with strip {self.source}"
         return "control point"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TieCheck:
-    """The strip in work against another one, or against the ground.
-
-    Attributes
-    ----------
-    strip, other
-        Names; the other is `GROUND` for the control.
-    common
-        Number of common points.
-    tie
-        The similarity by all of them; None while there is none.
-    problem
-        Why not.
-    cleaned
-        The one by those that agree; `tie` where all do.
-    wrong
-        Points that certainly do not agree with the others, the worst first.
-    unit_m
-        Metres for a unit of the discrepancies; None while the ground is not known.
-    """
-
-    strip: str
-    other: str
-    common: int
-    tie: StripTie | None
-    problem: str = ""
-    cleaned: StripTie | None = None
-    wrong: tuple[str, ...] = ()
-    unit_m: float | None = None
-
-    @property
-    def named(self) -> str:
-        """The other one in words."""
-        return "the control" if self.other == GROUND else f"strip {self.other}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -281,12 +221,13 @@ class _InWork:
         self._block, self._current, self._known = block, current, known
         self._strip = strip
         self._sigma0 = block.precision.image_um * 1e-3
+        self._ways: dict[str, StripTie | None] = {}
         self._own, self._again = own, again
         self._control = {c.point for c in known.control}
         self._others, self._measured, self._stated = theirs
         chain = consecutive(block, strip, own if current is None else (*own, current))
         self._this = geometry_of(block, chain)
-        self._near = _recent(self._this, chain)
+        self._tied = TiedStrip(strip, self._this, _recent(self._this, chain))
         self._ground = ground(block, known.control)
 
     def transfer(self) -> Transfer:
@@ -308,9 +249,12 @@ class _InWork:
 
     def checks(self) -> tuple[TieCheck, ...]:
         """Return the strip against the others and against the ground."""
-        checks = tuple(self._check(name, other) for name, other in self._others.items())
+        others: list[tuple[str, System]] = list(self._others.items())
         if self._ground.points:
-            checks = (*checks, self._check(GROUND, self._ground))
+            others.append((GROUND, self._ground))
+        checks = tuple(
+            check_tie(self._block, self._known, self._tied, name, other) for name, other in others
+        )
         unit = next((c.unit_m for c in checks if c.other == GROUND), None)
         return tuple(c if c.other == GROUND else replace(c, unit_m=unit) for c in checks)
 
@@ -321,70 +265,31 @@ class _InWork:
     def places(
         self, checks: tuple[TieCheck, ...], model: ModelState
     ) -> Mapping[str, tuple[Place, float]]:
-        """Return where they are expected in a model of the strip, with standard deviations."""
-        return _uncertain(self._expected(checks, model))
+        """Return where those not measured in a model are expected, with standard deviations."""
+        here = frozenset(m.point for m in model.measured)
+        return _uncertain(self._expected(checks, model, here))
 
     def _mark(self, point: str) -> Mark:
         if point in self._control:
             return "control"
         return "lateral" if point in self._measured else ""
 
-    def _check(self, name: str, other: System) -> TieCheck:
-        """Compare the strip in work with another system."""
-        this = self._near
-        if this is None:
-            return TieCheck(self._strip, name, 0, None, "the strip is not oriented yet")
-        common = [p for p in this.points if p in other.points]
-        try:
-            tie, cleaned, wrong = self._cleaned(other)
-        except NotComputableError as error:
-            return TieCheck(self._strip, name, len(common), None, str(error))
-        unit = 1.0 / cleaned.similarity.scale if name == GROUND else None
-        return TieCheck(self._strip, name, len(common), tie, "", cleaned, wrong, unit)
-
-    def _similarity(
-        self,
-        this: System,
-        other: System,
-        without: Iterable[str] = (),
-        models: tuple[float, int] = (0.0, 0),
-    ) -> StripTie:
-        """Return that of two systems; to the ground no check point helps to determine it."""
-        if other is self._ground:
-            checks = (c.point for c in self._known.control if c.use == "check")
-            without = (*without, *checks)
-        sigma0, test = self._sigma0, self._block.test
-        return tie_systems(this, other, sigma0, test, without=set(without), models=models)
-
-    def _tie(self, other: System, without: tuple[str, ...]) -> StripTie:
-        assert self._near is not None
-        return self._similarity(self._near, other, without, _sums(self._this, other))
-
-    def _cleaned(self, other: System) -> tuple[StripTie, StripTie, tuple[str, ...]]:
-        """Return the similarity by all points, that by those which agree, and the others."""
-        tie = now = self._tie(other, ())
-        out = tie.gross
-        while (wrong := now.surely_wrong) is not None and len(out) < _OUTLIERS:
-            out = (*out, wrong)
-            now = self._tie(other, out)
-        if now.surely_wrong is not None:
-            return tie, tie, tie.gross  # more are wrong than can be told
-        return tie, now, out
-
     # -- where points lie ------------------------------------------------------------------------
 
     def _expected(
-        self, checks: tuple[TieCheck, ...], model: ModelState
+        self,
+        checks: tuple[TieCheck, ...],
+        model: ModelState,
+        without: frozenset[str] = frozenset(),
     ) -> dict[str, tuple[Place, float | None, str]]:
         """Return places of points known from elsewhere, standard deviations, and sources."""
         out: dict[str, tuple[Place, float | None, str]] = {}
         poses = self._poses(model)
         if poses is not None:
-            found = [(c.other, self._placed(c, poses)) for c in checks]
+            found = [(c.other, self._placed(c, poses, without)) for c in checks]
             if not any(c.other == GROUND and c.cleaned for c in checks):
                 # as long as the strip itself has no fit, that of its neighbour shows the control
-                ways = ((c.other, self._by_way_of(c.other, poses)) for c in checks if c.cleaned)
-                found += [(GROUND, self._seen(*way, poses)) for _, way in ways if way]
+                found += [(GROUND, self._by_way_of(c, poses, without)) for c in checks]
             for source, seen in found:
                 for name, at, sigma in seen:
                     before = out.get(name)
@@ -403,28 +308,20 @@ class _InWork:
                 out[name] = ((*in_left[name], *in_right[name]), None, source)
         return out
 
-    def _placed(self, check: TieCheck, poses: _Poses) -> Iterable[tuple[str, Place, float]]:
+    def _placed(
+        self, check: TieCheck, poses: _Poses, without: frozenset[str]
+    ) -> Iterable[tuple[str, Place, float]]:
         """Yield the points of another system, placed in two photos, with standard deviations."""
         tie, this = check.cleaned, self._this
         if tie is None or this is None:
             return
-        names = self._in_view(tie, poses)
-        points = tie.placed(names)
+        theirs = self._ground if check.other == GROUND else self._others[check.other]
+        names = theirs.points.keys() - without
+        points = tie.placed(_in_view(tie, theirs, names, poses))
         if check.other == GROUND:
-            points |= {p: at for p, at in this.points.items() if p in self._control}
+            own = this.points.items()
+            points |= {p: at for p, at in own if p in self._control and p not in without}
         yield from self._seen(tie, points, poses)
-
-    def _in_view(self, tie: StripTie, poses: _Poses) -> list[str]:
-        """Return the points of another system that lie about in two photos."""
-        names, xyz = tie.positions()
-        good = np.ones(len(names), dtype=bool)
-        for pose in poses[:2]:
-            n = len(names)
-            centres, turned = np.broadcast_to(pose.centre, (n, 3)), pose.rotation
-            seen = project(centres, np.broadcast_to(turned, (n, 3, 3)), np.full(n, pose.c), xyz)
-            # not far outside: what is known of a right photo may still be rough
-            good &= (seen.depth > 0.0) & (np.abs(seen.xy) < pose.c).all(axis=1)
-        return [names[k] for k in np.flatnonzero(good).tolist()]
 
     def _seen(
         self, tie: StripTie, points: Mapping[str, Located], poses: _Poses
@@ -448,19 +345,32 @@ class _InWork:
             if isfinite(xl + yl + xr + yr + s):
                 yield name, (xl, yl, xr, yr), s
 
-    def _by_way_of(self, strip: str, poses: _Poses) -> tuple[StripTie, dict[str, Located]] | None:
-        """Return control that only another strip's fit to it places, as this strip has it."""
-        other, this = self._others[strip], self._near
-        missing = self._ground.points.keys() - other.points.keys()
-        if not missing or this is None:
-            return None
-        try:
-            fit = self._similarity(other, self._ground)
-            joint = Placed(dict(other.points) | fit.placed(missing), fit.count)
-            tie = self._similarity(this, joint, missing)
-        except NotComputableError:
-            return None
-        return tie, tie.placed(p for p in self._in_view(tie, poses) if p in missing)
+    def _by_way_of(
+        self, check: TieCheck, poses: _Poses, without: frozenset[str]
+    ) -> Iterable[tuple[str, Place, float]]:
+        """Yield control that only another strip's fit to it places, as this strip has it."""
+        if check.cleaned is None or check.tie is None:
+            return
+        other = self._others[check.other]
+        joint = control_placed(self._block, self._known, other)
+        if joint is None:
+            return
+        missing = joint.points.keys() - other.points.keys()
+        # the same similarity, but for the errors of what it places
+        names = _in_view(check.tie, joint, missing - without, poses)
+        tie = self._way(check.other, joint, missing) if names else None
+        if tie is not None:
+            yield from self._seen(tie, tie.placed(names), poses)
+
+    def _way(self, name: str, joint: System, missing: Set[str]) -> StripTie | None:
+        """Return the similarity to a strip with the control that it places."""
+        near = self._tied.near
+        if name not in self._ways and near is not None:
+            try:
+                self._ways[name] = tie_to(self._block, self._known, near, joint, missing)
+            except NotComputableError:
+                self._ways[name] = None
+        return self._ways.get(name)
 
     def _poses(self, model: ModelState) -> _Poses | None:
         """Return both photos: the right one as a regular flight has it while it is not known."""
@@ -561,6 +471,22 @@ class _InWork:
         return ""
 
 
+def _in_view(tie: StripTie, other: System, points: Set[str], poses: _Poses) -> list[str]:
+    """Return those of some points of another system that lie about in two photos."""
+    names = [name for name in other.points if name in points]
+    n = len(names)
+    if n == 0:
+        return []
+    xyz = tie.carried(np.array([other.points[name].xyz for name in names]))
+    good = np.ones(n, dtype=bool)
+    for pose in poses[:2]:
+        centres, turned = np.broadcast_to(pose.centre, (n, 3)), pose.rotation
+        seen = project(centres, np.broadcast_to(turned, (n, 3, 3)), np.full(n, pose.c), xyz)
+        # not far outside: what is known of a right photo may still be rough
+        good &= (seen.depth > 0.0) & (np.abs(seen.xy) < pose.c).all(axis=1)
+    return [names[k] for k in np.flatnonzero(good).tolist()]
+
+
 def _uncertain(
     expected: Mapping[str, tuple[Place, float | None, str]],
 ) -> dict[str, tuple[Place, float]]:
@@ -570,12 +496,6 @@ def _uncertain(
 
 def _apart(x: float, there: list[float]) -> float:
     return min((abs(x - other) for other in there), default=-x)
-
-
-def _sums(*systems: System | None) -> tuple[float, int]:
-    """Return v'Pv and redundancy of the models of strips."""
-    strips = [s for s in systems if isinstance(s, StripGeometry)]
-    return sum(s.vtpv for s in strips), sum(s.redundancy for s in strips)
 
 
 def _again(own: tuple[ModelState, ...], model: ModelState) -> dict[str, str]:

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 from anaplot.aliases import Axis
 from anaplot.session.accidents import Accident
-from anaplot.session.transfer import GROUND
+from anaplot.session.tiecheck import GROUND
 from anaplot.simulation.mistakes import Planted
 
 __all__ = ["Handled", "Stage", "earliest_stage", "stage_found", "stage_of_point"]

@@ -19,7 +19,8 @@ from anaplot.session.modelstate import ModelState
 from anaplot.session.nextstep import NO_AGENDA, Agenda
 from anaplot.session.reasons import LastChange
 from anaplot.session.recomputed import Recomputed
-from anaplot.session.transfer import Mark, TieCheck, Transfer
+from anaplot.session.tiecheck import TieCheck
+from anaplot.session.transfer import Mark, Transfer
 from anaplot.session.workflow import Outlook
 from anaplot.station.blockstatus import BlockStatus
 from anaplot.station.blockview import BlockView

@@ -14,7 +14,7 @@ from anaplot.planning.synthetic import synthetic_strip
 from anaplot.session.accidents import Accident
 from anaplot.session.desk import Desk
 from anaplot.session.state import start
-from anaplot.session.transfer import GROUND, TieCheck
+from anaplot.session.tiecheck import GROUND, TieCheck
 from anaplot.station.snapshot import LinkView, snapshot_of
 
 SIGMA0 = 0.005

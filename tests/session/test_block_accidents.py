@@ -19,7 +19,7 @@ from anaplot.session import blockaccidents
 from anaplot.session.blockaccidents import BlockAccidents, block_accidents
 from anaplot.session.commands import NextModel
 from anaplot.session.filedmodels import filed_models
-from anaplot.session.transfer import GROUND
+from anaplot.session.tiecheck import GROUND
 from anaplot.station.imagepoints import rows_of
 
 SEED = 4

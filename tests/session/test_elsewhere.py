@@ -7,7 +7,8 @@ import pytest
 from transferscene import flown, second_strip_begun
 
 from anaplot.session.elsewhere import elsewhere, ground
-from anaplot.session.transfer import GROUND, Known, Transfer, transfer
+from anaplot.session.tiecheck import GROUND, Known
+from anaplot.session.transfer import Transfer, transfer
 
 SEED = 4
 

@@ -14,7 +14,8 @@ from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 from anaplot.report.adjustcommand import adjust
 from anaplot.session.state import SessionState, start
 from anaplot.session.statedorientation import seen_by_stated, stated_points
-from anaplot.session.transfer import GROUND, Known, transfer
+from anaplot.session.tiecheck import GROUND, Known
+from anaplot.session.transfer import transfer
 
 SIGMA_M, SIGMA_RAD = 1.0, radians(0.05)
 

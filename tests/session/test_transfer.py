@@ -15,7 +15,8 @@ from anaplot.session.desk import Desk
 from anaplot.session.events import PlannedPoint, PointAdded, PointMeasured, RowSwitched
 from anaplot.session.models import geometry_of
 from anaplot.session.state import EventRefusedError, apply, fold, start
-from anaplot.session.transfer import GROUND, NOTHING_KNOWN, Known, transfer, transfer_of_strip
+from anaplot.session.tiecheck import GROUND, NOTHING_KNOWN, Known
+from anaplot.session.transfer import transfer, transfer_of_strip
 
 SEEDS = (1, 5)
 
