@@ -11,7 +11,7 @@ import numpy as np
 from anaplot.aliases import Progress
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.datum import check_datum, datum_change
+from anaplot.bundle.solve.datum import check_datum, datum_change, rescaled
 from anaplot.bundle.solve.gaussnewton import (
     Minimum,
     NoConvergenceError,
@@ -312,7 +312,7 @@ def _from_free_network(
     control. None when there is no such network.
     """
     try:
-        free = make_problem(problem.block, datum="free")
+        free = make_problem(replace(problem.block, conditions=()), datum="free")
         bare = restricted(free, problem, start)
         structure = make_structure(free, bare.centres)
         check_datum(free, bare, linearise(free, bare))
@@ -350,6 +350,8 @@ def adjust_bundle(
         minimum is found (the observations that disagree most are named); conditions free of error
         depend on each other or on control free of error.
     """
+    start = rescaled(problem, start)
+    robust = None if robust is None else rescaled(problem, robust)
     structure = make_structure(problem, start.centres)
     check_datum(problem, start, linearise(problem, start))
     try:

@@ -14,6 +14,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import MOST_RAYS, external_reliability
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import parameter_correlations
+from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.rulesofthumb import RulesOfThumb, rules_of_thumb
 from anaplot.report.adjusttables import (
     check_table,
@@ -167,9 +168,18 @@ def _figures(block: AdjustedBlock) -> Answer:
         "global_test": None
         if overall is None or sigma0 is None
         else {"alpha": overall.alpha, "critical": overall.critical, "statistic": sigma0**2},
-        "datum": {"kind": problem.datum, "defect": problem.defect},
+        "datum": {
+            "kind": problem.datum,
+            "defect": problem.defect,
+            **({"scale": "distances"} if _scaled(problem) else {}),
+        },
         "iterations": block.convergence.iterations,
     }
+
+
+def _scaled(problem: Problem) -> bool:
+    """Whether distances give the scale."""
+    return problem.conditions is not None and problem.conditions.gives_scale
 
 
 def _indicators(block: AdjustedBlock) -> Answer:
@@ -215,7 +225,7 @@ def _summary(
             len(problem.photos),
             len(problem.points),
             len(problem.photo),
-            _DATUM[problem.datum],
+            _DATUM[problem.datum] + (", the scale by distances" if _scaled(problem) else ""),
         ),
         say("  observations {observations}, unknowns {unknowns}, redundancy {redundancy}", **answer)
         + (defect if problem.defect else ""),

@@ -361,9 +361,11 @@ def test_a_condition_that_means_nothing_is_compared_without_numbers(kind, points
 
 def test_a_free_network_takes_what_is_of_shape_alone_and_compares_lengths() -> None:
     scene = flat_scene()
-    block = adjust_block(
-        replace(scene.block, conditions=every_kind(scene, firm=(1, 5))), datum="free"
-    )
+    conditions = [
+        replace(one, use="check") if one.kind == "distance" else one
+        for one in every_kind(scene, firm=(1,))
+    ]
+    block = adjust_block(replace(scene.block, conditions=tuple(conditions)), datum="free")
     assert {row.key[-1] for row in block.condition_rows()} == {"across", "up", "angle"}
     compared = compared_conditions(block)
     assert {row.row.axis for row in compared} == {"distance", "normal", "length"}

@@ -30,7 +30,7 @@ class ComparedRow(NamedTuple):
         is asked for.
     s
         Standard deviation of the difference, of the adjusted points and of what is given; None
-        where it is off, without sigma0, and outside the datum of control, in which lengths mean
+        where it is off, without sigma0, and in a datum without scale, in which lengths mean
         nothing.
     """
 
@@ -77,14 +77,22 @@ def _compared(block: AdjustedBlock, of: Conditions) -> list[tuple[float | None, 
     """Return differences of the rows of conditions, and their standard deviations."""
     problem, normal = block.problem, block.cofactors.normal
     equations = of.equations(block.state.points, problem.fixed)
-    if problem.datum != "control" or block.sigma is None:
+    change = block.cofactors.change
+    if block.sigma is None or (change is not None and not len(change.by_conditions)):
         return [(difference, None) for difference in equations.misclosure.tolist()]
     q = equations.whitened.shape[0]
     photos = np.zeros((len(problem.photos), problem.per_photo, q))
     points = equations.whitened.toarray().T.reshape(len(problem.points), 3, q)
     shared = np.zeros((problem.in_border, q))
+    spread = np.eye(q)
+    if change is not None:
+        # in the scale that distances give: what the differences take of the datum goes with it
+        taken = equations.whitened @ change.null_points.reshape(-1, len(change.variance))
+        moves = taken @ np.linalg.inv(change.defect)
+        points = points - np.einsum("nil,ql->niq", change.held_points, moves)
+        spread += (moves * change.variance) @ moves.T
     moved = normal.solve(block.cofactors.factor, photos, points, shared)
-    spread = np.eye(q) + equations.whitened @ moved[1].reshape(-1, q)
+    spread += points.reshape(-1, q).T @ moved[1].reshape(-1, q)
     contrasts = equations.contrasts
     variance = (contrasts @ (contrasts @ spread).T).diagonal() * equations.sigma**2
     s = np.sqrt(np.maximum(variance, 0.0)) * block.sigma

@@ -20,6 +20,7 @@ from scipy.sparse import block_diag, csc_array, csr_array
 
 from anaplot.adjustment.residualsystem import diagonal
 from anaplot.aliases import Array, Bools, Index
+from anaplot.bundle.solve.conditionscale import ScaleOfConditions, parted
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 
@@ -95,8 +96,12 @@ class ConditionEquations:
         (n, k) orthonormal, what the shared parameters do to those rows.
     derivatives
         (n, 3 p) of the misclosures with respect to the points; zeros for coordinates free of error.
+    owner
+        (q,) a row of the condition that each contrast belongs to.
     e
         (q,) misclosures of the contrasts in their standard deviations.
+    scale
+        What they say of the scale, where it is theirs to give; the contrasts then leave it out.
     """
 
     misclosure: Array
@@ -104,7 +109,9 @@ class ConditionEquations:
     contrasts: csr_array
     spanned: csr_array
     derivatives: csr_array = field(repr=False)
+    owner: Index = field(repr=False)
     e: Array = field(repr=False)
+    scale: ScaleOfConditions | None = None
 
     @cached_property
     def whitened(self) -> csr_array:
@@ -133,11 +140,14 @@ class Conditions:
         Of each, the indices of its points.
     rejected
         (n,) rows of weight zero.
+    scaling
+        Whether the datum leaves the scale to them.
     """
 
     conditions: tuple[ObjectCondition, ...]
     points: tuple[Index, ...] = field(repr=False)
     rejected: Bools = field(repr=False)
+    scaling: bool = False
 
     @cached_property
     def rows(self) -> tuple[ConditionRow, ...]:
@@ -166,6 +176,7 @@ class Conditions:
             tuple(self.conditions[k] for k in some),
             tuple(self.points[k] for k in some),
             self.rejected[np.isin(self.of_row, some)],
+            self.scaling,
         )
 
     @property
@@ -190,6 +201,16 @@ class Conditions:
             rows[k] = len(axes)
             shared[k] = sum(min(axes.count(axis), _SHARED.get(axis, 0)) for axis in set(axes))
         return rows, shared
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether they determine the scale: distances do, where the datum leaves it to them."""
+        return self.scaling and bool((self._distances & ~self.rejected).any())
+
+    @cached_property
+    def _distances(self) -> Bools:
+        """(n,) which rows are distances."""
+        return np.array([row.axis == "distance" for row in self.rows], dtype=bool)
 
     @property
     def observations(self) -> int:
@@ -235,13 +256,40 @@ class Conditions:
         ]
         rows, columns, values = (np.concatenate([e[k] for e in entries]) for k in range(3))
         derivatives = csr_array((values, (rows, columns)), shape=(len(misclosure), 3 * len(points)))
-        return ConditionEquations(
+        # the rows of a contrast are of one condition: any of them tells which
+        by_column = csc_array(contrasts)
+        found = ConditionEquations(
             misclosure,
             sigma,
             contrasts,
             spanned,
             derivatives,
+            by_column.indices[by_column.indptr[:-1]].astype(np.intp),
             contrasts.T @ (misclosure / sigma),
+        )
+        return self._scaled(found, points) if self.gives_scale else found
+
+    def _scaled(self, found: ConditionEquations, points: Array) -> ConditionEquations:
+        """Return the contrasts that say nothing of the scale, and apart from them what does."""
+        larger = (points - points.mean(axis=0)).ravel()
+        # what is free of error is met: but for distances, it says the same at every scale
+        tells = self._distances | ~self.firm
+        effect = np.where(tells, found.derivatives @ larger, 0.0) / found.sigma
+        along = found.contrasts.T @ effect
+        combinations, others, direction = parted(along)
+        size = float(direction @ along)
+        scale = ScaleOfConditions(
+            found.contrasts @ (direction / size),
+            (found.whitened.T @ (direction / size)).reshape(points.shape),
+            float(direction @ found.e) / size,
+            1.0 / size**2,
+        )
+        return replace(
+            found,
+            contrasts=csr_array(found.contrasts @ combinations),
+            owner=found.owner[others],
+            e=combinations.T @ found.e,
+            scale=scale,
         )
 
     def check_firm(self, equations: ConditionEquations, spread: Array) -> None:
@@ -261,9 +309,7 @@ class Conditions:
         NotComputableError
             Some are; names the conditions.
         """
-        # the rows of a contrast are of one condition: any of them tells which
-        columns = csc_array(equations.contrasts)
-        row = columns.indices[columns.indptr[:-1]]
+        row = equations.owner
         of_contrast, firm = self.of_row[row], np.flatnonzero(self.firm[row])
         size = np.diag(spread)[firm]
         held = size < 1.0 / _HELD
@@ -318,6 +364,7 @@ def lay_out_conditions(
     fixed: Bools,
     *,
     with_scale: bool,
+    scaling: bool = False,
 ) -> LaidOut:
     """Find the points of conditions.
 
@@ -332,6 +379,8 @@ def lay_out_conditions(
     with_scale
         Whether lengths take part; in a datum without scale only what is of shape alone does:
         angles, and lines, planes and equal distances free of error.
+    scaling
+        Whether distances give a datum without scale the one that it lacks.
 
     Raises
     ------
@@ -340,6 +389,13 @@ def lay_out_conditions(
     """
     index = {name: k for k, name in enumerate(points)} if conditions else {}
     used, compared, left = [], [], []
+    scaling = scaling and any(
+        one.kind == "distance"
+        and one.use == "control"
+        and all(name in index for name in one.points)
+        for one in conditions
+    )
+    with_scale = with_scale or scaling
     for one in conditions:
         missing = next((name for name in one.points if name not in index), None)
         if missing is not None:
@@ -351,7 +407,7 @@ def lay_out_conditions(
         if one.sigma == 0.0 and fixed[[index[name] for name in one.points]].all():
             raise InputError(f"{one.id}: free of error, and so is the control of all its points")
         used.append(one)
-    return LaidOut(_conditions(used, index), _conditions(compared, index), left)
+    return LaidOut(_conditions(used, index, scaling), _conditions(compared, index), left)
 
 
 def _of_shape(one: ObjectCondition) -> bool:
@@ -359,14 +415,16 @@ def _of_shape(one: ObjectCondition) -> bool:
     return one.kind == "angle" or (one.kind != "distance" and one.sigma == 0.0)
 
 
-def _conditions(some: Sequence[ObjectCondition], index: Mapping[str, int]) -> Conditions | None:
+def _conditions(
+    some: Sequence[ObjectCondition], index: Mapping[str, int], scaling: bool = False
+) -> Conditions | None:
     if not some:
         return None
     at = tuple(np.array([index[name] for name in one.points], dtype=np.intp) for one in some)
     count = sum(len(_rows_of(one)) for one in some)
     if count > MOST_CONDITION_ROWS:
         raise InputError(f"{count} rows of conditions: at most {MOST_CONDITION_ROWS}")
-    return Conditions(tuple(some), at, np.zeros(count, dtype=bool))
+    return Conditions(tuple(some), at, np.zeros(count, dtype=bool), scaling)
 
 
 def _sigma(one: ObjectCondition, at: Array) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from anaplot.aliases import Array, Index
+from anaplot.bundle.solve.conditionscale import ScaleOfConditions
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import Linearised
 from anaplot.bundle.solve.problem import Problem, listed
@@ -31,6 +33,8 @@ __all__ = [
     "on_control",
     "priors_hold",
     "relocate",
+    "rescaled",
+    "scale_of",
 ]
 
 
@@ -43,6 +47,7 @@ _NAMES = (
     "the rotation about Z",
     "the scale",
 )
+_SCALINGS = 2  # misclosures are linear in the scale: the second time is for rounding
 _SCALE = 0.01  # by which approximate values differ from control that they were laid onto
 _LOOSE = 0.1  # of the extent, or rad: standard deviation with which priors hold no datum
 _RANK = 1e-7  # singular value over the largest, in the block's own measure
@@ -129,13 +134,18 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
             share = np.abs(right[weak]).max(axis=0)
             what = [name for name, s in zip(_NAMES, share, strict=True) if s > 0.3 * share.max()]
             count_control = int(held.any(axis=1).sum())
+            scales = any(
+                one.kind == "distance" and one.use == "control" for one in problem.block.conditions
+            )
             hint = (
-                "there is no control and no prior orientation (a free datum needs none)"
+                "there is no control and no prior orientation (a free datum needs none"
+                + (" and takes the scale from the distances)" if scales else ")")
                 if len(stack) == 0
                 else f"{count_control} control points"
                 + (f" ({listed([problem.points[k] for k in seen[held.any(axis=1)]])})"
                    if count_control else "")
                 + " do not suffice"
+                + (" (distances give a free datum its scale, and no other)" if scales else "")
             )  # fmt: skip
             raise NotComputableError(
                 f"block {problem.block.name}: not determined: {', '.join(what)}; {hint}"
@@ -190,14 +200,21 @@ def anchor(problem: Problem, state: BlockState) -> Anchor:
 def datum_change(problem: Problem, state: BlockState, used: Anchor) -> DatumChange:
     """Return the change from the anchor to inner constraints over the points, or to minimal ones.
 
+    Inner constraints are six where distances give the scale.
+
     Minimal: both full control points farthest apart and the height of the control point farthest
     from their line; without such control, the anchor's photo and coordinate.
     """
     null_photos, null_points = null_space(problem, state)
     held_photos, held_points = np.zeros_like(null_photos), np.zeros_like(null_points)
     if problem.datum == "free":
-        held_points = null_points
-        return DatumChange(null_photos, null_points, held_photos, held_points)
+        held_points = null_points.copy()
+        scale = scale_of(problem, state)
+        if scale is None:
+            return DatumChange(null_photos, null_points, held_photos, held_points)
+        held_points[:, :, 6] = scale.points
+        variance = np.array([0.0] * 6 + [scale.variance])
+        return DatumChange(null_photos, null_points, held_photos, held_points, variance, scale.rows)
     chosen = _minimal_control(problem)
     if chosen is None:
         for column, (photo, index) in enumerate(used.unknowns):
@@ -230,10 +247,34 @@ def _minimal_control(problem: Problem) -> list[tuple[int, int]] | None:
             (third, 2)]  # fmt: skip
 
 
+def scale_of(problem: Problem, state: BlockState) -> ScaleOfConditions | None:
+    """Return what distances say of the scale of a free network; None where they give it none."""
+    if problem.conditions is None or not problem.conditions.gives_scale:
+        return None
+    return problem.conditions.equations(state.points, problem.fixed).scale
+
+
+def rescaled(problem: Problem, state: BlockState) -> BlockState:
+    """Return a free network in the scale that distances give it, if they do."""
+    for _ in range(_SCALINGS):
+        scale = scale_of(problem, state)
+        if scale is None:
+            return state
+        middle = state.points.mean(axis=0)
+        factor = 1.0 - scale.excess
+        state = replace(
+            state,
+            centres=middle + factor * (state.centres - middle),
+            points=middle + factor * (state.points - middle),
+        )
+    return state
+
+
 def relocate(problem: Problem, start: BlockState, state: BlockState) -> BlockState:
     """Lay a solution without datum onto control, or onto the approximate points without it.
 
     A free solution goes onto all of them in the mean, a minimal one meets its seven coordinates.
+    The scale that distances give stays.
     """
     source, known = state.points, problem.known - state.origin
     chosen = _minimal_control(problem) if problem.datum == "minimal" else None
@@ -244,6 +285,9 @@ def relocate(problem: Problem, start: BlockState, state: BlockState) -> BlockSta
         fitted = fit_similarity(source[full], known[full])
     else:
         fitted = fit_similarity(source, start.points + (start.origin - state.origin))
+    if problem.defect < len(_NAMES):
+        shift = fitted.apply(source).mean(axis=0) - fitted.rotation @ source.mean(axis=0)
+        fitted = Similarity(1.0, fitted.rotation, shift)
     if chosen is not None:
         seven = np.full_like(known, np.nan)
         for point, axis in chosen:

@@ -233,6 +233,11 @@ class _Farthest:
         moved = (self._update.equations.contrasts @ self._by_contrasts.T).reshape(
             -1, len(self._problem.points), 3
         )
+        change = self._change
+        if change is not None and len(change.by_conditions):
+            scale = np.linalg.inv(change.defect)[:, 6]
+            larger = np.einsum("nil,l->ni", change.null_points, scale)
+            moved += np.einsum("k,ni->kni", change.by_conditions, larger)
         return _Moves(*_largest(moved))
 
     def of_photos(self) -> _Moves:

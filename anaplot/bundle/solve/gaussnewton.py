@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.aliases import Array, Progress
-from anaplot.bundle.solve.datum import Anchor, anchor, relocate
+from anaplot.bundle.solve.datum import Anchor, anchor, relocate, rescaled
 from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import (
@@ -121,7 +121,7 @@ def find_minimum(
     NotComputableError
         The observations leave something open at the minimum.
     """
-    state = start
+    state = start = rescaled(problem, start)
     value, depth = objective(problem, state)
     if not value < float("inf"):
         # a condition that means nothing there is named
@@ -147,7 +147,7 @@ def find_minimum(
             step = damped_step(problem, structure, linear, damping, weights, progress)
             if step is not None:
                 dx, change = step
-                trial = move(problem, state, *dx)
+                trial = rescaled(problem, move(problem, state, *dx))
                 new_value, depth = objective(problem, trial)
                 done = change <= tolerance
                 if not done and not value - new_value > _STRAINED * change:
@@ -169,7 +169,7 @@ def find_minimum(
         accepted += 1
         if done and damping == 0.0:
             if problem.defect:
-                state = relocate(problem, start, state)
+                state = rescaled(problem, relocate(problem, start, state))
             return _closed(problem, structure, state, accepted, damped, first)
         if open_here and damping < _HARDLY and fallen < _STANDS * value:
             # what nothing determines runs away, the farther the better: there is no minimum

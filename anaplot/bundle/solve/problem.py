@@ -240,7 +240,9 @@ class Problem:
     @property
     def defect(self) -> int:
         """Rank defect that the datum takes care of."""
-        return 0 if self.datum == "control" else 7
+        if self.datum == "control":
+            return 0
+        return 6 if self.conditions is not None and self.conditions.gives_scale else 7
 
     @property
     def redundancy(self) -> int:
@@ -266,7 +268,8 @@ def make_problem(
     block
         The block.
     datum
-        "control": control and priors as declared; "free" and "minimal": they are not observed.
+        "control": control and priors as declared; "free" and "minimal": they are not observed, and
+        distances give a free network its scale.
     additional
         Additional parameters.
 
@@ -346,7 +349,9 @@ def make_problem(
         count_of_rays,
     )
     used_names, fixed = tuple(names[k] for k in used_points), fixed[used_points]
-    laid = lay_out_conditions(block.conditions, used_names, fixed, with_scale=held)
+    laid = lay_out_conditions(
+        block.conditions, used_names, fixed, with_scale=held, scaling=datum == "free"
+    )
     problem = Problem(
         block=block,
         datum=datum,

@@ -38,12 +38,19 @@ class DatumChange:
         (n, d, 7) and (p, 3, 7): what the seven changes of datum do to the unknowns (G).
     held_photos, held_points
         The combinations D held to zero, of the same shapes.
+    variance
+        (7,) of what the combinations are held to: zeros, but for a scale that distances give.
+    by_conditions
+        (n,) what an error of one standard deviation in each row of the conditions changes that
+        scale by; empty where they give none.
     """
 
     null_photos: Array
     null_points: Array
     held_photos: Array
     held_points: Array
+    variance: Array = field(default_factory=lambda: np.zeros(7))
+    by_conditions: Array = field(default_factory=lambda: np.zeros(0))
 
     def of_points(self, photos: Array, points: Array) -> Array:
         """Return (p, 3, k) changes of points in this datum, from k changes of all unknowns.
@@ -379,7 +386,8 @@ def _changed(
         factor, change.held_photos, change.held_points, shared
     )
     middle = np.linalg.inv(change.defect)
-    spread = middle @ change.held(e_photo, e_point) @ middle.T
+    held = change.held(e_photo, e_point) + np.diag(change.variance)
+    spread = middle @ held @ middle.T
 
     def transformed(q: Array, null: Array, e: Array) -> Array:
         side = np.einsum("nik,kl,njl->nij", null, middle, e)
@@ -394,10 +402,10 @@ def _changed(
     shift = np.einsum("nik,kl,njl->nij", change.null_points[problem.point], middle, seen)
     new_photos = transformed(photos, change.null_photos, e_photo)
     new_border = border - np.einsum("nik,kl,gl->nig", change.null_photos, middle, e_shared)
-    held = np.einsum("nii->ni", new_photos) == 0.0
+    still = np.einsum("nii->ni", new_photos) == 0.0
     return (
         new_photos,
         transformed(points, change.null_points, e_point),
-        np.where(held[:, :, None], 0.0, new_border),
+        np.where(still[:, :, None], 0.0, new_border),
         response - shift,
     )
