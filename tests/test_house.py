@@ -37,6 +37,7 @@ def test_circles_are_found_wherever_an_import_stands(tmp_path: Path) -> None:
     assert circles(imports(modules(tmp_path))) == [names]
 
 
+@pytest.mark.slow
 def test_no_class_and_no_module_is_larger_than_one_can_hold(
     house: dict[str, tuple[Path, Module]],
 ) -> None:

@@ -101,6 +101,7 @@ def test_the_width_is_that_of_the_errors() -> None:
     assert most_probable_set(system({3: 18.0}), CRITICAL).width <= 12.0
 
 
+@pytest.mark.slow
 def test_without_errors_a_row_alone_goes_out_about_as_often_as_its_test_says() -> None:
     n, runs, alpha = 40, 400, 0.01
     rng = np.random.default_rng(9)

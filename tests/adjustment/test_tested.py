@@ -408,6 +408,7 @@ def test_table_2_of_the_paper_obeys_expd_and_w():
     assert np.abs(rows.w) == pytest.approx(printed, rel=0.045, abs=0.006)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tau", "baarda"])
 def test_odds_are_right_as_often_as_they_say(kind) -> None:
     rng = np.random.default_rng(20)

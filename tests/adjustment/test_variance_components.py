@@ -197,6 +197,7 @@ def test_groups_are_needed():
         estimate_components([], [], lambda f: GroupSums(f, f))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sizes", "unknowns", "truth"),
     [((6,), 3, (1.0,)), ((8, 8), 4, (1.0, 1.0)), ((6, 30), 4, (9.0, 1.0))],

@@ -272,6 +272,7 @@ def test_an_error_of_the_detectable_size_moves_the_points_as_foreseen(number) ->
     assert np.argmax(np.linalg.norm(change, axis=1)) == place
 
 
+@pytest.mark.slow
 def test_strategies_name_a_wrong_condition() -> None:
     scene = flat_scene()
     conditions = list(every_kind(scene))

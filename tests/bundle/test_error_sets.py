@@ -98,6 +98,7 @@ def test_the_statistic_is_what_giving_up_the_set_saves(adjusted, shares) -> None
     assert len(found.values) + found.undetectable == directions.shape[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["baarda", "tau"])
 @pytest.mark.parametrize("which", ["point", "photo", "related"])
 def test_size_and_power_are_those_of_theory(adjusted, kind, which) -> None:

@@ -55,6 +55,7 @@ def test_a_ray_is_accused_as_often_rightly_as_is_said(kind) -> None:
         assert abs(np.sum(np.array(right)[some] - said[some])) < room
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tau", "baarda"])
 def test_one_wrong_ray_explains_what_shows_and_chance_or_two_wrong_ones_do_not(kind) -> None:
     scene = aerial(1, 3, per_base=1, control_sigma=0.05, test=TestSettings(kind=kind))

@@ -56,6 +56,7 @@ def test_a_round_trip(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err.count("exists already") == 2
 
 
+@pytest.mark.slow
 def test_every_changed_byte_of_a_file_is_noticed(packed: bytes, tmp_path: Path) -> None:
     with zipfile.ZipFile(io.BytesIO(packed)) as pack:
         contents = {name: pack.read(name) for name in pack.namelist()}

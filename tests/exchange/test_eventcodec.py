@@ -272,6 +272,7 @@ def test_what_could_not_be_read_again_is_not_written(event):
         event_to_dict(event)
 
 
+@pytest.mark.slow
 @given(
     st.recursive(
         st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),

@@ -88,6 +88,7 @@ def test_the_estimated_sigma_is_the_stated_one(name, once):
     assert found.sigma2.mean() == pytest.approx(1.0, abs=4.0 * (2.0 / found.freedom / count) ** 0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "once"), CASES)
 @pytest.mark.parametrize("axis", ["y", "x"])
 def test_residuals_of_both_axes_are_as_large_as_expected(name, once, axis):

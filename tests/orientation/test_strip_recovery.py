@@ -108,6 +108,7 @@ def test_the_order_of_points_does_not_matter(seed, random):
     assert [row.point for row in again.table[: len(points)]] == points
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(seeds, st.sampled_from([PAPER, PROPAGATED]))
 def test_the_fixed_point_has_the_weights_of_the_converged_unknowns(seed, precision):

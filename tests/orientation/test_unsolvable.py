@@ -15,6 +15,11 @@ from anaplot.orientation.strip import bridge, bridge_strip
 from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Precision, Strip, TestSettings
 
 
+def seeds(count):
+    """Return the first for the fast lane, too, the others for all tests."""
+    return [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, count))]
+
+
 def flight(seed=5, noise=0.003, **kw):
     return fly(seed, 3, tilt=3.0, kappa=10.0, noise=noise, **kw)
 
@@ -83,7 +88,7 @@ def test_points_too_close_together():
 
 
 @pytest.mark.parametrize("sense", [1, -1])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", seeds(6))
 def test_images_turned_by_ninety_degrees(seed, sense):
     f = flight(seed)
     turned = [{p: (-sense * y, sense * x) for p, (x, y) in image.items()} for image in f.images]
@@ -101,7 +106,7 @@ def test_one_image_alone_turned_is_a_large_kappa():
 
 
 @pytest.mark.parametrize("which", ["left", "right"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", seeds(4))
 def test_a_mirrored_photo(which, seed):
     f = flight(seed)
     index = 0 if which == "left" else 1
@@ -146,7 +151,7 @@ def test_rows_that_leave_an_unknown_without_any_hold():
     refused(pair_of(f, 1, first, points=ties, off=off), "not determined: beta_y")
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", seeds(6))
 def test_photos_of_a_later_model_interchanged(seed):
     f = flight(seed)
     first = bridge_flight(f)[0]

@@ -551,6 +551,7 @@ def test_every_name_can_be_asked_for():
         assert orient_inner(source, named(plate), transformation=kind).kind == kind
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 7),
     st.floats(-200.0, 200.0),

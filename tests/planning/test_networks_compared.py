@@ -83,6 +83,7 @@ def test_an_error_of_the_smallest_detectable_size_is_found_with_the_power_of_the
     assert found.power == pytest.approx(0.8, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_theta_of_many_noises_has_the_expected_mean() -> None:
     made = plan_network(cube("D"))
     block = made.evaluated()

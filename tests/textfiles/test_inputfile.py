@@ -132,6 +132,7 @@ print(*read_journal(Path(sys.argv[1])).remarks)
 """
 
 
+@pytest.mark.slow
 def test_a_journal_of_one_long_line_takes_little_memory(tmp_path):
     path = tmp_path / "0001.jsonl"
     with path.open("wb") as file:

@@ -43,6 +43,7 @@ for read in readers:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", [f"{'.'.join('a' * 30_000)} = 1\n", f"[{'.'.join('a' * 30_000)}]\n"]
 )
