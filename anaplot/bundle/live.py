@@ -215,6 +215,6 @@ class LiveBlock:
 
 def _hangs(problem: Problem) -> bool:
     """Whether fewer coordinates and angles are known than a datum has parameters."""
-    priors = (problem.known_sigma, problem.position_sigma, problem.rotation_sigma)
+    priors = (problem.ground_sigma, problem.position_sigma, problem.rotation_sigma)
     known = int(problem.fixed.sum()) + sum(int(np.isfinite(sigma).sum()) for sigma in priors)
     return known < _DATUM

@@ -23,10 +23,10 @@ from anaplot.exchange.conditionscsv import (
     parse_conditions,
     parse_distances,
 )
-from anaplot.exchange.controlcsv import format_control, parse_control
+from anaplot.exchange.controlcsv import GroundPoints, format_control, parse_control
 from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
 from anaplot.exchange.patternfile import format_pattern, read_pattern
-from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
+from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, PointPrior
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.inputfile import read_bytes, read_text
 from anaplot.textfiles.wholefile import (
@@ -85,11 +85,8 @@ def read_block(folder: str | os.PathLike[str]) -> Block:
     conditions = parse_distances(distances) if os.path.lexists(distances) else ()
     if os.path.lexists(others):
         conditions += parse_conditions(others)
-    return replace(
-        block,
-        control=parse_control(control) if os.path.lexists(control) else (),
-        conditions=conditions,
-    )
+    ground = parse_control(control) if os.path.lexists(control) else GroundPoints()
+    return replace(block, control=ground.control, conditions=conditions, priors=ground.priors)
 
 
 def with_image_points(folder: Path, block: Block) -> Block:
@@ -158,8 +155,10 @@ def clear_image_points(folder: Path) -> None:
     clear_left_over(folder / IMAGE_POINTS_CSV)
 
 
-def write_control(folder: Path, control: Iterable[ControlPoint]) -> None:
-    """Write a new control.csv.
+def write_control(
+    folder: Path, control: Iterable[ControlPoint], priors: Iterable[PointPrior] = ()
+) -> None:
+    """Write a new control.csv, and in it what is known of points beforehand.
 
     Raises
     ------
@@ -167,7 +166,7 @@ def write_control(folder: Path, control: Iterable[ControlPoint]) -> None:
         There is one already, or it cannot be written.
     """
     path = folder / CONTROL_CSV
-    create_whole(path, _bounded(path, format_control(control).encode(), MAX_CSV_BYTES))
+    create_whole(path, _bounded(path, format_control(control, priors).encode(), MAX_CSV_BYTES))
 
 
 def block_files(folder: Path) -> tuple[Path, ...]:

@@ -1,22 +1,47 @@
-"""control.csv: ground control and check points."""
+"""control.csv: ground control and check points, and what is known of points beforehand."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
-from anaplot.photogrammetry.block import ControlPoint
+from anaplot.photogrammetry.block import ControlPoint, PointPrior
 from anaplot.textfiles.csvtable import csv_text, read_csv
 from anaplot.textfiles.kinds import NAME, NUMBER, Blank, Made, Number, Word
+from anaplot.textfiles.wording import quoted
 
-__all__ = ["format_control", "parse_control"]
+__all__ = ["USES", "GroundPoints", "format_control", "parse_control", "prior_fault"]
+
+USES = ("control", "check", "prior", "off")
 
 _XYZ = ("X", "Y", "Z")
 _SIGMAS = ("sX", "sY", "sZ")
 _SIGMA = Made(Number(0.0), abs)  # no minus zero
 
 
-def parse_control(path: Path) -> tuple[ControlPoint, ...]:
+class GroundPoints(NamedTuple):
+    """The rows of a control.csv: control, check points and what is off, and priors."""
+
+    control: tuple[ControlPoint, ...] = ()
+    priors: tuple[PointPrior, ...] = ()
+
+
+def prior_fault(
+    xyz: tuple[float | None, ...], sigma: tuple[float | None, ...]
+) -> tuple[str, str] | None:
+    """Return the column of a prior's row that is wrong, and why; None where it is a prior."""
+    for axis, value, s in zip(_XYZ, xyz, sigma, strict=True):
+        if value is None or (s is not None and s > 0.0):
+            continue
+        what = "is blank" if s is None else "is 0"
+        return f"s{axis}", f"{what}, but a prior needs a positive standard deviation of its {axis}"
+    if all(value is None for value in xyz):
+        return "X", "a prior without any coordinate"
+    return None
+
+
+def parse_control(path: Path) -> GroundPoints:
     """Read a control.csv.
 
     Parameters
@@ -26,9 +51,10 @@ def parse_control(path: Path) -> tuple[ControlPoint, ...]:
 
     Returns
     -------
-    tuple[ControlPoint, ...]
+    GroundPoints
         The rows in file order. A blank coordinate is not known (None), a blank standard
-        deviation the block's default (None), 0 is free of error.
+        deviation the block's default (None), 0 is free of error; those of a prior are positive.
+        A point may have a prior beside its other row.
 
     Raises
     ------
@@ -38,17 +64,29 @@ def parse_control(path: Path) -> tuple[ControlPoint, ...]:
     table = read_csv(
         path,
         {"point": NAME, **dict.fromkeys(_XYZ, Blank(NUMBER))},
-        {**dict.fromkeys(_SIGMAS, Blank(_SIGMA)), "use": Word("control", "check", "off")},
+        {**dict.fromkeys(_SIGMAS, Blank(_SIGMA)), "use": Word(*USES)},
     )
-    table.refuse_twice("point")
     columns = (table[name] for name in ("point", *_XYZ, *_SIGMAS, "use"))
-    return tuple(
-        ControlPoint(point, (x, y, z), (sx, sy, sz), use or "control")
-        for point, x, y, z, sx, sy, sz, use in zip(*columns, strict=True)
-    )
+    control: list[ControlPoint] = []
+    priors: list[PointPrior] = []
+    first: dict[tuple[str, bool], int] = {}
+    for row, (point, x, y, z, sx, sy, sz, use) in enumerate(zip(*columns, strict=True)):
+        other = first.setdefault((point, use == "prior"), row)
+        if other != row:
+            lines = f"(lines {table.line(other)} and {table.line(row)})"
+            raise table.fail(row, None, f"point {quoted(point)} twice {lines}")
+        if use != "prior":
+            control.append(ControlPoint(point, (x, y, z), (sx, sy, sz), use or "control"))
+            continue
+        fault = prior_fault((x, y, z), (sx, sy, sz))
+        if fault is not None:
+            raise table.fail(row, *fault)
+        priors.append(PointPrior(point, (x, y, z), (sx, sy, sz)))
+    return GroundPoints(tuple(control), tuple(priors))
 
 
-def format_control(control: Iterable[ControlPoint]) -> str:
-    """Return control points as the text of a control.csv, shortest digits that read back."""
-    rows = ((point.point, *point.xyz, *point.sigma, point.use) for point in control)
-    return csv_text(("point", *_XYZ, *_SIGMAS, "use"), rows)
+def format_control(control: Iterable[ControlPoint], priors: Iterable[PointPrior] = ()) -> str:
+    """Return control points, then priors, as the text of a control.csv: digits that read back."""
+    rows = [(point.point, *point.xyz, *point.sigma, point.use) for point in control]
+    expected = [(point.point, *point.xyz, *point.sigma, "prior") for point in priors]
+    return csv_text(("point", *_XYZ, *_SIGMAS, "use"), (*rows, *expected))

@@ -6,10 +6,11 @@ import csv
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, cast
 
 from anaplot.errors import InputError
-from anaplot.photogrammetry.block import ControlPoint
+from anaplot.exchange.controlcsv import USES, GroundPoints, prior_fault
+from anaplot.photogrammetry.block import ControlPoint, ControlUse, PointPrior
 from anaplot.textfiles.inputfile import read_text
 from anaplot.textfiles.kinds import NAME, NUMBER, Blank, Kind, Made, Number, Word, WrongValueError
 from anaplot.textfiles.wording import place, quoted, reason
@@ -56,11 +57,11 @@ _KINDS: Final[dict[str, Kind[Any]]] = {
     "point": NAME,
     **dict.fromkeys(("X", "Y", "Z"), Blank(NUMBER)),
     **dict.fromkeys(("sX", "sY", "sZ", "sXY", "s"), _SIGMA),
-    "use": Blank(Word("control", "check", "off")),
+    "use": Blank(Word(*USES)),
 }
 
 
-def read_control_list(path: Path) -> tuple[ControlPoint, ...]:
+def read_control_list(path: Path) -> GroundPoints:
     """Read a list of control points.
 
     Parameters
@@ -74,8 +75,8 @@ def read_control_list(path: Path) -> tuple[ControlPoint, ...]:
 
     Returns
     -------
-    tuple[ControlPoint, ...]
-        The rows in file order.
+    GroundPoints
+        The rows in file order; a point may have a prior beside its other row.
 
     Raises
     ------
@@ -85,17 +86,22 @@ def read_control_list(path: Path) -> tuple[ControlPoint, ...]:
     lines = _lines(path, read_text(path, _MAX_BYTES))
     number, header = next(lines, (1, []))
     columns = _columns(path, number, header)
-    found: dict[str, tuple[int, ControlPoint]] = {}
+    found: dict[tuple[str, bool], tuple[int, ControlPoint | PointPrior]] = {}
     for number, fields in lines:
         point = _point(path, number, columns, fields)
-        first = found.setdefault(point.point, (number, point))[0]
+        key = (point.point, isinstance(point, PointPrior))
+        first = found.setdefault(key, (number, point))[0]
         if first != number:
             raise InputError(
                 f"{place(path, number)}: point {quoted(point.point)} twice (first in line {first})"
             )
     if not found:
         raise InputError(f"{place(path)}: no control point")
-    return tuple(point for _, point in found.values())
+    rows = [row for _, row in found.values()]
+    return GroundPoints(
+        tuple(row for row in rows if isinstance(row, ControlPoint)),
+        tuple(row for row in rows if isinstance(row, PointPrior)),
+    )
 
 
 def _lines(path: Path, text: str) -> Iterator[tuple[int, list[str]]]:
@@ -145,7 +151,9 @@ def _column(title: str) -> str | None:
     return _COLUMN.get("".join(sign for sign in words if sign.isalnum()))
 
 
-def _point(path: Path, number: int, columns: list[str], fields: list[str]) -> ControlPoint:
+def _point(
+    path: Path, number: int, columns: list[str], fields: list[str]
+) -> ControlPoint | PointPrior:
     if len(fields) != len(columns):
         raise InputError(
             f"{place(path, number)}: {len(fields)} fields, the header has {len(columns)}"
@@ -160,9 +168,12 @@ def _point(path: Path, number: int, columns: list[str], fields: list[str]) -> Co
             raise InputError(f"{place(path, number)}: {name}: {error}") from None
     every = row.get("s")
     plan = row.get("sXY", every)
-    return ControlPoint(
-        row["point"],
-        (row["X"], row["Y"], row.get("Z")),
-        (row.get("sX", plan), row.get("sY", plan), row.get("sZ", every)),
-        cast(Literal["control", "check", "off"], row.get("use") or "control"),
-    )
+    xyz = row["X"], row["Y"], row.get("Z")
+    sigma = row.get("sX", plan), row.get("sY", plan), row.get("sZ", every)
+    use = row.get("use") or "control"
+    if use != "prior":
+        return ControlPoint(row["point"], xyz, sigma, cast(ControlUse, use))
+    fault = prior_fault(xyz, sigma)
+    if fault is not None:
+        raise InputError(f"{place(path, number)}: {fault[0]}: {fault[1]}")
+    return PointPrior(row["point"], xyz, sigma)

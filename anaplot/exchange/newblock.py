@@ -27,6 +27,7 @@ from anaplot.photogrammetry.block import (
     ControlPoint,
     ImagePoint,
     Measuring,
+    PointPrior,
     Precision,
     Strip,
     TestSettings,
@@ -72,8 +73,8 @@ class NewBlock:
         Its only camera.
     strips
         Its strips; none where models are not to be formed.
-    control
-        Its control points.
+    control, priors
+        Its control points, and what else is known of points.
     image_um
         Standard deviation of an image coordinate [um].
     measuring
@@ -84,6 +85,7 @@ class NewBlock:
     camera: ChosenCamera
     strips: tuple[Strip, ...] = ()
     control: tuple[ControlPoint, ...] = ()
+    priors: tuple[PointPrior, ...] = ()
     image_um: float = _PRECISION.image_um
     measuring: Measuring = field(default_factory=Measuring)
 
@@ -260,12 +262,13 @@ def write_new(folder: Path, new: NewBlock) -> Block:
             f"{place(folder)}: no photo: name the photos of a strip (--strip 101-120), or put an"
             " image_points.csv there"
         )
-    if new.control and os.path.lexists(control):
+    known = bool(new.control or new.priors)
+    if known and os.path.lexists(control):
         raise InputError(f"{place(control)}: exists already and is not overwritten")
     write_new_block(folder, block, text=text, remark=new.camera.remark)
-    if new.control:
-        write_control(folder, new.control)
-    return replace(block, control=new.control)
+    if known:
+        write_control(folder, new.control, new.priors)
+    return replace(block, control=new.control, priors=new.priors)
 
 
 def _text(block: Block, remark: str) -> str:

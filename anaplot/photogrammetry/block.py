@@ -14,10 +14,12 @@ __all__ = [
     "Block",
     "Camera",
     "ControlPoint",
+    "ControlUse",
     "ImagePoint",
     "Measuring",
     "PatternPoint",
     "Photo",
+    "PointPrior",
     "Precision",
     "Strip",
     "TestSettings",
@@ -27,6 +29,8 @@ __all__ = [
 
 Use = Literal["xy", "x", "y", "off"]
 """Which coordinates of an image point count."""
+
+ControlUse = Literal["control", "check", "off"]
 
 TieVariance = Literal["paper", "propagated", "exact"]
 
@@ -169,7 +173,26 @@ class ControlPoint:
     point: str
     xyz: tuple[float | None, float | None, float | None]
     sigma: tuple[float | None, float | None, float | None] = (None, None, None)
-    use: Literal["control", "check", "off"] = "control"
+    use: ControlUse = "control"
+
+
+@dataclass(frozen=True, slots=True)
+class PointPrior:
+    """What is known of a point beforehand, and is no control: `use` = prior.
+
+    Attributes
+    ----------
+    point
+        Name; the point may be control or a check point as well.
+    xyz
+        Expected ground coordinates [m]; None where nothing is known.
+    sigma
+        Their standard deviations [m], positive.
+    """
+
+    point: str
+    xyz: tuple[float | None, float | None, float | None]
+    sigma: tuple[float | None, float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +290,8 @@ class Block:
         Rows of image_points.csv and control.csv, in file order.
     conditions
         Rows of distances.csv, then those of conditions.csv.
+    priors
+        Rows of control.csv that are priors of points, in file order.
     measuring
         With what it is measured.
     """
@@ -280,6 +305,7 @@ class Block:
     image_points: tuple[ImagePoint, ...] = field(default=(), repr=False)
     control: tuple[ControlPoint, ...] = field(default=(), repr=False)
     conditions: tuple[ObjectCondition, ...] = field(default=(), repr=False)
+    priors: tuple[PointPrior, ...] = field(default=(), repr=False)
     measuring: Measuring = Measuring()
     _camera_ids: dict[str, str] = field(init=False, repr=False, compare=False)
 

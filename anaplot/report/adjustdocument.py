@@ -23,6 +23,7 @@ from anaplot.report.adjusttables import (
     image_point_table,
     parameter_table,
     photo_table,
+    point_prior_table,
     point_table,
     prior_table,
     ray_table,
@@ -72,14 +73,16 @@ def adjust_document(
     external = external_reliability(block)
     photos, points, check = photo_table(block), point_table(block), check_table(block)
     control, priors = control_table(block, external), prior_table(block, external)
+    expected = point_prior_table(block, external)
     conditions = condition_table(block, external)
     parameters, rays = parameter_table(block), ray_table(block, external)
-    all_control, all_priors = control, priors
+    all_control, all_priors, all_expected = control, priors, expected
     axes: dict[int, list[str]] | None = None
     if rejected is not None:
         gone = list(rejected)
         all_control = with_rejected_control(control, _rejected(gone, "control"))
         all_priors = with_rejected_priors(priors, _rejected(gone, "prior"))
+        all_expected = with_rejected_control(expected, _rejected(gone, "point prior"))
         axes = {}
         for ray, axis in np.argwhere(block.problem.newly_rejected).tolist():
             axes.setdefault(int(block.problem.source[ray]), []).append("xy"[axis])
@@ -100,6 +103,7 @@ def adjust_document(
         "indicators": _indicators(block),
         "rules": rules_json(rules),
         "priors": all_priors,
+        "point_priors": all_expected,
         "conditions": conditions,
         "spurs": [
             {"photo": photo, "point": point, "axis": axis} for photo, point, axis in block.spurs()
@@ -125,12 +129,13 @@ def adjust_document(
     page += _if_any(control)
     page += _if_any(conditions)
     page += _if_any(check)
+    page += _if_any(expected)
     page += _if_any(priors)
     if len(parameters):
         page += [parameters, *_parameters(answer["additional"]), BLANK]
     page += [points, BLANK, rays, BLANK, *_legend(block)]
     tables = (points, photos, image_points, all_control, check, all_priors)
-    more = tuple(one for one in (parameters, conditions) if len(one))
+    more = tuple(one for one in (parameters, conditions, all_expected) if len(one))
     return Document(answer, tuple(page), (*tables, *more))
 
 

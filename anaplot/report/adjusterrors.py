@@ -114,7 +114,8 @@ def in_words(name: ObservationName) -> Line:
         return say("photo {}{}  point {}  {}", first, inside, point, axis)
     if kind == "condition":
         return say("{}  {} of {}", first, rest[1], rest[0])
-    return say("control point {}  {}" if kind == "control" else "prior of {}  {}", first, rest[0])
+    words = {"control": "control point {}  {}", "point prior": "prior of point {}  {}"}
+    return say(words.get(str(kind), "prior of {}  {}"), first, rest[0])
 
 
 def _short(name: ObservationName) -> Line:
@@ -129,6 +130,7 @@ def name_json(name: ObservationName) -> Answer:
     keys = {
         "image": ("photo", "point", "model", "axis"),
         "control": ("point", "axis"),
+        "point prior": ("point", "axis"),
         "prior": ("owner", "unknown"),
         "condition": ("id", "what", "axis"),
     }[str(name[0])]

@@ -25,6 +25,7 @@ __all__ = [
     "image_point_table",
     "parameter_table",
     "photo_table",
+    "point_prior_table",
     "point_table",
     "prior_table",
     "ray_table",
@@ -135,12 +136,25 @@ def control_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
     return _with_others(weighted, off, _OFF) if off else weighted
 
 
+_POINT_PRIORS = (name("point", "PRIOR OF", 8), *_CONTROL[1:])
+
+
+def point_prior_table(block: AdjustedBlock, external: ExternalReliability) -> Table:
+    """Return the priors of points, and what their undetected errors do."""
+    rows = (
+        (row.point, row.axis, row.residual, row.r, row.w, row.mdb, row.ground,
+         *_effect(row, effect), row.flagged)
+        for row, effect in zip(block.point_prior_rows(), external.point_priors, strict=True)
+    )  # fmt: skip
+    return table("point_priors", _POINT_PRIORS, rows)
+
+
 Rejected: TypeAlias = tuple[str, str, float | None]
 """Owner, axis or unknown, and residual of what is no observation any more."""
 
 
 def with_rejected_control(control: Table, rejected: Iterable[Rejected]) -> Table:
-    """Return weighted control, and after it what of it was rejected."""
+    """Return weighted control, or priors of points, and after it what of it was rejected."""
     return _with_others(control, rejected, _REJECTED)
 
 

@@ -13,8 +13,9 @@ from anaplot.errors import InputError
 from anaplot.report.arguments import positive
 
 if TYPE_CHECKING:
+    from anaplot.exchange.controlcsv import GroundPoints
     from anaplot.exchange.newblock import ChosenCamera, NewBlock
-    from anaplot.photogrammetry.block import ControlPoint, Measuring, Strip
+    from anaplot.photogrammetry.block import Measuring, Strip
 
 __all__ = [
     "NONE",
@@ -125,6 +126,7 @@ def new_block(folder: Path, answers: Answers) -> NewBlock:
     """
     from dataclasses import replace
 
+    from anaplot.exchange.controlcsv import GroundPoints
     from anaplot.exchange.newblock import NewBlock
     from anaplot.photogrammetry.block import Measuring
 
@@ -135,6 +137,7 @@ def new_block(folder: Path, answers: Answers) -> NewBlock:
         for question in new_questions(folder)
     }
     camera, strips = _camera(given["camera"]), _strips(given["strip"])
+    ground = _control(given["control"]) if given["control"] else GroundPoints()
     measuring = Measuring()
     if "pattern" in answers:
         measuring = _pattern(given["pattern"])
@@ -143,7 +146,8 @@ def new_block(folder: Path, answers: Answers) -> NewBlock:
         _name(given["name"]),
         camera,
         strips,
-        _control(given["control"]) if given["control"] else (),
+        ground.control,
+        ground.priors,
         _sigma(given["sigma"]),
         replace(measuring, profile=_profile(given["profile"]) if given["profile"] else None),
     )
@@ -198,7 +202,7 @@ def _strips(answers: Sequence[str]) -> tuple[Strip, ...]:
     return tuple(strips.values())
 
 
-def _control(answers: Sequence[str]) -> tuple[ControlPoint, ...]:
+def _control(answers: Sequence[str]) -> GroundPoints:
     from anaplot.exchange.controllist import read_control_list
 
     return read_control_list(Path(answers[0]))

@@ -201,6 +201,7 @@ def _of_block(path: Path) -> _Geometry:
         control.use == "control" and any(value is not None for value in control.xyz)
         for control in block.control
     ) or any(photo.position_sigma or photo.rotation_sigma for photo in block.photos)
+    held = held or bool(block.priors)
     adjusted = adjust_block(block, datum="control" if held else "free")
     return _of_adjusted(path.resolve().name, f"block {block.name}", adjusted)
 
@@ -252,6 +253,6 @@ def _row_name(name: ObservationName) -> RowName:
     kind, first, *_ = name
     if kind == "image":
         return RowName(str(first), str(name[2]), str(name[-1]))
-    if kind == "control":
+    if kind in ("control", "point prior"):
         return RowName(None, str(first), str(name[-1]))
     return RowName(str(first), None, str(name[-1]))

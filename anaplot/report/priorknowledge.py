@@ -30,18 +30,21 @@ _COLUMNS = (
 
 
 def prior_document(found: BlockPrior) -> Document:
-    """Return the document of image coordinates and prior knowledge.
+    """Return the document of image coordinates and prior knowledge, and of control beside it.
 
-    Both have their number, their share of the redundancy, their v'Pv with the stated variances and
+    Each has their number, their share of the redundancy, their v'Pv with the stated variances and
     the factor of these, with its 95 % confidence interval (null when it is known, common or held).
     """
+    of = [("image coordinates", found.image), ("prior knowledge", found.prior)]
+    if found.control is not None:
+        of.append(("control", found.control))
     groups = table(
         "prior_estimate",
         _COLUMNS,
         (
             (title, one.observations, one.redundancy, one.vtpv, one.factor, one.interval,
              sqrt(one.factor), *within(one.interval)[1])
-            for title, one in (("image coordinates", found.image), ("prior knowledge", found.prior))
+            for title, one in of
         ),
     )  # fmt: skip
     answer = {
@@ -50,6 +53,7 @@ def prior_document(found: BlockPrior) -> Document:
         "converged": found.converged,
         "image_coordinates": _group(found.image),
         "prior_knowledge": _group(found.prior),
+        **({} if found.control is None else {"control": _group(found.control)}),
         "remarks": list(found.remarks),
     }
     head = say(

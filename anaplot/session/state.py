@@ -158,7 +158,7 @@ class SessionState:
 
 def start(block: Block) -> SessionState:
     """Return the state before any event."""
-    return SessionState(replace(block, image_points=(), control=(), conditions=()))
+    return SessionState(replace(block, image_points=(), control=(), conditions=(), priors=()))
 
 
 def fold(state: SessionState, events: Iterable[Event]) -> SessionState:

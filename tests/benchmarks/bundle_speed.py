@@ -133,7 +133,7 @@ def dense_step(problem: Problem, state: BlockState):
         design[2 * ray : 2 * ray + 2, at : at + 3] = linear.b[ray]
     normal = design.T @ design
     index = 6 * n + np.arange(3 * p)
-    normal[index, index] += linear.point_weight.ravel()
+    normal[index, index] += linear.point_weight.sum(axis=0).ravel()
     inverse = np.linalg.inv(normal)
     return 1.0 - np.einsum("ij,jk,ik->i", design, inverse, design, optimize=True)
 
@@ -192,7 +192,7 @@ def main() -> None:
         took, result = best(lambda p=problem, s=state, t=structure: complete_step(p, s, t), repeats)
         one = min(one, unit())
         cofactors, parts = result
-        sum_r = cofactors.r.sum() + np.nansum(cofactors.r_control)
+        sum_r = cofactors.r.sum() + np.nansum(cofactors.r_ground)
         names = ("derivatives", "equations", "factor", "solution", "reliability")
         split = ", ".join(f"{n} {t / one:.2f}" for n, t in zip(names, parts, strict=True))
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20

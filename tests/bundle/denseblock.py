@@ -6,7 +6,10 @@ import numpy as np
 
 
 def dense(block):
-    """Design of all observations (whitened), rows of image coordinates first."""
+    """Design of all observations (whitened), rows of image coordinates first.
+
+    Then control, priors of photos and of parameters, and priors of points where there are any.
+    """
     problem, linear = block.problem, block.cofactors.normal.linear
     n, d, p = len(problem.photos), problem.per_photo, len(problem.points)
     m, g = len(problem.photo), problem.in_border
@@ -22,8 +25,9 @@ def dense(block):
             at = n * d + 3 * p + problem.additional_group[ray] * q
             rows[2 * ray : 2 * ray + 2, at : at + q] = linear.h[ray]
     parts = [rows]
-    control = np.zeros((3 * p, u))
-    control[np.arange(3 * p), n * d + np.arange(3 * p)] = np.sqrt(linear.point_weight.ravel())
+    control, expected = (np.zeros((3 * p, u)) for _ in range(2))
+    for of, weight in zip((control, expected), linear.point_weight, strict=True):
+        of[np.arange(3 * p), n * d + np.arange(3 * p)] = np.sqrt(weight.ravel())
     prior = np.zeros((6 * n, u))
     for k in range(n):
         prior[6 * k : 6 * k + 6, k * d : k * d + d] = linear.photo_rows[k]
@@ -34,6 +38,8 @@ def dense(block):
     shared = np.zeros((g, u))
     shared[np.arange(g), n * d + 3 * p + np.arange(g)] = np.sqrt(linear.shared_weight)
     parts += [control, prior, own, shared]
+    if expected.any():
+        parts.append(expected)
     free = np.ones(u, dtype=bool)
     free[n * d : n * d + 3 * p] = ~problem.fixed.ravel()
     return np.vstack(parts), free

@@ -34,7 +34,7 @@ def converges_to_the_truth(scene, block=None, sigma=1.5, **options):
     adjusted = adjust_block(block or scene.block, **options)
     assert adjusted.sigma0 is not None
     assert adjusted.sigma0 < sigma
-    total = adjusted.cofactors.r.sum() + np.nansum(adjusted.cofactors.r_control)
+    total = adjusted.cofactors.r.sum() + np.nansum(adjusted.cofactors.r_ground)
     total += np.nansum(adjusted.cofactors.r_photo)
     assert total == pytest.approx(adjusted.redundancy, abs=1e-6)
     return adjusted

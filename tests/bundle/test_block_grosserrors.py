@@ -82,7 +82,7 @@ def test_a_block_of_fifty_photos_loses_its_planted_errors() -> None:
     assert found.block.problem.unknowns == block.problem.unknowns
     assert found.block.sigma0 < 1.1 < block.sigma0
     assert found.block.cofactors.r.sum() + np.nansum(
-        found.block.cofactors.r_control
+        found.block.cofactors.r_ground
     ) == pytest.approx(found.block.redundancy, abs=1e-6)
     assert found.refused == ()
     # what a linear adjustment predicts is what the new adjustment says, in the last pass exactly

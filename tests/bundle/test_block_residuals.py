@@ -67,8 +67,8 @@ def design(system):
         at = n * d + 3 * p + problem.additional_group[ray] * q
         out[rows, at : at + q] = linear.h[ray]
     first, second, third, _ = system.rows.starts
-    for k, (point, axis) in enumerate(system.rows.control):
-        out[first + k, n * d + 3 * point + axis] = 1.0 / problem.known_sigma[point, axis]
+    for k, (kind, point, axis) in enumerate(system.rows.ground):
+        out[first + k, n * d + 3 * point + axis] = 1.0 / problem.ground_sigma[kind, point, axis]
     for k, (photo, unknown) in enumerate(system.rows.priors):
         out[second + k, photo * d : photo * d + d] = linear.photo_rows[photo, unknown]
     for k, number in enumerate(system.rows.additional):
@@ -122,7 +122,7 @@ def test_away_from_the_minimum_it_is_the_linear_adjustment_there(name) -> None:
     first, second, third, _ = moved.rows.starts
     raw = np.zeros(len(moved.names))
     raw[:first] = -linear.e.ravel()
-    raw[first:second] = -linear.point_e[tuple(moved.rows.control.T)]
+    raw[first:second] = -linear.point_e[tuple(moved.rows.ground.T)]
     raw[second:third] = -linear.photo_e[tuple(moved.rows.priors.T)]
     own = linear.own_e if block.problem.photo_invariant else linear.shared_e
     raw[third:] = -own.ravel()[moved.rows.additional]
@@ -142,7 +142,7 @@ def test_an_error_shows_in_e_with_its_own_sign() -> None:
         after.e - before.e, 10.0 * before.columns(np.array([at]))[:, 0], atol=1e-7
     )
     first = before.rows.starts[0]
-    point, axis = before.rows.control[4]
+    _, point, axis = before.rows.ground[4]
     known = problem.known.copy()
     known[point, axis] += 10.0 * problem.known_sigma[point, axis]
     after = block_residuals(replace(problem, known=known), block.state, structure)

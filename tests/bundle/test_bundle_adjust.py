@@ -142,7 +142,7 @@ def test_scopes_of_additional_parameters() -> None:
         assert len(rows) == 12 * groups
         assert len({row.group for row in rows}) == groups
         assert all(row.s is not None and row.s > 0 for row in rows)
-        total = block.cofactors.r.sum() + np.nansum(block.cofactors.r_control)
+        total = block.cofactors.r.sum() + np.nansum(block.cofactors.r_ground)
         total += np.nansum(block.cofactors.r_own) + np.nansum(block.cofactors.r_shared)
         assert total == pytest.approx(block.redundancy, abs=1e-7)
         assert len(block.prior_rows()) == 12 * groups

@@ -115,7 +115,7 @@ def test_everything_equals_an_own_dense_adjustment(name, adjusted) -> None:
     np.testing.assert_allclose(found.r.ravel(), r[: 2 * m], atol=1e-8)
     control = r[2 * m : 2 * m + 3 * p].reshape(p, 3)
     seen = np.isfinite(problem.known_sigma)
-    np.testing.assert_allclose(found.r_control[seen], control[seen], atol=1e-8)
+    np.testing.assert_allclose(found.r_ground[0][seen], control[seen], atol=1e-8)
     firm = problem.conditions.firm
     np.testing.assert_allclose(
         found.r_conditions[~firm], r[len(r) - int((~firm).sum()) :], atol=1e-8
@@ -181,7 +181,7 @@ def test_the_minimum_is_that_of_the_dense_sum_of_squares(adjusted) -> None:
     v = tested.residual / rows.sigma
     image, fourth = rows.image, rows.starts[3]
     linear = block.cofactors.normal.linear
-    e = np.concatenate((v[:image], linear.point_e.ravel(), linear.photo_e.ravel(), v[fourth:]))
+    e = np.concatenate((v[:image], linear.point_e[0].ravel(), linear.photo_e.ravel(), v[fourth:]))
     gradient = white.T @ e
     size = np.linalg.norm(white, axis=0) * np.linalg.norm(e)
     assert np.abs(gradient / np.where(size > 0.0, size, 1.0)).max() < 1e-6

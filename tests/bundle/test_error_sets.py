@@ -90,7 +90,7 @@ def test_the_statistic_is_what_giving_up_the_set_saves(adjusted, shares) -> None
     image, fourth = system.rows.image, system.rows.starts[3]
     linear = adjusted.cofactors.normal.linear
     e = np.concatenate(
-        (system.e[:image], -linear.point_e.ravel(), -linear.photo_e.ravel(), system.e[fourth:])
+        (system.e[:image], -linear.point_e[0].ravel(), -linear.photo_e.ravel(), system.e[fourth:])
     )
     design = r @ directions
     saved = e @ design @ np.linalg.pinv(design.T @ design, rcond=1e-9) @ design.T @ e

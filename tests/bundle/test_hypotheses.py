@@ -53,7 +53,7 @@ def dense(block):
         row = np.zeros(u)
         row[column[int(point), int(axis)]] = 1.0 / problem.known_sigma[point, axis]
         rows.append(row)
-        e.append(linear.point_e[point, axis])
+        e.append(linear.point_e[0, point, axis])
     for k in range(len(linear.shared_weight)):
         if linear.shared_weight[k] > 0.0:
             row = np.zeros(u)

@@ -75,7 +75,10 @@ def test_a_block_is_estimated_as_the_dense_formulas_say(estimator, additional):
     rows, free = dense(stated)
     own = np.broadcast_to(linear.own_e, (len(block.problem.photos), block.problem.per_photo - 6))
     e = np.concatenate(
-        [part.ravel() for part in (linear.e, linear.point_e, linear.photo_e, own, linear.shared_e)]
+        [
+            part.ravel()
+            for part in (linear.e, linear.point_e[0], linear.photo_e, own, linear.shared_e)
+        ]
     )
     images = 2 * len(block.problem.photo)
     some = np.flatnonzero(np.abs(rows[images:]).sum(axis=1) > 0.0) + images

@@ -55,13 +55,13 @@ def test_everything_equals_the_dense_formula(name) -> None:
     np.testing.assert_allclose(found.r.ravel(), r[: 2 * m], atol=1e-9)
     control = r[2 * m : 2 * m + 3 * p].reshape(p, 3)
     seen = np.isfinite(problem.known_sigma)
-    np.testing.assert_allclose(found.r_control[seen], control[seen], atol=1e-9)
-    assert np.isnan(found.r_control[~seen]).all()
+    np.testing.assert_allclose(found.r_ground[0][seen], control[seen], atol=1e-9)
+    assert np.isnan(found.r_ground[0][~seen]).all()
     prior = r[2 * m + 3 * p :][: 6 * n].reshape(n, 6)
     present = np.isfinite(found.r_photo)
     np.testing.assert_allclose(found.r_photo[present], prior[present], atol=1e-9)
     # sum of all redundancy numbers = redundancy
-    total = found.r.sum() + np.nansum(found.r_control) + np.nansum(found.r_photo)
+    total = found.r.sum() + np.nansum(found.r_ground) + np.nansum(found.r_photo)
     total += np.nansum(found.r_own) + np.nansum(found.r_shared)
     assert total == pytest.approx(block.redundancy, abs=1e-8)
     assert block.redundancy == problem.observations - problem.unknowns

@@ -9,14 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
+from anaplot.exchange.controlcsv import GroundPoints
 from anaplot.exchange.controllist import read_control_list
-from anaplot.photogrammetry.block import ControlPoint
+from anaplot.photogrammetry.block import ControlPoint, PointPrior
 
 
-def read(tmp_path: Path, text: str) -> tuple[ControlPoint, ...]:
+def listed(tmp_path: Path, text: str) -> GroundPoints:
     file = tmp_path / "points.txt"
     file.write_text(text)
     return read_control_list(file)
+
+
+def read(tmp_path: Path, text: str) -> tuple[ControlPoint, ...]:
+    found = listed(tmp_path, text)
+    assert not found.priors
+    return found.control
 
 
 SEVEN = ControlPoint("7", (1000.5, 2000.0, 310.25), (0.1, 0.1, 0.1))
@@ -49,6 +56,12 @@ def test_what_is_not_known_is_blank(tmp_path: Path) -> None:
     assert read(tmp_path, "name,E,N\n1,5,6\n")[0].xyz == (5.0, 6.0, None)
 
 
+def test_priors_stand_beside_control(tmp_path: Path) -> None:
+    found = listed(tmp_path, "name,E,N,H,s,use\n1,5,6,7,3.2,prior\n1,5,6,7,,check\n2,1,2,3,,off\n")
+    assert found.priors == (PointPrior("1", (5.0, 6.0, 7.0), (3.2, 3.2, 3.2)),)
+    assert [(one.point, one.use) for one in found.control] == [("1", "check"), ("2", "off")]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -63,6 +76,9 @@ def test_what_is_not_known_is_blank(tmp_path: Path) -> None:
         ("name,E,N,s\n1,2,3,-1\n", "line 2: s: "),
         ("name,E,N,use\n1,2,3,maybe\n", "line 2: use: "),
         ("name,E,N\n1,2,3\n1,3,4\n", "line 3: point '1' twice (first in line 2)"),
+        ("name,E,N,s,use\n1,2,3,1,prior\n1,3,4,1,prior\n", "line 3: point '1' twice"),
+        ("name,E,N,use\n1,2,3,prior\n", "line 2: sX: is blank, but a prior needs a positive"),
+        ("name,E,N,s,use\n1,2,3,0,prior\n", "line 2: sX: is 0, but a prior needs a positive"),
         ('name,E,N\n"1,2,3\n', "line 2: not a row"),
         ("name,E,N\n\x1b[2J,2,3\n", "line 2: point: the name"),
     ],
@@ -79,7 +95,8 @@ def test_any_bytes_are_points_or_an_input_error(tmp_path_factory, data: bytes) -
     file = tmp_path_factory.getbasetemp() / "any.txt"
     file.write_bytes(b"name,E,N\n" + data)
     try:
-        points = read_control_list(file)
+        found = read_control_list(file)
     except InputError:
         return
-    assert len({point.point for point in points}) == len(points)
+    for points in found:
+        assert len({point.point for point in points}) == len(points)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points
+from anaplot.exchange.controlcsv import format_control
 from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
 from anaplot.photogrammetry.block import (
     Block,
@@ -19,6 +20,7 @@ from anaplot.photogrammetry.block import (
     ControlPoint,
     ImagePoint,
     Photo,
+    PointPrior,
     Precision,
     TestSettings,
 )
@@ -206,6 +208,17 @@ def test_control_needs_neither_sigmas_nor_use(make_block):
     )
 
 
+def test_priors_of_points_stand_apart_from_control(make_block):
+    text = "point,X,Y,Z,sX,sY,sZ,use\nA,1,2,3,,,,check\nA,1,2,,3.2,3.2,,prior\nB,,,3,,,1,prior\n"
+    block = read_block(make_block(control=text))
+    assert [(row.point, row.use) for row in block.control] == [("A", "check")]
+    assert block.priors == (
+        PointPrior("A", (1.0, 2.0, None), (3.2, 3.2, None)),
+        PointPrior("B", (None, None, 3.0), (None, None, 1.0)),
+    )
+    assert read_block(make_block(control=format_control(block.control, block.priors))) == block
+
+
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
@@ -221,6 +234,14 @@ def test_control_needs_neither_sigmas_nor_use(make_block):
         ("point,X,Y,Z,use\nA,1,2,3,\n", 2, ["use: must be"]),
         ("point,X,Y,Z\nA,1,2,3\nA,1,2,3\n", 3, ["'A' twice", "lines 2 and 3"]),
         ("point,X,Y,Z\nA,1,2\n", 2, ["3 fields, the header has 4"]),
+        ("point,X,Y,Z,use\nA,1,2,3,prior\n", 2, ["sX: is blank, but a prior needs a positive"]),
+        ("point,X,Y,Z,sZ,use\nA,,,3,0,prior\n", 2, ["sZ: is 0, but a prior needs a positive"]),
+        ("point,X,Y,Z,use\nA,,,,prior\n", 2, ["a prior without any coordinate"]),
+        (
+            "point,X,Y,Z,sX,use\nA,1,,,1,prior\nA,1,2,3,,off\nA,2,,,1,prior\n",
+            4,
+            ["'A' twice", "lines 2 and 4"],
+        ),
     ],
 )
 def test_wrong_control_is_named_with_its_line(make_block, text, line, words):

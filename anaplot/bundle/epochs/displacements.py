@@ -175,8 +175,8 @@ def compare_epochs(
     what is given is common (jointly, a weighted coordinate is one observation of one unknown), what
     is not is tested. Separate adjustments observe the given coordinate once in each.
     """
-    # conditions between points are no part of it
-    first, second = replace(first, conditions=()), replace(second, conditions=())
+    # conditions between points and priors of points are no part of it
+    first, second = (replace(one, conditions=(), priors=()) for one in (first, second))
     if first.test.kind != second.test.kind:
         raise InputError(
             f"the epochs are tested differently ({first.test.kind}, {second.test.kind}): [test] "

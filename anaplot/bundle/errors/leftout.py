@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from anaplot.bundle.solve.observations import ORIENTATION, ObservationName
+from anaplot.aliases import Index
+from anaplot.bundle.solve.observations import GROUND_KINDS, ORIENTATION, ObservationName
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.residuals import BlockResiduals
 
@@ -26,14 +28,14 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
     rejected = np.zeros((len(problem.photo), 2), dtype=bool)
     if problem.off is not None:
         rejected |= problem.off
-    control = problem.known_sigma.copy()
+    ground = problem.ground_sigma
     position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
     conditions: list[int] = []
     for row in sorted(rows):
         if row < first:
             rejected[divmod(row, 2)] = True
         elif row < second:
-            control[tuple(system.rows.control[row - first])] = np.nan
+            ground[tuple(system.rows.ground[row - first])] = np.nan
         elif row < third:
             photo, unknown = system.rows.priors[row - second].tolist()
             (position if unknown < 3 else rotation)[photo, unknown % 3] = np.nan
@@ -43,7 +45,8 @@ def without(system: BlockResiduals, rows: frozenset[int]) -> Problem:
             raise ValueError("a prior on an additional parameter cannot be rejected")
     return replace(
         problem,
-        known_sigma=control,
+        known_sigma=ground[0],
+        expected_sigma=ground[1],
         position_sigma=position,
         rotation_sigma=rotation,
         rejected=rejected if rejected.any() else None,
@@ -61,8 +64,11 @@ def missing(problem: Problem, reduced: Problem) -> tuple[ObservationName, ...]:
         for ray, axis in np.argwhere(new).tolist():
             row = problem.block.image_points[int(problem.source[ray])]
             names.append(("image", row.photo, row.point, row.model, "xy"[axis]))
-    gone = np.isfinite(problem.known_sigma) & ~np.isfinite(reduced.known_sigma)
-    names += [("control", problem.points[k], "XYZ"[axis]) for k, axis in np.argwhere(gone).tolist()]
+    gone = np.isfinite(problem.ground_sigma) & ~np.isfinite(reduced.ground_sigma)
+    names += [
+        (GROUND_KINDS[kind], problem.points[k], "XYZ"[axis])
+        for kind, k, axis in np.argwhere(gone).tolist()
+    ]
     gone = np.isfinite(problem.prior_sigma) & ~np.isfinite(reduced.prior_sigma)
     names += [("prior", problem.photos[k], ORIENTATION[i]) for k, i in np.argwhere(gone).tolist()]
     if problem.conditions is not None and reduced.conditions is not None:
@@ -73,13 +79,26 @@ def missing(problem: Problem, reduced: Problem) -> tuple[ObservationName, ...]:
 
 
 def with_priors_of(problem: Problem, other: Problem) -> Problem:
-    """Return the bundle with the prior orientations that another one of its photos has left."""
-    place = {name: k for k, name in enumerate(problem.photos)}
-    both = [(place[name], k) for k, name in enumerate(other.photos) if name in place]
-    mine, its = np.array(both, dtype=np.intp).reshape(-1, 2).T
+    """Return the bundle with the priors that another one of its photos and points has left.
+
+    A coordinate that control knows free of error has no prior.
+    """
+    mine, its = _in_both(problem.photos, other.photos)
     position, rotation = problem.position_sigma.copy(), problem.rotation_sigma.copy()
     position[mine], rotation[mine] = other.position_sigma[its], other.rotation_sigma[its]
-    return replace(problem, position_sigma=position, rotation_sigma=rotation)
+    expected = problem.expected_sigma.copy()
+    mine, its = _in_both(problem.points, other.points)
+    expected[mine] = np.where(np.isfinite(expected[mine]), other.expected_sigma[its], np.nan)
+    return replace(
+        problem, position_sigma=position, rotation_sigma=rotation, expected_sigma=expected
+    )
+
+
+def _in_both(names: Sequence[str], others: Sequence[str]) -> Index:
+    """(2, k) places of the names that are in both."""
+    place = {name: k for k, name in enumerate(names)}
+    both = [(place[name], k) for k, name in enumerate(others) if name in place]
+    return np.array(both, dtype=np.intp).reshape(-1, 2).T
 
 
 def without_same(problem: Problem, other: Problem) -> Problem:

@@ -98,6 +98,7 @@ def _like(problem: Problem, reduced: Problem) -> Problem:
         problem,
         rejected=reduced.rejected,
         known_sigma=reduced.known_sigma,
+        expected_sigma=reduced.expected_sigma,
         position_sigma=reduced.position_sigma,
         rotation_sigma=reduced.rotation_sigma,
     )
@@ -162,6 +163,7 @@ def _without(problem: Problem, off: FarOff) -> Problem | None:
     smaller = replace(
         problem,
         known_sigma=np.where(off.control[:, None], np.nan, problem.known_sigma),
+        expected_sigma=np.where(off.expected[:, None], np.nan, problem.expected_sigma),
         position_sigma=np.where(off.priors[:, :1], np.nan, problem.position_sigma),
         rotation_sigma=np.where(off.priors[:, 1:], np.nan, problem.rotation_sigma),
     )
@@ -174,7 +176,7 @@ def _without(problem: Problem, off: FarOff) -> Problem | None:
         free = ~problem.fixed[point]
         rays = np.flatnonzero(problem.point == point)
         b = linear.b[rays][:, :, free]
-        weight = np.diag(linear.point_weight[point, free])
+        weight = np.diag(linear.point_weight[:, point, free].sum(axis=0))
         out = rejected[rays]
         enough = _ENOUGH * _weakest(b[~out], weight)
         size = np.where(off.rays[rays][:, None] & ~out, np.abs(linear.e[rays]), 0.0)

@@ -51,9 +51,9 @@ class BlockComponents:
     grouping
         How the image coordinates were grouped.
     variances
-        The components; groups are image coordinates, then "control", "prior positions", "prior
-        rotations" and "prior parameters", as far as they are observed. (One factor for priors of
-        different kinds would push the good ones aside for the bad ones.)
+        The components; groups are image coordinates, then "control", "priors of points", "prior
+        positions", "prior rotations" and "prior parameters", as far as they are observed. (One
+        factor for priors of different kinds would push the good ones aside for the bad ones.)
     sigmas
         Standard deviation of each group; None for rotations and parameters, and
         where a-priori sigmas differ inside.
@@ -135,6 +135,7 @@ def _groups(
     rest: list[int | None] = []
     for name, sigma in (
         ("control", problem.known_sigma),
+        ("priors of points", problem.expected_sigma),
         ("prior positions", problem.position_sigma),
         ("prior rotations", problem.rotation_sigma),
         ("prior parameters", problem.additional_sigma),
@@ -177,8 +178,13 @@ def _sigmas(
         if group in (groups.rotation, groups.additional):
             out.append(None)  # an angle, or a different unit for each parameter
             continue
-        if group in (groups.control, groups.position):
-            values = problem.known_sigma if group == groups.control else problem.position_sigma
+        of_ground = {
+            groups.control: problem.known_sigma,
+            groups.expected: problem.expected_sigma,
+            groups.position: problem.position_sigma,
+        }
+        if group in of_ground:
+            values = of_ground[group]
             values, unit = values[np.isfinite(values)], "m"
         else:
             values = problem.sigma_xy[groups.image == group] * 1e3

@@ -312,7 +312,7 @@ def _control(block: AdjustedBlock, places: list[tuple[int, int]], *, together: b
             score[k] = float(np.vdot(b[rays, :, axis], linear.e[rays]))
         else:
             sigma = float(problem.known_sigma[point, axis])
-            score[k] = -float(linear.point_e[point, axis]) / sigma
+            score[k] = -float(linear.point_e[0, point, axis]) / sigma
             own[k, k] = sigma**-2.0
     for point, members in by_point.items():
         held = [k for k in members if fixed[k]]

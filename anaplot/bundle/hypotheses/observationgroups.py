@@ -29,14 +29,15 @@ class ObservationGroups(NamedTuple):
         Names of the k groups.
     image
         (m, 2) group of every image coordinate.
-    control, position, rotation, additional
-        Group of weighted control, of priors on positions, on rotations and on additional
-        parameters; None where there are none. Several of them may be of one group.
+    control, expected, position, rotation, additional
+        Group of weighted control, of priors of points, on positions, on rotations and on
+        additional parameters; None where there are none. Several of them may be of one group.
     """
 
     names: tuple[str, ...]
     image: Index
     control: int | None
+    expected: int | None
     position: int | None
     rotation: int | None
     additional: int | None
@@ -47,13 +48,14 @@ class ObservationGroups(NamedTuple):
         factor = scale[self.image]
         if problem.axis_factor is not None:
             factor = factor * problem.axis_factor
-        control, position, rotation, additional = (
+        control, expected, position, rotation, additional = (
             1.0 if group is None else float(scale[group]) for group in self[2:]
         )
         return replace(
             problem,
             axis_factor=factor,
             known_sigma=problem.known_sigma * control,
+            expected_sigma=problem.expected_sigma * expected,
             position_sigma=problem.position_sigma * position,
             rotation_sigma=problem.rotation_sigma * rotation,
             additional_sigma=problem.additional_sigma * additional,
@@ -64,7 +66,8 @@ class ObservationGroups(NamedTuple):
         photos = linear.photo_e**2
         return self._summed(
             linear.e**2,
-            (linear.point_e**2,),
+            (linear.point_e[0] ** 2,),
+            (linear.point_e[1] ** 2,),
             (photos[:, :3],),
             (photos[:, 3:],),
             (linear.own_e**2, linear.shared_e**2),
@@ -75,7 +78,8 @@ class ObservationGroups(NamedTuple):
         r_photo = cofactors.r_photo
         return self._summed(
             cofactors.r,
-            (cofactors.r_control,),
+            (cofactors.r_ground[0],),
+            (cofactors.r_ground[1],),
             (r_photo[:, :3],),
             (r_photo[:, 3:],),
             (cofactors.r_own, cofactors.r_shared),
@@ -91,6 +95,7 @@ class ObservationGroups(NamedTuple):
             for count in self._summed(
                 used,
                 (np.isfinite(problem.known_sigma) * 1.0,),
+                (np.isfinite(problem.expected_sigma) * 1.0,),
                 (np.isfinite(problem.position_sigma) * 1.0,),
                 (np.isfinite(problem.rotation_sigma) * 1.0,),
                 (np.full(len(problem.additional_sigma), float(len(problem.additional_groups))),),

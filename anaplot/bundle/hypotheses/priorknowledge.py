@@ -1,13 +1,16 @@
 """A block with prior knowledge of its unknowns: three estimators (Bayesian phototriangulation).
 
-Prior knowledge is all that is known of unknowns beforehand: weighted control, stated positions and
-rotations with their sigmas, additional parameters with theirs. With P the weights of the image
-coordinates, Px those of the prior knowledge and s^2, s_x^2 the factors of their variances, all
-three minimise v'Pv / s^2 + v_x'Px v_x / s_x^2, and C is the inverse of these normal equations:
+Prior knowledge is all that is known of unknowns beforehand: priors of points, stated positions and
+rotations with their sigmas, additional parameters with theirs, and weighted control. Where points
+have priors of their own, control is a group by itself: these priors are of another variance. With P
+the weights of the image coordinates, Px those of the prior knowledge and s^2, s_x^2 the factors of
+their variances, all three minimise v'Pv / s^2 + v_x'Px v_x / s_x^2 (and what control adds), and C
+is the inverse of these normal equations:
 
 - known variance factors: s^2 = s_x^2 = 1;
 - one common unknown factor (eq. 2): s^2 = (v'Pv + v_x'Px v_x) / (r + r_x);
-- separate unknown factors (eq. 3): s^2 = v'Pv / r, s_x^2 = v_x'Px v_x / r_x, iterated.
+- separate unknown factors (eq. 3): s^2 = v'Pv / r, s_x^2 = v_x'Px v_x / r_x, iterated; that of
+  control likewise.
 
 r and r_x are the sums of the redundancy numbers; the divisors printed in the paper are
 approximations of them.
@@ -35,7 +38,7 @@ _TOLERANCE = 1e-6  # relative change of a variance factor that ends the iteratio
 
 
 class PriorGroup(NamedTuple):
-    """The image coordinates, or the prior knowledge.
+    """The image coordinates, the prior knowledge, or control beside it.
 
     Attributes
     ----------
@@ -66,6 +69,9 @@ class BlockPrior:
         "known", "common" or "separate".
     image, prior
         The image coordinates and the prior knowledge.
+    control
+        The weighted control, where points have priors of their own beside it; else None: it is
+        part of the prior knowledge.
     iterations, converged
         Adjustments made, and whether the last one changed the factors by less than the tolerance.
     block
@@ -78,6 +84,7 @@ class BlockPrior:
     estimator: PriorEstimator
     image: PriorGroup
     prior: PriorGroup
+    control: PriorGroup | None
     iterations: int
     converged: bool
     block: AdjustedBlock = field(repr=False)
@@ -107,22 +114,27 @@ def prior_estimate(
         way.
     """
     problem = block.problem
-    given = [
+    given: list[int | None] = [
         1 if bool(np.isfinite(sigma).any()) else None
         for sigma in (
             problem.known_sigma,
+            problem.expected_sigma,
             problem.position_sigma,
             problem.rotation_sigma,
             problem.additional_sigma,
         )
     ]
-    if given == [None] * 4:
+    if given == [None] * 5:
         raise InputError(
-            f"block {problem.block.name}: nothing is known beforehand: no control with sigmas, no "
-            "stated position or rotation with sigmas, no additional parameters with a sigma"
+            f"block {problem.block.name}: nothing is known beforehand: no control and no points "
+            "with sigmas, no stated position or rotation with sigmas, no additional parameters "
+            "with a sigma"
         )
     image = np.zeros((len(problem.photo), 2), dtype=np.intp)
-    groups = ObservationGroups(("image coordinates", "prior knowledge"), image, *given)
+    names: tuple[str, ...] = ("image coordinates", "prior knowledge")
+    if given[0] and given[1]:
+        names, given[0] = (*names, "control"), 2
+    groups = ObservationGroups(names, image, *given)
     grouped = GroupedBlock(block, groups, progress)
     if estimator == "separate":
         variances = estimate_components(
@@ -133,7 +145,7 @@ def prior_estimate(
             tolerance=_TOLERANCE,
         )
         return _separate(grouped, variances)
-    sums = grouped.readjust(np.ones(2))
+    sums = grouped.readjust(np.ones(len(names)))
     factor = 1.0
     if estimator == "common":
         if not problem.redundancy > 0:
@@ -153,18 +165,21 @@ def prior_estimate(
         test = replace(changed.block.test, kind=kind)
         return replace(changed, block=replace(changed.block, test=test))
 
-    return BlockPrior(estimator, of[0], of[1], 1, True, grouped.last(tested), ())
+    return BlockPrior(estimator, *_three(of), 1, True, grouped.last(tested), ())
+
+
+def _three(groups: list[PriorGroup]) -> tuple[PriorGroup, PriorGroup, PriorGroup | None]:
+    return groups[0], groups[1], groups[2] if len(groups) > 2 else None
 
 
 def _separate(grouped: GroupedBlock, variances: VarianceComponents) -> BlockPrior:
-    image, prior = (
+    groups = [
         PriorGroup(c.observations, c.redundancy, c.vtpv * c.factor, c.factor, c.interval)
         for c in variances.components
-    )
+    ]
     return BlockPrior(
         "separate",
-        image,
-        prior,
+        *_three(groups),
         variances.iterations,
         variances.converged,
         grouped.last(),

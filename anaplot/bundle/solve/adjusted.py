@@ -13,7 +13,7 @@ from anaplot.adjustment.consistency import GlobalTest, global_from_single
 from anaplot.adjustment.reliability import SPUR
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.adjustment.tested import AppliedTest, Observation, Tested, examine
-from anaplot.aliases import Array, Bools, Index
+from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.gaussnewton import Convergence
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import image_misclosures
@@ -134,7 +134,7 @@ class AdjustedBlock:
         if problem.conditions is not None:
             use[rows.starts[3] :] = ~problem.conditions.rejected
             firm[rows.starts[3] :] = problem.conditions.firm
-        point, axis = rows.control.T
+        _, point, axis = rows.ground.T
         ground = np.full((rows.count, 3), np.nan)
         ground[: rows.image] = cofactors.response.transpose(0, 2, 1).reshape(-1, 3)
         # of an error of one sigma, as the response
@@ -146,7 +146,7 @@ class AdjustedBlock:
             rows.units,
             white * rows.sigma,
             rows.gather(
-                cofactors.r, cofactors.r_control, cofactors.r_photo, held, cofactors.r_conditions
+                cofactors.r, cofactors.r_ground, cofactors.r_photo, held, cofactors.r_conditions
             ),
             rows.sigma,
             vtpv=self.vtpv,
@@ -181,7 +181,8 @@ class AdjustedBlock:
     def flagged_observations(self) -> list[tuple[float, str, str]]:
         """Return (abs(w), what, kind) of all that exceed the critical value, the worst first.
 
-        Kinds are "image", "control", "prior" (of an orientation), "parameter" and "condition".
+        Kinds are "image", "control", "point prior", "prior" (of an orientation), "parameter" and
+        "condition".
         """
         return [(abs(row.w or 0.0), *_in_words(row.key)) for row in self.tested.worst]
 
@@ -249,7 +250,11 @@ class AdjustedBlock:
 
     def control_rows(self) -> list[Observation[ObservationName]]:
         """Return the weighted control coordinates in the order of the control file."""
-        return self.tested.rows(self.observations.image + self.control_order())
+        return self.tested.rows(self.observations.image + self.observations.in_file_order(0))
+
+    def point_prior_rows(self) -> list[Observation[ObservationName]]:
+        """Return the priors of points in the order of the control file."""
+        return self.tested.rows(self.observations.image + self.observations.in_file_order(1))
 
     def off_control(self) -> list[tuple[str, str, float | None]]:
         """Return (point, axis, residual) of control that is switched off, in file order.
@@ -263,13 +268,6 @@ class AdjustedBlock:
             for axis, given, v in zip("XYZ", row.xyz, found, strict=True)
             if given is not None
         ]
-
-    def control_order(self) -> Index:
-        """Return which of the weighted control coordinates is the first of the file, and so on."""
-        names = self.problem.points
-        order = {name: k for k, name in enumerate(self.problem.control_rows)}
-        at = [order[names[point]] for point in self.observations.control[:, 0].tolist()]
-        return np.argsort(np.array(at, dtype=np.intp), kind="stable")
 
     def prior_rows(self) -> list[Observation[ObservationName]]:
         """Return the priors on orientations and on additional parameters."""
@@ -454,6 +452,8 @@ def _in_words(name: ObservationName) -> tuple[str, str]:
         return f"{name[-1]} of point {name[2]} in photo {what}", "image"
     if kind == "control":
         return f"{name[-1]} of control point {what}", "control"
+    if kind == "point prior":
+        return f"the prior {name[-1]} of point {what}", kind
     if kind == "condition":
         return f"{name[-1]} of {name[-2]} in {what}", "condition"
     of = "prior" if name[-1] in ORIENTATION else "parameter"

@@ -111,7 +111,7 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
             return
         # coordinates of fixed points belong to every part that sees them
         seen = np.unique(problem.point[labels[problem.photo] == part])
-        held = problem.fixed[seen] | (linear.point_weight[seen] > 0.0)
+        held = problem.fixed[seen] | (linear.point_weight[:, seen] > 0.0).any(axis=0)
         priors = np.matmul(linear.photo_rows[mine], photo_null[mine])
         present = np.any(linear.photo_rows[mine] != 0.0, axis=2)
         # in the block's own measure: metres over its extent, rotations in radians
@@ -137,11 +137,12 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
             scales = any(
                 one.kind == "distance" and one.use == "control" for one in problem.block.conditions
             )
+            some_priors = bool(np.isfinite(problem.expected_sigma[seen]).any())
             hint = (
                 "there is no control and no prior orientation (a free datum needs none"
                 + (" and takes the scale from the distances)" if scales else ")")
                 if len(stack) == 0
-                else f"{count_control} control points"
+                else f"{count_control} control points{' or priors of points' * some_priors}"
                 + (f" ({listed([problem.points[k] for k in seen[held.any(axis=1)]])})"
                    if count_control else "")
                 + " do not suffice"
@@ -154,20 +155,24 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
 
 
 def priors_hold(problem: Problem) -> bool:
-    """Whether prior orientations alone determine shift, rotation and scale of the whole block.
+    """Whether priors alone, of photos and points, determine shift, rotation and scale of a block.
 
     As they are stated, each with its a-priori standard deviation: positions of photos along a
     line leave the rotation about it open, also where the line is not quite straight.
     """
-    stated = np.isfinite(problem.position_sigma).all(axis=1)
-    if not stated.any():
+    at = np.concatenate((problem.position, problem.expected))
+    sigmas = np.concatenate((problem.position_sigma, problem.expected_sigma))
+    stated = np.isfinite(sigmas)
+    some = stated.any(axis=1)
+    if not some.any():
         return False
-    at = problem.position[stated]
-    at = at - at.mean(axis=0)
+    # a coordinate that is not stated itself lies in the middle: all that the others need of it
+    middle = np.array([at[stated[:, k], k].mean() if stated[:, k].any() else 0.0 for k in range(3)])
+    at = np.where(np.isfinite(at), at - middle, 0.0)[some]
     extent = max(float(np.abs(at).max()), 1e-9)
     shifts_and_turns = np.array([extent] * 3 + [1.0] * 4)
     positions = similarity_effects(at) * shifts_and_turns
-    positions /= problem.position_sigma[stated][:, :, None]
+    positions = (positions / sigmas[some][:, :, None])[stated[some]]
     sigma = problem.rotation_sigma[np.isfinite(problem.rotation_sigma)]
     axis = np.nonzero(np.isfinite(problem.rotation_sigma))[1]
     turns = np.zeros((len(sigma), 7))

@@ -45,12 +45,14 @@ class ExternalReliability(NamedTuple):
     ----------
     rays
         Of x and y, in the order of `AdjustedBlock.ray_rows`.
-    control, priors, conditions
-        In the order of `AdjustedBlock.control_rows`, `prior_rows` and `condition_rows`.
+    control, point_priors, priors, conditions
+        In the order of `AdjustedBlock.control_rows`, `point_prior_rows`, `prior_rows` and
+        `condition_rows`.
     """
 
     rays: list[tuple[LargestEffect | None, LargestEffect | None]]
     control: list[LargestEffect | None]
+    point_priors: list[LargestEffect | None]
     priors: list[LargestEffect | None]
     conditions: list[LargestEffect | None]
 
@@ -69,10 +71,10 @@ def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> Exte
     found: list[LargestEffect | None] = [None] * len(tested)
     if len(problem.photo) <= most:
         farthest = _Farthest(block)
-        rays, control = farthest.of_points(np.isfinite(problem.known_sigma))
+        rays, ground = farthest.of_points(np.isfinite(problem.ground_sigma))
         parts = (
             rays,
-            control,
+            ground,
             farthest.of_photos(),
             farthest.of_parameters(),
             farthest.of_conditions(),
@@ -88,7 +90,8 @@ def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> Exte
     order = np.argsort(problem.source).tolist()
     return ExternalReliability(
         [(found[2 * k], found[2 * k + 1]) for k in order],
-        [found[first + k] for k in block.control_order().tolist()],
+        [found[first + k] for k in rows.in_file_order(0).tolist()],
+        [found[first + k] for k in rows.in_file_order(1).tolist()],
         found[second:fourth],
         found[fourth:],
     )
@@ -166,27 +169,28 @@ class _Farthest:
         own = (problem.photo[rays][:, None] * d + np.arange(d)).ravel()
         return np.concatenate((own, n * d + np.arange(problem.in_border)))
 
-    def of_points(self, control: Bools) -> tuple[_Moves, _Moves]:
-        """Return what image coordinates (m, 2) and control coordinates (p, 3) move.
+    def of_points(self, ground: Bools) -> tuple[_Moves, _Moves]:
+        """Return what image coordinates (m, 2), control and priors of points (2, p, 3) move.
 
         Parameters
         ----------
-        control
-            (p, 3) which coordinates are observed.
+        ground
+            (2, p, 3) which coordinates are observed.
         """
         problem, normal = self._problem, self._cofactors.normal
         linear = normal.linear
         d, g = problem.per_photo, problem.in_border
-        of_rays, of_control = _Moves.none(linear.e.shape), _Moves.none(control.shape)
+        of_rays, of_ground = _Moves.none(linear.e.shape), _Moves.none(ground.shape)
         columns = normal.border_columns(problem.additional_group) if g else None
         for group in problem.groups:
             k = group.rays
             for point, rays in _rays_of(group):
-                axes = np.nonzero(control[point])[0]
+                kinds, axes = np.nonzero(ground[:, point])
                 count = 2 * k + len(axes)
                 b = np.zeros((3, count))
                 b[:, : 2 * k] = linear.b[rays].reshape(2 * k, 3).T
-                b[axes, 2 * k + np.arange(len(axes))] = np.sqrt(linear.point_weight[point, axes])
+                held = np.sqrt(linear.point_weight[kinds, point, axes])
+                b[axes, 2 * k + np.arange(len(axes))] = held
                 root = normal.inverse_root[point]
                 y = root @ b
                 right = np.concatenate((-np.matmul(normal.z[rays], y).reshape(k * d, count),
@@ -205,20 +209,19 @@ class _Farthest:
                     )
                     moved -= np.einsum("nil,lk->kni", self._change.null_points, part)
                 if self._update is not None:
-                    held = np.sqrt(linear.point_weight[point, axes])[:, None]
                     shown = np.concatenate(
                         (
                             self._seen[rays].reshape(2 * k, -1),
-                            held * self._update.points[point, axes],
+                            held[:, None] * self._update.points[point, axes],
                         )
                     )
                     moved -= self._taken_up(shown)
                 most, effect = _largest(moved)
                 of_rays.point[rays] = most[: 2 * k].reshape(k, 2)
                 of_rays.of_one_sigma[rays] = effect[: 2 * k].reshape(k, 2, 3)
-                of_control.point[point, axes] = most[2 * k :]
-                of_control.of_one_sigma[point, axes] = effect[2 * k :]
-        return of_rays, of_control
+                of_ground.point[kinds, point, axes] = most[2 * k :]
+                of_ground.of_one_sigma[kinds, point, axes] = effect[2 * k :]
+        return of_rays, of_ground
 
     def _taken_up(self, shown: Array) -> Array:
         """Return (c, p, 3) what conditions take of the moves by c errors, from (c, q) G'a'."""

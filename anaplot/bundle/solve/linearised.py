@@ -44,7 +44,7 @@ class Linearised:
     e
         (m, 2) computed minus observed.
     point_weight, point_e
-        (points, 3) weights of control and its whitened misclosure.
+        (2, points, 3) weights of control and of the points' priors, and their whitened misclosures.
     photo_rows, photo_e
         (photos, 6, d) rows of the priors of every photo (zero where there is none) and (photos, 6)
         their misclosures.
@@ -95,12 +95,10 @@ def _wrapped(angle: Array) -> Array:
 
 
 def _prior_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array, Array, Array]:
-    """Whitened misclosures of control, photo priors, own and shared additional parameters."""
-    point = np.where(
-        np.isfinite(problem.known_sigma),
-        (state.points - (problem.known - state.origin)) / problem.known_sigma,
-        0.0,
-    )
+    """Whitened misclosures: control and priors of points, of photos, of additional parameters."""
+    sigmas = problem.ground_sigma
+    off = (state.points - (problem.ground - state.origin)) / sigmas
+    point = np.where(np.isfinite(sigmas), off, 0.0)
     photo = np.zeros((len(problem.photos), 6))
     with_position = np.isfinite(problem.position_sigma)
     if with_position.any():
@@ -195,7 +193,7 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
         b=b,
         h=h,
         e=e,
-        point_weight=np.where(np.isfinite(problem.known_sigma), problem.known_sigma**-2.0, 0.0),
+        point_weight=np.nan_to_num(problem.ground_sigma**-2.0),
         point_e=point_e,
         photo_rows=rows,
         photo_e=photo_e,
@@ -246,7 +244,7 @@ def rounding(problem: Problem, state: BlockState, depth: Array) -> float:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         image = problem.c[problem.photo] * (1.0 + away / np.abs(depth))
         size = (image + np.abs(problem.xy).max(axis=1)) / problem.sigma_xy.min(axis=1)
-        of_points = np.abs(state.points) / problem.known_sigma
+        of_points = np.abs(state.points) / problem.ground_sigma
         of_photos = np.abs(state.centres) / problem.position_sigma
     total = 2.0 * float(np.vdot(size, size))
     total += float(np.nansum(of_points**2)) + float(np.nansum(of_photos**2))

@@ -107,7 +107,8 @@ class NormalEquations:
             stacked = bp.reshape(count, 2 * k, 3)
             fixed = problem.fixed[points]
             try:
-                root = inverse_roots(stacked, linear.point_weight[points], grow, fixed)
+                weight = linear.point_weight[:, points].sum(axis=0)
+                root = inverse_roots(stacked, weight, grow, fixed)
             except PointError as error:
                 raise PointError(error.points + points.start) from None
             self.inverse_root[points] = root
@@ -219,7 +220,7 @@ class NormalEquations:
         for group in problem.groups:
             mine_be = be[group.ray_slice].reshape(group.points, group.rays, 3)
             points[group.point_slice] = -mine_be.sum(axis=1)
-        points -= np.sqrt(mine.point_weight) * other.point_e
+        points -= (np.sqrt(mine.point_weight) * other.point_e).sum(axis=0)
         shared = -np.sqrt(mine.shared_weight) * other.shared_e
         if len(shared):
             he = np.einsum("mij,mi->mj", mine.h, other.e)

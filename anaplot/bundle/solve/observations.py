@@ -1,7 +1,7 @@
 """All observations of a bundle as one vector: which there are, how they are called and weighted.
 
-Image coordinates first (ray by ray, x and y), then weighted control, priors on orientations, priors
-on additional parameters, conditions between points.
+Image coordinates first (ray by ray, x and y), then weighted control, priors of points, priors on
+orientations, priors on additional parameters, conditions between points.
 """
 
 from __future__ import annotations
@@ -18,13 +18,22 @@ from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors
 
-__all__ = ["ORIENTATION", "ObservationName", "Observations", "Unit", "observations_of"]
+__all__ = [
+    "GROUND_KINDS",
+    "ORIENTATION",
+    "ObservationName",
+    "Observations",
+    "Unit",
+    "observations_of",
+]
 
 ObservationName = tuple[str | None, ...]
-"""("image", photo, point, model, axis), ("control", point, axis), ("prior", owner, unknown) or
-("condition", id, what, axis)."""
+"""("image", photo, point, model, axis), ("control", point, axis), ("point prior", point, axis),
+("prior", owner, unknown) or ("condition", id, what, axis)."""
 Unit = Literal["um", "m", "rad", "mm"]
 
+GROUND_KINDS = ("control", "point prior")
+"""What `Problem.ground` states."""
 ORIENTATION = ("X", "Y", "Z", "omega", "phi", "kappa")
 
 
@@ -54,13 +63,13 @@ class Observations:
     ----------
     problem
         The bundle.
-    control, priors, additional
-        (k, 2) point and axis, (k, 2) photo and unknown, and (k,) numbers of parameters, of the rows
-        that follow the image coordinates.
+    ground, priors, additional
+        (k, 3) of control (0) or priors of points (1), point and axis, (k, 2) photo and unknown, and
+        (k,) numbers of parameters, of the rows that follow the image coordinates.
     """
 
     problem: Problem = field(repr=False)
-    control: Index
+    ground: Index
     priors: Index
     additional: Index
     _condition_sigma: Array = field(repr=False)
@@ -77,11 +86,34 @@ class Observations:
 
     @cached_property
     def starts(self) -> tuple[int, int, int, int]:
-        """First rows of control, of priors on orientations and parameters, and of conditions."""
+        """First rows of control (priors of points among it), of other priors, of conditions.
+
+        Of control and priors of points, of priors on orientations, on parameters, of conditions.
+        """
         first = self.image
-        second = first + len(self.control)
+        second = first + len(self.ground)
         third = second + len(self.priors)
         return first, second, third, third + len(self.additional)
+
+    @cached_property
+    def control(self) -> int:
+        """Number of control coordinates, the rows after the image coordinates."""
+        return int((self.ground[:, 0] == 0).sum())
+
+    def in_file_order(self, kind: int) -> Index:
+        """Return the rows of a kind, counted after the image coordinates, in the order of the file.
+
+        Parameters
+        ----------
+        kind
+            Of `GROUND_KINDS`: 0 control, 1 priors of points.
+        """
+        problem, first = self.problem, (0, self.control)[kind]
+        mine = self.ground[self.ground[:, 0] == kind, 1].tolist()
+        file = problem.control_rows if kind == 0 else [row.point for row in problem.block.priors]
+        order = {name: k for k, name in enumerate(file)}
+        at = [order[problem.points[point]] for point in mine]
+        return first + np.argsort(np.array(at, dtype=np.intp), kind="stable")
 
     @cached_property
     def count(self) -> int:
@@ -102,8 +134,8 @@ class Observations:
             measured = problem.block.image_points[int(problem.source[ray])]
             return ("image", measured.photo, measured.point, measured.model, "xy"[axis])
         if row < second:
-            point, axis = self.control[row - first].tolist()
-            return ("control", problem.points[point], "XYZ"[axis])
+            kind, point, axis = self.ground[row - first].tolist()
+            return (GROUND_KINDS[kind], problem.points[point], "XYZ"[axis])
         if row < third:
             photo, unknown = self.priors[row - second].tolist()
             return ("prior", problem.photos[photo], ORIENTATION[unknown])
@@ -123,7 +155,7 @@ class Observations:
         return np.concatenate(
             (
                 problem.sigma_xy.reshape(-1) * 1e3,
-                problem.known_sigma[tuple(self.control.T)],
+                problem.ground_sigma[tuple(self.ground.T)],
                 problem.prior_sigma[tuple(self.priors.T)],
                 problem.additional_sigma[self.additional % q]
                 if len(self.additional)
@@ -136,7 +168,7 @@ class Observations:
     def units(self) -> list[Unit]:
         """Units of the rows."""
         out: list[Unit] = ["um"] * self.image
-        out += ["m"] * len(self.control)
+        out += ["m"] * len(self.ground)
         out += ["m" if k < 3 else "rad" for k in self.priors[:, 1].tolist()]
         out += ["mm"] * len(self.additional)
         if self.problem.conditions is not None:
@@ -146,17 +178,17 @@ class Observations:
     def gather(
         self,
         image: NDArray[Any],
-        control: NDArray[Any],
+        ground: NDArray[Any],
         photos: NDArray[Any],
         parameters: NDArray[Any],
         conditions: NDArray[Any],
     ) -> NDArray[Any]:
-        """Return (n, ...) of (m, 2, ...), (points, 3, ...), (photos, 6, ...) and the others."""
+        """Return (n, ...) of (m, 2, ...), (2, points, 3, ...), (photos, 6, ...), others."""
         shape = image.shape[2:]
         return np.concatenate(
             (
                 image.reshape(self.image, *shape),
-                control[tuple(self.control.T)],
+                ground[tuple(self.ground.T)],
                 photos[tuple(self.priors.T)],
                 parameters.reshape(-1, *shape)[self.additional],
                 conditions.reshape(-1, *shape),

@@ -14,6 +14,12 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.additional import AdditionalParameters
+from anaplot.bundle.solve.beforehand import (
+    control_points,
+    expected_coordinates,
+    known_coordinates,
+    stated_orientations,
+)
 from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
 from anaplot.bundle.solve.laidparameters import lay_out_parameters
 from anaplot.bundle.solve.selection import LeftOut, select_rays
@@ -24,7 +30,7 @@ __all__ = ["Datum", "Group", "LeftOut", "Problem", "listed", "make_problem"]
 
 Datum = Literal["control", "minimal", "free"]
 
-_AXES = "XYZ"
+_FULL_CONTROL = 3
 
 
 class Group(NamedTuple):
@@ -85,6 +91,8 @@ class Problem:
         there are none).
     known_sigma
         (points, 3) standard deviations of weighted control [m]; NaN where there is no observation.
+    expected, expected_sigma
+        (points, 3) priors of points, and their standard deviations [m]; NaN where there are none.
     position, position_sigma, rotation, rotation_sigma
         (photos, 3) approximate or prior orientations and their standard deviations; NaN without.
     additional
@@ -131,6 +139,8 @@ class Problem:
     fixed: Bools
     known: Array
     known_sigma: Array
+    expected: Array
+    expected_sigma: Array
     position: Array
     position_sigma: Array
     rotation: Array
@@ -185,6 +195,26 @@ class Problem:
         return out
 
     @property
+    def ground(self) -> Array:
+        """(2, points, 3) what is stated of the points [m]: control, and priors; NaN without."""
+        return np.stack((self.known, self.expected))
+
+    @property
+    def ground_sigma(self) -> Array:
+        """(2, points, 3) standard deviations of `ground` where it is observed [m]; else NaN."""
+        return np.stack((self.known_sigma, self.expected_sigma))
+
+    @property
+    def near(self) -> Array:
+        """(points, 3) what approximate values are laid onto [m]: control, else also priors.
+
+        Three full control points do without priors, which may be as wide as anything.
+        """
+        if int(np.isfinite(self.known).all(axis=1).sum()) >= _FULL_CONTROL:
+            return self.known
+        return np.where(np.isfinite(self.known), self.known, self.expected)
+
+    @property
     def sigma_xy(self) -> Array:
         """(m, 2) standard deviations of x and y [mm]."""
         if self.axis_factor is None:
@@ -223,7 +253,7 @@ class Problem:
         """Number of observations n."""
         priors = sum(
             int(np.isfinite(a).sum())
-            for a in (self.known_sigma, self.position_sigma, self.rotation_sigma)
+            for a in (self.ground_sigma, self.position_sigma, self.rotation_sigma)
         )
         extra = len(self.additional_groups) * len(self.additional_sigma)
         out = 0 if self.rejected is None else int(self.rejected.sum())
@@ -287,7 +317,7 @@ def make_problem(
     A coordinate that is switched off is no observation, and a ray without any is none.
     """
     held = datum == "control"
-    control = _control(block)
+    control = control_points(block)
     photo_names = {p.id: k for k, p in enumerate(block.photos)}
     rows = block.image_points
     if not rows:
@@ -304,12 +334,16 @@ def make_problem(
     photo = np.array([photo_names[r.photo] for r in rows], dtype=np.intp)
     point = np.array([point_names.setdefault(r.point, len(point_names)) for r in rows], np.intp)
     names = list(point_names)
-    known, known_sigma, fixed = _known(block, names, control, held)
-    priors = _priors(block, held)
+    known, known_sigma, fixed = known_coordinates(block, names, control, held)
+    expected, expected_sigma, not_needed = expected_coordinates(block, names, fixed, held)
+    priors = stated_orientations(block, held)
     counted = np.array([[row.counts("x"), row.counts("y")] for row in rows])
-    observed = (fixed | np.isfinite(known_sigma)).sum(axis=1)
+    stated = fixed | np.isfinite(known_sigma) | np.isfinite(expected_sigma)
     has_prior = np.isfinite(priors[1]).sum(axis=1) + np.isfinite(priors[3]).sum(axis=1)
-    useful, left_out = select_rays(block, photo, point, counted, names, observed, has_prior)
+    useful, left_out = select_rays(
+        block, photo, point, counted, names, stated.sum(axis=1), has_prior
+    )
+    left_out += [LeftOut("prior", *one) for one in not_needed]
     left_out += [
         LeftOut("control", name, "is not measured in any photo")
         for name, row in control.items()
@@ -368,6 +402,8 @@ def make_problem(
         fixed=fixed,
         known=known[used_points],
         known_sigma=known_sigma[used_points],
+        expected=expected[used_points],
+        expected_sigma=expected_sigma[used_points],
         position=priors[0][used_photos],
         position_sigma=priors[1][used_photos],
         rotation=priors[2][used_photos],
@@ -409,22 +445,6 @@ def _parted(problem: Problem, count: int, off: Bools) -> Problem:
     return replace(part(slice(count)), off=its, rejected=its, aside=aside)
 
 
-def _control(block: Block) -> dict[str, ControlPoint]:
-    control: dict[str, ControlPoint] = {}
-    for row in block.control:
-        if row.point in control:
-            raise InputError(f"control point {row.point}: stands twice")
-        for axis, sigma in zip(_AXES, row.sigma, strict=True):
-            if sigma is not None and not 0.0 <= sigma < float("inf"):
-                raise InputError(f"control point {row.point}: s{axis} = {sigma:g} is not a sigma")
-        for axis, value in zip(_AXES, row.xyz, strict=True):
-            if value is not None and not abs(value) < float("inf"):
-                raise InputError(f"control point {row.point}: {axis} = {value:g} is no coordinate")
-        if row.use != "off":
-            control[row.point] = row
-    return control
-
-
 def _check_rows(block: Block, xy: Array, sigmas: Array) -> None:
     if not bool(np.isfinite(xy).all()):
         raise InputError(f"block {block.name}: an image coordinate is not finite")
@@ -435,47 +455,6 @@ def _check_rows(block: Block, xy: Array, sigmas: Array) -> None:
             f"image point {row.point} of photo {row.photo}: "
             f"the sigma {sigmas[bad[0]]:g} um must be positive"
         )
-
-
-def _known(
-    block: Block, names: list[str], control: Mapping[str, ControlPoint], held: bool
-) -> tuple[Array, Array, Bools]:
-    n = len(names)
-    known, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
-    fixed = np.zeros((n, 3), dtype=bool)
-    for k, name in enumerate(names):
-        row = control.get(name)
-        if row is None or row.use != "control":
-            continue
-        for axis, (value, stated) in enumerate(zip(row.xyz, block.sigma_of(row), strict=True)):
-            if value is None:
-                continue
-            known[k, axis] = value
-            if held and stated == 0.0:
-                fixed[k, axis] = True
-            elif held:
-                sigma[k, axis] = stated
-    return known, sigma, fixed
-
-
-def _priors(block: Block, held: bool) -> tuple[Array, Array, Array, Array]:
-    n = len(block.photos)
-    out = tuple(np.full((n, 3), np.nan) for _ in range(4))
-    for k, photo in enumerate(block.photos):
-        for what, values, sigmas, at in (
-            ("position", photo.position, photo.position_sigma, 0),
-            ("rotation", photo.rotation, photo.rotation_sigma, 2),
-        ):
-            if values is None:
-                continue
-            out[at][k] = values
-            if sigmas is None:
-                continue
-            if not all(0.0 < s < float("inf") for s in sigmas):
-                raise InputError(f"photo {photo.id}: {what}_sigma must be positive")
-            if held:
-                out[at + 1][k] = sigmas
-    return out  # type: ignore[return-value]
 
 
 def _groups(count: Index) -> tuple[Group, ...]:

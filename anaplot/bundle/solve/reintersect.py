@@ -61,7 +61,7 @@ def _costs(problem: Problem, linear: Linearised) -> Array:
     of_rays = np.bincount(
         problem.point, np.einsum("mi,mi->m", linear.e, linear.e), minlength=len(problem.points)
     )
-    return np.asarray(np.nan_to_num(of_rays + (linear.point_e**2).sum(axis=1), nan=np.inf))
+    return np.asarray(np.nan_to_num(of_rays + (linear.point_e**2).sum(axis=(0, 2)), nan=np.inf))
 
 
 def _in_front(problem: Problem, linear: Linearised) -> Index:
@@ -83,9 +83,9 @@ def _steps(problem: Problem, linear: Linearised, damping: Array) -> Array:
             product = np.einsum("mi,mi->m", b[:, :, i], b[:, :, j])
             matrix[:, i, j] = np.bincount(problem.point, product, minlength=count)
             matrix[:, j, i] = matrix[:, i, j]
-    right -= np.sqrt(linear.point_weight) * linear.point_e
+    right -= (np.sqrt(linear.point_weight) * linear.point_e).sum(axis=0)
     diagonal = np.einsum("nii->ni", matrix)
-    diagonal += linear.point_weight
+    diagonal += linear.point_weight.sum(axis=0)
     diagonal *= 1.0 + damping[:, None]
     largest = diagonal.max(axis=1, keepdims=True)
     diagonal += 1e-14 * largest

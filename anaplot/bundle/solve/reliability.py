@@ -97,8 +97,9 @@ class Cofactors:
         (g, g) of the shared additional parameters.
     photos_shared
         (n, d, g) between photos and shared additional parameters, in the reported datum.
-    r_control
-        (p, 3) redundancy numbers of weighted control; NaN where nothing is observed.
+    r_ground
+        (2, p, 3) redundancy numbers of weighted control and of the points' priors; NaN where
+        nothing is observed.
     r_photo
         (n, 6) of the priors of the photos; NaN where there are none.
     r_own, r_shared
@@ -119,7 +120,7 @@ class Cofactors:
     photos: Array
     shared: Array
     photos_shared: Array
-    r_control: Array
+    r_ground: Array
     r_photo: Array
     r_own: Array
     r_shared: Array
@@ -318,7 +319,7 @@ def compute_cofactors(
     r = _weighted(problem) - np.einsum("mii->mi", adjusted)
     np.clip(r, 0.0, 1.0, out=r)
     weight = linear.point_weight
-    r_control = np.where(
+    r_ground = np.where(
         weight > 0.0, np.clip(1.0 - np.einsum("nii->ni", q_points) * weight, 0.0, 1.0), np.nan
     )
     r_photo = _photo_priors(linear.photo_rows, own)
@@ -347,7 +348,7 @@ def compute_cofactors(
         photos,
         corner,
         beside_photos,
-        r_control,
+        r_ground,
         r_photo,
         r_own,
         r_shared,

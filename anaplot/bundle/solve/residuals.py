@@ -1,8 +1,8 @@
 """An adjusted block from the side of its residuals: what a search for gross errors asks of it.
 
 All observations stand in one vector of whitened rows: image coordinates (x and y of every ray),
-weighted control, priors on orientations, priors on additional parameters, conditions between
-points. Columns of R come from
+weighted control, priors of points, of orientations and of additional parameters, conditions
+between points. Columns of R come from
 the factor of the reduced normal equations, several right-hand sides at once; nothing of the size
 of the block is inverted. The state need not be a minimum: e is what one more linear adjustment
 would leave.
@@ -152,8 +152,8 @@ class BlockResiduals:
         if shared:
             columns = normal.border_columns(problem.additional_group)
             at.append((image, shared_start + columns[:, None, :], linear.h))
-        point, axis = self.rows.control.T
-        held = np.sqrt(linear.point_weight[point, axis])
+        kind, point, axis = self.rows.ground.T
+        held = np.sqrt(linear.point_weight[kind, point, axis])
         at.append((np.arange(first, second), point_start + 3 * point + axis, held))
         photo, unknown = self.rows.priors.T
         at.append(
@@ -226,8 +226,8 @@ class BlockResiduals:
             columns = normal.border_columns(problem.additional_group[ray])
             shared[columns, at[:, None]] = linear.h[ray, axis]
         at = np.flatnonzero((rows >= first) & (rows < second))
-        point, axis = self.rows.control[rows[at] - first].T
-        points[point, axis, at] = np.sqrt(linear.point_weight[point, axis])
+        kind, point, axis = self.rows.ground[rows[at] - first].T
+        points[point, axis, at] = np.sqrt(linear.point_weight[kind, point, axis])
         at = np.flatnonzero((rows >= second) & (rows < third))
         photo, unknown = self.rows.priors[rows[at] - second].T
         photos[photo, :, at] = linear.photo_rows[photo, unknown]
@@ -249,8 +249,8 @@ def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
     first, second, third, fourth = system.rows.starts
     out = np.zeros((len(system.names), k))
     out[:first] = normal.seen(x, p, s).reshape(first, k)
-    point, axis = system.rows.control.T
-    out[first:second] = np.sqrt(linear.point_weight[point, axis])[:, None] * p[point, axis]
+    kind, point, axis = system.rows.ground.T
+    out[first:second] = np.sqrt(linear.point_weight[kind, point, axis])[:, None] * p[point, axis]
     photo, unknown = system.rows.priors.T
     out[second:third] = np.einsum("kd,kdj->kj", linear.photo_rows[photo, unknown], x[photo])
     if problem.photo_invariant:
@@ -308,7 +308,7 @@ def block_residuals(
     held = cofactors.r_own if own else cofactors.r_shared
     r = rows.gather(
         cofactors.r,
-        cofactors.r_control,
+        cofactors.r_ground,
         cofactors.r_photo,
         np.clip(held, 0.0, 1.0),
         cofactors.r_conditions,

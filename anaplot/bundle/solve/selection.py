@@ -18,12 +18,12 @@ class LeftOut(NamedTuple):
     Attributes
     ----------
     kind
-        "photo", "point", "control" or "condition".
+        "photo", "point", "control", "prior" or "condition".
     name, reason
         What, and why.
     """
 
-    kind: Literal["photo", "point", "control", "condition"]
+    kind: Literal["photo", "point", "control", "prior", "condition"]
     name: str
     reason: str
 

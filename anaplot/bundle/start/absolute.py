@@ -20,10 +20,10 @@ def to_ground(problem: Problem, subblock: SubBlock) -> bool:
     A similarity that most full points agree on, refined with all single coordinates; False when
     they do not suffice, the sub-block then stays as it is.
     """
-    placed = subblock.placed & np.isfinite(problem.known).any(axis=1)
+    placed = subblock.placed & np.isfinite(problem.near).any(axis=1)
     stated = subblock.oriented & np.isfinite(problem.position[:, 0])
     source = np.concatenate((subblock.points[placed], subblock.centres[stated]))
-    target = np.concatenate((problem.known[placed], problem.position[stated]))
+    target = np.concatenate((problem.near[placed], problem.position[stated]))
     if len(source) == 0:
         return False
     full = np.isfinite(target).all(axis=1)
@@ -73,7 +73,7 @@ def _about_the_line(
     spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False)
     if len(source) > 2 and spread[1] > 0.15 * spread[0]:
         return None
-    known = np.asarray(np.isfinite(problem.known).all(axis=1))
+    known = np.asarray(np.isfinite(problem.near).all(axis=1))
     use = np.nonzero(subblock.oriented[problem.photo] & known[problem.point])[0]
     start = _along_the_line(source, target) if start is None else start
     if start is None:
@@ -92,7 +92,7 @@ def _about_the_line(
             trial.apply(subblock.centres[problem.photo[use]]),
             trial.rotation @ subblock.rotations[problem.photo[use]],
             problem.c[problem.photo[use]],
-            problem.known[problem.point[use]],
+            problem.near[problem.point[use]],
         )
         c = problem.c[problem.photo[use]]
         miss = np.linalg.norm(seen.xy - problem.xy[use], axis=1)
@@ -178,9 +178,9 @@ def _level_starts(
 
 def give_nominal_place(problem: Problem, subblock: SubBlock) -> None:
     """Give a sub-block without control a size like that of its control or of its own system."""
-    both = np.isfinite(problem.known).all(axis=1) & subblock.placed
+    both = np.isfinite(problem.near).all(axis=1) & subblock.placed
     if both.sum() == 0:
         return
-    target = problem.known[both]
+    target = problem.near[both]
     shift = target.mean(axis=0) - subblock.points[both].mean(axis=0)
     subblock.transform(Similarity(1.0, np.eye(3), shift))

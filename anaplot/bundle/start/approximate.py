@@ -228,8 +228,8 @@ def _given(problem: Problem, rays: Array) -> SubBlock | None:
     for k in np.nonzero(stated)[0].tolist():
         subblock.centres[k] = problem.position[k]
         subblock.rotations[k] = rotation_matrix(*problem.rotation[k].tolist())
-    known = np.isfinite(problem.known).all(axis=1)
-    subblock.points[known] = problem.known[known]
+    known = np.isfinite(problem.near).all(axis=1)
+    subblock.points[known] = problem.near[known]
     subblock.place(problem, rays)
     size = subblock.residuals(problem) / problem.c[problem.photo]
     size = size[~np.isnan(size)]
@@ -241,8 +241,8 @@ def _given(problem: Problem, rays: Array) -> SubBlock | None:
 def _from_control(problem: Problem, by_photo: list[Index]) -> SubBlock:
     """Photos that see at least four full control points."""
     subblock = SubBlock.empty(problem)
-    known = np.isfinite(problem.known).all(axis=1)
-    subblock.points[known] = problem.known[known]
+    known = np.isfinite(problem.near).all(axis=1)
+    subblock.points[known] = problem.near[known]
     subblock.add_photos(problem, by_photo)
     return subblock
 
@@ -317,9 +317,9 @@ def _grow(
     progress: Progress | None,
 ) -> None:
     """Add photos, points and parts to the ground sub-block until nothing more can be added."""
-    known = np.isfinite(problem.known).all(axis=1) & ~ground.placed
+    known = np.isfinite(problem.near).all(axis=1) & ~ground.placed
     if problem.datum == "control" and _in_ground(problem, ground):
-        ground.points[known] = problem.known[known]
+        ground.points[known] = problem.near[known]
     waiting = [c for c in others if c is not ground and (c.oriented & ~ground.oriented).any()]
     while True:
         if progress is not None:
@@ -346,11 +346,11 @@ def _grow(
 
 def _in_ground(problem: Problem, subblock: SubBlock) -> bool:
     """Whether the sub-block's points lie near the control they should coincide with."""
-    both = np.isfinite(problem.known).all(axis=1) & subblock.placed
+    both = np.isfinite(problem.near).all(axis=1) & subblock.placed
     if both.sum() < 3:
         return False
-    off = np.linalg.norm(subblock.points[both] - problem.known[both], axis=1)
-    return bool(np.median(off) < 0.2 * np.ptp(problem.known[both], axis=0).max())
+    off = np.linalg.norm(subblock.points[both] - problem.near[both], axis=1)
+    return bool(np.median(off) < 0.2 * np.ptp(problem.near[both], axis=0).max())
 
 
 def _other_parts(
@@ -400,7 +400,7 @@ def _completed(problem: Problem, subblock: SubBlock, rays: Array) -> SubBlock:
     found = intersect_rays(problem, subblock, rays)
     good = np.isfinite(found[:, 0])
     subblock.points[good] = found[good]
-    known = np.isfinite(problem.known)
+    known = np.isfinite(problem.near)
     missing = ~subblock.placed
     depths = np.linalg.norm(
         subblock.points[problem.point] - subblock.centres[problem.photo], axis=1
@@ -413,7 +413,7 @@ def _completed(problem: Problem, subblock: SubBlock, rays: Array) -> SubBlock:
         direction = subblock.rotations[photo] @ rays[ray]
         along = typical
         if known[k, 2] and abs(direction[2]) > 1e-6:
-            reach = (problem.known[k, 2] - subblock.centres[photo, 2]) / direction[2]
+            reach = (problem.near[k, 2] - subblock.centres[photo, 2]) / direction[2]
             along = reach if reach > 0.0 else along
         subblock.points[k] = subblock.centres[photo] + along * direction
     if problem.datum == "control":
@@ -422,7 +422,7 @@ def _completed(problem: Problem, subblock: SubBlock, rays: Array) -> SubBlock:
         # control with few rays is better known than intersected
         few = np.bincount(problem.point, minlength=len(problem.points)) < 2
         take = (full & few)[:, None] & near
-        subblock.points = np.where(take, problem.known, subblock.points)
+        subblock.points = np.where(take, problem.near, subblock.points)
     return subblock
 
 

@@ -133,7 +133,7 @@ def robust_suspects(
 
 def _suspects(problem: Problem, clearest: _Clearest) -> list[RobustSuspect]:
     """Return what a robust solution leaves far off, the worst first."""
-    image, control, priors = clearest.misfits
+    image, control, priors, expected = clearest.misfits
     held = clearest.held
     found = []
     scale = clearest.misfits.ray_scale(problem)
@@ -164,6 +164,9 @@ def _suspects(problem: Problem, clearest: _Clearest) -> list[RobustSuspect]:
     for k, group in np.argwhere(priors > _FAR * scale).tolist():
         what = f"the stated {('position', 'rotation')[group]} of photo {problem.photos[k]}"
         found.append(RobustSuspect(what, f"{priors[k, group]:.3g} sigma", priors[k, group] / scale))
+    for k in np.flatnonzero(expected > _FAR * scale).tolist():
+        what = f"the prior of point {problem.points[k]}"
+        found.append(RobustSuspect(what, f"{expected[k]:.3g} sigma", expected[k] / scale))
     found = [suspect for suspect in found if suspect.times > _FAR]
     found.sort(key=lambda suspect: -suspect.times)
     return found
@@ -176,9 +179,9 @@ class FarOff(NamedTuple):
     ----------
     state
         The solution; coordinates free of error have their values.
-    rays, control, priors
+    rays, control, priors, expected
         (m,) which rays, (points,) which points' control, (photos, 2) which prior positions and
-        rotations.
+        rotations, (points,) which points' priors.
     reach
         What a ray may be off [mm].
     """
@@ -187,6 +190,7 @@ class FarOff(NamedTuple):
     rays: Bools
     control: Bools
     priors: Bools
+    expected: Bools
     reach: float
 
 
@@ -200,16 +204,21 @@ def far_off(problem: Problem, structure: Structure, start: BlockState) -> FarOff
         control = held.any(axis=1) & far
     reach = _FAR * misfits.ray_scale(problem)
     rays = misfits.image > reach
-    priors = misfits.priors > _FAR * misfits.prior_scale()
-    return FarOff(_with_fixed(problem, clearest.state), rays, control, priors, reach)
+    limit = _FAR * misfits.prior_scale()
+    priors, expected = misfits.priors > limit, misfits.expected > limit
+    return FarOff(_with_fixed(problem, clearest.state), rays, control, priors, expected, reach)
 
 
 class _Misfits(NamedTuple):
-    """(m,) of rays [mm], (points,) of control [m], (photos, 2) of prior orientations [sigmas]."""
+    """(m,) of rays [mm], (points,) of control [m].
+
+    And in sigmas (photos, 2) of prior orientations and (points,) of priors of points.
+    """
 
     image: Array
     control: Array
     priors: Array
+    expected: Array
 
     def ray_scale(self, problem: Problem) -> float:
         """Return what a ray is off in the median, not less than its sigma [mm]."""
@@ -221,8 +230,9 @@ class _Misfits(NamedTuple):
         return max(middle, float(least[held].min()))
 
     def prior_scale(self) -> float:
-        """Return what prior orientations are off in the median, not less than their sigma."""
-        off = self.priors[self.priors > 0.0]
+        """Return what priors are off in the median, not less than their sigma."""
+        off = np.concatenate((self.priors.ravel(), self.expected))
+        off = off[off > 0.0]
         return max(float(np.median(off)), 1.0) if len(off) else 1.0
 
 
@@ -284,7 +294,7 @@ def robust_state(problem: Problem, structure: Structure, start: BlockState) -> R
     weighted here, for it may be what is wrong.
     """
     state, held, least = _robust(problem, structure, start)
-    image, control, _ = _misfits(problem, held, state)
+    image, control, *_ = _misfits(problem, held, state)
     off = control > 20.0 * np.nan_to_num(np.nanmax(np.where(held, least, 0.0), axis=1))
     return RobustState(
         _with_fixed(problem, state),
@@ -331,12 +341,15 @@ def _robust(
             scale = misfits.control_scale(held, least)
             grown = least * np.sqrt(1.0 + (misfits.control / scale) ** 2)[:, None]
             soft = replace(soft, known_sigma=np.where(held, grown, np.nan))
-        if misfits.priors.any():
-            grown = np.sqrt(1.0 + (misfits.priors / misfits.prior_scale()) ** 2)
+        if misfits.priors.any() or misfits.expected.any():
+            scale = misfits.prior_scale()
+            grown = np.sqrt(1.0 + (misfits.priors / scale) ** 2)
+            of_points = np.sqrt(1.0 + (misfits.expected / scale) ** 2)
             soft = replace(
                 soft,
                 position_sigma=problem.position_sigma * grown[:, :1],
                 rotation_sigma=problem.rotation_sigma * grown[:, 1:],
+                expected_sigma=problem.expected_sigma * of_points[:, None],
             )
         linear = linearise(soft, state)
         step = damped_step(soft, structure, linear, damping, weights, None)
@@ -393,4 +406,5 @@ def _misfits(problem: Problem, held: Bools, state: BlockState) -> _Misfits:
     image = np.nan_to_num(np.linalg.norm(e, axis=1), nan=1e6, posinf=1e6)
     off = np.where(held, state.points - (problem.known - state.origin), 0.0)
     priors = np.abs(linear.photo_e).reshape(-1, 2, 3).max(axis=2)
-    return _Misfits(image, np.linalg.norm(off, axis=1), priors)
+    expected = np.abs(linear.point_e[1]).max(axis=1)
+    return _Misfits(image, np.linalg.norm(off, axis=1), priors, expected)

@@ -258,9 +258,9 @@ def _positions(rays: _Rays, alpha: Complex, points: int) -> tuple[Complex, Compl
 
 def _control_in_plan(problem: Problem) -> tuple[Complex, Array]:
     """(points + photos,) plan coordinates, NaN where unknown, and known ground heights."""
-    at = np.concatenate((problem.known, problem.position))
+    at = np.concatenate((problem.near, problem.position))
     plan = at[:, 0] + 1j * at[:, 1]
-    heights = problem.known[:, 2]
+    heights = problem.near[:, 2]
     return plan, heights[np.isfinite(heights)]
 
 
@@ -412,6 +412,6 @@ def _subblock(
     subblock.rotations = np.array([rotation_matrix(0.0, 0.0, k) for k in np.angle(alpha).tolist()])
     subblock.points = np.column_stack((z.real, z.imag, np.full(len(z), ground)))
     if problem.datum == "control":
-        known = np.isfinite(problem.known[:, 2])
-        subblock.points[known, 2] = problem.known[known, 2]
+        known = np.isfinite(problem.near[:, 2])
+        subblock.points[known, 2] = problem.near[known, 2]
     return subblock
