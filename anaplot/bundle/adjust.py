@@ -149,7 +149,8 @@ def calibrated(
             progress=progress,
         )
     except NoConvergenceError as error:
-        if problem.additional is None or len(problem.additional_sigma):
+        sigma = problem.additional_sigma
+        if problem.additional is None or (len(sigma) and np.isfinite(sigma).all()):
             raise
         # there is a minimum without them
         raise NoConvergenceError(parameters_left_open(problem), error.state) from error
@@ -157,10 +158,11 @@ def calibrated(
 
 def with_additional(problem: Problem, state: BlockState) -> BlockState:
     """Return the state of the bundle without additional parameters for the one that has some."""
+    given, own = problem.additional_given, problem.photo_invariant
     return replace(
         state,
-        own=np.zeros((len(problem.photos), problem.per_photo - 6)),
-        shared=np.zeros(problem.in_border),
+        own=given if own else np.zeros((len(problem.photos), 0)),
+        shared=np.zeros(0) if own else given.ravel(),
     )
 
 

@@ -99,6 +99,7 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         metavar="UM",
         help="weigh the additional parameters by what they may do at the edge of the format",
     )
+    _add_prior(adjust)
     adjust.add_argument(
         "--snooping",
         action="store_true",
@@ -210,6 +211,17 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_prior(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--additional-prior",
+        action="append",
+        metavar="PRIOR",
+        help="an a-priori calibration, value and sigma as in the table of parameters (um; of a "
+        "lens the coefficients): b1=12+-3,b2=5 (sigma 0: held, none: only tested against), or a "
+        "file (parameter,value,sigma,group); may stand several times",
+    )
+
+
 def add_apply_arguments(adjust: argparse.ArgumentParser) -> None:
     """Add what the command `adjust` takes beside: it writes then."""
     adjust.add_argument(
@@ -269,6 +281,7 @@ def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--additional-sigma-um", type=positive, metavar="UM", help="weigh them by their effect"
     )
+    _add_prior(parser)
     parser.add_argument(
         "--common-parameters",
         action=argparse.BooleanOptionalAction,

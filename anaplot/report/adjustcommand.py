@@ -19,7 +19,6 @@ from anaplot.bundle.hypotheses.coordinatefunctions import FunctionValue, evaluat
 from anaplot.bundle.hypotheses.errorsets import ErrorSetTest, error_set_tests
 from anaplot.bundle.hypotheses.priorknowledge import BlockPrior, PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
-from anaplot.bundle.solve.additional import AdditionalParameters, additional_parameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import Datum, make_problem
@@ -43,6 +42,7 @@ from anaplot.report.errorsets import (
 from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import takes_options
+from anaplot.report.parameters import parameters_of
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
@@ -103,6 +103,7 @@ def adjust(
     datum: Datum = "control",
     additional: str | None = None,
     additional_sigma_um: float | None = None,
+    additional_prior: Sequence[str] | None = None,
     snooping: bool = False,
     snooping_tolerance: float = 25.0,
     snooping_model: str | os.PathLike[str] = "sampled",
@@ -135,6 +136,8 @@ def adjust(
         gruen, gruen50, physical; block, strip, camera, photo; "b1,b2" or "-b1,-b2".
     additional_sigma_um
         Their a-priori standard deviation as effect in the image [um]; None: free.
+    additional_prior
+        An a-priori calibration: "b1=12+-3,b2=5", or the name of a file.
     snooping
         Add the modified data snooping of 1980 beside the exact test.
     snooping_tolerance
@@ -207,7 +210,7 @@ def adjust(
     who = None
     if operators is not None:
         who = read_operators(Path(operators), [photo.id for photo in given.photos])
-    chosen = _additional(additional, additional_sigma_um)
+    chosen = parameters_of(additional, additional_sigma_um, additional_prior)
     asked = functions_of(function or ())
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     cleaned = earlier = None
@@ -266,6 +269,7 @@ def find_gross_errors(
     datum: Datum = "control",
     additional: str | None = None,
     additional_sigma_um: float | None = None,
+    additional_prior: Sequence[str] | None = None,
     partner: float | None = None,
     as_given: bool = False,
     pairs: bool = False,
@@ -279,7 +283,7 @@ def find_gross_errors(
         A block, or its folder; it is only read.
     errors
         Name of the strategy.
-    datum, additional, additional_sigma_um, partner, as_given, pairs, progress
+    datum, additional, additional_sigma_um, additional_prior, partner, as_given, pairs, progress
         As `adjust` has them.
 
     Returns
@@ -297,17 +301,13 @@ def find_gross_errors(
     given, _ = block_of(block)
     note = journal_note(block, given)
     refuse_unknown_points(given)
-    chosen = _additional(additional, additional_sigma_um)
+    chosen = parameters_of(additional, additional_sigma_um, additional_prior)
     problem = make_problem(given, datum=datum, additional=chosen)
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     with watch.searching():
         found = clean_block(problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch)
     document = with_journal_notes(errors_document(found), note)
     return Computed(found, document, len(found.rejected) > 0)
-
-
-def _additional(name: str | None, sigma_um: float | None) -> AdditionalParameters | None:
-    return None if name is None else additional_parameters(name, sigma_um)
 
 
 def _document(found: BlockAdjustment, snooping: bool, correlations: float | None) -> Document:

@@ -42,6 +42,7 @@ from anaplot.report.document import (
     named,
     say,
 )
+from anaplot.report.parameters import given_json, held_line
 from anaplot.report.rules import rules_json, rules_lines
 
 __all__ = ["adjust_document"]
@@ -118,6 +119,7 @@ def adjust_document(
         answer["additional"] = {
             "set": additional.set.name,
             "scope": additional.scope,
+            "given": given_json(additional),
             "parameters": parameters,
             "correlations": [
                 {"first": first, "second": second, "correlation": rho}
@@ -132,7 +134,10 @@ def adjust_document(
     page += _if_any(expected)
     page += _if_any(priors)
     if len(parameters):
-        page += [parameters, *_parameters(answer["additional"]), BLANK]
+        page += [parameters, *_parameters(answer["additional"])]
+    if additional is not None:
+        line = held_line(additional)
+        page += [*([] if line is None else [line]), *([BLANK] if len(parameters) or line else [])]
     page += [points, BLANK, rays, BLANK, *_legend(block)]
     tables = (points, photos, image_points, all_control, check, all_priors)
     more = tuple(one for one in (parameters, conditions, all_expected) if len(one))

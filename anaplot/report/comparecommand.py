@@ -8,7 +8,6 @@ from anaplot.aliases import Progress
 from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.epochs.displacementtests import EpochTests, Located, PointMove, epoch_tests
 from anaplot.bundle.hypotheses.verdict import Verdict
-from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.adjustarguments import add_compare_arguments
@@ -31,6 +30,7 @@ from anaplot.report.document import (
 )
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import names_in, takes_options
+from anaplot.report.parameters import parameters_of
 from anaplot.report.power import check_power
 from anaplot.report.running import BlockOrFolder, block_of
 from anaplot.report.verdicts import labelled, probability, verdict_cells, verdict_json
@@ -51,6 +51,7 @@ def compare(
     separate: bool = False,
     additional: str | None = None,
     additional_sigma_um: float | None = None,
+    additional_prior: Sequence[str] | None = None,
     common_parameters: bool | None = None,
     stable: str | Sequence[str] | None = None,
     points: str | Sequence[str] | None = None,
@@ -69,6 +70,8 @@ def compare(
         A set of additional parameters, some of it, and its scope, as `adjust` has them.
     additional_sigma_um
         Their a-priori standard deviation as effect in the image [um]; None: free.
+    additional_prior
+        An a-priori calibration, as `adjust` has it.
     common_parameters
         Whether both epochs have the same ones; None: jointly, of block and camera, they have.
     stable
@@ -99,9 +102,7 @@ def compare(
             raise InputError(f"{option}: no point is named")
     if additional is None and additional_sigma_um is not None:
         raise InputError("--additional-sigma-um goes with --additional")
-    chosen = None
-    if additional is not None:
-        chosen = additional_parameters(additional, additional_sigma_um)
+    chosen = parameters_of(additional, additional_sigma_um, additional_prior)
     (one, where), (other, _) = block_of(first), block_of(second)
     notes = journal_note(first, one), journal_note(second, other)
     check_power("--alpha", alpha, one.test, where)

@@ -162,7 +162,9 @@ def _additional(found: ParameterTests, limit: float) -> list[Block]:
     labels = [label((row.group, row.name)) for row in found.parameters]
     width = max(24, *(len(plain(text)) + 2 for text in labels))
     page: list[Block] = [_head("ADDITIONAL PARAMETERS", width)]
-    page += _global("all are zero", width, found.everything, "not tested together")
+    given = any(row.given for row in found.parameters)
+    null = "all are as given" if given else "all are zero"
+    page += _global(null, width, found.everything, "not tested together")
     groups = [
         labelled(f"those of {group.group}", width) + verdict_cells(test) + _marked(group.verdict)
         for group in found.groups
@@ -170,7 +172,7 @@ def _additional(found: ParameterTests, limit: float) -> list[Block]:
     ]
     page.append(Listed(tuple(groups), _MOST, ""))
     page += _remarks(found.remarks)
-    page += [BLANK, _parameters(found, labels, width, shorten=several)]
+    page += [BLANK, _parameters(found, labels, width, shorten=several, given=given)]
     page.append(
         say(
             "  power: against a value of the a-priori sigma0; inflation: of the variance, by the "
@@ -186,7 +188,7 @@ def _additional(found: ParameterTests, limit: float) -> list[Block]:
             for text, row in zip(labels, found.parameters, strict=True)
             if (row.group, row.name) not in set(found.removable)
         ]
-        page += [BLANK, _needed(kept, len(labels))]
+        page += [BLANK, _needed(kept, len(labels), given=given)]
     return [*page, BLANK]
 
 
@@ -203,11 +205,14 @@ _PARAMETERS = (
     number("power", "power", 2, 7),
     replace(number("inflation", "inflation", 1, 11), head="   inflation"),
     replace(number("kept", "kept", 5, 9), head="    kept"),
+    number("given", "given [um]", 3, 12, unit="mm", scale=1e3),
     _VERDICT,
 )
 
 
-def _parameters(found: ParameterTests, labels: list[str], width: int, *, shorten: bool) -> Table:
+def _parameters(
+    found: ParameterTests, labels: list[str], width: int, *, shorten: bool, given: bool
+) -> Table:
     """Return the single parameters; shortened, the least likely first."""
     rows = list(zip(labels, found.parameters, strict=True))
     if shorten:
@@ -215,10 +220,12 @@ def _parameters(found: ParameterTests, labels: list[str], width: int, *, shorten
     columns = (name("parameter", "PARAMETER", width), *_PARAMETERS)
     cells = (
         (text, row.value, row.s, _p(row.verdict), row.mdb, row.power, row.inflation,
-         row.kept, row.verdict)
+         row.kept, row.given, row.verdict)
         for text, row in rows
     )  # fmt: skip
-    return _tests("hypotheses_parameters", columns, cells, most=_MOST if shorten else None)
+    tests = _tests("hypotheses_parameters", columns, cells, most=_MOST if shorten else None)
+    shown = tuple(one.key for one in columns if given or one.key != "given")
+    return replace(tests, shown=shown)
 
 
 def _pairs(
@@ -268,13 +275,16 @@ def _part(part: ComponentTest) -> Line:
     return say("{:10.2c}{:9c}{:17.4c}", part.value, shown, part.variance)
 
 
-def _needed(kept: list[str], every: int) -> Line:
+def _needed(kept: list[str], every: int, *, given: bool) -> Line:
+    if not kept and given:
+        return say("  all may be held at the given values: nothing else is proved")
     if not kept:
         return say("  all may be left out: nothing systematic is proved")
     return say(
-        "  {} of {} may be left out together; needed: {}",
+        "  {} of {} may be {}; needed: {}",
         every - len(kept),
         every,
+        "held at the given values together" if given else "left out together",
         named(kept, _MOST, " ..."),
     )
 

@@ -34,7 +34,7 @@ def dense(block):
     own = np.zeros((n * (d - 6), u))
     for k in range(n):
         index = np.arange(d - 6)
-        own[k * (d - 6) + index, k * d + 6 + index] = np.sqrt(linear.own_weight)
+        own[k * (d - 6) + index, k * d + 6 + index] = np.sqrt(linear.own_weight[k])
     shared = np.zeros((g, u))
     shared[np.arange(g), n * d + 3 * p + np.arange(g)] = np.sqrt(linear.shared_weight)
     parts += [control, prior, own, shared]

@@ -74,10 +74,10 @@ def design(system):
     for k, number in enumerate(system.rows.additional):
         if problem.photo_invariant:
             photo, index = divmod(int(number), d - 6)
-            out[third + k, photo * d + 6 + index] = 1.0 / problem.additional_sigma[index]
+            out[third + k, photo * d + 6 + index] = 1.0 / problem.additional_sigma[photo, index]
         else:
-            index = int(number) % len(problem.additional_sigma)
-            out[third + k, n * d + 3 * p + number] = 1.0 / problem.additional_sigma[index]
+            held = problem.additional_sigma.ravel()[number]
+            out[third + k, n * d + 3 * p + number] = 1.0 / held
     return out
 
 

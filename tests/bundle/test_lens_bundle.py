@@ -176,7 +176,7 @@ def test_the_sigma_is_the_largest_effect_in_the_image(cameras: tuple[str, ...]) 
     problem = make_problem(block, additional=additional_parameters("physical:camera", 5.0))
     state = scene.start(problem)
     before = imaged(problem, state).xy
-    for k, sigma in enumerate(problem.additional_sigma):
+    for k, sigma in enumerate(problem.additional_sigma[0]):
         shared = np.zeros((len(cameras), len(LENS_PARAMETERS)))
         shared[:, k] = sigma
         moved = imaged(problem, replace(state, shared=shared.ravel())).xy
@@ -199,7 +199,7 @@ def test_weak_parameters_are_adjusted_and_their_deviations_say_so(
         # a metre of flying height is 150 um of c
         assert rows["c"].s > 0.02
     else:
-        limits = block.problem.additional_sigma * block.sigma
+        limits = block.problem.additional_sigma[0] * block.sigma
         assert all(row.s < 1.0001 * s for row, s in zip(rows.values(), limits, strict=True))
 
 

@@ -266,3 +266,18 @@ def test_columns_never_touch(kind: str) -> None:
     usual, large = text_of(hypotheses_document(found)), text_of(hypotheses_document(wild(found)))
     assert words(usual) == words(large)
     assert max(words(usual)[3:5]) >= 5
+
+
+def test_given_values_of_parameters_reach_the_page_and_programs(tmp_path: Path) -> None:
+    folder = write(tmp_path / "block", strip(planted=0.02))
+    known = tmp_path / "calibration.csv"
+    known.write_text("parameter,value,sigma\nb5,20,3\nb3,1,0\nb7,2,\n", encoding="utf-8")
+    asked = {"additional": "ebner:b3,b5,b7", "additional_prior": [str(known)]}
+    text = report(folder, **asked)
+    assert "held at given values: b3 = 1" in text
+    assert "all are as given" in text
+    answer = json.loads(run_adjust(folder, as_json=True, **asked)[1])
+    assert [row["value"] for row in answer["additional"]["given"]] == [20.0, 1.0, 2.0]
+    rows = answer["hypotheses"]["additional"]["parameters"]
+    assert [(row["name"], row["given"]) for row in rows] == [("b5", 0.02), ("b7", 0.002)]
+    assert [row["owner"] for row in answer["priors"]] == ["block"]

@@ -98,7 +98,7 @@ class ObservationGroups(NamedTuple):
                 (np.isfinite(problem.expected_sigma) * 1.0,),
                 (np.isfinite(problem.position_sigma) * 1.0,),
                 (np.isfinite(problem.rotation_sigma) * 1.0,),
-                (np.full(len(problem.additional_sigma), float(len(problem.additional_groups))),),
+                (np.isfinite(problem.additional_sigma) * 1.0,),
             ).tolist()
         ]
 

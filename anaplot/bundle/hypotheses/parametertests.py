@@ -1,4 +1,8 @@
-"""Are additional parameters significant: all, groups, pairs, single ones (Gruen 1978, D1)."""
+"""Are additional parameters significant: all, groups, pairs, single ones (Gruen 1978, D1).
+
+They are tested against given values, H0: dz = dz' (eq. 34): those of an a-priori calibration, else
+zero.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +47,7 @@ _JOINT = 600  # photo-invariant parameters up to which all are tested together
 
 
 class ParameterTest(NamedTuple):
-    """One additional parameter against zero (eq. 40).
+    """One additional parameter against its given value (eq. 40).
 
     Attributes
     ----------
@@ -63,6 +67,8 @@ class ParameterTest(NamedTuple):
     kept
         Share of the noncentrality that is left by correlation with all other unknowns
         (eq. 38b): 1 if it is orthogonal to them.
+    given
+        What it is tested against [mm].
     """
 
     group: str
@@ -74,6 +80,7 @@ class ParameterTest(NamedTuple):
     power: float
     inflation: float | None
     kept: float
+    given: float = 0.0
 
 
 class GroupTest(NamedTuple):
@@ -144,7 +151,8 @@ class ParameterTests:
     Attributes
     ----------
     everything
-        All parameters are zero (eq. 35); None when it is not tested, see the remarks.
+        All parameters have their given values (eq. 35); None when it is not tested, see
+        the remarks.
     groups
         Each group, when there are several.
     parameters
@@ -175,7 +183,8 @@ class _Family(NamedTuple):
     """Parameters whose common cofactors are known."""
 
     labels: tuple[Label, ...]
-    z: Array
+    given: Array
+    z: Array  # values minus given ones
     q: Array
     information: Array  # (p,) their diagonal elements of the normal equations
 
@@ -183,10 +192,10 @@ class _Family(NamedTuple):
 def parameter_tests(
     block: AdjustedBlock, settings: HypothesisSettings | None = None
 ) -> ParameterTests | None:
-    """Test the additional parameters of a block against zero; None when it has none.
+    """Test the additional parameters of a block against given values; None when it has none.
 
-    Priors on the parameters count as what they are in the adjustment: observations of the value
-    zero with their a-priori standard deviation.
+    Priors on the parameters count as what they are in the adjustment: observations of the given
+    value, else of zero, with their a-priori standard deviation.
     """
     settings = settings or HypothesisSettings()
     problem = block.problem
@@ -195,9 +204,10 @@ def parameter_tests(
     variance = VarianceFactor.of(block)
     families, remarks = _families(block)
     if len(problem.additional_sigma):
+        what = "values" if problem.additional_given.any() else "zeros"
         remarks.append(
-            "the parameters are weighted: their a-priori zeros count as observations, which makes "
-            "the tests cautious if they are only an assumption"
+            f"the parameters are weighted: their a-priori {what} count as observations, which "
+            "makes the tests cautious if they are only an assumption"
         )
     inflations = [_inflation(family) for family in families]
     regular = [f for f, found in zip(families, inflations, strict=True) if found is not None]
@@ -264,13 +274,14 @@ def _singles(
                 ParameterTest(
                     group,
                     name,
-                    float(family.z[k]),
+                    float(family.z[k] + family.given[k]),
                     sqrt(cofactor),
                     variance.test(float(family.z[k]) ** 2 / cofactor, 1, alone),
                     sqrt(noncentrality * cofactor),
                     f_power(image_mm * image_mm / cofactor, alone, 1, variance.degrees),
                     None if inflation is None else float(inflation[k]),
                     min(1.0, 1.0 / (cofactor * float(family.information[k]))),
+                    float(family.given[k]),
                 )
             )
     return tuple(out)
@@ -303,17 +314,16 @@ def _families(block: AdjustedBlock) -> tuple[list[_Family], list[str]]:
     if len(problem.additional_sigma):
         information += problem.additional_sigma**-2.0
     if not own:
-        family = _Family(
-            labels, block.state.shared, block.cofactors.shared, information.reshape(-1)
-        )
-        return [family], []
+        found = block.state.shared, block.cofactors.shared
+        return [_family(labels, problem.additional_given, *found, information)], []
     if len(labels) <= _JOINT:
         q = own_parameter_cofactors(block)
-        return [_Family(labels, block.state.own.reshape(-1), q, information.reshape(-1))], []
+        return [_family(labels, problem.additional_given, block.state.own, q, information)], []
     count = len(names)
     families = [
-        _Family(
+        _family(
             labels[k * count : (k + 1) * count],
+            problem.additional_given[k],
             block.state.own[k],
             block.cofactors.photos[k, 6:, 6:],
             information[k],
@@ -325,6 +335,11 @@ def _families(block: AdjustedBlock) -> tuple[list[_Family], list[str]]:
         f"(that is done up to {_JOINT})"
     )
     return families, [remark]
+
+
+def _family(labels: tuple[Label, ...], given: Array, z: Array, q: Array, known: Array) -> _Family:
+    given = given.reshape(-1)
+    return _Family(labels, given, z.reshape(-1) - given, q, known.reshape(-1))
 
 
 def _groups(

@@ -8,13 +8,14 @@ the rays pass: not linear, for its terms follow the principal point.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from anaplot.aliases import Array
+from anaplot.bundle.solve.parameterpriors import ParameterPrior, checked_priors
 from anaplot.errors import InputError
 from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 from anaplot.textfiles.wording import hint, quoted
@@ -54,19 +55,19 @@ class ParameterSet:
     lens
         Whether the parameters are those of a lens: `basis` then only tells their size.
     chosen
-        Which columns of `basis` belong to the names; empty: all of them.
+        Which columns of `basis` belong to the names; None: all of them.
     """
 
     name: SetName
     names: tuple[str, ...]
     basis: Callable[[Array, Array, float, Array], Array]
     lens: bool = False
-    chosen: tuple[int, ...] = ()
+    chosen: tuple[int, ...] | None = None
 
     @property
     def columns(self) -> tuple[int, ...]:
         """Columns of `basis` that belong to the names."""
-        return self.chosen or tuple(range(len(self.names)))
+        return tuple(range(len(self.names))) if self.chosen is None else self.chosen
 
     def terms(self, x: Array, y: Array, b: float, c: Array) -> Array:
         """Return (n, 2, len(names)): what the parameters do, see `basis`."""
@@ -89,14 +90,21 @@ class ParameterSet:
                     f"additional parameters {self.name}: no parameter {quoted(name)}{near}"
                 )
             wanted.add(name)
-        kept = [k for k, name in enumerate(self.names) if name in wanted]
-        if not kept:
+        if not wanted:
             raise InputError(f"additional parameters {self.name}: none is left")
+        return self._kept(wanted)
+
+    def _kept(self, wanted: Container[str]) -> ParameterSet:
+        kept = [k for k, name in enumerate(self.names) if name in wanted]
         return replace(
             self,
             names=tuple(self.names[k] for k in kept),
             chosen=tuple(self.columns[k] for k in kept),
         )
+
+    def parted(self, names: Container[str]) -> tuple[ParameterSet, ParameterSet]:
+        """Return the set without some of its parameters, and these; either may be empty."""
+        return self._kept([n for n in self.names if n not in names]), self._kept(names)
 
     def without(self, names: Iterable[str]) -> ParameterSet:
         """Return the set without some of its parameters.
@@ -123,17 +131,23 @@ class AdditionalParameters:
     Attributes
     ----------
     set
-        Which ones.
+        Which ones are unknown.
     scope
         One set for the block, or one for each strip, camera or photo.
     sigma_um
-        A-priori standard deviation of every parameter, expressed as its largest effect in the
-        image [um]; None when the parameters are free.
+        A-priori standard deviation of every parameter without a prior of its own, expressed as its
+        largest effect in the image [um]; None when they are free.
+    priors
+        What is known of some beforehand.
+    held
+        Parameters that are held at the value of their priors (sigma 0), beside `set`; None: none.
     """
 
     set: ParameterSet
     scope: Scope = "block"
     sigma_um: float | None = None
+    priors: tuple[ParameterPrior, ...] = ()
+    held: ParameterSet | None = None
 
 
 def _columns(x: Array, dx: Column, dy: Column) -> Array:
@@ -254,7 +268,9 @@ point lies in the image's axes, and all distortion is about it. k1, k2, k3 > 0 p
 _SETS: dict[str, ParameterSet] = {one.name: one for one in (ebner, gruen, gruen50, physical)}
 
 
-def additional_parameters(text: str, sigma_um: float | None = None) -> AdditionalParameters:
+def additional_parameters(
+    text: str, sigma_um: float | None = None, priors: Iterable[ParameterPrior] = ()
+) -> AdditionalParameters:
     """Return the parameters that "set", "set:scope", "set:names" or "set:names:scope" says.
 
     Parameters
@@ -262,13 +278,14 @@ def additional_parameters(text: str, sigma_um: float | None = None) -> Additiona
     text
         A set; a scope (block, strip, camera, photo); names with commas between, these alone, or
         each with a minus before it, all but these: "ebner:b1,b2", "gruen:-a43:camera".
-    sigma_um
+    sigma_um, priors
         See `AdditionalParameters`.
 
     Raises
     ------
     InputError
-        No such set, scope or parameter, or a standard deviation that is not positive.
+        No such set, scope or parameter, a standard deviation that is not positive, or the prior of
+        a parameter that does not take part.
     """
     name, *parts = text.split(":")
     about = f"additional parameters {quoted(text)}"
@@ -291,7 +308,16 @@ def additional_parameters(text: str, sigma_um: float | None = None) -> Additiona
         raise InputError(f"additional parameters: the sigma {sigma_um:g} um must be positive")
     if selected is not None:
         chosen = _selected(chosen, selected, about)
-    return AdditionalParameters(chosen, scope or "block", sigma_um)
+    known = checked_priors(priors)
+    stray = next((one.parameter for one in known if one.parameter not in chosen.names), None)
+    if stray is not None:
+        near = hint(stray, chosen.names, listing=False)
+        raise InputError(f"{about}: a prior of {quoted(stray)}, which takes no part{near}")
+    held = {one.parameter for one in known if one.sigma == 0.0}
+    if not held:
+        return AdditionalParameters(chosen, scope or "block", sigma_um, known)
+    free, fixed = chosen.parted(held)
+    return AdditionalParameters(free, scope or "block", sigma_um, known, fixed)
 
 
 def _selected(whole: ParameterSet, text: str, about: str) -> ParameterSet:

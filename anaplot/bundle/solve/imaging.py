@@ -71,7 +71,7 @@ def _values(problem: Problem, state: BlockState, rays: Index | slice) -> Array:
     """(n, q) additional parameters of the rays' groups."""
     if problem.photo_invariant:
         return np.asarray(state.own[problem.photo[rays]])
-    by_group = state.shared.reshape(-1, problem.basis.shape[2])
+    by_group = state.shared.reshape(len(problem.additional_groups), problem.basis.shape[2])
     return np.asarray(by_group[problem.additional_group[rays]])
 
 
@@ -81,12 +81,21 @@ def _lens(problem: Problem, units: Array, state: BlockState, rays: Index | slice
     out = np.zeros((len(values), len(LENS_PARAMETERS)))
     out[:, _unknown(problem)] = values
     out[:, 0] += problem.c[problem.photo[rays]]
+    if problem.lens_held is not None:
+        out += problem.lens_held[problem.additional_group[rays]]
     return out
 
 
 def _unknown(problem: Problem) -> list[int]:
     """Which parameters of the lens are unknown."""
     return [] if problem.additional is None else list(problem.additional.set.columns)
+
+
+def _shifted(problem: Problem, state: BlockState, xy: Array, rays: Index | slice) -> Array:
+    """(n, 2) image coordinates with what linear parameters do to them."""
+    if problem.basis.shape[2]:
+        xy = xy + np.einsum("mij,mj->mi", problem.basis[rays], _values(problem, state, rays))
+    return xy if problem.image_shift is None else xy + problem.image_shift[rays]
 
 
 def imaged(problem: Problem, state: BlockState) -> Projection:
@@ -96,10 +105,7 @@ def imaged(problem: Problem, state: BlockState) -> Projection:
     points = state.points[problem.point]
     if units is None:
         seen = project(*where, problem.c[photo], points)
-        if problem.basis.shape[2] == 0:
-            return seen
-        off = np.einsum("mij,mj->mi", problem.basis, _values(problem, state, slice(None)))
-        return Projection(seen.xy + off, seen.depth)
+        return Projection(_shifted(problem, state, seen.xy, slice(None)), seen.depth)
     seen = project(*where, np.ones(len(photo)), points)
     with np.errstate(invalid="ignore", over="ignore"):
         xy = through_lens(seen.xy, _lens(problem, units, state, slice(None))).xy
@@ -123,11 +129,8 @@ def imaged_with_derivatives(
     points = state.points[problem.point[rays]]
     if units is None:
         seen = project_with_derivatives(*where, problem.c[photo], points)
-        basis = problem.basis[rays]
-        xy = seen.xy
-        if basis.shape[2]:
-            xy = xy + np.einsum("mij,mj->mi", basis, _values(problem, state, rays))
-        return Imaged(xy, seen.depth, seen.photo, seen.point, basis)
+        xy = _shifted(problem, state, seen.xy, rays)
+        return Imaged(xy, seen.depth, seen.photo, seen.point, problem.basis[rays])
     seen = project_with_derivatives(*where, np.ones(len(photo)), points)
     with np.errstate(invalid="ignore", over="ignore"):
         lens = through_lens(seen.xy, _lens(problem, units, state, rays))

@@ -7,8 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.aliases import Array, Index
-from anaplot.bundle.solve.additional import AdditionalParameters, lens_units
+from anaplot.bundle.solve.additional import AdditionalParameters, ParameterSet, lens_units
+from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.lens import LENS_PARAMETERS
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["LaidParameters", "lay_out_parameters"]
 
@@ -24,15 +27,24 @@ class LaidParameters(NamedTuple):
         (groups, q) parameters of a lens for 1 mm of effect; None for sets that are linear.
     group, groups
         (m,) group of each ray, and the names of the groups.
-    sigma
-        (q,) a-priori standard deviations [mm]; empty when free.
+    given, sigma
+        (groups, q) a-priori values and standard deviations [mm], infinite where there is none;
+        no rows of sigmas when all are free.
+    shift
+        (m, 2) what the parameters do that are held at their values [mm]; None: none is, or they
+        belong to a lens.
+    lens_held
+        (groups, 10) parameters of a lens that are held; None: none is.
     """
 
     basis: Array
     lens_units: Array | None
     group: Index
     groups: tuple[str, ...]
+    given: Array
     sigma: Array
+    shift: Array | None = None
+    lens_held: Array | None = None
 
 
 def lay_out_parameters(
@@ -59,11 +71,17 @@ def lay_out_parameters(
         (m,) photo of each ray and (m, 2) where it is measured [mm].
     count
         Units and standard deviations are those of the first `count` rays.
+
+    Raises
+    ------
+    InputError
+        A prior of a group that there is not, or a parameter that is held in some groups only.
     """
     n = len(photo)
     if additional is None:
         empty = np.zeros(n, dtype=np.intp)
-        return LaidParameters(np.empty((n, 2, 0)), None, empty, (), np.empty(0))
+        nothing = np.empty((0, 0))
+        return LaidParameters(np.empty((n, 2, 0)), None, empty, (), nothing, nothing)
     if additional.scope == "block":
         names: tuple[str, ...] = ("block",)
         of_photo = np.zeros(len(photos), dtype=np.intp)
@@ -82,18 +100,75 @@ def lay_out_parameters(
     reach = np.zeros(len(block.cameras))
     np.maximum.at(reach, cameras[photo[:count]], np.abs(xy[:count]).max(axis=1))
     basis = np.empty((n, 2, len(additional.set.names)))
+    held = None if additional.held is None else np.empty((n, 2, len(additional.held.names)))
     units = []
     for part in np.unique(of_ray):
         mine = of_ray == part
         b = float(reach[cameras[photo[mine]]].max()) or 1.0
         cs = c[photo[mine]]
         basis[mine] = additional.set.terms(xy[mine, 0], xy[mine, 1], b, cs)
+        if held is not None and additional.held is not None:
+            held[mine] = additional.held.terms(xy[mine, 0], xy[mine, 1], b, cs)
         if additional.set.lens:
             unit = lens_units(b, float(np.mean(c[photo[:count][mine[:count]]])))
             units.append(unit[list(additional.set.columns)])
-    sigma = np.empty(0)
-    if additional.sigma_um is not None:
-        largest = np.abs(basis[:count]).max(axis=(0, 1))
-        sigma = additional.sigma_um * 1e-3 / np.where(largest > 0.0, largest, 1.0)
     lens = np.array(units) if additional.set.lens else None
-    return LaidParameters(basis, lens, of_photo[photo].astype(np.intp), names, sigma)
+    sigma = np.full((len(names), basis.shape[2]), np.inf)
+    if additional.sigma_um is not None:
+        largest = np.abs(basis[:count]).max(axis=(0, 1), initial=0.0)
+        sigma[:] = additional.sigma_um * 1e-3 / np.where(largest > 0.0, largest, 1.0)
+    given = _known(additional, names, lens, sigma)
+    group = of_photo[photo].astype(np.intp)
+    laid = LaidParameters(
+        basis, lens, group, names, given, sigma if np.isfinite(sigma).any() else sigma[:0]
+    )
+    if held is None or additional.held is None:
+        return laid
+    values = _held(additional, additional.held, names)
+    if not additional.held.lens:
+        return laid._replace(shift=np.einsum("mij,mj->mi", held, values[group] * 1e-3))
+    whole = np.zeros((len(names), len(LENS_PARAMETERS)))
+    whole[:, list(additional.held.columns)] = values
+    return laid._replace(lens_held=whole)
+
+
+def _known(
+    additional: AdditionalParameters, groups: tuple[str, ...], lens: Array | None, sigma: Array
+) -> Array:
+    """Return (groups, q) a-priori values [mm]; standard deviations are written into `sigma`."""
+    given = np.zeros(sigma.shape)
+    # what is said of one group counts more than what is said of all
+    for prior in sorted(additional.priors, key=lambda one: one.group is not None):
+        if prior.group is not None and prior.group not in groups:
+            near = hint(prior.group, groups)
+            raise InputError(
+                f"the prior of {quoted(prior.parameter)}: no {additional.scope} "
+                f"{quoted(prior.group)} has such parameters{near}"
+            )
+        if prior.parameter not in additional.set.names:
+            continue
+        column = additional.set.names.index(prior.parameter)
+        rows = range(len(groups)) if prior.group is None else [groups.index(prior.group)]
+        for row in rows:
+            unit = 1e-3 if lens is None else 1.0 / float(lens[row, column])
+            given[row, column] = prior.value * unit
+            if prior.sigma is not None:
+                sigma[row, column] = prior.sigma * unit
+    return given
+
+
+def _held(additional: AdditionalParameters, held: ParameterSet, groups: tuple[str, ...]) -> Array:
+    """Return (groups, k) values of the parameters that are held, in their units."""
+    values = np.full((len(groups), len(held.names)), np.nan)
+    for prior in sorted(additional.priors, key=lambda one: one.group is not None):
+        if prior.parameter not in held.names:
+            continue
+        rows = slice(None) if prior.group is None else groups.index(prior.group)
+        column = held.names.index(prior.parameter)
+        values[rows, column] = prior.value if prior.sigma == 0.0 else np.nan
+    for row, column in np.argwhere(np.isnan(values)).tolist():
+        raise InputError(
+            f"the parameter {held.names[column]} is held (sigma 0), but not for "
+            f"{quoted(groups[row])}: hold it for all, or give it a small sigma"
+        )
+    return values

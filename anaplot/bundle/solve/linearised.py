@@ -112,11 +112,10 @@ def _prior_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Arra
         photo[with_rotation, 3:] = np.where(np.isfinite(sigma), off / sigma, 0.0)
     own, shared = np.zeros_like(state.own), np.zeros_like(state.shared)
     if len(problem.additional_sigma):
-        own = state.own / problem.additional_sigma if state.own.size else own
+        given, sigma = problem.additional_given, problem.additional_sigma
+        own = (state.own - given) / sigma if state.own.size else own
         if shared.size:
-            shared = state.shared / np.tile(
-                problem.additional_sigma, len(problem.additional_groups)
-            )
+            shared = (state.shared - given.ravel()) / sigma.ravel()
     return point, photo, own, shared
 
 
@@ -187,7 +186,9 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
         inverse = np.linalg.pinv(rotation_axes(omega, phi), rcond=1e-9)
         weighted = inverse / problem.rotation_sigma[k][:, None]
         rows[k, 3:, 3:6] = np.where(np.isfinite(weighted), weighted, 0.0)
-    prior = 1.0 / problem.additional_sigma**2 if len(problem.additional_sigma) else None
+    prior = np.zeros((len(problem.additional_groups), seen.parameter.shape[2]))
+    if len(problem.additional_sigma):
+        prior = problem.additional_sigma**-2.0
     return Linearised(
         a=a,
         b=b,
@@ -197,13 +198,9 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
         point_e=point_e,
         photo_rows=rows,
         photo_e=photo_e,
-        own_weight=prior if prior is not None and problem.photo_invariant else np.zeros(d - 6),
+        own_weight=prior if problem.photo_invariant else np.zeros((n, 0)),
         own_e=own_e,
-        shared_weight=(
-            np.tile(prior, len(problem.additional_groups))
-            if prior is not None and not problem.photo_invariant
-            else np.zeros(problem.in_border)
-        ),
+        shared_weight=np.zeros(0) if problem.photo_invariant else prior.ravel(),
         shared_e=shared_e,
         depth=seen.depth,
         conditions=_condition_equations(problem, state),

@@ -151,15 +151,12 @@ class Observations:
     def sigma(self) -> Array:
         """(n,) a-priori standard deviations in the units."""
         problem = self.problem
-        q = max(len(problem.additional_sigma), 1)
         return np.concatenate(
             (
                 problem.sigma_xy.reshape(-1) * 1e3,
                 problem.ground_sigma[tuple(self.ground.T)],
                 problem.prior_sigma[tuple(self.priors.T)],
-                problem.additional_sigma[self.additional % q]
-                if len(self.additional)
-                else np.zeros(0),
+                problem.additional_sigma.ravel()[self.additional],
                 self._condition_sigma,
             )
         )
@@ -199,11 +196,10 @@ class Observations:
 def observations_of(cofactors: Cofactors) -> Observations:
     """Return the observations whose cofactors are known."""
     problem, linear = cofactors.normal.problem, cofactors.normal.linear
-    held = cofactors.r_own if problem.photo_invariant else cofactors.r_shared
     return Observations(
         problem,
         np.argwhere(linear.point_weight > 0.0),
         np.argwhere(np.isfinite(cofactors.r_photo)),
-        np.arange(held.size if len(problem.additional_sigma) else 0),
+        np.flatnonzero(np.isfinite(problem.additional_sigma)),
         np.zeros(0) if linear.conditions is None else linear.conditions.sigma,
     )

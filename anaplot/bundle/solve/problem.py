@@ -103,8 +103,9 @@ class Problem:
         (groups, q) parameters of a lens for 1 mm of effect; None for sets that are linear.
     additional_group, additional_groups
         (m,) group of each ray, and the names of the groups.
-    additional_sigma
-        (q,) a-priori standard deviations [mm]; empty when free.
+    additional_given, additional_sigma
+        (groups, q) a-priori values and standard deviations [mm], infinite where there is none;
+        no rows of sigmas when all are free.
     left_out
         What takes no part.
     unused_rays
@@ -120,6 +121,9 @@ class Problem:
         were its own; or None.
     axis_factor
         (m, 2) factors of `sigma` for x and y, where they are not both 1, or None.
+    image_shift, lens_held
+        (m, 2) what additional parameters do that are held at given values [mm], and (groups, 10)
+        those of a lens; or None.
     conditions, compared
         Conditions between points that take part, and those that are compared only or off, or None.
     """
@@ -150,6 +154,7 @@ class Problem:
     lens_units: Array | None
     additional_group: Index
     additional_groups: tuple[str, ...]
+    additional_given: Array
     additional_sigma: Array
     left_out: tuple[LeftOut, ...]
     unused_rays: Index
@@ -158,6 +163,8 @@ class Problem:
     axis_factor: Array | None = field(default=None, repr=False)
     off: Bools | None = field(default=None, repr=False)
     aside: Problem | None = field(default=None, repr=False)
+    image_shift: Array | None = field(default=None, repr=False)
+    lens_held: Array | None = field(default=None, repr=False)
     conditions: Conditions | None = field(default=None, repr=False)
     compared: Conditions | None = field(default=None, repr=False)
 
@@ -174,7 +181,10 @@ class Problem:
             lens_units=None,
             additional_group=np.zeros_like(self.additional_group),
             additional_groups=(),
-            additional_sigma=np.empty(0),
+            additional_given=np.empty((0, 0)),
+            additional_sigma=np.empty((0, 0)),
+            image_shift=None,
+            lens_held=None,
             aside=None if self.aside is None else self.aside.bare,
         )
 
@@ -255,7 +265,7 @@ class Problem:
             int(np.isfinite(a).sum())
             for a in (self.ground_sigma, self.position_sigma, self.rotation_sigma)
         )
-        extra = len(self.additional_groups) * len(self.additional_sigma)
+        extra = int(np.isfinite(self.additional_sigma).sum())
         out = 0 if self.rejected is None else int(self.rejected.sum())
         extra += self.conditions.observations if self.conditions else 0
         return int(2 * len(self.photo) - out + priors + extra)
@@ -413,7 +423,10 @@ def make_problem(
         lens_units=parameters.lens_units,
         additional_group=parameters.group,
         additional_groups=parameters.groups,
+        additional_given=parameters.given,
         additional_sigma=parameters.sigma,
+        image_shift=parameters.shift,
+        lens_held=parameters.lens_held,
         left_out=(*left_out, *(LeftOut("condition", *one) for one in laid.left_out)),
         unused_rays=np.nonzero(~useful)[0],
         control_rows=control,
@@ -436,6 +449,7 @@ def _parted(problem: Problem, count: int, off: Bools) -> Problem:
             source=problem.source[rays],
             basis=problem.basis[rays],
             additional_group=problem.additional_group[rays],
+            image_shift=None if problem.image_shift is None else problem.image_shift[rays],
         )
 
     if not off.any():

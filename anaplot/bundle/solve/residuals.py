@@ -165,7 +165,7 @@ class BlockResiduals:
         )
         if problem.photo_invariant:
             photo, index = np.divmod(self.rows.additional, max(wide - 6, 1))
-            column, weight = wide * photo + 6 + index, linear.own_weight[index]
+            column, weight = wide * photo + 6 + index, linear.own_weight[photo, index]
         else:
             number = self.rows.additional
             column, weight = shared_start + number, linear.shared_weight[number]
@@ -235,7 +235,7 @@ class BlockResiduals:
         number = self.rows.additional[rows[at] - third]
         if problem.photo_invariant:
             photo, index = np.divmod(number, problem.per_photo - 6)
-            photos[photo, 6 + index, at] = np.sqrt(linear.own_weight[index])
+            photos[photo, 6 + index, at] = np.sqrt(linear.own_weight[photo, index])
         else:
             shared[number, at] = np.sqrt(linear.shared_weight[number])
         return photos, points, shared
@@ -255,7 +255,7 @@ def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
     out[second:third] = np.einsum("kd,kdj->kj", linear.photo_rows[photo, unknown], x[photo])
     if problem.photo_invariant:
         photo, index = np.divmod(system.rows.additional, max(problem.per_photo - 6, 1))
-        out[third:fourth] = np.sqrt(linear.own_weight[index])[:, None] * x[photo, 6 + index]
+        out[third:fourth] = np.sqrt(linear.own_weight[photo, index])[:, None] * x[photo, 6 + index]
     else:
         weight = linear.shared_weight[system.rows.additional]
         out[third:fourth] = np.sqrt(weight)[:, None] * s[system.rows.additional]

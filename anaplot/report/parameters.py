@@ -1,0 +1,60 @@
+"""Additional parameters as a command's options name them, and what is known of them beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from anaplot.bundle.solve.additional import AdditionalParameters, additional_parameters
+from anaplot.bundle.solve.parameterpriors import ParameterPrior, parameter_priors
+from anaplot.errors import InputError
+from anaplot.exchange.parameterpriorscsv import read_parameter_priors
+from anaplot.report.document import Line, named, say
+
+__all__ = ["given_json", "held_line", "parameters_of"]
+
+
+def parameters_of(
+    name: str | None, sigma_um: float | None, priors: Sequence[str] | None
+) -> AdditionalParameters | None:
+    """Return the additional parameters that options ask for.
+
+    Parameters
+    ----------
+    name, sigma_um, priors
+        Values of --additional, --additional-sigma-um and --additional-prior.
+
+    Raises
+    ------
+    InputError
+        No such parameters, or a prior that is none.
+    """
+    if name is None:
+        if priors:
+            raise InputError("--additional-prior goes with --additional")
+        return None
+    known: list[ParameterPrior] = []
+    for text in [priors] if isinstance(priors, str) else priors or ():
+        if "=" in text:
+            known += parameter_priors(text)
+        else:
+            known += [ParameterPrior(*row) for row in read_parameter_priors(Path(text))]
+    return additional_parameters(name, sigma_um, known)
+
+
+def given_json(additional: AdditionalParameters) -> list[dict[str, object]]:
+    """Return what is known beforehand, for programs; values in the units they were given in."""
+    return [one._asdict() for one in additional.priors]
+
+
+def held_line(additional: AdditionalParameters) -> Line | None:
+    """Return which parameters are held at given values; None: none is."""
+    held = [one for one in additional.priors if one.sigma == 0.0]
+    if not held:
+        return None
+    values = [
+        say("{} = {:g}", one.parameter if one.group is None else f"{one.parameter} of {one.group}",
+            one.value)
+        for one in held
+    ]  # fmt: skip
+    return say("  held at given values: {}", named(values, 12, " ..."))

@@ -1,0 +1,164 @@
+"""What is known of additional parameters beforehand: weights, held values, H0: dz = dz'."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bundleblocks import aerial
+from denseblock import dense, dense_inverse
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.hypotheses.parametertests import parameter_tests
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.imaging import imaged, imaged_with_derivatives
+from anaplot.bundle.solve.linearised import move
+from anaplot.bundle.solve.parameterpriors import ParameterPrior, parameter_priors
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.errors import InputError
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return aerial(3, 3, per_base=2, noise_um=5.0, relief=150.0, turned=True, control_sigma=0.05)
+
+
+def adjusted(scene, text: str, priors: str, sigma_um: float | None = None):
+    known = parameter_priors(priors) if priors else ()
+    return adjust_block(scene.block, additional=additional_parameters(text, sigma_um, known))
+
+
+def same(one, two, rtol: float = 1e-6) -> None:
+    """The same points, and standard deviations of them."""
+    np.testing.assert_allclose(
+        one.state.points + one.state.origin, two.state.points + two.state.origin, atol=2e-5
+    )
+    np.testing.assert_allclose(one.cofactors.points, two.cofactors.points, rtol=rtol, atol=1e-9)
+
+
+@pytest.mark.parametrize("text", ["ebner:b3,b5,b9", "physical:k1,b1,c"])
+def test_a_sigma_without_end_is_free_and_one_of_nothing_holds(scene, text: str) -> None:
+    names = text.partition(":")[2].split(",")
+    value = {"ebner": 8.0, "physical": 2e-4}[text.partition(":")[0]]
+    free = adjusted(scene, text, "")
+    same(adjusted(scene, text, f"{names[0]}={value}+-1e9"), free)
+    held = adjusted(scene, text, f"{names[0]}={value}+-0")
+    assert [row.name for row in free.parameter_rows() if row.name != names[0]] == [
+        row.name for row in held.parameter_rows()
+    ]
+    tight = adjusted(scene, text, f"{names[0]}={value}+-{value * 1e-7}")
+    same(tight, held, rtol=1e-5)
+    assert tight.redundancy == held.redundancy == free.redundancy + 1
+    # held at zero is not there
+    away = adjusted(scene, f"{text.partition(':')[0]}:{','.join(names[1:])}", "")
+    same(adjusted(scene, text, f"{names[0]}=0+-0"), away)
+    everything = adjusted(scene, text, ",".join(f"{n}=0+-0" for n in names))
+    same(everything, adjust_block(scene.block))
+    assert everything.parameter_rows() == []
+
+
+@pytest.mark.parametrize("scope", ["block", "strip", "photo"])
+def test_every_prior_is_an_observation(scene, scope: str) -> None:
+    block = adjusted(scene, f"ebner:b3,b5,b9:{scope}", "b3=4+-2,b9=-3+-5,b5=1")
+    names = block.problem.additional_groups
+    rows = block.prior_rows()
+    assert [row.key for row in rows] == [("prior", g, n) for g in names for n in ("b3", "b9")]
+    assert block.problem.observations == 2 * len(block.problem.photo) + 2 * len(names) + int(
+        np.isfinite(block.problem.known_sigma).sum()
+    )
+    # r, residual, smallest detectable error and w by the dense design
+    design, free = dense(block)
+    q = dense_inverse(design, free)
+    n, d, p = len(block.problem.photos), block.problem.per_photo, len(block.problem.points)
+    values = {(row.group, row.name): row.value for row in block.parameter_rows()}
+    for row in rows:
+        _, group, name = row.key
+        k, index = names.index(group), ("b3", "b5", "b9").index(name)
+        at = k * d + 6 + index if scope == "photo" else n * d + 3 * p + 3 * k + index
+        known, sigma = {"b3": (4e-3, 2e-3), "b9": (-3e-3, 5e-3)}[name]
+        assert row.r == pytest.approx(1.0 - q[at, at] / sigma**2, abs=1e-8)
+        assert row.residual == pytest.approx(values[group, name] - known, abs=1e-9)
+        expected = block.sigma * sigma * np.sqrt(row.r)
+        assert row.w == pytest.approx(row.residual / expected, rel=1e-6)
+        assert row.mdb == pytest.approx(4.132 * sigma / np.sqrt(row.r), rel=1e-3)
+
+
+def test_priors_of_groups(scene) -> None:
+    known = [
+        ParameterPrior("b3", 1.0, 2.0),
+        ParameterPrior("b3", 5.0, 3.0, "s2"),
+        ParameterPrior("b5", 7.0, None, "s1"),
+    ]
+    block = make_problem(
+        scene.block, additional=additional_parameters("ebner:b3,b5:strip", None, known)
+    )
+    assert block.additional_groups == ("s1", "s2", "s3")
+    np.testing.assert_allclose(block.additional_given * 1e3, [[1.0, 7.0], [5.0, 0.0], [1.0, 0.0]])
+    np.testing.assert_allclose(
+        block.additional_sigma * 1e3, [[2.0, np.inf], [3.0, np.inf], [2.0, np.inf]]
+    )
+    for wrong, said in (
+        ([ParameterPrior("b3", 1.0, 2.0, "9")], "no strip '9'"),
+        ([ParameterPrior("b3", 1.0, 0.0, "s2")], "held (sigma 0), but not for 's1'"),
+    ):
+        with pytest.raises(InputError, match=r".") as refused:
+            make_problem(
+                scene.block, additional=additional_parameters("ebner:b3,b5:strip", None, wrong)
+            )
+        assert said in str(refused.value)
+
+
+@pytest.mark.parametrize("text", ["ebner:b3,b5,b9:camera", "physical:k1,b1,c:photo"])
+def test_derivatives_with_held_parameters_are_the_numerical_ones(scene, text: str) -> None:
+    held = {"ebner": "b5=30+-0", "physical": "k1=0.003+-0"}[text.partition(":")[0]]
+    problem = make_problem(
+        scene.block, additional=additional_parameters(text, None, parameter_priors(held))
+    )
+    state = scene.start(problem)
+    found = imaged_with_derivatives(problem, state)
+    np.testing.assert_allclose(found.xy, imaged(problem, state).xy, atol=1e-12)
+    without = make_problem(scene.block, additional=additional_parameters(text))
+    moved = found.xy - imaged(without, scene.start(without)).xy
+    assert np.abs(moved).max() > 0.01
+    photos = np.zeros((len(problem.photos), problem.per_photo))
+    photos[:, 0] = 1e-2
+    nothing = np.zeros_like(state.points), np.zeros_like(state.shared)
+    up, down = (
+        imaged(problem, move(problem, state, sign * photos, *nothing)).xy for sign in (1, -1)
+    )
+    np.testing.assert_allclose((up - down) / 2e-2, found.photo[:, :, 0], rtol=1e-5, atol=1e-7)
+
+
+def test_parameters_are_tested_against_given_values(scene) -> None:
+    free = adjusted(scene, "ebner:b3,b5,b9", "")
+    given = adjusted(scene, "ebner:b3,b5,b9", "b3=20,b5=-4,b9=100")
+    same(given, free)
+    found, other = parameter_tests(given), parameter_tests(free)
+    z = free.state.shared - np.array([20e-3, -4e-3, 100e-3])
+    square = z @ np.linalg.solve(free.cofactors.shared, z)
+    assert found.everything.known.square == pytest.approx(square, rel=1e-6)
+    for k, (one, two) in enumerate(zip(found.parameters, other.parameters, strict=True)):
+        assert one.value == pytest.approx(two.value, abs=1e-8)
+        assert one.given == pytest.approx([20e-3, -4e-3, 100e-3][k])
+        assert one.verdict.known.square == pytest.approx((z[k] / two.s) ** 2, rel=1e-5)
+    assert other.everything.known.square != pytest.approx(square, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("b1", "written as"),
+        ("b1=x+-3", "written as"),
+        ("b1=3+--1", "written as"),
+        ("b1=nan", "written as"),
+        ("=3", "written as"),
+        ("b3=1,b3=2", "stands twice"),
+        ("b33=1", "which takes no part (did you mean 'b3'?)"),
+        ("b4=1", "which takes no part"),
+    ],
+)
+def test_a_wrong_prior_is_told(text: str, said: str) -> None:
+    with pytest.raises(InputError) as refused:
+        additional_parameters("ebner:b3,b5", None, parameter_priors(text))
+    assert said in str(refused.value)
