@@ -1,15 +1,18 @@
-"""A question of the intents as a screen, and what follows from its answer."""
+"""A question or prompt of the intents as a screen, and what follows from its answer."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
 from anaplot.console.dialogs import AskWhether
-from anaplot.console.intent import Intent, Leave, Question
+from anaplot.console.intent import Intent, Leave, OtherPointName, Question
 from anaplot.console.keybar import show_key
 from anaplot.console.keymap import canonical_key
+from anaplot.console.namedialog import AskOtherName
+from anaplot.session import commands
+from anaplot.session.othernames import OtherName
 
-__all__ = ["asking"]
+__all__ = ["asking", "asking_name"]
 
 
 def asking(
@@ -44,3 +47,23 @@ def asking(
             do(other)
 
     return screen, answered
+
+
+def asking_name(
+    asked: OtherPointName, do: Callable[[Intent], None]
+) -> tuple[AskOtherName, Callable[[OtherName | None], None]]:
+    """Return the screen that asks what a point is in truth, and what is to be called then.
+
+    Parameters
+    ----------
+    asked
+        What is asked.
+    do
+        Carries out what the answer means.
+    """
+
+    def answered(answer: OtherName | None) -> None:
+        if answer is not None:
+            do(commands.Rename(*answer))
+
+    return AskOtherName(asked.proposed, asked.photos, asked.measured), answered

@@ -15,12 +15,12 @@ from textual.widgets import Input, Static
 
 from anaplot.textfiles.wording import plain
 
-__all__ = ["AskName", "AskWhether", "Page"]
+__all__ = ["AskName", "AskWhether", "Page", "clickable"]
 
 _LONGEST_NAME = 40
 
 
-def _clickable(text: str, action: str) -> Content:
+def clickable(text: str, action: str) -> Content:
     """Return text on which a click does what an action of the screen does."""
     return Content(text).stylize(Style.from_meta({"@click": f"screen.{action}"}))
 
@@ -81,7 +81,7 @@ class AskWhether(ModalScreen[Answered]):
         y = ", ".join(("y", *list(self._again.values())[:1]))
         answers = [(y, self._yes, "yes"), ("k", self._other, "other"), ("n", self._no, "no")]
         shown = [
-            _clickable(f"{key} {words}", f"answer({answer!r})").stylize(
+            clickable(f"{key} {words}", f"answer({answer!r})").stylize(
                 "bold $text-accent", 0, len(key)
             )
             for key, words, answer in answers
@@ -128,7 +128,7 @@ class AskName(ModalScreen[str | None]):
         with Vertical():
             yield Static(Content(self._title))
             yield Input(max_length=_LONGEST_NAME, compact=True)
-            leave = _clickable("escape leave it", "cancel")
+            leave = clickable("escape leave it", "cancel")
             yield Static(Content.assemble(f"enter {self._enter}     ", leave))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
@@ -167,7 +167,7 @@ class Page(ModalScreen[None]):
     def compose(self) -> ComposeResult:
         """Lay title and text out."""
         with Vertical():
-            title = Content.assemble(f"{self._title}   ", _clickable("(escape closes)", "close"))
+            title = Content.assemble(f"{self._title}   ", clickable("(escape closes)", "close"))
             yield Static(title, classes="page--title")
             with VerticalScroll(can_focus=False):
                 yield Static(Content("\n").join(self._lines), classes="page--text")

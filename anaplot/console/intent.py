@@ -11,6 +11,7 @@ from anaplot.console.stationlike import ControlsLike
 from anaplot.console.wheels import FIELDS, TURNS
 from anaplot.session import commands
 from anaplot.session.commands import Command
+from anaplot.session.othernames import OtherName
 from anaplot.session.reasons import REASONS
 from anaplot.station.blockstatus import ModelStatus
 from anaplot.station.snapshot import Snapshot
@@ -19,6 +20,7 @@ __all__ = [
     "PAGES",
     "Intent",
     "Leave",
+    "OtherPointName",
     "PointName",
     "Question",
     "Read",
@@ -50,6 +52,18 @@ class Leave:
 @dataclass(frozen=True, slots=True)
 class PointName:
     """Ask for the name of a point to add."""
+
+
+@dataclass(frozen=True, slots=True)
+class OtherPointName:
+    """Ask what a measured point is in truth.
+
+    `proposed`: its probable name, or "". `photos`: left and right. `measured`: what the model has.
+    """
+
+    proposed: OtherName
+    photos: tuple[str, str]
+    measured: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +116,7 @@ class Question:
     other: tuple[str, Leave] | None = None
 
 
-Intent = Command | Say | Question | Leave | PointName | Read | Turn | Toggle
+Intent = Command | Say | Question | Leave | PointName | OtherPointName | Read | Turn | Toggle
 
 PAGES = ("orientation", "messages", "block", "ties", "fit", "log", "pointing", "errors", "help")
 """Pages that are there whatever is selected, each opened by the action of its name."""
@@ -118,7 +132,7 @@ _ALWAYS: dict[str, Intent] = {
     **{page: Read(page) for page in PAGES},
 }
 _NEEDS_WHEELS = ("zoom_in", "zoom_out", "coarse")
-_OF_A_ROW = ("switch_row", "switch_point", "details")
+_OF_A_ROW = ("switch_row", "switch_point", "rename", "details")
 _NAMED = 8  # missing points that a question names
 _WHEELS_ELSEWHERE = Say("hint", "the handwheels are those of a simulated plotter's stereo view (v)")
 _HAND_OFF = Question(
@@ -273,7 +287,20 @@ def _with_row(action: str, now: Situation) -> Intent:
         return commands.Switch(shown.point, shown.axis, now.row_off)
     if action == "details":
         return Read(action)
+    if action == "rename":
+        return _renamed(shown.point, now)
     return commands.Switch(shown.point, None, now.point_off)
+
+
+def _renamed(point: str, now: Situation) -> Intent:
+    snapshot = now.snapshot
+    if snapshot.inner is not None:
+        return Say("hint", "fiducials keep their names: the inner orientation comes first")
+    measured = tuple(view.point for view in snapshot.points if view.times or view.seen)
+    if point not in measured:
+        return Say("hint", f"{point} is not measured yet")
+    proposed = now.other_name or OtherName(point, "")
+    return OtherPointName(proposed, (snapshot.left, snapshot.right), measured)
 
 
 def _accept(snapshot: Snapshot) -> Intent:

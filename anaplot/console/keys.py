@@ -16,6 +16,8 @@ from anaplot.station.snapshot import Snapshot
 
 __all__ = ["ACTIONS", "Action", "bindings", "is_live", "key_hints", "label_now"]
 
+_PROPOSED = 5  # weight of a key that does what the program proposes
+
 
 @dataclass(frozen=True, slots=True)
 class Action:
@@ -97,6 +99,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("why_transfer", "3", "", "The point was transferred wrongly.", 50, "why"),
     Action("why_instrument", "4", "", "It was the instrument.", 50, "why"),
     Action("switch_point", "X", "Point off", "Switch the whole point off, or on again.", 9),
+    Action("rename", "N", "Name", "Rename the selected point, or exchange it with another.", 20),
     Action("sort", "s", "Sort", "Sort: table order, significance, redundancy, point.", 12),
     Action("transfers", "t", "Arrows", "Show all critical transfers, or the selected row's.", 13),
     Action("layout", "m", "Map", "Show table and map, the map alone, the table alone.", 11),
@@ -172,6 +175,7 @@ def is_live(
         "undo": snapshot.may_undo,
         "switch_row": working and rows > 0,
         "switch_point": working and rows > 0,
+        "rename": working and rows > 0 and snapshot.inner is None,
         "sort": rows > 0,
         "transfers": snapshot.diagnosis is not None and bool(snapshot.diagnosis.transfers),
         "overview": snapshot.status is not None,
@@ -198,13 +202,15 @@ def label_now(
     entered: Entered = "drive",
     overview: bool = False,
     aimed: bool = False,
+    exchange: bool = False,
 ) -> str:
     """Return the label that says what the key would do now.
 
     `row_off`, `point_off`: the selected row, its point is switched off. `stereo`: the stereo view
     is shown. `coarse`: the handwheels take coarse steps. `hand`: the simulated hand sets the mark.
     `entered`: what Enter does. `overview`: it stands in place of the table. `aimed`: Enter goes
-    to a model there.
+    to a model there. `exchange`: the selected row's point is probably taken for another one of the
+    model.
     """
     if action.id == "drive":
         if aimed:
@@ -231,6 +237,8 @@ def label_now(
         return "Photo"
     if action.id == "suspend" and snapshot.suspended:
         return "Resume"
+    if action.id == "rename" and exchange:
+        return "Exchange"
     if action.id == "switch_row" and row_off:
         return "Row on"
     if action.id == "switch_point" and point_off:
@@ -254,6 +262,7 @@ def key_hints(now: Situation, keys: Mapping[str, tuple[str, ...]]) -> tuple[KeyH
         entered=now.now.action,
         overview=now.overview,
         aimed=now.aim is not None,
+        exchange=now.exchange,
     )
     return tuple(
         KeyHint(
@@ -264,7 +273,7 @@ def key_hints(now: Situation, keys: Mapping[str, tuple[str, ...]]) -> tuple[KeyH
                 if each is action or (action.group and each.group == action.group)
             ),
             label(action),
-            action.weight,
+            _PROPOSED if action.id == "rename" and now.other_name else action.weight,
         )
         for action in ACTIONS
         if action.label

@@ -19,7 +19,7 @@ __all__ = ["LogPage", "log_lines"]
 
 _MOST = 500  # changes on the page; `anaplot log` has all
 _KEYS = "/ show one model or point · m the model in work, or all · esc closes"
-_AGAIN = ("remeasured", "off", "on", "undone", "reopened")
+_AGAIN = ("remeasured", "renamed", "off", "on", "undone", "reopened")
 
 
 def log_lines(changes: Sequence[Change] | None, wanted: str, width: int) -> list[Content]:
@@ -61,7 +61,7 @@ def _heading(when: datetime, who: str) -> str:
 
 
 def _change(one: Change, when: datetime, width: int) -> list[Content]:
-    row = f"{one.point} {one.axis}".strip()
+    row = f"{one.point} → {one.name}" if one.name else f"{one.point} {one.axis}".strip()
     text = (
         f"{when:%H:%M:%S} {fit(one.what, 10)} {fit_end(one.model, 13)} {fit_end(one.photo, 7)} "
         f"{fit_end(row, 14)}"

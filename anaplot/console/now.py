@@ -32,6 +32,7 @@ _KEY: Mapping[StepKind, str] = {
     "accept": "accept",
     "resume": "suspend",
     "add": "add_point",
+    "rename": "rename",
     "switch off": "switch_row",
     "return": "drive",
 }

@@ -49,7 +49,7 @@ class ShownRow:
     offered
         Whether the model is complete without it.
     taken_for
-        The point with which its point is interchanged, or "".
+        What its point is probably called instead, or "".
     """
 
     point: str
@@ -84,10 +84,10 @@ class ShownRow:
         if self.state == "pending":
             quiet = "offered" if self.offered else "pending"
             return "next" if self.expected else quiet
-        if self.row is None:
-            return "measured"
         if self.taken_for:
             return f"<< is {plain(self.taken_for)}?"
+        if self.row is None:
+            return "measured"
         if self.accused and self.row.w is not None:
             return "<< REMEASURE"
         if self.row.flagged:
@@ -104,7 +104,7 @@ def _row(
     table: dict[Row, Observation[Row]],
     accused: tuple[str, str | None] | None,
     off: dict[Row, float],
-    interchanged: tuple[str, ...],
+    taken_for: dict[str, str],
 ) -> ShownRow:
     key = (view.point, axis)
     if axis in view.off_axes or view.status == "off":
@@ -121,9 +121,7 @@ def _row(
         view.seen[0] if len(view.seen) == 1 else "",
         mark=view.mark,
         offered=view.offered,
-        taken_for=next((p for p in interchanged if p != view.point), "")
-        if view.point in interchanged
-        else "",
+        taken_for=taken_for.get(view.point, ""),
     )
 
 
@@ -138,9 +136,9 @@ def shown_rows(snapshot: Snapshot) -> tuple[ShownRow, ...]:
     accused = work.suspects[0] if work.suspects else None
     off = {row.key: row.residual for row in work.off if isfinite(row.residual)}
     views = {view.point: view for view in work.points}
-    interchanged = () if snapshot.diagnosis is None else snapshot.diagnosis.interchanged
+    other = {} if snapshot.inner is not None else {o.point: o.name for o in snapshot.other_names}
     return tuple(
-        _row(views[point], axis, point == snapshot.next_point, table, accused, off, interchanged)
+        _row(views[point], axis, point == snapshot.next_point, table, accused, off, other)
         for point, axis in work.keys
     )
 

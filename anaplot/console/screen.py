@@ -12,7 +12,7 @@ from textual.containers import Horizontal
 from textual.message import Message
 from textual.screen import Screen
 
-from anaplot.console.asking import asking
+from anaplot.console.asking import asking, asking_name
 from anaplot.console.choices import Choices
 from anaplot.console.connection import StationConnection
 from anaplot.console.dialogs import AskName
@@ -20,6 +20,7 @@ from anaplot.console.errorspage import errors_line
 from anaplot.console.intent import (
     Intent,
     Leave,
+    OtherPointName,
     PointName,
     Question,
     Read,
@@ -401,6 +402,8 @@ class OrientationScreen(Screen[None]):
                 self.app.push_screen(*asking(intent, self._keys, self._do))
             case PointName():
                 self.app.push_screen(AskName(), self._named)
+            case OtherPointName():
+                self.app.push_screen(*asking_name(intent, self._do))
             case Read(page):
                 self._pages.open(self.app, page, self._situation.selected)
             case Leave(keep):

@@ -9,6 +9,7 @@ from anaplot.console.inwork import in_work
 from anaplot.console.now import NOTHING, Now
 from anaplot.console.rows import ShownRow
 from anaplot.console.stationlike import ControlsLike
+from anaplot.session.othernames import OtherName
 from anaplot.station.blockstatus import ModelStatus
 from anaplot.station.snapshot import Snapshot
 
@@ -69,6 +70,19 @@ class Situation:
         """The measured point to which the operator moved the cursor, or None."""
         shown = self.selected if self.by_hand else None
         return shown.point if shown is not None and shown.state == "measured" else None
+
+    @property
+    def other_name(self) -> OtherName | None:
+        """What the selected row's point is probably called instead, or None."""
+        point = None if self.selected is None else self.selected.point
+        return next((one for one in self.snapshot.other_names if one.point == point), None)
+
+    @property
+    def exchange(self) -> bool:
+        """Whether it is probably taken for another one that the model has."""
+        other = self.other_name
+        views = self.snapshot.points
+        return other is not None and any(v.point == other.name and v.times for v in views)
 
     @property
     def row_off(self) -> bool:

@@ -49,7 +49,7 @@ def diagnose(solution: ModelSolution) -> Diagnosis:
         partners=partners,
         advice=_advice(solution, evidence, suspects, partners, interchange),
         suspects=suspects,
-        interchanged=() if interchange is None else interchange.points,
+        interchange=interchange,
     )
 
 

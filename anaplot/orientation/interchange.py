@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations
-from typing import Literal, NamedTuple
 
 import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.orientation.pair import Stereopair
-from anaplot.orientation.results import ModelSolution
+from anaplot.orientation.results import Exchanged, Interchange, ModelSolution
 from anaplot.orientation.solver import agreement
 from anaplot.photogrammetry.block import TieVariance
 
@@ -23,31 +22,6 @@ __all__ = ["Interchange", "interchange_of", "interchanged"]
 _HUGE = 10.0  # times the a-priori sigma0: below, nobody took one point for another
 _MOST_PAIRS = 6  # pairs that are tried
 _FEW_POINTS = 7  # with these the table hardly tells pairs apart, and all are tried
-
-Exchanged = Literal["left", "right", "both"]
-
-
-class Interchange(NamedTuple):
-    """Two points whose records are exchanged.
-
-    Attributes
-    ----------
-    points
-        The two names, in the order of the left photo.
-    photo
-        The photo in which they are; "" for either: only ties tell the photos apart, and where
-        both are exchanged it may as well have been in the preceding model.
-    """
-
-    points: tuple[str, str]
-    photo: str = ""
-
-    @property
-    def text(self) -> str:
-        """One sentence."""
-        first, second = self.points
-        where = f" in photo {self.photo}" if self.photo else ""
-        return f"{first} and {second} interchanged{where}? With the two exchanged all points agree"
 
 
 def interchange_of(solution: ModelSolution) -> Interchange | None:
@@ -108,10 +82,11 @@ def interchanged(
         agreement(_without(pair, point), tie_variance, apriori_mm) is not None for point in names
     ):
         return None
-    photo = {"left": pair.left, "right": pair.right, "both": ""}[min(found)[1]]
+    exchanged = min(found)[1]
+    photo = {"left": pair.left, "right": pair.right, "both": ""}[exchanged]
     if pair.ties is None or not set(names) & set(pair.ties):
         photo = ""  # the rays meet alike whichever one is exchanged
-    return Interchange(names, photo)
+    return Interchange(names, photo, exchanged)
 
 
 def _exchanges(pair: Stereopair, first: str, second: str) -> Iterator[tuple[Exchanged, Stereopair]]:

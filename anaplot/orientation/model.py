@@ -47,20 +47,25 @@ class WrongPointsError(NotComputableError):
     ----------
     suspects
         Their names, the worst first.
-    interchanged
-        The two points whose records are exchanged, or ().
+    interchange
+        Two points whose records are exchanged, or None.
     """
 
     def __init__(
         self, model: str, suspects: tuple[str, ...], interchange: Interchange | None = None
     ) -> None:
         self.suspects = suspects
-        self.interchanged = () if interchange is None else interchange.points
+        self.interchange = interchange
         what = f"the other points agree: remeasure {suspects[0]}"
         super().__init__(
             f"model {model}: no orientation with {', '.join(suspects)}; "
             + (what if interchange is None else interchange.text)
         )
+
+    @property
+    def interchanged(self) -> tuple[str, ...]:
+        """The two points whose records are exchanged, or ()."""
+        return () if self.interchange is None else self.interchange.points
 
 
 def warm_up() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,12 @@ from anaplot.orientation.pair import Stereopair
 from anaplot.orientation.tieerrors import ExactStatistics
 from anaplot.photogrammetry.block import TieVariance
 
-__all__ = ["Diagnosis", "ModelPoint", "ModelSolution", "Row"]
+__all__ = ["Diagnosis", "Exchanged", "Interchange", "ModelPoint", "ModelSolution", "Row"]
 
 Row = tuple[str, Axis]
 """A pseudo-observation of a model: y of a point, or x of a tie."""
+Exchanged = Literal["left", "right", "both"]
+"""In which of a model's photos the records of two points are exchanged."""
 
 
 class ModelPoint(NamedTuple):
@@ -137,6 +139,33 @@ class ModelSolution(TestedInMicrometres[Row]):
         return tuple(self.tested.rows(np.flatnonzero(self.tested.flagged)))
 
 
+class Interchange(NamedTuple):
+    """Two points whose records are exchanged.
+
+    Attributes
+    ----------
+    points
+        The two names, in the order of the left photo.
+    photo
+        The photo in which they are; "" for either: only ties tell the photos apart, and where
+        both are exchanged it may as well have been in the preceding model.
+    exchanged
+        With which of the photos exchanged all points agree; "right" also stands for "left" where
+        only `photo` could tell them apart.
+    """
+
+    points: tuple[str, str]
+    photo: str = ""
+    exchanged: Exchanged = "right"
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        first, second = self.points
+        where = f" in photo {self.photo}" if self.photo else ""
+        return f"{first} and {second} interchanged{where}? With the two exchanged all points agree"
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
     """What the operator is told beyond the table.
@@ -151,12 +180,17 @@ class Diagnosis:
         (point, axis) of flagged rows, the most probable first; under "exact" also of rows that
         are not flagged but may be why others are. Where two points are interchanged, their rows
         come first.
-    interchanged
-        The two points whose records are exchanged, or ().
+    interchange
+        Two points whose records are exchanged, or None.
     """
 
     transfers: tuple[Transfer[Row], ...]
     partners: tuple[Partner[Row], ...]
     advice: tuple[str, ...]
     suspects: tuple[Row, ...]
-    interchanged: tuple[str, ...] = ()
+    interchange: Interchange | None = None
+
+    @property
+    def interchanged(self) -> tuple[str, ...]:
+        """The two points whose records are exchanged, or ()."""
+        return () if self.interchange is None else self.interchange.points

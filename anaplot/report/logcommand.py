@@ -30,13 +30,16 @@ def _again(what: str) -> bool:
     return what not in ("measured", "oriented")
 
 
+_POINT = name("point", "POINT", 5, none="")
+# stands where anything was renamed
+_NAME = name("name", "IS NOW", 6, none="")
 _CHANGES = (
     name("time", "TIME", 25, form=_local, gap=0),
     name("who", "WHO", 3, none=""),
     name("what", "WHAT", 10, look=_again),
     name("model", "MODEL", 5, none=""),
     name("photo", "PHOTO", 5, none=""),
-    name("point", "POINT", 5, none=""),
+    _POINT,
     name("axis", "AXIS", 4, none=""),
     replace(name("old", "OLD [mm]", 8, form=_xy, none=""), parts=("x", "y")),
     replace(name("new", "NEW [mm]", 8, form=_xy, none=""), parts=("x", "y")),
@@ -63,6 +66,7 @@ def run_log(options: argparse.Namespace) -> int:
 
 def log_document(changes: Sequence[Change]) -> Document:
     """Return the document of changes, the oldest first."""
+    renamed = any(one.name for one in changes)
     rows = [
         (
             one.time,
@@ -71,6 +75,7 @@ def log_document(changes: Sequence[Change]) -> Document:
             one.model or None,
             one.photo or None,
             one.point or None,
+            *((one.name or None,) if renamed else ()),
             one.axis or None,
             one.old,
             one.new,
@@ -80,7 +85,9 @@ def log_document(changes: Sequence[Change]) -> Document:
         )
         for one in changes
     ]
-    found = table("changes", _CHANGES, rows)
+    at = _CHANGES.index(_POINT) + 1
+    columns = (*_CHANGES[:at], *((_NAME,) if renamed else ()), *_CHANGES[at:])
+    found = table("changes", columns, rows)
     if not rows:
         return Document({"changes": found}, (say("nothing is journalled yet"),), (found,))
     return Document({"changes": found}, (found,), (found,))

@@ -37,12 +37,15 @@ class Accident(NamedTuple):
         Whether it is certain that this point of the model (or strip) in question is the wrong one.
     against
         What has it elsewhere: another strip's name, `GROUND`, or "" for its own strip.
+    other
+        The name that it probably has, or "".
     """
 
     point: str
     text: str
     certain: bool
     against: str = ""
+    other: str = ""
 
 
 def accidents(state: SessionState, known: Transfer) -> tuple[Accident, ...]:
@@ -113,7 +116,8 @@ def _of_check(check: TieCheck, here: Set[str]) -> Iterator[Accident]:
         return
     wrong = check.wrong
     for point in wrong:
-        yield Accident(point, _elsewhere(check, point, wrong), point in here, check.other)
+        text, other = _elsewhere(check, point, wrong)
+        yield Accident(point, text, point in here, check.other, other)
     if not wrong and tie.suspects:
         first, *others = tie.suspects
         which = f"{first} or {' or '.join(others)}" if others else first
@@ -122,21 +126,23 @@ def _of_check(check: TieCheck, here: Set[str]) -> Iterator[Accident]:
         yield Accident(first, text, False, check.other)
 
 
-def _elsewhere(check: TieCheck, point: str, wrong: tuple[str, ...]) -> str:
+def _elsewhere(check: TieCheck, point: str, wrong: tuple[str, ...]) -> tuple[str, str]:
+    """Return in words how far off a point is, and the name that it probably has, or ""."""
     assert check.cleaned is not None
     off = next(p.difference for p in check.cleaned.points if p.point == point)
     size = sqrt(sum(d * d for d in off))
     where = "the control list has it" if check.other == GROUND else f"{check.named} has it"
     if size < _POINTING:
-        return f"{point} measured {1e3 * size:.0f} µm from where {where}: remeasure"
+        return f"{point} measured {1e3 * size:.0f} µm from where {where}: remeasure", ""
     metres = f" ({size * check.unit_m:.1f} m)" if check.unit_m and check.other == GROUND else ""
     places = {p.point: p.difference for p in check.cleaned.points}
     for other in wrong:
         # two that are interchanged are off by opposite amounts
         gap = sqrt(sum((a + b) ** 2 for a, b in zip(off, places[other], strict=True)))
         if other != point and gap < 0.1 * size:
-            return f"{point} and {other} interchanged? {point} is {size:.1f} mm from where {where}"
-    return f"{point} measured {size:.1f} mm{metres} from where {where}: another point?"
+            text = f"{point} and {other} interchanged? {point} is {size:.1f} mm from where {where}"
+            return text, other
+    return f"{point} measured {size:.1f} mm{metres} from where {where}: another point?", ""
 
 
 def _two_names(
@@ -170,9 +176,8 @@ def _two_names(
 
 
 def _same(point: str, other: str, what: str) -> Accident:
-    return Accident(
-        point, f"{point} lies where {what}{other} lies: the same point under two names?", False
-    )
+    text = f"{point} lies where {what}{other} lies: the same point under two names?"
+    return Accident(point, text, False, other=other)
 
 
 def _in_photos(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -20,6 +20,7 @@ from anaplot.session.events import (
     MonoMeasured,
     PointAdded,
     PointMeasured,
+    PointRenamed,
     PointRepeated,
     ReasonGiven,
     Resumed,
@@ -36,6 +37,7 @@ __all__ = ["Change", "ChangeKind", "ChangeLog", "Happened", "changes"]
 ChangeKind = Literal[
     "measured",
     "remeasured",
+    "renamed",
     "off",
     "on",
     "added",
@@ -76,6 +78,8 @@ class Change:
     reason
         Why: "pointing", "identification", "transfer", "instrument", a strategy for gross errors
         that `anaplot adjust --apply` had, or "" where nobody said so.
+    name
+        Of what was renamed, the name that it has now; else "".
     """
 
     time: str
@@ -90,6 +94,7 @@ class Change:
     w_before: float | None = None
     w_after: float | None = None
     reason: str = ""
+    name: str = ""
 
 
 def changes(block: Block, history: Iterable[Happened]) -> tuple[Change, ...]:
@@ -186,6 +191,8 @@ def _told(
                 what: ChangeKind = "measured" if old is None else "remeasured"
                 out.append(change(what, photo=photo, point=point, old=old, new=new, **w))
             return out
+        case PointRenamed():
+            return list(_renamed(event, before, after, change))
         case RowSwitched(point, axis, on):
             photo = "" if model is None else model.right
             w = {
@@ -248,6 +255,23 @@ def _told(
             return [change("reopened", point=event.point or "")]
         case _:
             return [change("undone")] if undone else []
+
+
+def _renamed(
+    event: PointRenamed, before: SessionState, after: SessionState, change: Callable[..., Change]
+) -> Iterator[Change]:
+    """Yield what got another name in each photo: the point itself, then what it is exchanged with.
+
+    Taken back, it is told as it was done.
+    """
+    photos: tuple[tuple[Side, str], ...] = (("left", event.left), ("right", event.right))
+    for point, name in ((event.point, event.name), (event.name, event.point)):
+        w = {"w_before": _largest(before, point), "w_after": _largest(after, point)}
+        for side, photo in photos:
+            old, new = (m and m.place_of(side, point) for m in (before.current, after.current))
+            told = (old or new) if point == event.point else (old and new)
+            if event.side in (None, side) and told:
+                yield change("renamed", photo=photo, point=point, old=old, new=new, name=name, **w)
 
 
 def _largest_of(state: SessionState, row: DecidedRow) -> float | None:

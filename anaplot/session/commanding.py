@@ -29,7 +29,8 @@ from anaplot.session.events import (
 from anaplot.session.heard import Seen
 from anaplot.session.innerwork import InnerOutlook, acceptance
 from anaplot.session.layinganew import laid_anew, return_to
-from anaplot.session.modes import Fiducials
+from anaplot.session.modes import Fiducials, Pairs, Singles
+from anaplot.session.othernames import where_elsewhere
 from anaplot.session.plans import plan_of
 from anaplot.session.plates import image_of, plates_of
 from anaplot.session.repeating import begin_repeating
@@ -40,6 +41,7 @@ from anaplot.session.undone import undone
 __all__ = ["decide"]
 
 _LONGEST_NAME = 100  # characters of a point's name
+_SIDES: tuple[Side, ...] = ("left", "right")
 
 
 def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
@@ -72,6 +74,8 @@ def decide(desk: Desk, command: Command, seen: Seen) -> Decision:
             else:
                 before = () if on else mode.additions(point)
                 draft.happen(*before, mode.switch(point, axis, on))
+        case commands.Rename(point, name, side):
+            _rename(draft, point, name, side)
         case commands.Undo():
             _undo(draft)
         case commands.GiveReason(reason):
@@ -150,6 +154,30 @@ def _point_again(draft: Draft, name: str | None, times: int) -> None:
     draft.point_away(begin_repeating(mode, name, times, desk.abilities.middle))
 
 
+def _rename(draft: Draft, point: str, name: str, side: Side | None) -> None:
+    mode = _pointing_mode(draft)
+    _check_name(name)
+    before = draft.model()
+    exchanged = any(before.place_of(s, name) is not None for s in _SIDES if side in (None, s))
+    known = draft.desk.transfer.places
+    draft.happen(mode.renamed(point, name, side))
+    where = "" if side is None else f" in photo {before.photo(side)}"
+    what = f"{point} and {name} exchanged" if exchanged else f"{point} is {name} now"
+    draft.tell("info", f"{what}{where}")
+    for one in (name, point):
+        elsewhere = where_elsewhere(draft.desk.state, known, one)
+        if elsewhere is not None:
+            draft.tell("info" if elsewhere.agrees else "warning", elsewhere.text)
+    last = draft.desk.last_measured
+    if side is None and last in (point, name):
+        draft.change(last_measured=name if last == point else point if exchanged else None)
+    if {point, name} & set(draft.desk.checks):
+        draft.begin_checks(check_points(draft.desk.state))
+    if draft.desk.target in (point, name):
+        draft.go_nowhere()
+        draft.advance()
+
+
 def _undo(draft: Draft) -> None:
     before = draft.desk.state
     draft.happen(Undone())
@@ -167,6 +195,8 @@ def _undo(draft: Draft) -> None:
         mode = draft.desk.mode
         if mode is None or not mode.has(draft.desk.target):
             draft.go_nowhere()
+    if any(draft.model().measurement(name) is None for name in draft.desk.checks):
+        draft.begin_checks(check_points(draft.desk.state))
     draft.tell("info", f"undone: {undone(before, after)}")
 
 
@@ -264,17 +294,27 @@ def _lay_photo(draft: Draft, photo: str) -> None:
 
 
 def _add_point(draft: Draft, name: str) -> None:
-    model, mode, here = draft.model(), draft.desk.mode, draft.seen.position
-    if mode is None or isinstance(mode, Fiducials):
-        assert model.open_inner is not None
-        raise InputError(f"{model.open_inner.name}: inner orientation comes first")
-    if not name.strip() or not name.isprintable() or len(name) > _LONGEST_NAME:
-        raise InputError(f"a point needs a printable name of at most {_LONGEST_NAME} characters")
+    model, mode, here = draft.model(), _pointing_mode(draft), draft.seen.position
+    _check_name(name)
     if here is None:
         raise InputError("there is no read-out: drive the plates to the new point first")
     draft.check_instrument(model)
     draft.happen(PointAdded(mode.added(name, image_of(here, plates_of(draft.desk.state)))))
     draft.redirect(target=name)
+
+
+def _pointing_mode(draft: Draft) -> Pairs | Singles:
+    """Return how points are measured in the model; refused before its photos are oriented."""
+    model, mode = draft.model(), draft.desk.mode
+    if mode is None or isinstance(mode, Fiducials):
+        assert model.open_inner is not None
+        raise InputError(f"{model.open_inner.name}: inner orientation comes first")
+    return mode
+
+
+def _check_name(name: str) -> None:
+    if not name.strip() or not name.isprintable() or len(name) > _LONGEST_NAME:
+        raise InputError(f"a point needs a printable name of at most {_LONGEST_NAME} characters")
 
 
 def _photos(state: SessionState) -> tuple[str, str] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from anaplot.aliases import Axis
+from anaplot.aliases import Axis, Side
 from anaplot.session.events import Reason
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "PointAgain",
     "RecordPoint",
     "Reference",
+    "Rename",
     "Resume",
     "ReturnTo",
     "Stop",
@@ -77,6 +78,19 @@ class Switch:
     point: str
     axis: Axis | None
     on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Rename:
+    """Give what was measured as one point of the current model another name.
+
+    Where the model has that name already, the two are exchanged. `side`: in which photo alone; None
+    for both.
+    """
+
+    point: str
+    name: str
+    side: Side | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +184,7 @@ Command = (
     | RecordPoint
     | PointAgain
     | Switch
+    | Rename
     | Undo
     | GiveReason
     | Accept

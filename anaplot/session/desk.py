@@ -21,6 +21,7 @@ from anaplot.session.events import Event
 from anaplot.session.heard import Abilities
 from anaplot.session.modes import Fiducials, Mode, mode_of
 from anaplot.session.nextstep import Agenda, Step
+from anaplot.session.othernames import OtherName, other_names
 from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.referencing import KnownPlace, Referencing, asked_for, references
 from anaplot.session.repeating import Repeating
@@ -164,6 +165,14 @@ class Desk:
         return accidents(self.state, self.transfer)
 
     @property
+    def other_names(self) -> tuple[OtherName, ...]:
+        """What points of the model in work are probably called instead."""
+        model = self.state.current
+        if model is None or model.open_inner is not None:
+            return ()
+        return other_names(model, self.outlook.interchange, self.accidents)
+
+    @property
     def _beyond(self) -> Accident | Offer | None:
         """What there is to do when the model is complete and nothing in it is suspected."""
         view, model = self.outlook, self.state.current
@@ -206,7 +215,9 @@ class Desk:
         if isinstance(beyond, Accident):
             again = Step("remeasure", f"remeasure {beyond.point}", beyond.point)
             off = Step("switch off", "switch it off", beyond.point)
-            return Agenda((again, off, accept), beyond.text)
+            named = Step("rename", f"name it {beyond.other}", beyond.point)
+            steps = (again, *((named,) if beyond.other else ()), off, accept)
+            return Agenda(steps, beyond.text)
         if isinstance(beyond, Offer):
             name = beyond.planned.point
             offered = Step("measure", f"measure {name} ({beyond.words})", name)

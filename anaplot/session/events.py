@@ -27,6 +27,7 @@ __all__ = [
     "PlannedPoint",
     "PointAdded",
     "PointMeasured",
+    "PointRenamed",
     "PointRepeated",
     "Reason",
     "ReasonGiven",
@@ -220,6 +221,33 @@ class MonoMeasured:
 
 
 @dataclass(frozen=True, slots=True)
+class PointRenamed:
+    """What was measured as one point of the current model has another name from now on.
+
+    Where the model has that name already, the two exchange theirs.
+
+    Attributes
+    ----------
+    left, right
+        The model.
+    point, name
+        The name that it had, and the name that it has now.
+    side
+        In which of the photos alone; None for both.
+    role
+        The role of `name` in the plan, where it is new there.
+    """
+
+    kind: ClassVar[str] = "point-renamed"
+    left: PhotoName
+    right: PhotoName
+    point: str
+    name: str
+    side: Side | None = None
+    role: Role = "new"
+
+
+@dataclass(frozen=True, slots=True)
 class Place:
     """Where something was pointed at in a photo: coordinates [mm]."""
 
@@ -376,6 +404,7 @@ Event = (
     | InnerAccepted
     | PointAdded
     | PointMeasured
+    | PointRenamed
     | PointRepeated
     | RowSwitched
     | DecisionsTakenOver

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -188,6 +189,13 @@ class ModelState:
         """Return the mono model after a point was measured in one photo."""
         found = {(s.side, s.point): s for s in self.seen}
         found[sighting.side, sighting.point] = sighting
+        # a point measured anew is believed again until its rows say otherwise
+        off = frozenset(key for key in self.off if key[0] != sighting.point)
+        return replace(self, off=off).with_sightings(found.values())
+
+    def with_sightings(self, sightings: Iterable[Sighting]) -> Self:
+        """Return the mono model with these as all that was measured in its photos."""
+        found = {(s.side, s.point): s for s in sightings}
         sides: tuple[Side, Side] = ("left", "right")
         seen = tuple(
             found[side, p.point] for side in sides for p in self.plan if (side, p.point) in found
@@ -198,6 +206,4 @@ class ModelState:
             for a, b in pairs
             if a is not None and b is not None
         )
-        # a point measured anew is believed again until its rows say otherwise
-        off = frozenset(key for key in self.off if key[0] != sighting.point)
-        return replace(self, seen=seen, measured=measured, off=off)
+        return replace(self, seen=seen, measured=measured)

@@ -26,6 +26,7 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    PointRenamed,
     Role,
     RowSwitched,
 )
@@ -189,6 +190,13 @@ class _Points:
     def switch(self, name: str, axis: Axis | None, on: bool) -> Event:
         """Return the event that switches a point's row."""
         return RowSwitched(name, axis, on)
+
+    def renamed(self, point: str, name: str, side: Side | None) -> Event:
+        """Return the event that gives what was measured as a point another name."""
+        left, right = self.model.photos
+        planned = self.model.planned(name)
+        role = self._role(name) if planned is None else planned.role
+        return PointRenamed(left, right, point, name, side, role)
 
     def _images(self, name: str, *, known: bool) -> tuple[float, float, float, float]:
         """Return where a point is expected in both photos [mm]."""

@@ -19,7 +19,9 @@ __all__ = [
     "remeasured_side",
 ]
 
-StepKind = Literal["lay", "measure", "remeasure", "add", "switch off", "accept", "resume", "return"]
+StepKind = Literal[
+    "lay", "measure", "remeasure", "rename", "add", "switch off", "accept", "resume", "return"
+]
 
 
 class Step(NamedTuple):
@@ -111,12 +113,13 @@ def next_step(
 
 
 def _naming(step: Expectation, interchanged: tuple[str, ...]) -> Expectation:
-    """Say that one of two interchanged points is measured again because they are."""
+    """Say that two points are interchanged where one is measured again, or exchange them."""
     first, *others = step.agenda.steps
     if first.point not in interchanged:
         return step
     named = first._replace(words=f"{' and '.join(interchanged)} interchanged? {first.words}")
-    return step._replace(agenda=step.agenda._replace(steps=(named, *others)))
+    exchange = Step("rename", "exchange them", first.point)
+    return step._replace(agenda=step.agenda._replace(steps=(named, exchange, *others)))
 
 
 def _pair(model: ModelState, suspects: tuple[str, ...]) -> Expectation | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from anaplot.session.changes import Happened
 from anaplot.session.events import (
@@ -16,6 +16,7 @@ from anaplot.session.events import (
     MonoMeasured,
     PhotoLaid,
     PointMeasured,
+    PointRenamed,
     PointRepeated,
     ReasonGiven,
     Resumed,
@@ -30,6 +31,7 @@ __all__ = ["Pointed", "Pointings", "Run", "pointings_of"]
 
 Named = tuple[str, str, str]
 """(left, right, point), or (photo, side, fiducial)."""
+_Known = TypeVar("_Known")
 
 
 class Pointed(NamedTuple):
@@ -121,10 +123,28 @@ def pointings_of(start: SessionState, history: Iterable[Happened]) -> Pointings:
         if isinstance(event, PointRepeated):
             assert model is not None  # or the event would have been refused
             _repeated(runs, layings, event, model, who, here)
+        elif isinstance(event, PointRenamed):
+            _rename(measured, event)
+            _rename(here, event)
         elif (named := _named(event)) is not None:
             measured[named] = Pointed(who, time)
             here[named] = who
     return Pointings(state, measured, tuple(runs.values()))
+
+
+def _rename(found: dict[Named, _Known], event: PointRenamed) -> None:
+    """Let what is known of a point be known of the name that it has now.
+
+    In one photo alone both points keep what is known of the other photo's pointing.
+    """
+    if event.side is not None:
+        return
+    one, other = ((event.left, event.right, name) for name in (event.point, event.name))
+    of_one, of_other = found.pop(one, None), found.pop(other, None)
+    if of_one is not None:
+        found[other] = of_one
+    if of_other is not None:
+        found[one] = of_other
 
 
 def _named(event: Event) -> Named | None:

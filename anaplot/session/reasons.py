@@ -13,6 +13,7 @@ from anaplot.session.events import (
     FiducialSwitched,
     MonoMeasured,
     PointMeasured,
+    PointRenamed,
     Reason,
     RowSwitched,
     Undone,
@@ -39,7 +40,7 @@ class LastChange:
     Attributes
     ----------
     what
-        Measured again, switched off or on, or such a thing taken back.
+        Measured again, renamed, switched off or on, or such a thing taken back.
     model, point, axis
         Where: "left/right", point or fiducial and the row; "" and None where it is not one.
     fiducial
@@ -50,7 +51,7 @@ class LastChange:
         Whether nothing has happened since.
     """
 
-    what: Literal["remeasured", "off", "on", "undone"]
+    what: Literal["remeasured", "renamed", "off", "on", "undone"]
     model: str
     point: str = ""
     axis: Axis | None = None
@@ -84,6 +85,8 @@ def last_change(
             return LastChange("remeasured", name, point)
         case MonoMeasured(point=point, side=side) if model.sighting(side, point) is not None:
             return LastChange("remeasured", name, point)
+        case PointRenamed(point=point):
+            return LastChange("renamed", name, point)
         case FiducialMeasured(side=side, fiducial=point):
             inner = model.inner_of(side)
             if inner is not None and inner.measurement(point) is not None:

@@ -24,6 +24,7 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    PointRenamed,
     PointRepeated,
     Reason,
     ReasonGiven,
@@ -38,6 +39,7 @@ from anaplot.session.monofold import laid_in, measured_in_photo, taken_over
 from anaplot.session.pointcheck import check_place
 from anaplot.session.reasons import LastChange, RowReason, after_change, last_change, with_reason
 from anaplot.session.refusal import EventRefusedError
+from anaplot.session.renaming import renamed
 from anaplot.session.repeating import check_repetition
 from anaplot.session.returning import (
     AsAccepted,
@@ -216,7 +218,9 @@ def _happened(state: SessionState, event: Event) -> SessionState:
         case PointAdded():
             return _with_current(state, _added(state, event.planned))
         case PointMeasured():
-            return _with_point(state, _measured(state, event), event.point)
+            return _with_points(state, _measured(state, event), event.point)
+        case PointRenamed():
+            return _with_points(state, _renamed(state, event), event.point, event.name)
         case PointRepeated():
             check_repetition(state.block, _current(state), event)
             return state._remembered()
@@ -226,9 +230,9 @@ def _happened(state: SessionState, event: Event) -> SessionState:
             return replace(_with_current(state, model), layings=state.layings + 1)
         case MonoMeasured():
             after = measured_in_photo(state.block, _oriented(state), event)
-            return _with_point(state, after, event.point)
+            return _with_points(state, after, event.point)
         case RowSwitched():
-            return _with_point(state, _switched(_current(state), event), event.point)
+            return _with_points(state, _switched(_current(state), event), event.point)
         case DecisionsTakenOver():
             return _taken_over(state, event)
         case ModelAccepted():
@@ -256,10 +260,10 @@ def _with_current(state: SessionState, model: ModelState) -> SessionState:
     return replace(state._remembered(), current=model)
 
 
-def _with_point(state: SessionState, model: ModelState, point: str) -> SessionState:
-    """Return the state after something was done about a point of the current model."""
+def _with_points(state: SessionState, model: ModelState, *points: str) -> SessionState:
+    """Return the state after something was done about points of the current model."""
     after, returned = _with_current(state, model), state.returned
-    if returned is not None and returned.point == point:
+    if returned is not None and returned.point in points:
         return replace(after, returned=replace(returned, point=None, photo=None))
     return after
 
@@ -415,6 +419,15 @@ def _measured(state: SessionState, event: PointMeasured) -> ModelState:
     # a point measured anew is believed again until its rows say otherwise
     off = frozenset(key for key in model.off if key[0] != event.point)
     return replace(model, measured=measured, off=off)
+
+
+def _renamed(state: SessionState, event: PointRenamed) -> ModelState:
+    model = _current(state)
+    preceding = state.preceding(model.strip, model.left)
+    after = renamed(model, event, _points_of(preceding))
+    if not model.mono or preceding is None:
+        return after
+    return taken_over(after, preceding, lies=False)
 
 
 def _switched(model: ModelState, event: RowSwitched) -> ModelState:

@@ -32,6 +32,9 @@ def undone(before: SessionState, after: SessionState) -> str:
     inner = _inner(was, now)
     if inner:
         return inner
+    names = _names(was, now)
+    if names:
+        return names
     planned = [p.point for p in was.plan if p not in now.plan]
     if planned:
         return f"{_listed(planned)} is not in the plan any more"
@@ -98,6 +101,28 @@ def _measured(was: ModelState, now: ModelState) -> str:
         if then[point] != back[point]:
             return f"{point} is as measured before"
     return ""
+
+
+def _names(was: ModelState, now: ModelState) -> str:
+    """Return what has its former name again; "" where no measurement changed its name."""
+    then, back = _by_place(was), _by_place(now)
+    if then.keys() != back.keys():
+        return ""
+    changed = sorted({(back[place], then[place]) for place in then if then[place] != back[place]})
+    if not changed:
+        return ""
+    return ", ".join(f"{other} is {name} again" for name, other in changed)
+
+
+def _by_place(model: ModelState) -> dict[tuple[str, float, float], str]:
+    """Return the names of what was measured, by photo and coordinates."""
+    if model.mono:
+        return {(s.side, s.x, s.y): s.point for s in model.seen}
+    return {
+        place: m.point
+        for m in model.measured
+        for place in (("left", m.xl, m.yl), ("right", m.xr, m.yr))
+    }
 
 
 def _rows(was: frozenset[tuple[str, str]], now: frozenset[tuple[str, str]], kind: str) -> str:

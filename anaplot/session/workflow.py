@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from anaplot.aliases import Side
 from anaplot.errors import NotComputableError
 from anaplot.orientation.model import WrongPointsError
-from anaplot.orientation.results import Diagnosis, ModelSolution
+from anaplot.orientation.results import Diagnosis, Interchange, ModelSolution
 from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.models import diagnosis_of, solve
@@ -43,6 +43,8 @@ class Outlook:
         The inner orientation that comes before the current model's points, or None.
     next_photo
         In a mono comparator, which photo of the model is to be laid in now, or None.
+    interchange
+        Two points of the current model whose records are exchanged, or None.
     leaves
         Whether accepting leaves a model to which the operator returned as it was.
     """
@@ -58,6 +60,7 @@ class Outlook:
     inner: InnerOutlook | None = None
     next_photo: Side | None = None
     leaves: bool = False
+    interchange: Interchange | None = None
 
     @property
     def expected(self) -> str:
@@ -105,16 +108,16 @@ def outlook(state: SessionState) -> Outlook:
     diagnosis: Diagnosis | None = None
     problem = ""
     suspects: tuple[str, ...] = ()
-    interchanged: tuple[str, ...] = ()
+    interchange: Interchange | None = None
     if model.measured:
         try:
             solution = solve(state, model)
             diagnosis = diagnosis_of(solution)
             suspects = tuple(dict.fromkeys(point for point, _ in diagnosis.suspects))
-            interchanged = diagnosis.interchanged
+            interchange = diagnosis.interchange
         except WrongPointsError as error:
             problem, suspects = str(error), error.suspects
-            interchanged = error.interchanged
+            interchange = error.interchange
         except NotComputableError as error:
             problem = str(error)
     step = next_step(
@@ -122,7 +125,7 @@ def outlook(state: SessionState) -> Outlook:
         suspects,
         solved=solution is not None,
         again=_again(state, model),
-        interchanged=interchanged,
+        interchanged=() if interchange is None else interchange.points,
     )
     agenda, leaves = step.agenda, state.returned is not None and state.unchanged
     if leaves and step.point is None and step.lay is None:
@@ -138,6 +141,7 @@ def outlook(state: SessionState) -> Outlook:
         finished=False,
         next_photo=None if state.suspended else step.lay,
         leaves=leaves,
+        interchange=interchange,
     )
 
 

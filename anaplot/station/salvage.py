@@ -32,8 +32,10 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    PointRenamed,
     ReasonGiven,
     Resumed,
+    Role,
     Suspended,
     Undone,
 )
@@ -246,6 +248,8 @@ class _Fold:
                 names = plain(", ".join(changed))
                 words.append(f"model {event.left}/{event.right}: no ties, but new points: {names}")
                 event = replace(event, plan=plan)
+        elif isinstance(event, PointRenamed) and here is not None:
+            event = self._as_named(event, events)
         elif isinstance(event, PointMeasured) and current is not None and not current.mono:
             mine = here == current.photos
             if mine and current.planned(event.point) is None:
@@ -255,6 +259,16 @@ class _Fold:
                 events.append(PointAdded(_as_known(at, known)))
                 words.append(f"point {plain(event.point)} was added to model {current.name}")
         return [*events, event], words
+
+    def _as_named(self, event: PointRenamed, before: list[Event]) -> PointRenamed:
+        """Return a renaming with the role that the name can have, after what happens before it."""
+        ahead = self.state
+        with contextlib.suppress(EventRefusedError):
+            ahead = fold(ahead, before)
+        model = ahead.current
+        preceding = None if model is None else ahead.preceding(model.strip, model.left)
+        known = set() if preceding is None else {m.point for m in preceding.used}
+        return replace(event, role=_role_as_known(event.name, event.role, known))
 
     def _decided(self, event: DecisionsTakenOver) -> tuple[list[Event], list[str]]:
         """Return the decisions that fit; before them that the model in work was accepted.
@@ -305,7 +319,9 @@ class _Fold:
 def _photos_of(event: Event) -> tuple[str, str] | None:
     """Return the photos of the model that an event names, or None."""
     match event:
-        case ModelChosen() | ModelReopened() | ModelAccepted() | PointMeasured() | MonoMeasured():
+        case ModelChosen() | ModelReopened() | ModelAccepted():
+            return event.left, event.right
+        case PointMeasured() | MonoMeasured() | PointRenamed():
             return event.left, event.right
         case _:
             return None
@@ -330,5 +346,10 @@ def _fallen(before: Event, after: Event) -> str:
 
 def _as_known(point: PlannedPoint, known: set[str]) -> PlannedPoint:
     """Return a planned point in the role that it can have: a tie is known before."""
-    other = "new" if point.role == "tie" else point.role
-    return replace(point, role="tie" if point.point in known else other)
+    return replace(point, role=_role_as_known(point.point, point.role, known))
+
+
+def _role_as_known(point: str, role: Role, known: set[str]) -> Role:
+    if point in known:
+        return "tie"
+    return "new" if role == "tie" else role

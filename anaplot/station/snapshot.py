@@ -17,6 +17,7 @@ from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import InnerOutlook, inner_outlook
 from anaplot.session.modelstate import ModelState
 from anaplot.session.nextstep import NO_AGENDA, Agenda
+from anaplot.session.othernames import OtherName
 from anaplot.session.reasons import LastChange
 from anaplot.session.recomputed import Recomputed
 from anaplot.session.tiecheck import TieCheck
@@ -208,6 +209,8 @@ class Snapshot:
         The strip in work against every other one and against the control.
     accidents
         What is wrong with the numbers of points, and with ties.
+    other_names
+        What points of the current model are probably called instead.
     hint
         What is to be done before points of other strips can be offered, or "".
     """
@@ -254,6 +257,7 @@ class Snapshot:
     repeating: tuple[int, int] | None = None
     ties: tuple[TieCheck, ...] = ()
     accidents: tuple[Accident, ...] = ()
+    other_names: tuple[OtherName, ...] = ()
     hint: str = ""
 
     @property
@@ -340,6 +344,7 @@ def snapshot_of(
         repeating=None if desk.repeating is None else (desk.repeating.done, desk.repeating.times),
         ties=desk.transfer.checks,
         accidents=desk.accidents,
+        other_names=desk.other_names,
         hint=desk.transfer.hint,
     )
 

@@ -24,6 +24,7 @@ from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.session.nextstep import Agenda, Step
+from anaplot.session.othernames import OtherName
 from anaplot.session.plates import ReadOut
 from anaplot.station.snapshot import LinkView
 from anaplot.textfiles.wording import plain
@@ -332,6 +333,40 @@ async def test_a_new_point_is_asked_for_by_name():
         await pilot.press("+", "a", "escape")
         await until(pilot, lambda: len(app.screen_stack) == 1)
     assert station.calls == [("add_point", "q[7")]
+
+
+async def test_one_key_and_enter_take_the_name_that_is_proposed():
+    points = [view.point for view in picture().points]
+    first, second = points[1:3]
+    station = FakeStation(
+        picture(other_names=(OtherName(first, second, "right"), OtherName(second, first, "right")))
+    )
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        while selected(app).point != first:
+            await pilot.press("j")
+        assert "N Exchange" in text(app)
+        await pilot.press("N")
+        await until(pilot, lambda: f"{first} and {second} exchanged in" in text(app))
+        await pilot.press("enter")
+        await came(station, "rename", first, second, "right")
+        # another name, in both photos: what is typed stands in place of what is proposed
+        await pilot.press("N", "tab", "tab", "end", *["backspace"] * 9, "7")
+        await until(pilot, lambda: f"{first} named 7 in " in text(app))
+        await pilot.press("enter")
+        await came(station, "rename", first, "7", "left")
+        await pilot.press("N", "escape")
+        await until(pilot, lambda: len(app.screen_stack) == 1)
+    assert len(station.calls) == 2
+
+
+async def test_a_point_that_is_not_measured_has_no_other_name():
+    station = FakeStation(picture(measured=3))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("end", "N")
+        await until(pilot, lambda: "is not measured yet" in text(app))
+    assert station.calls == []
 
 
 async def test_sorting_keeps_the_cursor_on_its_row():

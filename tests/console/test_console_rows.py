@@ -7,6 +7,7 @@ from anaplot.adjustment.tested import AppliedTest, Observation
 from anaplot.console.describe import advice_of, describe_model, describe_row
 from anaplot.console.rows import shown_rows, sort_rows
 from anaplot.orientation.results import Diagnosis
+from anaplot.session.othernames import OtherName
 
 
 def keys(rows):
@@ -30,9 +31,8 @@ def test_verdicts_in_words():
 
 
 def test_rows_of_an_interchanged_pair_name_the_other_point():
-    snapshot = picture()
-    told = replace(snapshot.diagnosis, interchanged=("103", "104"))
-    rows = {row.key: row for row in shown_rows(replace(snapshot, diagnosis=told))}
+    names = (OtherName("103", "104"), OtherName("104", "103"))
+    rows = {row.key: row for row in shown_rows(picture(other_names=names))}
     assert rows["103", "y"].verdict == "<< is 104?"
     assert rows["104", "y"].verdict == "<< is 103?"
     assert rows["102", "y"].verdict == "ok"

@@ -19,6 +19,7 @@ from anaplot.session.events import (
     PlannedPoint,
     PointAdded,
     PointMeasured,
+    PointRenamed,
     PointRepeated,
     ReasonGiven,
     Resumed,
@@ -49,7 +50,7 @@ class Draft:
             point = current.plan[self.number % len(current.plan)].point
             if self.flag:
                 model = current.photos
-        match self.kind % 15:
+        match self.kind % 16:
             case 0 | 1:
                 accepted = len(state.models)
                 if self.flag and current is None and accepted < len(models):
@@ -92,13 +93,21 @@ class Draft:
                     else "-"
                 )
                 return DecisionsTakenOver((DecidedRow(*there.photos, of, "y", self.flag, "tau"),))
+            case 15 if current is not None and current.plan:
+                names = [p.point for p in current.plan] + ["extra0", "extra4"]
+                name = names[self.number * 7 % len(names)]
+                side = (None, "left", "right", None)[self.number % 4]
+                before = state.preceding(current.strip, current.left)
+                ties = () if before is None else tuple(m.point for m in before.used)
+                role = "tie" if name in ties else "new"
+                return PointRenamed(*model, point, name, side, role)
             case _:
                 return PointMeasured(*model, point, 500.0, 0.0, 0.0, 0.0, "pedal")
 
 
 drafts = st.lists(
     st.builds(
-        Draft, st.integers(0, 14), st.integers(0, 40), st.integers(0, 4).map(lambda n: n > 0)
+        Draft, st.integers(0, 15), st.integers(0, 40), st.integers(0, 4).map(lambda n: n > 0)
     ),
     max_size=120,
 )

@@ -21,6 +21,7 @@ from anaplot.session.events import (
     ModelReopened,
     PlannedPoint,
     PointMeasured,
+    PointRenamed,
     ReasonGiven,
     Resumed,
     RowSwitched,
@@ -271,6 +272,23 @@ def test_what_rests_on_something_lost_is_left_out_or_assumed(tmp_path):
         "row-switched: point 1 is not measured in model 101/102"
     ]
     assert [words.partition("line 7: ")[2] for words in out.assumed] == ["work was resumed"]
+
+
+def test_a_name_given_after_something_lost_is_given_still(tmp_path):
+    points = [measured("101", "102", name) for name in "123"]
+    tie = PointRenamed("102", "103", "5", "3", None, "tie")
+    second = chosen("102", "103", planned("2", "tie"), planned("5"))
+    five = measured("102", "103", "5")
+    session = Session(
+        tmp_path, FIRST, *points, PointRenamed("101", "102", "1", "9"), ACCEPTED, second, five, tie
+    )
+    # that the model was accepted, and the point that was a tie
+    session.damage(3, 5)
+    out = session.salvaged()
+    assert [m.point for m in out.state.models[0].measured] == ["9", "2"]
+    assert out.state.current is not None
+    assert [(p.point, p.role) for p in out.state.current.plan] == [("2", "tie"), ("3", "new")]
+    assert out.left_out == ()
 
 
 def test_decisions_taken_over_while_work_is_suspended_resume_nothing(tmp_path):

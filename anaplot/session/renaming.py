@@ -1,0 +1,123 @@
+"""The part of the fold that is about names: a measurement gets another one, or two exchange theirs.
+
+That the mark was on the right point and the name was wrong costs no measurement: the coordinates
+stay, and what they are called is corrected, in both photos or in one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+from anaplot.aliases import Side
+from anaplot.session.events import PlannedPoint, PointRenamed
+from anaplot.session.modelstate import Measured, ModelState
+from anaplot.session.refusal import EventRefusedError
+
+__all__ = ["renamed"]
+
+_BOTH: tuple[Side, ...] = ("left", "right")
+
+
+def renamed(model: ModelState, event: PointRenamed, known: Collection[str]) -> ModelState:
+    """Return the model after what was measured as one point has the name of another.
+
+    What has that name in the model already gets the name of the first: the two are exchanged. A
+    name that is new in the model takes the place of the former one in the plan; a tie stays in the
+    plan beside it, for it is still to be measured. Rows of both are believed again.
+
+    Parameters
+    ----------
+    model
+        The model in the instrument.
+    event
+        The two names, and in which photo.
+    known
+        Points of the preceding model: ties.
+
+    Raises
+    ------
+    EventRefusedError
+        Another model is in the instrument, the point is not measured there, or in one photo alone
+        there is nothing to exchange it with.
+    """
+    point, name = event.point, event.name
+    if (event.left, event.right) != model.photos:
+        raise EventRefusedError(
+            f"point {point} of {event.left}/{event.right}: {model.name} is in the instrument"
+        )
+    if point == name:
+        raise EventRefusedError(f"point {point} has that name")
+    sides = _BOTH if event.side is None else (event.side,)
+    if all(model.place_of(side, point) is None for side in sides):
+        where = "" if event.side is None else f" in photo {model.photo(event.side)}"
+        raise EventRefusedError(f"point {point} is not measured{where} in model {model.name}")
+    if event.side is not None and not _has(model, name):
+        what = "exchanged with another of the model" if model.mono else "exchanged with another"
+        raise EventRefusedError(
+            f"point {name} is not measured in model {model.name}: in one photo alone a point can "
+            f"only be {what}"
+        )
+    if model.planned(name) is None:
+        model = _with_name(model, event, known)
+    off = frozenset(key for key in model.off if key[0] not in (point, name))
+    model = replace(model, off=off)
+    return _mono(model, event, sides) if model.mono else _pair(model, event)
+
+
+def _has(model: ModelState, name: str) -> bool:
+    """Whether a ray in one photo can get a name: both photos need rays of every point measured."""
+    if model.mono:
+        return model.planned(name) is not None
+    return model.measurement(name) is not None
+
+
+def _with_name(model: ModelState, event: PointRenamed, known: Collection[str]) -> ModelState:
+    """Return the model with the name in its plan."""
+    old = model.planned(event.point)
+    assert old is not None  # it is measured
+    if (event.role == "tie") != (event.name in known):
+        raise EventRefusedError(
+            f"model {model.name}: point {event.name} is named as {event.role}, but "
+            + ("is" if event.name in known else "is not")
+            + " a point of the preceding model"
+        )
+    left, right = (model.place_of(side, event.point) for side in _BOTH)
+    new = PlannedPoint(
+        event.name, event.role, *(left or (old.xl, old.yl)), *(right or (old.xr, old.yr))
+    )
+    if old.role == "tie":
+        return replace(model, plan=(*model.plan, new))
+    return replace(model, plan=tuple(new if p == old else p for p in model.plan))
+
+
+def _pair(model: ModelState, event: PointRenamed) -> ModelState:
+    one = model.measurement(event.point)
+    other = model.measurement(event.name)
+    assert one is not None
+    found = {m.point: m for m in model.measured if m.point != event.point}
+    match event.side:
+        case "left" if other is not None:
+            found[one.point] = replace(one, xl=other.xl, yl=other.yl)
+            found[other.point] = replace(other, xl=one.xl, yl=one.yl)
+        case "right" if other is not None:
+            found[one.point] = replace(one, xr=other.xr, yr=other.yr)
+            found[other.point] = replace(other, xr=one.xr, yr=one.yr)
+        case _:
+            found[event.name] = replace(one, point=event.name)
+            if other is not None:
+                found[event.point] = replace(other, point=event.point)
+    return replace(model, measured=_in_order(model, found))
+
+
+def _in_order(model: ModelState, found: dict[str, Measured]) -> tuple[Measured, ...]:
+    return tuple(found[p.point] for p in model.plan if p.point in found)
+
+
+def _mono(model: ModelState, event: PointRenamed, sides: tuple[Side, ...]) -> ModelState:
+    point, name = event.point, event.name
+    other = {point: name, name: point}
+    seen = tuple(
+        replace(s, point=other.get(s.point, s.point)) if s.side in sides else s for s in model.seen
+    )
+    return model.with_sightings(seen)

@@ -1,0 +1,311 @@
+"""A measured point gets another name, or two exchange theirs: in both photos, or in one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from deskscene import DRIVEN, MONO, Bench
+from journaltools import append_event
+from sessionscene import Scene
+from test_changes import told
+from test_mono_fold import chosen as mono_chosen
+from test_mono_fold import whole as mono_whole
+
+from anaplot.cli import main
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
+from anaplot.exchange.journal import Journal
+from anaplot.session.commands import Accept, Drive, NextModel, Rename, ReturnTo, Switch, Undo
+from anaplot.session.events import Event, ModelAccepted, PointMeasured, PointRenamed, Undone
+from anaplot.session.models import solve
+from anaplot.session.modelstate import ModelState
+from anaplot.session.othernames import OtherName
+from anaplot.session.state import EventRefusedError, SessionState, apply
+from anaplot.session.undone import undone
+from anaplot.session.workflow import outlook
+from anaplot.station.edited import check_unedited
+from anaplot.station.imagepoints import rows_of
+from anaplot.station.replay import replay_session
+
+HERE = ("101", "102")
+
+
+def current(state: SessionState) -> ModelState:
+    assert state.current is not None
+    return state.current
+
+
+def names(model: ModelState) -> list[str]:
+    return [p.point for p in model.plan]
+
+
+def exchanged_rays(scene: Scene, first: str, second: str, side: str) -> SessionState:
+    """The first model, measured with the rays of two points exchanged in a photo."""
+    state = scene.chosen()
+    swap = {first: second, second: first}
+    for planned in current(state).plan:
+        event = scene.measurement(state, planned.point)
+        other = scene.measurement(state, swap.get(planned.point, planned.point))
+        wrong = {"xr": other.xr, "yr": other.yr}
+        if side == "left":
+            wrong = {"xl": other.xl, "yl": other.yl}
+        state = apply(state, replace(event, **wrong))
+    return state
+
+
+def test_a_new_name_takes_the_place_of_the_old_one(scene: Scene) -> None:
+    state = scene.whole(scene.chosen())
+    before = current(state)
+    point = names(before)[4]
+    off = replace(before, off=frozenset({(point, "y")}))
+    after = current(apply(replace(state, current=off), PointRenamed(*HERE, point, "7")))
+    assert names(after) == [*names(before)[:4], "7", *names(before)[5:]]
+    was, now = before.measurement(point), after.measurement("7")
+    assert was is not None
+    assert now == replace(was, point="7")
+    assert (after.measurement(point), after.off) == (None, frozenset())
+
+
+def test_two_names_are_exchanged_in_both_photos_or_in_one(scene: Scene) -> None:
+    state = scene.whole(scene.chosen())
+    before = current(state)
+    one, other = before.measured[2], before.measured[8]
+    both = apply(state, PointRenamed(*HERE, one.point, other.point))
+    after = current(both)
+    assert after.plan == before.plan
+    assert after.measurement(one.point) == replace(other, point=one.point)
+    assert after.measurement(other.point) == replace(one, point=other.point)
+    left = apply(state, PointRenamed(*HERE, one.point, other.point, "left"))
+    assert current(left).measurement(one.point) == replace(one, xl=other.xl, yl=other.yl)
+    assert current(left).measurement(other.point) == replace(other, xl=one.xl, yl=one.yl)
+    # the one and then the other is both, and twice is nothing
+    right = apply(left, PointRenamed(*HERE, other.point, one.point, "right"))
+    assert current(right) == after
+    assert current(apply(both, PointRenamed(*HERE, one.point, other.point))) == before
+
+
+def test_a_tie_that_was_another_point_is_still_to_be_measured(scene: Scene) -> None:
+    state = scene.whole(scene.chosen(1))
+    tie = next(p.point for p in current(state).plan if p.role == "tie")
+    after = apply(state, PointRenamed("102", "103", tie, "7"))
+    assert [p.point for p in current(after).pending] == [tie]
+    assert current(after).axes("7") == ("y",)
+    # and what was taken for a new point becomes a tie by its name
+    new = next(p.point for p in current(state).plan if p.role == "new")
+    again = apply(after, PointRenamed("102", "103", new, tie))
+    assert current(again).axes(tie) == ("y", "x")
+    assert [p.point for p in current(again).pending] == [new]
+
+
+@pytest.mark.parametrize(
+    ("event", "words"),
+    [
+        (PointRenamed("102", "103", "-", "7"), "101/102 is in the instrument"),
+        (PointRenamed(*HERE, "-", "7"), "point - is not measured in model 101/102"),
+        (PointRenamed(*HERE, "{0}", "{0}"), "point {0} has that name"),
+        (PointRenamed(*HERE, "{0}", "7", "left"), "point 7 is not measured in model 101/102: in"),
+        (PointRenamed(*HERE, "{0}", "7", None, "tie"), "7 is named as tie, but is not a point of"),
+    ],
+)
+def test_what_cannot_be_renamed(scene: Scene, event: PointRenamed, words: str) -> None:
+    state = scene.whole(scene.chosen())
+    first = names(current(state))[0]
+    event = replace(event, point=event.point.format(first), name=event.name.format(first))
+    with pytest.raises(EventRefusedError) as refused:
+        apply(state, event)
+    assert words.format(first) in str(refused.value)
+
+
+def test_photo_by_photo_a_sighting_goes_where_the_plan_has_the_name(scene: Scene) -> None:
+    state = mono_whole(mono_chosen(scene.start))
+    one, other = current(state).measured[2], current(state).measured[8]
+    right = apply(state, PointRenamed(*HERE, one.point, other.point, "right"))
+    assert current(right).measurement(one.point) == replace(one, xr=other.xr, yr=other.yr)
+    new = apply(state, PointRenamed(*HERE, one.point, "7"))
+    assert current(new).measurement("7") == replace(one, point="7")
+    assert current(new).place_of("left", one.point) is None
+    with pytest.raises(EventRefusedError, match="exchanged with another of the model"):
+        apply(state, PointRenamed(*HERE, one.point, "7", "right"))
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_what_is_proposed_mends_the_model(scene: Scene, side: str) -> None:
+    first, second = names(current(scene.chosen()))[3], names(current(scene.chosen()))[9]
+    state = exchanged_rays(scene, first, second, side)
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.desk = bench.desk.folded(*_events(scene, state))
+    assert bench.desk.other_names[:2] == (
+        OtherName(first, second, side),  # type: ignore[arg-type]
+        OtherName(second, first, side),  # type: ignore[arg-type]
+    )
+    assert "exchange them" in bench.desk.expected
+    bench.give(Rename(*bench.desk.other_names[0]))
+    photo = HERE[side == "right"]
+    assert f"{first} and {second} exchanged in photo {photo}" in bench.told
+    assert bench.desk.state.current == current(scene.whole(scene.chosen()))
+    assert bench.desk.other_names == ()
+    assert outlook(bench.desk.state).solution == solve(bench.desk.state, bench.desk.state.current)
+    bench.give(Undo())
+    assert bench.desk.state.current == current(state)
+    assert bench.told[-1] == f"undone: {second} is {first} again, {first} is {second} again"
+
+
+def _events(scene: Scene, state: SessionState) -> Iterator[Event]:
+    """The events that lead from the start to a measured first model."""
+    yield scene.choice(scene.start, 0)
+    for m in current(state).measured:
+        yield PointMeasured(*HERE, m.point, m.xl, m.yl, m.xr, m.yr, "key")
+
+
+def test_a_name_known_from_elsewhere_is_checked_and_told(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.whole_model()
+    bench.give(Accept())
+    bench.whole_model()
+    model = current(bench.desk.state)
+    tie, new = (next(p.point for p in model.plan if p.role == r) for r in ("tie", "new"))
+    there = current_of(bench, "101", "102")
+    other = next(m.point for m in there.measured if m.point not in names(model))
+    bench.give(Rename(new, other))
+    (words,) = [one for one in bench.told if "another point?" in one]
+    assert words.startswith(f"{other} is ")
+    assert words.endswith("mm from where model 101/102 has it: another point?")
+    bench.give(Undo())
+    bench.give(Rename(tie, "7"))
+    bench.give(Rename("7", tie))
+    assert bench.told[-1].startswith(f"{tie} is where model 101/102 has it, within ")
+
+
+def current_of(bench: Bench, left: str, right: str) -> ModelState:
+    found = bench.desk.state.accepted(left, right)
+    assert found is not None
+    return found
+
+
+def test_names_that_are_none_and_fiducials_to_come(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    with pytest.raises(InputError, match="no model is in the instrument"):
+        bench.give(Rename("1", "2"))
+    bench.whole_model()
+    point = names(current(bench.desk.state))[0]
+    for name in ("", " ", "a\nb", "p" * 101):
+        with pytest.raises(InputError, match="printable name"):
+            bench.give(Rename(point, name))
+
+
+def test_the_mark_is_at_the_point_by_its_name_of_now(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.give(NextModel())
+    first, second = names(current(bench.desk.state))[:2]
+    bench.measure(first)
+    assert bench.desk.target == second
+    bench.give(Rename(first, second))
+    assert (bench.desk.last_measured, bench.desk.target) == (second, first)
+    bench.measure_all()
+    assert not current(bench.desk.state).pending
+
+
+def test_in_a_model_returned_to_the_check_points_follow(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.whole_model()
+    bench.give(Accept())
+    bench.give(ReturnTo("101", "102"))
+    first, second = bench.desk.checks
+    bench.give(Rename(first, "7"))
+    assert first not in bench.desk.checks
+    assert all(bench.desk.mode.has(name) for name in bench.desk.checks)
+    bench.give(Undo())
+    assert all(bench.desk.mode.has(name) for name in bench.desk.checks)
+    for name in bench.desk.checks:
+        bench.give(Rename(name, f"{name}-x"))
+    bench.give(Switch(f"{second}-x", None, False))
+    for name in bench.desk.checks:
+        bench.give(Drive(name))
+        bench.arrive()
+        bench.press()
+    bench.give(Accept())
+    assert current_of(bench, "101", "102").measurement(f"{first}-x") is not None
+
+
+def test_the_log_says_what_is_called_what(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.whole_model()
+    one, other = current(bench.desk.state).measured[2:4]
+    bench.give(Rename(one.point, other.point, "right"))
+    bench.give(Rename(one.point, "7"))
+    bench.give(Undo())
+    *_, first, second, new_left, new_right, back_left, back_right = told(bench)
+    assert (first.what, first.photo, first.point, first.name) == (
+        "renamed",
+        "102",
+        one.point,
+        other.point,
+    )
+    assert (first.old, first.new) == ((one.xr, one.yr), (other.xr, other.yr))
+    assert (second.point, second.name) == (other.point, one.point)
+    assert (new_left.photo, new_right.photo, new_left.name) == ("101", "102", "7")
+    assert (new_left.old, new_left.new) == ((one.xl, one.yl), None)
+    assert {back_left.what, back_right.what} == {"undone"}
+    assert (back_left.old, back_left.new) == (None, (one.xl, one.yl))
+
+
+def test_files_journal_replay_and_log_agree(
+    scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "b"
+    write_new_block(folder, scene.block)
+    state = scene.whole(scene.chosen())
+    one, other = current(state).measured[2:4]
+    events = [
+        *_events(scene, state),
+        ModelAccepted(*HERE),
+        Undone(),
+        PointRenamed(*HERE, one.point, other.point),
+        PointRenamed(*HERE, other.point, "7"),
+        ModelAccepted(*HERE),
+    ]
+    state = scene.start
+    earlier = []
+    with Journal.open(folder, {})[0] as journal:
+        for event in events:
+            append_event(journal, event)
+            state = apply(state, event)
+            earlier.append(rows_of(state.models))
+    for rows in (earlier[-1], earlier[-5]):  # as it is now, and as it was before the names
+        write_image_points(folder, rows)
+        check_unedited(folder, read_block(folder), state, {"101/102"})
+    written = {(row.photo, row.point): (row.x, row.y) for row in rows_of(state.models)}
+    assert written["102", "7"] == (one.xr, one.yr)
+    assert written["101", one.point] == (other.xl, other.yl)
+    assert ("101", other.point) not in written
+    assert replay_session(folder).state == state
+    capsys.readouterr()
+    assert main(["log", str(folder), "--json"]) == 0
+    renamed = [
+        one for one in json.loads(capsys.readouterr().out)["changes"] if one["what"] == "renamed"
+    ]
+    assert [(one["point"], one["name"]) for one in renamed[-2:]] == [(other.point, "7")] * 2
+    assert main(["log", str(folder)]) == 0
+    assert "IS NOW" in capsys.readouterr().out
+
+
+def test_what_an_undo_of_a_name_says(scene: Scene) -> None:
+    state = scene.whole(scene.chosen())
+    point = names(current(state))[0]
+    assert undone(apply(state, PointRenamed(*HERE, point, "7")), state) == f"7 is {point} again"
+
+
+def test_photo_by_photo_the_desk_renames_as_well(scene: Scene) -> None:
+    bench = Bench.of(scene.block, MONO, truth=scene.made.truth)
+    bench.whole_model()
+    before = current(bench.desk.state)
+    one, other = before.measured[2:4]
+    bench.give(Rename(one.point, other.point, "left"))
+    assert f"{one.point} and {other.point} exchanged in photo 101" in bench.told
+    assert current(bench.desk.state).measurement(one.point) == replace(
+        one, xl=other.xl, yl=other.yl
+    )
