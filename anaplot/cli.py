@@ -25,6 +25,7 @@ from anaplot.report.arguments import add_output, positive, whole
 from anaplot.report.innerarguments import add_inner_arguments
 from anaplot.report.newcommand import add_new_arguments, run_new
 from anaplot.report.planarguments import (
+    add_additional_arguments,
     add_block_arguments,
     add_network_arguments,
     add_pattern_arguments,
@@ -240,6 +241,12 @@ def _plan_network(options: argparse.Namespace) -> int:
     return run_plan_network(options)
 
 
+def _plan_additional(options: argparse.Namespace) -> int:
+    from anaplot.report.planadditional import run_plan_additional
+
+    return run_plan_additional(options)
+
+
 def _compare(options: argparse.Namespace) -> int:
     from anaplot.exchange.blockfolder import block_files
     from anaplot.report.comparecommand import compare
@@ -278,6 +285,13 @@ def _add_plan(commands: Any) -> None:
     )
     network.set_defaults(run=_plan_network)
     add_network_arguments(network)
+    additional = parts.add_parser(
+        "additional",
+        help="a set of additional parameters: its terms, and what they have in common",
+        epilog="example: anaplot plan additional gruen",
+    )
+    additional.set_defaults(run=_plan_additional)
+    add_additional_arguments(additional)
     simulate = parts.add_parser(
         "simulate",
         help="Monte Carlo: how often errors are found, rightly or wrongly",

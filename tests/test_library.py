@@ -29,6 +29,7 @@ from anaplot.report.adjustarguments import (
 )
 from anaplot.report.keywords import declared_options
 from anaplot.report.planarguments import (
+    add_additional_arguments,
     add_block_arguments,
     add_network_arguments,
     add_pattern_arguments,
@@ -122,6 +123,7 @@ COMMANDS: dict[str, tuple[Callable[..., Any], Callable[[ArgumentParser], None], 
     "adjust": (anaplot.adjust, add_adjust_arguments, SHOWN),
     "compare": (anaplot.compare, add_compare_arguments, SHOWN),
     "plan pattern": (anaplot.plan.pattern, add_pattern_arguments, SHOWN),
+    "plan additional": (anaplot.plan.additional, add_additional_arguments, SHOWN),
     "plan block": (anaplot.plan.block, add_block_arguments, SHOWN | {"to"}),
     "plan network": (anaplot.plan.network, add_network_arguments, SHOWN | {"to"}),
     "plan simulate": (anaplot.simulate, add_simulate_arguments, SHOWN),

@@ -22,6 +22,7 @@ from anaplot.report.arguments import (
 )
 
 __all__ = [
+    "add_additional_arguments",
     "add_block_arguments",
     "add_network_arguments",
     "add_pattern_arguments",
@@ -143,6 +144,26 @@ def add_block_arguments(block: argparse.ArgumentParser) -> None:
     block.add_argument(
         "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
     )
+
+
+def add_additional_arguments(additional: argparse.ArgumentParser) -> None:
+    """Add what `plan additional` takes."""
+    additional.add_argument(
+        "additional",
+        metavar="SET[:NAMES]",
+        help="as adjust --additional has it: ebner, gruen, gruen50, physical, ebner:b1,b2, "
+        "gruen50:-b12",
+    )
+    additional.add_argument(
+        "--points", choices=("3x3", "5x5"), help="default 3x3 for ebner, 5x5 for the others"
+    )
+    additional.add_argument(
+        "--reach", type=length, default=100.0, metavar="MM", help="of the points, default 100"
+    )
+    additional.add_argument(
+        "--c", type=length, default=150.0, metavar="MM", help="camera constant, default 150"
+    )
+    add_output(additional, "the parameters")
 
 
 def add_network_arguments(network: argparse.ArgumentParser) -> None:

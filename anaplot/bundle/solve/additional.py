@@ -16,6 +16,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.solve.parameterpriors import ParameterPrior, checked_priors
+from anaplot.bundle.solve.polynomialterms import EBNER, GRUEN, GRUEN50, polynomial_basis
 from anaplot.errors import InputError
 from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 from anaplot.textfiles.wording import hint, quoted
@@ -32,7 +33,6 @@ __all__ = [
     "physical",
 ]
 
-Column = list[Array | float]
 Scope = Literal["block", "strip", "camera", "photo"]
 SetName = Literal["ebner", "gruen", "gruen50", "physical"]
 
@@ -150,71 +150,19 @@ class AdditionalParameters:
     held: ParameterSet | None = None
 
 
-def _columns(x: Array, dx: Column, dy: Column) -> Array:
-    out = np.empty((len(x), 2, len(dx)))
-    for k, (first, second) in enumerate(zip(dx, dy, strict=True)):
-        out[:, 0, k] = first
-        out[:, 1, k] = second
-    return out
-
-
 def _ebner_basis(x: Array, y: Array, b: float, c: Array) -> Array:
     """Twelve parameters, orthogonal on the 3 x 3 grid {-b, 0, b}^2 (Ebner 1976); unit: mm."""
-    x, y = x / b, y / b
-    k, m = x * x - 2.0 / 3.0, y * y - 2.0 / 3.0
-    dx: Column = [x, y, -2.0 * k, x * y, m, 0.0, x * m, 0.0, y * k, 0.0, k * m, 0.0]
-    dy: Column = [-y, x, x * y, -2.0 * m, 0.0, k, 0.0, y * k, 0.0, x * m, 0.0, k * m]
-    return _columns(x, dx, dy)
+    return polynomial_basis(EBNER, x / b, y / b)
 
 
 def _gruen_basis(x: Array, y: Array, b: float, c: Array) -> Array:
-    """44 parameters, orthogonal on the 5 x 5 grid {-b, -b/2, 0, b/2, b}^2 (1978, eq. 7).
-
-    The paper prints y q in the terms of a43 and b43; orthogonality asks for y k q.
-    """
-    x, y = x / b, y / b
-    k, m = x * x - 0.5, y * y - 0.5
-    p, q = x * x - 17.0 / 20.0, y * y - 17.0 / 20.0
-    r = x * x * (x * x - 31.0 / 28.0) + 9.0 / 70.0
-    s = y * y * (y * y - 31.0 / 28.0) + 9.0 / 70.0
-    both: list[tuple[Array | float, Array | float]] = [
-        (x, -y),
-        (y, x),
-        (x * y, -10.0 / 7.0 * m),
-        (m, 0.0),
-        (0.0, k),
-        (-10.0 / 7.0 * k, x * y),
-    ]
-    rows = [
-        [x * p, y * k, x * m, y * q],
-        [r, x * y * p, k * m, x * y * q, s],
-        [y * r, x * m * p, y * k * q, x * s],
-        [m * r, x * y * p * q, k * s],
-        [y * q * r, x * p * s],
-        [r * s],
-    ]
-    for row in rows:
-        both += [(term, 0.0) for term in row]
-        both += [(0.0, term) for term in row]
-    return _columns(x, [first for first, _ in both], [second for _, second in both])
-
-
-def _gruen_names() -> tuple[str, ...]:
-    rows = (("14", "23", "32", "41"), ("15", "24", "33", "42", "51"), ("25", "34", "43", "52"))
-    rows += (("35", "44", "53"), ("45", "54"), ("55",))  # type: ignore[assignment]
-    names = ["a12", "a21", "a22", "a31", "b13", "b22"]
-    for row in rows:
-        names += [f"a{k}" for k in row] + [f"b{k}" for k in row]
-    return tuple(names)
+    """44 parameters, orthogonal on the 5 x 5 grid {-b, -b/2, 0, b/2, b}^2 (1978, eq. 7)."""
+    return polynomial_basis(GRUEN, x / b, y / b)
 
 
 def _gruen50_basis(x: Array, y: Array, b: float, c: Array) -> Array:
     """Gruen's 44 parameters and the six that the exterior orientation has taken from the 50."""
-    u, v = x / b, y / b
-    k, m = u * u - 0.5, v * v - 0.5
-    dx: Column = [1.0, 0.0, u, -v, k, u * v]
-    dy: Column = [0.0, 1.0, v, u, u * v, m]
-    return np.concatenate((_gruen_basis(x, y, b, c), _columns(x, dx, dy)), axis=2)
+    return polynomial_basis(GRUEN50, x / b, y / b)
 
 
 def lens_units(b: float, c: float) -> Array:
@@ -238,15 +186,13 @@ def _physical_basis(x: Array, y: Array, b: float, c: Array) -> Array:
     return seen.by_parameter * lens_units(b, float(np.mean(c)))
 
 
-ebner = ParameterSet("ebner", tuple(f"b{k}" for k in range(1, 13)), _ebner_basis)
+ebner = ParameterSet("ebner", tuple(term.name for term in EBNER), _ebner_basis)
 """Ebner's twelve parameters; each is its effect in mm where the term in x/b and y/b is 1."""
 
-gruen = ParameterSet("gruen", _gruen_names(), _gruen_basis)
+gruen = ParameterSet("gruen", tuple(term.name for term in GRUEN), _gruen_basis)
 """Gruen's 44 parameters; unit as in `ebner`."""
 
-gruen50 = ParameterSet(
-    "gruen50", (*_gruen_names(), "a11", "b11", "b21", "b12", "a13", "b31"), _gruen50_basis
-)
+gruen50 = ParameterSet("gruen50", tuple(term.name for term in GRUEN50), _gruen50_basis)
 """All 50 of the 5 x 5 grid: the 44 and what they leave to the exterior orientation.
 
 The coefficients that eq. (7) has no name for are a11, b11 (the principal point), b21 (x, y: the
