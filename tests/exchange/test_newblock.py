@@ -8,15 +8,16 @@ from pathlib import Path
 import pytest
 
 from anaplot.errors import InputError
+from anaplot.exchange import blockfolder
 from anaplot.exchange.blockfolder import clear_image_points, read_block, write_new_block
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_block_toml
 from anaplot.exchange.camerafile import write_camera
-from anaplot.exchange.newblock import strip_of
-from anaplot.photogrammetry.block import Block
+from anaplot.exchange.newblock import NewBlock, choose_camera, strip_of, write_new
+from anaplot.photogrammetry.block import Block, ControlPoint
 from anaplot.planning.synthetic import synthetic_strip
 from anaplot.planning.syntheticcamera import SYNTHETIC_CAMERA_FILE, with_calibration
 from anaplot.textfiles import wholefile
-from anaplot.textfiles.wholefile import make_folder
+from anaplot.textfiles.wholefile import create_whole, make_folder
 
 
 @pytest.fixture
@@ -132,3 +133,26 @@ def test_ranges_with_commas_are_not_taken_for_names():
     with pytest.raises(InputError, match="every strip stands on its own: 101-103; 203-201") as said:
         strip_of("101-103, 203-201", 1)
     assert "\n" not in str(said.value)
+
+
+@pytest.mark.parametrize("fails", ["block.toml", "control.csv"])
+def test_what_cannot_be_written_whole_leaves_no_part_of_a_block(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: str
+) -> None:
+    new = NewBlock(
+        "b", choose_camera("rmk15"), (strip_of("101-103", 1),), (ControlPoint("7", (1, 2, 3)),)
+    )
+
+    def full(path: Path, data: bytes) -> None:
+        if path.name == fails:
+            raise InputError(f"{path.name}: no space left")
+        create_whole(path, data)
+
+    monkeypatch.setattr(blockfolder, "create_whole", full)
+    folder = tmp_path / "b"
+    with pytest.raises(InputError, match="no space left"):
+        write_new(folder, new)
+    assert not any((folder / name).exists() for name in ("block.toml", "control.csv"))
+    monkeypatch.undo()
+    # and nothing stands in the way of the next try
+    assert write_new(folder, new).control == read_block(folder).control
