@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import time
 from dataclasses import replace
 from pathlib import Path
 
-from anaplot.errors import AnaplotError
+from anaplot.errors import AnaplotError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.report.accidentlines import accidents_answer, unchecked_line
@@ -36,6 +37,11 @@ from anaplot.station.edited import Journaled, journaled
 from anaplot.textfiles.wording import plain
 
 __all__ = ["block_status", "run_status", "status_document"]
+
+PATIENCE, PATIENCE_PER_PHOTO = 10.0, 0.1
+"""Processor time [s] that the search for approximate values of a block takes at most."""
+SEARCHES = "bridging strips", "orienting pairs", "orienting photos"
+"""What that search says of its progress."""
 
 _MODELS = (
     name("strip", "STRIP", 5, gap=0),
@@ -93,10 +99,42 @@ def _view(block: Block) -> BlockView | None:
     from anaplot.station.blockanswer import view_of
 
     empty = BlockView("", 0, False)
+    patience = _Patience(PATIENCE + PATIENCE_PER_PHOTO * len(block.photos))
     try:
-        return view_of(LiveBlock(block).update(block), empty, None, most_weak=_MOST_WEAK)
+        found = LiveBlock(block).update(block, progress=patience.progress)
     except AnaplotError as error:
-        return replace(empty, remark=str(error))
+        return replace(empty, remark=patience.remark or str(error))
+    return view_of(found, empty, None, most_weak=_MOST_WEAK)
+
+
+class _Patience:
+    """Ends a search for approximate values that takes too long: no status waits for nonsense.
+
+    Parameters
+    ----------
+    most
+        Processor time [s] after which it does not go on.
+    """
+
+    def __init__(self, most: float) -> None:
+        self._end = time.process_time() + most
+        self._most = most
+        self.remark = ""
+
+    def progress(self, what: str, _: float) -> None:
+        """Take notice of what is being done.
+
+        Raises
+        ------
+        NotComputableError
+            It was searched long enough.
+        """
+        if what in SEARCHES and time.process_time() > self._end:
+            self.remark = (
+                f"no approximate values found within {self._most:.0f} s: the measurements may"
+                " contradict each other; anaplot adjust searches on"
+            )
+            raise NotComputableError(self.remark)
 
 
 def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Document:

@@ -6,12 +6,14 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from deskless import write_measured
 
 from anaplot.cli import main
-from anaplot.exchange.blockfolder import write_control
+from anaplot.exchange.blockfolder import read_block, write_control, write_image_points
 from anaplot.photogrammetry.block import ControlPoint
+from anaplot.report import statuscommand
 
 
 def status(folder: Path, capsys: pytest.CaptureFixture[str]) -> dict:
@@ -167,3 +169,22 @@ def test_weak_photos_get_the_points_that_a_plan_gives_them(
     waiting = status(folder, capsys)["block"]
     assert {"103", "104"}.isdisjoint(waiting["weak_photos"])
     assert "101" in waiting["weak_photos"]
+
+
+def test_a_block_of_nonsense_is_not_searched_for_long(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "b"
+    write_measured(folder, models=2, measured=2)
+    rng = np.random.default_rng(0)
+    rows = read_block(folder).image_points
+    wrong = rng.uniform(-100.0, 100.0, (len(rows), 2)).round(3).tolist()
+    write_image_points(
+        folder, tuple(replace(r, x=x, y=y) for r, (x, y) in zip(rows, wrong, strict=True))
+    )
+    monkeypatch.setattr(statuscommand, "PATIENCE", 0.0)
+    monkeypatch.setattr(statuscommand, "PATIENCE_PER_PHOTO", 0.0)
+    assert status(folder, capsys)["block"] is None
+    assert main(["status", str(folder)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "the measurements may contradict each other; anaplot adjust searches on" in said

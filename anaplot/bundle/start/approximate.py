@@ -268,7 +268,7 @@ def _seed_pairs(
             subblock.centres[i], subblock.rotations[i] = np.zeros(3), np.eye(3)
             subblock.centres[j], subblock.rotations[j] = found.base, found.rotation
             subblock.place(problem, rays)
-            _spread(problem, subblock, rays, by_photo)
+            _spread(problem, subblock, rays, by_photo, progress)
             size = subblock.residuals(problem)
             size = size[~np.isnan(size)]
             error = float(np.median(size)) if len(size) else float("inf")
@@ -295,9 +295,17 @@ def _most_in_common(problem: Problem, by_photo: list[Index]) -> list[tuple[int, 
     return [(int(c), int(i), int(j)) for c, i, j in triples[order].tolist()]
 
 
-def _spread(problem: Problem, subblock: SubBlock, rays: Array, by_photo: list[Index]) -> None:
+def _spread(
+    problem: Problem,
+    subblock: SubBlock,
+    rays: Array,
+    by_photo: list[Index],
+    progress: Progress | None,
+) -> None:
     """Add photos and points until nothing more can be added; all points from all rays."""
     while True:
+        if progress is not None:
+            progress("orienting photos", float(subblock.oriented.mean()))
         added = 0
         for fewest in (6, 5, 4):
             added = subblock.add_photos(problem, by_photo, fewest)
