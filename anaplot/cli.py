@@ -29,6 +29,7 @@ from anaplot.report.planarguments import (
     add_block_arguments,
     add_network_arguments,
     add_pattern_arguments,
+    add_run_arguments,
     add_simulate_arguments,
 )
 from anaplot.report.plotterarguments import add_plotter_commands
@@ -299,6 +300,7 @@ def _add_plan(commands: Any) -> None:
     )
     simulate.set_defaults(run=_plan_simulate)
     add_simulate_arguments(simulate)
+    add_run_arguments(simulate)
 
 
 def _parser() -> _Parser:

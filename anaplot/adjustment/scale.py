@@ -47,17 +47,21 @@ class AprioriSigma(NamedTuple):
         What is weighted by it: "block demo".
     name, value, unit
         How it is called, and its value: "image_um", 5.0, "um".
+    rows
+        How many rows, the first ones, have it: what is known beforehand says nothing of it. None:
+        all.
     """
 
     of: str
     name: str
     value: float
     unit: str
+    rows: int | None = None
 
     @classmethod
-    def image_um(cls, of: str, value: float) -> AprioriSigma:
+    def image_um(cls, of: str, value: float, rows: int | None = None) -> AprioriSigma:
         """Return that of image coordinates."""
-        return cls(of, "image_um", value, "um")
+        return cls(of, "image_um", value, "um", rows)
 
 
 class ScaleError(NotComputableError):
@@ -126,6 +130,8 @@ def check_scale(
     r = np.asarray(system.r, dtype=float)
     w = np.full(len(r), np.nan)
     good = r > WEAK
+    if apriori.rows is not None:
+        good[apriori.rows :] = False
     w[good] = np.asarray(system.e, dtype=float)[good] / np.sqrt(r[good])
     if found is None:
         scale = robust_scale(w, r)
@@ -135,7 +141,11 @@ def check_scale(
         return
     kept = found.at_end.w.copy()
     kept[list(found.rows)] = np.nan
-    share = len(found.rows) / max(int(good.sum()), 1)
+    gone = len(found.rows)
+    if apriori.rows is not None:
+        kept[apriori.rows :] = np.nan
+        gone = sum(row < apriori.rows for row in found.rows)
+    share = gone / max(int(good.sum()), 1)
     scale = robust_scale(kept, found.at_end.r, min(share, 0.9))
     if scale is not None and scale > LARGEST:
         raise scale_error(apriori, scale, float(np.nanmax(np.abs(w))) / critical_normal(alpha))

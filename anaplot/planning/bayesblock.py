@@ -9,21 +9,35 @@ its coordinates: heights and tilts are drawn once, within its limits.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.reliability import residual_correlations
 from anaplot.adjustment.residualsystem import DenseResiduals
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Index
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.linearrows import image_design
 
-__all__ = ["BayesBlock", "BayesFacts", "bayes_block"]
+__all__ = [
+    "CORNERS",
+    "C_MM",
+    "SIGMA_MM",
+    "BayesBlock",
+    "BayesFacts",
+    "BayesGeometry",
+    "bayes_block",
+    "bayes_geometry",
+    "photo_name",
+    "point_name",
+]
 
 Row = tuple[str, str, str]
 
 SIGMA_MM = 0.005
-_C = 150.0
+C_MM = 150.0
+CORNERS = (0, 4, 20, 24)
+"""The points that are control in the second step."""
 _HEIGHT = 1500.0
 _SPACING = (920.0, 805.0)
 _RELIEF = 30.0
@@ -32,6 +46,35 @@ _SHAPE = 3  # of the generator: the one realisation of heights and tilts that is
 _WEAK = 1e-3
 _HIDDEN = 0.01
 _INSEPARABLE = 0.99
+
+
+class BayesGeometry(NamedTuple):
+    """Where photos and points lie, and which photo sees which point.
+
+    Attributes
+    ----------
+    centres, rotations
+        (10, 3) [m] and (10, 3, 3), image to ground.
+    points
+        (25, 3) [m], row by row.
+    rays
+        (78, 2) photo and point.
+    """
+
+    centres: Array
+    rotations: Array
+    points: Array
+    rays: Index
+
+
+def photo_name(photo: int) -> str:
+    """Return the name of a photo: its strip, then its number in it."""
+    return f"{1 + photo // 5}{photo % 5 + 1:02d}"
+
+
+def point_name(point: int) -> str:
+    """Return the name of a point: its row, then its column."""
+    return f"{1 + point // 5}{point % 5 + 1}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +199,8 @@ def bayes_block(prior_variance: float) -> BayesBlock:
     return BayesBlock(rows, design, np.eye(len(rows)) - left @ left.T, prior_variance)
 
 
-def _design() -> tuple[tuple[Row, ...], Array]:
+def bayes_geometry() -> BayesGeometry:
+    """Return the block as it lies: two strips of five photos over 25 points."""
     rng = np.random.default_rng(_SHAPE)
     points = np.array([(_SPACING[0] * j, _SPACING[1] * i, 0.0) for i in range(5) for j in range(5)])
     points[:, 2] = rng.uniform(-_RELIEF, _RELIEF, len(points))
@@ -174,17 +218,16 @@ def _design() -> tuple[tuple[Row, ...], Array]:
                 for i in range(row - 1, row + 2)
                 for j in range(max(k - 1, 0), min(k + 1, 4) + 1)
             ]
-    design = image_design(
-        np.array(centres),
-        np.array(rotations),
-        _C,
-        points,
-        np.array(rays, dtype=np.intp),
-        np.zeros(points.shape, dtype=bool),
+    return BayesGeometry(
+        np.array(centres), np.array(rotations), points, np.array(rays, dtype=np.intp)
     )
+
+
+def _design() -> tuple[tuple[Row, ...], Array]:
+    at = bayes_geometry()
+    known = np.zeros(at.points.shape, dtype=bool)
+    design = image_design(at.centres, at.rotations, C_MM, at.points, at.rays, known)
     names = tuple(
-        (f"{1 + f // 5}{f % 5 + 1:02d}", f"{1 + p // 5}{p % 5 + 1}", axis)
-        for f, p in rays
-        for axis in "xy"
+        (photo_name(f), point_name(p), axis) for f, p in at.rays.tolist() for axis in "xy"
     )
     return names, design / SIGMA_MM

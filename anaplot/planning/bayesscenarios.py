@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.adjustment.reliability import HARD_TO_TELL
 from anaplot.aliases import Array, Bools
+from anaplot.photogrammetry.block import Block
 from anaplot.planning.bayesblock import bayes_block
+from anaplot.planning.bayesfolder import bayes_folder
 from anaplot.planning.montecarlo import QuantityKey, Scenario
 from anaplot.planning.plantederrors import (
     FATES,
@@ -23,7 +26,7 @@ from anaplot.planning.plantederrors import (
 )
 from anaplot.planning.rejections import SURE, rejected_rows
 
-__all__ = ["noise_within_three", "scenarios"]
+__all__ = ["BayesRun", "bayes_run", "noise_within_three", "scenarios"]
 
 
 METHODS = ("rms", "tau", "baarda", "l1", "search", "odds", "sure")
@@ -41,8 +44,14 @@ _SIGMA_UM = 5
 
 class _BayesGeometry:
     def __init__(self, prior_variance: float) -> None:
+        self.prior_variance = prior_variance
         self._block = bayes_block(prior_variance)
         self.near = hard_to_tell(self._block.matrix)
+
+    @property
+    def rows(self) -> tuple[tuple[str, str, str], ...]:
+        """(photo, point, axis) of every row."""
+        return self._block.rows
 
     def planted(self, rng: np.random.Generator, runs: int, case: Case) -> tuple[Array, Bools]:
         n = len(self._block.rows)
@@ -78,6 +87,55 @@ class _BayesGeometry:
             f"{HARD_TO_TELL:g} with that of a planted error that was missed",
             SURE,
         )
+
+
+class BayesRun(NamedTuple):
+    """One run of a group.
+
+    Attributes
+    ----------
+    block
+        As a folder may hold it.
+    rows
+        (photo, point, axis) of every image coordinate.
+    planted
+        The rows that hold a gross error.
+    rejected
+        By method, the rows that it rejects.
+    """
+
+    block: Block
+    rows: tuple[tuple[str, str, str], ...]
+    planted: tuple[int, ...]
+    rejected: Mapping[str, tuple[int, ...]]
+
+
+def bayes_run(scenario: Scenario, *, seed: int, methods: tuple[str, ...]) -> BayesRun | None:
+    """Return the first run of a group of the Bayesian paper; None of any other scenario.
+
+    The simulation's first run, where it has as many runs as a chunk or more.
+
+    Parameters
+    ----------
+    scenario
+        One of `scenarios`.
+    seed
+        Of the simulation.
+    methods
+        Whose rejections are wanted.
+    """
+    geometry = scenario.geometry() if isinstance(scenario, ErrorsScenario) else None
+    if not isinstance(scenario, ErrorsScenario) or not isinstance(geometry, _BayesGeometry):
+        return None
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
+    errors, planted = geometry.planted(rng, scenario.chunk, scenario.cases[0])
+    found = dict(geometry.rejected(errors[:1], methods, scenario.alpha))
+    return BayesRun(
+        bayes_folder(scenario.name, geometry.prior_variance, errors[0]),
+        geometry.rows,
+        tuple(np.flatnonzero(planted[0]).tolist()),
+        {method: tuple(np.flatnonzero(rows[0]).tolist()) for method, rows in found.items()},
+    )
 
 
 def noise_within_three(rng: np.random.Generator, runs: int, n: int) -> Array:

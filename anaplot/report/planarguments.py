@@ -26,6 +26,7 @@ __all__ = [
     "add_block_arguments",
     "add_network_arguments",
     "add_pattern_arguments",
+    "add_run_arguments",
     "add_simulate_arguments",
 ]
 
@@ -198,6 +199,17 @@ def add_network_arguments(network: argparse.ArgumentParser) -> None:
     add_output(network, "points and photos", folder=False)
     network.add_argument(
         "--to", type=Path, metavar="FOLDER", help="write it as a new block, free of error"
+    )
+
+
+def add_run_arguments(simulate: argparse.ArgumentParser) -> None:
+    """Add what the command `plan simulate` takes beside: it writes a block then."""
+    simulate.add_argument(
+        "--to-block",
+        type=Path,
+        metavar="FOLDER",
+        help="do no simulation, but write its first run as a new block (scenarios bayes-...), and "
+        "say what is planted in it and what every strategy rejects",
     )
 
 

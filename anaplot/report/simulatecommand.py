@@ -51,6 +51,7 @@ from anaplot.report.output import Output
 from anaplot.report.owngeometry import ModelOptions, own_scenario
 from anaplot.report.planarguments import add_simulate_arguments
 from anaplot.report.running import computed
+from anaplot.report.simulatedrun import run_to_block
 from anaplot.textfiles.wording import hint, quoted
 from anaplot.version import __version__
 
@@ -87,6 +88,8 @@ def run_simulate(options: argparse.Namespace) -> int:
     NotComputableError
         A process died.
     """
+    if options.to_block is not None:
+        return run_to_block(options)
     output = Output.of(options)
     if options.list:
         output.check()

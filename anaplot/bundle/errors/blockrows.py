@@ -51,7 +51,9 @@ class BlockRows:
         self._watch, self._control_only = watch, control_only
         self._system: BlockResiduals | None = None
         block = problem.block
-        self.apriori = AprioriSigma.image_um(f"block {block.name}", block.precision.image_um)
+        # priors may be far better, or worse, than they say
+        rows = 2 * len(problem.photo) if np.isfinite(problem.expected_sigma).any() else None
+        self.apriori = AprioriSigma.image_um(f"block {block.name}", block.precision.image_um, rows)
 
     def residuals(self, at: BlockPlace, number: int) -> BlockResiduals:
         """Return all rows, linearised at a place."""
