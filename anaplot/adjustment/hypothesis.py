@@ -335,27 +335,31 @@ def sequential_components(difference: Array, cofactors: Array) -> list[Component
     """
     scale, rho = _correlation(cofactors)
     p = len(scale)
-    left = rho.copy()
     # holding parameters leaves the inverse of the others' cofactors as it is
     information = np.diag(np.linalg.inv(rho))
-    # loadings of what is left of each parameter, in standardized parameters
-    combination = np.eye(p)
-    free = list(range(p))
-    z = np.asarray(difference, dtype=np.float64) / scale
-    out = []
-    while free:
-        inflation = np.diag(left)[free] * information[free]
+    # rho = U'U, a row for each component; what is left of each variance beside the rows so far
+    rows = np.zeros((p, p))
+    left = np.ones(p)
+    variances = np.ones(p)
+    free = np.arange(p)
+    order = np.zeros(p, dtype=np.intp)
+    for step in range(p):
+        inflation = left[free] * information[free]
         # of equals the first: the last two always are
-        k = free[int(np.argmax(inflation >= inflation.max() * (1.0 - _EQUAL)))]
-        variance = float(left[k, k])
-        loadings = combination[k] / sqrt(variance)
-        out.append(Component(k, loadings, float(loadings @ z), variance))
-        free.remove(k)
-        share = left[:, k] / variance
-        share[k] = 0.0
-        combination = combination - np.outer(share, combination[k])
-        left = left - np.outer(left[:, k], left[k]) / variance
-    return out
+        at = int(np.argmax(inflation >= inflation.max() * (1.0 - _EQUAL)))
+        k = order[step] = free[at]
+        free = np.delete(free, at)
+        variances[step] = left[k]
+        rows[step] = (rho[k] - rows[:step, k] @ rows[:step]) / sqrt(left[k])
+        left = left - rows[step] ** 2
+    loadings = np.zeros((p, p))
+    # what stands before a component's own parameter is rounding
+    loadings[:, order] = np.linalg.inv(np.tril(rows[:, order].T))
+    values = loadings @ (np.asarray(difference, dtype=np.float64) / scale)
+    return [
+        Component(int(k), loadings[step], float(values[step]), float(variances[step]))
+        for step, k in enumerate(order)
+    ]
 
 
 def principal_components(difference: Array, cofactors: Array) -> list[Component]:
