@@ -253,8 +253,11 @@ def _compare(options: argparse.Namespace) -> int:
     from anaplot.report.comparecommand import compare
     from anaplot.report.running import run_computation
 
-    reads = (*block_files(options.first), *block_files(options.second))
-    return run_computation(options, compare, reads)
+    epochs = (options.first, options.second, *options.more)
+    reads = [file for epoch in epochs for file in block_files(epoch)]
+    if options.given_movement is not None:
+        reads.append(options.given_movement)
+    return run_computation(options, partial(compare, *epochs), reads)
 
 
 def _add_plan(commands: Any) -> None:
@@ -337,7 +340,7 @@ def _parser() -> _Parser:
     compare = command(
         "compare",
         _compare,
-        "what has moved between two epochs",
+        "what has moved between two or more epochs, and when",
         "anaplot compare spring autumn",
     )
     add_compare_arguments(compare)

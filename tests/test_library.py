@@ -62,7 +62,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("library")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(path)
-        for folder, seed in (("myblock", 1), ("spring", 2), ("autumn", 3)):
+        for folder, seed in (("myblock", 1), ("spring", 2), ("autumn", 3), ("winter", 4)):
             measured(folder, seed)
     return path
 

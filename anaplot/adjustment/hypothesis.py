@@ -31,6 +31,7 @@ __all__ = [
     "f_noncentrality",
     "f_power",
     "f_test",
+    "nearest_components",
     "principal_components",
     "quadratic_form",
     "removable",
@@ -382,6 +383,39 @@ def principal_components(difference: Array, cofactors: Array) -> list[Component]
         loadings = vector / sqrt(value)
         out.append(Component(member, loadings, float(loadings @ z), value))
     return out
+
+
+def nearest_components(difference: Array, cofactors: Array) -> tuple[Array, Array]:
+    """Take a set apart into the independent components that lie nearest to its members.
+
+    With rho the correlation matrix and z the members over their standard deviations: rho^(-1/2) z.
+    Of all components that are independent, and normal with standard deviation 1 if the hypothesis
+    is true, these are closest to z in the mean of the squares; their squares add up to R. What a
+    member has in common with others is shared out evenly among them, in no order.
+
+    Parameters
+    ----------
+    difference, cofactors
+        (p,) and (p, p).
+
+    Returns
+    -------
+    tuple
+        (p,) the components, and (p,) their correlation with the members that they stand for:
+        1 for one that is correlated with no other.
+
+    Raises
+    ------
+    DependentConditionsError
+        The cofactors are not of full rank.
+    """
+    scale, rho = _correlation(cofactors)
+    values, vectors = np.linalg.eigh(rho)
+    roots = np.sqrt(values)
+    z = np.asarray(difference, dtype=np.float64) / scale
+    components: Array = vectors @ ((vectors.T @ z) / roots)
+    alike: Array = (vectors * vectors) @ roots
+    return components, alike
 
 
 def removable(

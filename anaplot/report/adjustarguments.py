@@ -266,9 +266,17 @@ def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("first", type=Path, metavar="EPOCH1", help="the earlier block's folder")
     parser.add_argument("second", type=Path, metavar="EPOCH2", help="the later block's folder")
     parser.add_argument(
+        "more",
+        type=Path,
+        nargs="*",
+        default=(),
+        metavar="EPOCH",
+        help="further ones, in the order of time",
+    )
+    parser.add_argument(
         "--separate",
         action="store_true",
-        help="adjust each epoch by itself; otherwise both in one, with common control "
+        help="adjust each epoch by itself; otherwise all in one, with common control "
         "(of a point given in part, what is given)",
     )
     parser.add_argument(
@@ -286,7 +294,7 @@ def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
         "--common-parameters",
         action=argparse.BooleanOptionalAction,
         default=None,
-        help="whether both epochs have the same ones; jointly, of block and camera: they have",
+        help="whether all epochs have the same ones; jointly, of block and camera: they have",
     )
     parser.add_argument(
         "--stable",
@@ -294,6 +302,13 @@ def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
         help="points that have not moved hold the datum in place of control: three or more",
     )
     parser.add_argument("--points", metavar="POINT,...", help="compare these only")
+    parser.add_argument(
+        "--given-movement",
+        type=Path,
+        metavar="FILE",
+        help="test against this movement instead of none: a CSV file of point,dX,dY,dZ [m], of "
+        "more than two epochs with from,to (1, 2, ...); what is not in it has not moved",
+    )
     parser.add_argument(
         "--alpha",
         type=significance,

@@ -74,8 +74,9 @@ def takes_options(declare: Declare) -> Callable[[Callable[P, T]], Callable[P, T]
 
 
 def keywords_of(compute: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those of a command line's options that a function takes."""
-    wanted = signature(compute).parameters
+    """Return those of a command line's options that a function takes by their names."""
+    parameters = signature(compute).parameters.values()
+    wanted = {one.name for one in parameters if one.kind is not one.VAR_POSITIONAL}
     return {name: value for name, value in options.items() if name in wanted}
 
 

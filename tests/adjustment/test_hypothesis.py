@@ -16,6 +16,7 @@ from anaplot.adjustment.hypothesis import (
     f_noncentrality,
     f_power,
     f_test,
+    nearest_components,
     principal_components,
     quadratic_form,
     removable,
@@ -231,6 +232,27 @@ def test_components_are_independent_and_add_up(take_apart) -> None:
     loadings = np.array([p.loadings for p in parts])
     np.testing.assert_allclose(loadings @ rho @ loadings.T, np.eye(5), atol=1e-9)
     np.testing.assert_allclose(loadings @ (x / scale), [p.value for p in parts])
+
+
+def test_nearest_components_are_independent_and_nearest() -> None:
+    _, q = line(7)
+    x = np.random.default_rng(8).normal(size=5)
+    scale = np.sqrt(np.diag(q))
+    rho = q / scale[:, None] / scale
+    loadings = np.array([nearest_components(row, q)[0] for row in np.diag(scale)]).T
+    values, alike = nearest_components(x, q)
+    np.testing.assert_allclose(loadings @ (x / scale), values)
+    np.testing.assert_allclose(loadings @ rho @ loadings.T, np.eye(5), atol=1e-9)
+    np.testing.assert_allclose(loadings, loadings.T, atol=1e-9)  # no member comes before another
+    np.testing.assert_allclose(alike, np.diag(loadings @ rho))
+    assert np.sum(values**2) == pytest.approx(quadratic_form(x, q))
+    # the others that are independent, turned by any rotation, are less like the members
+    turn = np.linalg.qr(np.random.default_rng(9).normal(size=(5, 5)))[0]
+    assert np.trace(turn @ loadings @ rho) < np.sum(alike)
+    # what is correlated with nothing stands for itself
+    np.testing.assert_allclose(nearest_components(x, np.eye(5)), (x, np.ones(5)))
+    with pytest.raises(DependentConditionsError):
+        nearest_components(np.ones(2), np.ones((2, 2)))
 
 
 def test_components_of_a_family_keep_their_size() -> None:

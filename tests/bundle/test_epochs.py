@@ -6,14 +6,14 @@ import csv
 import json
 from collections import Counter
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import pytest
-from bundleblocks import aerial, make_scene
+from epochblocks import epoch, heights_only, layout, stable_names, written
 from wild import text_of, wild, words
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.epochs.common import common_control
 from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.epochs.displacementtests import epoch_tests
 from anaplot.bundle.epochs.joint import joint_block
@@ -22,40 +22,14 @@ from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.cli import main
 from anaplot.errors import InputError, NotComputableError
-from anaplot.exchange.blockfolder import write_new_block
-from anaplot.photogrammetry.block import ControlPoint, ImagePoint, TestSettings
+from anaplot.photogrammetry.block import ImagePoint, TestSettings
 from anaplot.photogrammetry.similarity import fit_similarity
-from anaplot.report.comparecommand import compare, compare_document
+from anaplot.report.comparecommand import compare
+from anaplot.report.epochdocument import compare_document
 
 pytestmark = pytest.mark.slow
 
 BAARDA = TestSettings(kind="baarda")
-
-
-@lru_cache(maxsize=1)
-def layout():
-    return aerial(2, 3, per_base=2, noise_um=0.0, control_sigma=0.02, seed=1)
-
-
-def epoch(seed, *, moved=None, noise_um=5.0, test=None, control=True, distort=None):
-    """The same photos and points with other noise; `moved` {name: displacement [m]}."""
-    base = layout()
-    points = {
-        n: p + np.array((moved or {}).get(n, (0.0, 0.0, 0.0))) for n, p in base.points.items()
-    }
-    rows = {(r.photo, r.point) for r in base.block.image_points}
-    photos = {p: (base.centres[p], base.rotations[p]) for p in base.centres}
-    return make_scene(
-        photos,
-        points,
-        control=base.block.control if control else (),
-        strips=base.block.strips,
-        sees=lambda photo, point, _: (photo, point) in rows,
-        noise_um=noise_um,
-        seed=seed,
-        test=test,
-        distort=distort,
-    ).block
 
 
 def inverse(block):
@@ -77,7 +51,7 @@ def inverse(block):
 def test_joint_covariances_are_those_of_the_whole_inverse() -> None:
     first, second = epoch(1), epoch(2)
     found = compare_epochs(first, second)
-    joint = adjust_block(joint_block(first, second, found.common))
+    joint = adjust_block(joint_block((first, second), common_control((first, second))))
     normal, column = inverse(joint)
     q = np.linalg.inv(normal)
     b = np.zeros((3 * len(found.points), len(q)))
@@ -114,13 +88,6 @@ def test_separate_covariances_add_up() -> None:
     assert np.trace(joint.cofactors) < np.trace(found.cofactors)
 
 
-def heights_only(block, name, *, sigma=0.02, value=None):
-    """Give up X and Y of a control point, or add a point of which only Z is given."""
-    value = layout().points[name][2] if value is None else value
-    row = ControlPoint(name, (None, None, float(value)), (None, None, sigma))
-    return replace(block, control=(*(c for c in block.control if c.point != name), row))
-
-
 def test_a_coordinate_given_once_is_one_observation_of_one_unknown() -> None:
     first, second = (heights_only(epoch(k), "p13", sigma=0.03) for k in (1, 2))
     found = compare_epochs(first, second)
@@ -128,7 +95,9 @@ def test_a_coordinate_given_once_is_one_observation_of_one_unknown() -> None:
     assert "p13" not in found.common
     assert found.given.sum() == 1
     # dense: the columns of both heights made one; half the weight twice is the weight
-    joint = adjust_block(joint_block(first, second, found.common, twice=("p13",)))
+    joint = adjust_block(
+        joint_block((first, second), common_control((first, second)), shares={"p13": 2})
+    )
     normal, column = inverse(joint)
     one, two = column["p13 [1]"] + 2, column["p13 [2]"] + 2
     at = dict(zip(joint.problem.points, joint.state.points, strict=True))
@@ -204,10 +173,6 @@ def test_a_coordinate_given_in_one_epoch_is_compared() -> None:
     assert "p13" in alone.only_first
     assert alone.vtpv == pytest.approx(bare.vtpv)
     assert alone.redundancy == bare.redundancy
-
-
-def stable_names():
-    return ("p1", "p5", "p16", "p31", "p35")
 
 
 def test_stable_points_by_s_transformation() -> None:
@@ -563,7 +528,7 @@ def test_an_epoch_without_a_minimum_is_named(monkeypatch) -> None:
     def endless(block, **_):
         raise NoConvergenceError(f"block {block.name}: no solution found", None)
 
-    monkeypatch.setattr("anaplot.bundle.epochs.displacements.adjust_block", endless)
+    monkeypatch.setattr("anaplot.bundle.epochs.alone.adjust_block", endless)
     with pytest.raises(NotComputableError, match=r"^epoch 1: block .*: no solution found"):
         compare_epochs(epoch(1), epoch(2))
 
@@ -583,25 +548,6 @@ def test_names_cannot_meet() -> None:
 
 
 # --- the command ----------------------------------------------------------------------------
-
-
-def cell(value):
-    return "" if value is None else repr(float(value))
-
-
-def written(tmp_path, first, second):
-    write_new_block(tmp_path / "spring", first)
-    write_new_block(tmp_path / "autumn", second)
-    for name, block in (("spring", first), ("autumn", second)):
-        lines = ["point,X,Y,Z,sX,sY,sZ,use"]
-        for c in block.control:
-            assert isinstance(c, ControlPoint)
-            lines.append(",".join([c.point, *map(cell, c.xyz), *map(cell, c.sigma), c.use]))
-        (tmp_path / name / "control.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        rows = ["photo,point,x,y"]
-        rows += [f"{r.photo},{r.point},{float(r.x)!r},{float(r.y)!r}" for r in block.image_points]
-        (tmp_path / name / "image_points.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return [str(tmp_path / "spring"), str(tmp_path / "autumn")]
 
 
 def test_the_command(tmp_path, capsys) -> None:

@@ -1,1 +1,1 @@
-"""Two epochs of one object."""
+"""Two or more epochs of one object."""

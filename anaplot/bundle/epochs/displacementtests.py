@@ -1,41 +1,28 @@
 """Tests of displacements between two epochs: all, single points, single coordinates.
 
 Gruen 1978, section D3, eq. (55) to (58). "Bonferroni" shares the significance among the tests of a
-family, "Scheffe" keeps it for every combination of coordinates that anyone may choose.
+family, "Scheffe" keeps it for every combination of coordinates that anyone may choose, and
+orthogonal components are independent of each other, so that each can be tested by itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtr, fdtrc
 
-from anaplot.adjustment.hypothesis import (
-    DependentConditionsError,
-    bonferroni_alpha,
-    critical_f,
-    f_test,
-    quadratic_form,
-    scheffe_factor,
-)
-from anaplot.aliases import Array, Bools, Index
-from anaplot.bundle.epochs.displacements import Agreement, EpochDifferences
+from anaplot.aliases import Index
+from anaplot.bundle.epochs.located import Located
+from anaplot.bundle.epochs.overall import Overall, overall
+from anaplot.bundle.epochs.series import EpochDifferences
+from anaplot.bundle.epochs.stabletests import agreement_test, located_stable, refuted_datum
+from anaplot.bundle.epochs.undertest import Limits, Orthogonal, UnderTest, limits_of, under_test
+from anaplot.bundle.epochs.variances import VarianceRatio, doubtful_epochs, variance_ratio
 from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
-from anaplot.errors import NotComputableError
 
-__all__ = [
-    "CoordinateMove",
-    "EpochTests",
-    "Located",
-    "Overall",
-    "PointMove",
-    "VarianceRatio",
-    "epoch_tests",
-]
+__all__ = ["CoordinateMove", "EpochTests", "PointMove", "epoch_tests", "pair_tests"]
 
 
 class CoordinateMove(NamedTuple):
@@ -58,6 +45,13 @@ class CoordinateMove(NamedTuple):
         Half widths of the simultaneous confidence intervals [m]; None without.
     mdb
         Smallest displacement [m] found with the power asked for; None without variance.
+    expected
+        The given movement [m] that it is tested against.
+    component, alike
+        The orthogonal component that stands for it over its standard deviation, and the correlation
+        of both, as `Orthogonal` has them; None where there is none.
+    orthogonal
+        Test of the component by itself; all components together keep the significance.
     """
 
     axis: str
@@ -69,6 +63,10 @@ class CoordinateMove(NamedTuple):
     half_bonferroni: float | None
     half_scheffe: float | None
     mdb: float | None
+    expected: float = 0.0
+    component: float | None = None
+    alike: float | None = None
+    orthogonal: Verdict | None = None
 
 
 class PointMove(NamedTuple):
@@ -90,6 +88,8 @@ class PointMove(NamedTuple):
         Whether Scheffe's limit is exceeded; None where it cannot be tested.
     coordinates
         X, Y and Z.
+    orthogonal
+        Test of its orthogonal components together; all points together keep the significance.
     """
 
     point: str
@@ -99,67 +99,7 @@ class PointMove(NamedTuple):
     verdict: Verdict | None
     scheffe: bool | None
     coordinates: tuple[CoordinateMove, CoordinateMove, CoordinateMove]
-
-
-class Located(NamedTuple):
-    """A step of naming moved points.
-
-    Attributes
-    ----------
-    point
-        The point whose displacement explains most of what is left.
-    square
-        What R falls by when this point may move besides those named before: R of its displacement
-        against what those not yet named, held at zero, let expect.
-    rest
-        R of all other points once this one may move.
-    """
-
-    point: str
-    square: float
-    rest: float
-
-
-class VarianceRatio(NamedTuple):
-    """Whether both epochs have the same variance factor.
-
-    Attributes
-    ----------
-    ratio
-        First over second.
-    redundancies
-        Of both.
-    significance
-        Two-sided probability of a ratio as far from one.
-    """
-
-    ratio: float
-    redundancies: tuple[int, int]
-    significance: float
-
-
-class Overall(NamedTuple):
-    """Whether anything has moved: all families of tests together, at one level.
-
-    Attributes
-    ----------
-    families
-        Names of the families that could be tested.
-    significance
-        Smallest probability of a family, times their number (Bonferroni): if nothing has moved it
-        is below alpha with a probability of alpha at most, however the families hang together.
-    alpha
-        Of all families together.
-    """
-
-    families: tuple[str, ...]
-    significance: float
-    alpha: float
-
-    @property
-    def rejected(self) -> bool:
-        """Whether something has moved."""
-        return self.significance < self.alpha
+    orthogonal: Verdict | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,7 +113,8 @@ class EpochTests:
     alpha, power
         Settings.
     everything
-        "No point has moved"; None when the cofactors are singular.
+        "No point has moved", or with a given movement "every point has moved so"; None when the
+        cofactors are singular.
     agreement
         "The points that hold the datum have not moved"; None when control holds it.
     variance
@@ -204,21 +145,15 @@ class EpochTests:
     @property
     def overall(self) -> Overall | None:
         """All families at one level; None where nothing can be tested."""
-        families = {
-            "all points": [self.everything],
-            "stable points": [self.agreement],
-            "points": [p.verdict for p in self.points],
-            "coordinates": [c.verdict for p in self.points for c in p.coordinates],
-        }
-        smallest: dict[str, float] = {}
-        for name, verdicts in families.items():
-            tests = [v.decisive for v in verdicts if v is not None and v.decisive is not None]
-            if tests:
-                smallest[name] = len(tests) * min(test.significance for test in tests)
-        if not smallest:
-            return None
-        significance = min(1.0, len(smallest) * min(smallest.values()))
-        return Overall(tuple(smallest), significance, self.alpha)
+        return overall(
+            {
+                "all points": [self.everything],
+                "stable points": [self.agreement],
+                "points": [p.verdict for p in self.points],
+                "coordinates": [c.verdict for p in self.points for c in p.coordinates],
+            },
+            self.alpha,
+        )
 
     @property
     def any_moved(self) -> bool:
@@ -244,114 +179,64 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05) -> EpochTests:
     ValueError
         Not 0 < alpha < power < 1.
     """
-    power = found.power
+    tested = pair_tests(found, alpha=alpha)
     variance = VarianceFactor(found.vtpv, found.redundancy, found.by_known)
-    live = _with_variance(found)
-    if not live.any():
-        raise NotComputableError("no displacement has a variance: nothing can be tested")
-    b = int(live.sum())
-    total = _square(found, np.flatnonzero(live))
-    everything = None if total is None else variance.test(total, b, alpha)
-    limits = _limits(variance, alpha, power, b, len(found.points))
-    moves = tuple(_point_move(found, k, live, variance, limits) for k in range(len(found.points)))
-    agreement = _agreement_test(found, variance, alpha)
-    located: tuple[Located, ...] = ()
-    located_stable: tuple[Located, ...] = ()
-    remarks = [*found.remarks, *_doubtful_epochs(found, alpha)]
+    agreement = agreement_test(found.agreement, variance, alpha, joint=found.joint)
+    without = found.joint and found.own_parameters is not None
+    remarks = [*found.remarks, *doubtful_epochs(found.alone, alpha, without=without)]
+    stable: tuple[Located, ...] = ()
     if found.agreement is not None and agreement is not None and agreement.rejected:
-        located_stable = _located_stable(found, found.agreement, agreement)
-        most = ", ".join(step.point for step in located_stable[:8])
-        remarks.append(
-            f"the stable points have moved ({most or 'which of them does not show'}): every "
-            "displacement hangs on a refuted datum"
-            + (": leave out of --stable what is named" if most else "")
-        )
+        stable = located_stable(found.agreement, agreement, found.common)
+        remarks.append(refuted_datum(stable))
+    return replace(tested, agreement=agreement, located_stable=stable, remarks=tuple(remarks))
+
+
+def pair_tests(found: EpochDifferences, *, alpha: float) -> EpochTests:
+    """Test displacements between two epochs out of several: what concerns these two alone.
+
+    Parameters and errors as `epoch_tests` has them; neither the datum nor the epochs by themselves
+    are tested, and there are no remarks.
+    """
+    variance = VarianceFactor(found.vtpv, found.redundancy, found.by_known)
+    test = under_test(found.deviation, found.cofactors, ~found.given.reshape(-1), variance)
+    limits = limits_of(variance, alpha, found.power, len(test.rows), len(found.points))
+    parts = test.orthogonal()
+    moves = tuple(
+        _point_move(found, k, test, limits, parts, alpha) for k in range(len(found.points))
+    )
+    everything = test.together(alpha)
+    located: tuple[Located, ...] = ()
     if everything is not None and everything.rejected and limits.square is not None:
-        located = _located(found, np.nonzero(live)[0].tolist(), limits.square)
+        freed = test.freed(test.rows, (test.rows // 3).tolist(), limits.square)
+        located = tuple(Located(found.points[step.owner], step.square, step.rest) for step in freed)
     return EpochTests(
         found,
         alpha,
-        power,
+        found.power,
         everything,
-        agreement,
-        _ratio(found),
+        None,
+        variance_ratio(*found.alone),
         moves,
         located,
-        located_stable,
-        tuple(remarks),
-    )
-
-
-def _square(found: EpochDifferences, rows: Index) -> float | None:
-    """Return R of some differences; None where their cofactors are singular."""
-    try:
-        return quadratic_form(found.d[rows], found.cofactors[np.ix_(rows, rows)])
-    except DependentConditionsError:
-        return None
-
-
-def _with_variance(found: EpochDifferences) -> Bools:
-    """Return (3 m,) which differences are tested: no given ones, none without variance."""
-    q = np.diag(found.cofactors)
-    free = ~found.given.reshape(-1)
-    return np.asarray(free & (q > 1e-12 * float(q[free].max(initial=0.0))))
-
-
-class _Limits(NamedTuple):
-    """What single displacements are tested with.
-
-    Attributes
-    ----------
-    sigma
-        Of unit weight; None where there is none: then all that follows from it is None.
-    point_alpha, coordinate_alpha
-        Bonferroni's significance of one point and of one coordinate.
-    bonferroni, scheffe
-        Limits of a displacement over its standard deviation.
-    square
-        Scheffe's limit of a quadratic form for the a-priori sigma0.
-    reach
-        Smallest detectable displacement over the root of its cofactor.
-    """
-
-    sigma: float | None
-    point_alpha: float
-    coordinate_alpha: float
-    bonferroni: float | None
-    scheffe: float | None
-    square: float | None
-    reach: float
-
-
-def _limits(
-    variance: VarianceFactor, alpha: float, power: float, coordinates: int, points: int
-) -> _Limits:
-    sigma, degrees = variance.used, variance.degrees
-    sharp = bonferroni_alpha(alpha, coordinates)
-    scheffe = None if sigma is None else scheffe_factor(alpha, coordinates, degrees)
-    return _Limits(
-        sigma,
-        bonferroni_alpha(alpha, points),
-        sharp,
-        None if sigma is None else sqrt(critical_f(sharp, 1, degrees)),
-        scheffe,
-        None if sigma is None or scheffe is None else (scheffe * sigma) ** 2,
-        sqrt(variance.detectable(sharp, power)),
+        (),
+        (),
     )
 
 
 def _point_move(
     found: EpochDifferences,
     k: int,
-    live: Bools,
-    variance: VarianceFactor,
-    limits: _Limits,
+    test: UnderTest,
+    limits: Limits,
+    parts: Orthogonal | None,
+    alpha: float,
 ) -> PointMove:
     """Test the displacement of point `k` by itself, and its coordinates."""
+    variance = test.variance
     rows = slice(3 * k, 3 * k + 3)
-    mine = 3 * k + np.flatnonzero(live[rows])
+    mine: Index = 3 * k + np.flatnonzero(test.live[rows])
     verdict, beyond = None, None
-    whole = _square(found, mine) if len(mine) else None
+    whole = test.square(mine) if len(mine) else None
     if whole is not None:
         verdict = variance.test(whole, len(mine), limits.point_alpha)
         if limits.square is not None:
@@ -363,8 +248,9 @@ def _point_move(
         square = float(free @ found.cofactors[rows, rows] @ free)
         s_length = limits.sigma * sqrt(max(square, 0.0)) / length
     x, y, z = found.places[k].tolist()
-    first, second, third = (_coordinate_move(found, k, axis, live, variance, limits)
-                            for axis in range(3))  # fmt: skip
+    first, second, third = (
+        _coordinate_move(found, k, axis, test, limits, parts, alpha) for axis in range(3)
+    )
     return PointMove(
         found.points[k],
         (x, y, z),
@@ -373,6 +259,7 @@ def _point_move(
         verdict,
         beyond,
         (first, second, third),
+        test.component_test(parts, mine, len(found.points), alpha),
     )
 
 
@@ -380,16 +267,17 @@ def _coordinate_move(
     found: EpochDifferences,
     k: int,
     axis: int,
-    live: Bools,
-    variance: VarianceFactor,
-    limits: _Limits,
+    test: UnderTest,
+    limits: Limits,
+    parts: Orthogonal | None,
+    alpha: float,
 ) -> CoordinateMove:
     at = 3 * k + axis
     name, d = "XYZ"[axis], float(found.d[at])
-    if not live[at]:
+    if not test.live[at]:
         given = bool(found.given[k, axis])
         return CoordinateMove(name, d, None, given, None, None, None, None, None)
-    root = sqrt(float(found.cofactors[at, at]))
+    root, deviation = sqrt(float(found.cofactors[at, at])), float(test.d[at])
     s = None if limits.sigma is None else limits.sigma * root
     half_bonferroni, half_scheffe = (
         None if s is None or limit is None else limit * s
@@ -400,127 +288,13 @@ def _coordinate_move(
         d,
         s,
         False,
-        variance.test((d / root) ** 2, 1, limits.coordinate_alpha),
-        None if half_scheffe is None else abs(d) > half_scheffe,
+        test.variance.test((deviation / root) ** 2, 1, limits.coordinate_alpha),
+        None if half_scheffe is None else abs(deviation) > half_scheffe,
         half_bonferroni,
         half_scheffe,
         limits.reach * root,
+        0.0 if found.expected is None else float(found.expected[at]),
+        None if parts is None else float(parts.values[at]),
+        None if parts is None else float(parts.alike[at]),
+        test.component_test(parts, np.array([at]), len(test.rows), alpha),
     )
-
-
-def _agreement_test(
-    found: EpochDifferences, variance: VarianceFactor, alpha: float
-) -> Verdict | None:
-    """Test "the stable points have not moved"; None where nothing is left to agree in."""
-    if found.agreement is None or not found.agreement.dimension > 0:
-        return None
-    square, dimension = found.agreement.square, found.agreement.dimension
-    # jointly adjusted, the quadratic form is a part of v'Pv
-    left = variance.without(square, dimension) if found.joint else variance
-    return left.test(square, dimension, alpha)
-
-
-def _located(found: EpochDifferences, live: list[int], limit: float) -> tuple[Located, ...]:
-    cofactors = found.cofactors[np.ix_(live, live)]
-    total = quadratic_form(found.d[live], cofactors)
-    information = np.asarray(np.linalg.inv(cofactors), dtype=np.float64)
-    return _search(found.points, found.d, live, information, total, limit, least=0)
-
-
-def _located_stable(
-    found: EpochDifferences, agreement: Agreement, verdict: Verdict
-) -> tuple[Located, ...]:
-    test = verdict.decisive
-    if test is None:
-        return ()
-    limit = test.critical * test.dimension * test.sigma**2
-    d, information = agreement.d, agreement.information
-    total = float(d @ information @ d)
-    # three points fit each other up to two conditions: which of them moved does not show
-    return _search(found.common, d, list(range(len(d))), information, total, limit, least=9)
-
-
-def _search(
-    names: Sequence[str],
-    d: Array,
-    live: list[int],
-    information: Array,
-    total: float,
-    limit: float,
-    *,
-    least: int,
-) -> tuple[Located, ...]:
-    """Let one point after the other move until R of the rest is within the limit.
-
-    R of the rest with the moved points free is that of the rest by itself: free points take no
-    part in it.
-
-    Parameters
-    ----------
-    names, d
-        All points, and their 3 coordinates each.
-    live, information
-        Rows of `d` that take part, and the inverse of their cofactors, or their pseudo-inverse.
-    total, limit
-        R of all of them, and what it may be.
-    least
-        Rows that stay.
-    """
-    rest = list(live)
-    out: list[Located] = []
-    while len(rest) > least and total > limit:
-        gradient = information @ d[rest]
-        at: dict[int, list[int]] = {}
-        for position, row in enumerate(rest):
-            at.setdefault(row // 3, []).append(position)
-        drops = {
-            point: float(gradient[mine] @ _inverse(information[np.ix_(mine, mine)])
-                         @ gradient[mine])
-            for point, mine in at.items()
-        }  # fmt: skip
-        point = max(drops, key=lambda name: drops[name])
-        mine = at[point]
-        stay = [k for k in range(len(rest)) if k not in set(mine)]
-        # the information of the rest alone is the Schur complement
-        side = information[np.ix_(stay, mine)]
-        core = _inverse(information[np.ix_(mine, mine)])
-        information = information[np.ix_(stay, stay)] - side @ core @ side.T
-        rest = [rest[k] for k in stay]
-        total = max(total - drops[point], 0.0)
-        out.append(Located(names[point], drops[point], total))
-    return tuple(out)
-
-
-def _inverse(core: Array) -> Array:
-    # a direction in which the others leave a stable point open is none in which it can be seen
-    return np.asarray(np.linalg.pinv(core, rcond=1e-9, hermitian=True))
-
-
-def _doubtful_epochs(found: EpochDifferences, alpha: float) -> list[str]:
-    """Name the epochs whose sigma0 by itself is too large for its a-priori value."""
-    by_itself = (
-        " (by itself, without additional parameters)"
-        if found.joint and found.own_parameters is not None
-        else ""
-    )
-    out = []
-    for number, (vtpv, redundancy) in enumerate(found.alone, start=1):
-        if redundancy < 1:
-            continue
-        test = f_test(vtpv, redundancy, alpha=alpha)
-        if test.rejected:
-            out.append(
-                f"epoch {number}: its global test is rejected{by_itself}: sigma0^2 "
-                f"{test.statistic:.3f} against {test.critical:.3f} (alpha {alpha:g})"
-            )
-    return out
-
-
-def _ratio(found: EpochDifferences) -> VarianceRatio | None:
-    (a, f), (b, g) = found.alone
-    if any(VarianceFactor(*each, by_known=False).sigma is None for each in found.alone):
-        return None
-    ratio = (a / f) / (b / g)
-    upper = float(fdtrc(f, g, ratio))
-    lower = float(fdtr(f, g, ratio))
-    return VarianceRatio(ratio, (f, g), min(1.0, 2.0 * min(upper, lower)))

@@ -1,14 +1,16 @@
-"""Two epochs in one bundle: laid out, adjusted, and the displacements in it (Gruen 1978, D3)."""
+"""Epochs in one bundle: laid out, adjusted, and the displacements in it (Gruen 1978, D3)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from anaplot.aliases import Array, Progress
 from anaplot.bundle.adjust import adjust_bundle
+from anaplot.bundle.epochs.common import Common, Epochs
+from anaplot.bundle.epochs.moves import Move
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
@@ -27,38 +29,46 @@ from anaplot.photogrammetry.block import (
 )
 from anaplot.photogrammetry.similarity import Similarity, fit_similarity
 
-__all__ = ["adjust_jointly", "joint_block", "joint_differences", "progress_of"]
+__all__ = ["adjust_jointly", "joint_block", "joint_displacements", "progress_of"]
 
 
-_MARKS = (" [1]", " [2]")
-_BOTH = " [both]"  # every name ends in one of the three, so that no two can meet
-_HALF_WEIGHT = 2.0**0.5  # factor of a standard deviation
+def _mark(epochs: Iterable[int], count: int) -> str:
+    """Return what the names of some epochs end in: every name does, so that no two can meet."""
+    numbers = sorted(epochs)
+    if len(numbers) == count > 1:
+        return " [both]" if count == 2 else " [all]"
+    return f" [{','.join(str(k + 1) for k in numbers)}]"
+
+
+def _point_mark(name: str, epoch: int, common: Common, count: int) -> str:
+    whole = common.whole(name)
+    return _mark(whole if epoch in whole else (epoch,), count)
 
 
 def joint_block(
-    first: Block,
-    second: Block,
-    common: Collection[str] = (),
+    blocks: Sequence[Block],
+    common: Common,
     *,
     control: bool = True,
-    twice: Collection[str] = (),
-    used: tuple[Collection[int], Collection[int]] | None = None,
+    shares: Mapping[str, int] | None = None,
+    used: Sequence[Collection[int]] | None = None,
     epoch_strips: bool = False,
     same_cameras: bool = True,
 ) -> Block:
-    """Return both epochs as one block, names marked by " [1]", " [2]" and " [both]".
+    """Return all epochs as one block, names marked by " [1]", " [2]" and, of two, " [both]".
 
     Parameters
     ----------
-    first, second
-        The blocks.
+    blocks
+        The epochs.
     common
-        Points that have one set of coordinates.
+        Its points that are one in all coordinates are one point.
     control
-        Whether the second epoch's control is taken besides the first's.
-    twice
-        Control points that are a point in each epoch, each with half the weight: once both are
-        held equal (`joint_differences`), the two observations are the one that was made.
+        Whether the other epochs' control is taken besides the first's.
+    shares
+        Control points that are a point in each of some epochs, and in how many: each with that
+        share of the weight, so that once they are held equal (`joint_displacements`), their
+        observations are the one that was made.
     used
         Rows of image points that take part; None: all.
     epoch_strips
@@ -66,29 +76,22 @@ def joint_block(
     same_cameras
         Let cameras that are declared alike be one.
     """
-    together, halved = set(common), set(twice)
-
-    def named(name: str, k: int) -> str:
-        return name + (_BOTH if name in together else _MARKS[k])
-
-    blocks = (first, second)
-    alike = {c.id for c in first.cameras} & {c.id for c in second.cameras}
-    alike = {n for n in alike if same_cameras and _camera(first, n) == _camera(second, n)}
+    count = len(blocks)
+    parts = shares or {}
     cameras: dict[str, Camera] = {}
     photos: list[Photo] = []
     strips: list[Strip] = []
     rows: list[ImagePoint] = []
     controls: dict[str, ControlPoint] = {}
     for k, block in enumerate(blocks):
-        mark = _MARKS[k]
-
-        def camera_name(name: str, mark: str = mark) -> str:
-            return name + (_BOTH if name in alike else mark)
-
+        mark = _mark((k,), count)
+        named = {
+            c.id: c.id + _mark(_alike(blocks, c) if same_cameras else (k,), count)
+            for c in block.cameras
+        }
         for camera in block.cameras:
-            name = camera_name(camera.id)
-            cameras.setdefault(name, replace(camera, id=name))
-        photos += [replace(p, id=p.id + mark, camera=camera_name(p.camera)) for p in block.photos]
+            cameras.setdefault(named[camera.id], replace(camera, id=named[camera.id]))
+        photos += [replace(p, id=p.id + mark, camera=named[p.camera]) for p in block.photos]
         if epoch_strips:
             strips.append(Strip(f"epoch{mark}", tuple(p.id + mark for p in block.photos)))
         else:
@@ -100,23 +103,24 @@ def joint_block(
         for at in chosen:
             row = block.image_points[at]
             sigma = block.precision.image_um if row.sigma_um is None else row.sigma_um
-            rows.append(
-                replace(row, photo=row.photo + mark, point=named(row.point, k), sigma_um=sigma)
-            )
-        if k == 1 and not control:
+            point = row.point + _point_mark(row.point, k, common, count)
+            rows.append(replace(row, photo=row.photo + mark, point=point, sigma_um=sigma))
+        if k > 0 and not control:
             continue
-        for point in block.control:
-            if point.use == "off":
+        for given in block.control:
+            if given.use == "off":
                 continue
-            name = named(point.point, k)
-            wide = _HALF_WEIGHT if point.point in halved else 1.0
+            name = given.point + _point_mark(given.point, k, common, count)
+            wide = parts.get(given.point, 1) ** 0.5
             x, y, z = (
                 None if value is None else wide * sigma
-                for value, sigma in zip(point.xyz, block.sigma_of(point), strict=True)
+                for value, sigma in zip(given.xyz, block.sigma_of(given), strict=True)
             )
-            controls.setdefault(name, replace(point, point=name, sigma=(x, y, z)))
+            controls.setdefault(name, replace(given, point=name, sigma=(x, y, z)))
+    first = blocks[0]
+    *others, last = (block.name for block in blocks)
     return Block(
-        name=f"{first.name} and {second.name}",
+        name=f"{', '.join(others)} and {last}",
         precision=Precision(first.precision.image_um, first.precision.tie_variance),
         test=first.test,
         cameras=tuple(cameras.values()),
@@ -127,38 +131,38 @@ def joint_block(
     )
 
 
-def _camera(block: Block, name: str) -> Camera:
-    return next(c for c in block.cameras if c.id == name)
+def _alike(blocks: Sequence[Block], camera: Camera) -> Epochs:
+    """Return the epochs in which a camera is declared so."""
+    return frozenset(k for k, block in enumerate(blocks) if camera in block.cameras)
 
 
 def adjust_jointly(
-    one: AdjustedBlock,
-    two: AdjustedBlock,
-    held: Sequence[str],
-    twice: Sequence[str],
+    alone: Sequence[AdjustedBlock],
+    common: Common,
+    shares: Mapping[str, int],
     datum: Datum,
     additional: AdditionalParameters | None,
     *,
-    common: bool,
+    same: bool,
     progress: Progress | None = None,
 ) -> AdjustedBlock:
-    """Adjust two epochs in one bundle, from the approximate values of their own adjustments.
+    """Adjust epochs in one bundle, from the approximate values of their own adjustments.
 
     Parameters
     ----------
-    one, two
+    alone
         The epochs, each adjusted by itself.
-    held
-        Points that have one set of coordinates; in a free datum the epochs are laid onto each
-        other by them.
-    twice
+    common
+        Its points have one set of coordinates; in a free datum the epochs are laid onto the first
+        by them.
+    shares
         As `joint_block` has it.
     datum
         "control" or "free".
     additional
         Additional parameters.
-    common
-        Whether both epochs have the same ones.
+    same
+        Whether all epochs have the same ones.
     progress
         Called with what is being done and the fraction of it.
 
@@ -167,38 +171,45 @@ def adjust_jointly(
     InputError
         A camera of common parameters is declared differently.
     NotComputableError
-        Both together are not determined.
+        All together are not determined.
     """
-    first, second = one.problem.block, two.problem.block
-    per_epoch = additional is not None and not common and additional.scope == "block"
-    own_cameras = additional is not None and not common and additional.scope == "camera"
-    if common:
-        for camera in first.cameras:
-            other = next((c for c in second.cameras if c.id == camera.id), None)
-            if other is not None and other != camera:
-                raise InputError(
-                    f"camera {camera.id} is declared differently in the two epochs: common "
-                    "parameters need the same camera"
-                )
+    blocks = [one.problem.block for one in alone]
+    per_epoch = additional is not None and not same and additional.scope == "block"
+    own_cameras = additional is not None and not same and additional.scope == "camera"
+    if same:
+        _check_cameras(blocks)
     block = joint_block(
-        first,
-        second,
-        held,
+        blocks,
+        common,
         control=datum == "control",
-        twice=twice,
-        used=(set(one.problem.source.tolist()), set(two.problem.source.tolist())),
+        shares=shares,
+        used=[set(one.problem.source.tolist()) for one in alone],
         epoch_strips=per_epoch,
         same_cameras=not own_cameras,
     )
     if per_epoch and additional is not None:
         additional = replace(additional, scope="strip")
     problem = make_problem(block, datum=datum, additional=additional)
-    fitted = None
+    fitted: list[Similarity | None] = [None] * len(alone)
     if datum == "free":
-        origin = one.state.origin
-        fitted = fit_similarity(point_places(two, held, origin), point_places(one, held, origin))
-    start = _start(problem, one, two, fitted)
-    return adjust_bundle(problem, start, progress=progress_of("both epochs", progress))
+        origin, held = alone[0].state.origin, common.points()
+        target = point_places(alone[0], held, origin)
+        fitted[1:] = [fit_similarity(point_places(b, held, origin), target) for b in alone[1:]]
+    start = _start(problem, alone, fitted, common)
+    part = "both epochs" if len(alone) == 2 else "all epochs"
+    return adjust_bundle(problem, start, progress=progress_of(part, progress))
+
+
+def _check_cameras(blocks: Sequence[Block]) -> None:
+    declared: dict[str, Camera] = {}
+    for block in blocks:
+        for camera in block.cameras:
+            if declared.setdefault(camera.id, camera) != camera:
+                which = "two epochs" if len(blocks) == 2 else "epochs"
+                raise InputError(
+                    f"camera {camera.id} is declared differently in the {which}: common "
+                    "parameters need the same camera"
+                )
 
 
 def progress_of(part: str, progress: Progress | None) -> Progress | None:
@@ -209,26 +220,29 @@ def progress_of(part: str, progress: Progress | None) -> Progress | None:
 
 
 def _start(
-    problem: Problem, one: AdjustedBlock, two: AdjustedBlock, fitted: Similarity | None
+    problem: Problem,
+    alone: Sequence[AdjustedBlock],
+    fitted: Sequence[Similarity | None],
+    common: Common,
 ) -> BlockState:
-    """Approximate values from the epochs' own adjustments."""
-    origin = one.state.origin
+    """Approximate values from the epochs' own adjustments; the first epoch that has one counts."""
+    origin, count = alone[0].state.origin, len(alone)
     centres: dict[str, Array] = {}
     rotations: dict[str, Array] = {}
     points: dict[str, Array] = {}
-    for k, block in reversed(list(enumerate((one, two)))):
+    for k, (block, onto) in reversed(list(enumerate(zip(alone, fitted, strict=True)))):
         state, names = block.state, block.problem
         shift = state.origin - origin
         at_photos, at_points = state.centres + shift, state.points + shift
         turned = state.rotations
-        if k == 1 and fitted is not None:
-            at_photos, at_points = fitted.apply(at_photos), fitted.apply(at_points)
-            turned = fitted.rotation @ turned
-        centres.update((n + _MARKS[k], v) for n, v in zip(names.photos, at_photos, strict=True))
-        rotations.update((n + _MARKS[k], v) for n, v in zip(names.photos, turned, strict=True))
+        if onto is not None:
+            at_photos, at_points = onto.apply(at_photos), onto.apply(at_points)
+            turned = onto.rotation @ turned
+        mark = _mark((k,), count)
+        centres.update((n + mark, v) for n, v in zip(names.photos, at_photos, strict=True))
+        rotations.update((n + mark, v) for n, v in zip(names.photos, turned, strict=True))
         for n, v in zip(names.points, at_points, strict=True):
-            points[n + _MARKS[k]] = v
-            points[n + _BOTH] = v
+            points[n + _point_mark(n, k, common, count)] = v
     at = np.array([points[n] for n in problem.points])
     fixed = problem.fixed
     at[fixed] = (problem.known - origin)[fixed]
@@ -242,8 +256,12 @@ def _start(
     )
 
 
-def joint_differences(
-    block: AdjustedBlock, names: Sequence[str], equal: Sequence[tuple[str, int]] = ()
+def joint_displacements(
+    block: AdjustedBlock,
+    moves: Sequence[Move],
+    common: Common,
+    count: int,
+    equal: Sequence[tuple[Move, int]] = (),
 ) -> tuple[Array, Array, Array, float]:
     """Return displacements in a joint adjustment.
 
@@ -253,37 +271,45 @@ def joint_differences(
     Parameters
     ----------
     block
-        The adjusted `joint_block`.
-    names
-        The m points.
+        The adjusted `joint_block` of `count` epochs.
+    moves
+        The m movements.
+    common, count
+        With which it was laid out.
     equal
-        (point, axis) that are the same coordinate in both epochs, see `twice` of `joint_block`;
-        held equal from here on, by conditions between the adjusted unknowns.
+        (movement, axis) of what is the same coordinate in both epochs, see `shares` of
+        `joint_block`; held equal from here on, by conditions between the adjusted unknowns.
 
     Returns
     -------
     tuple
-        (m, 3) places in the first epoch [m], (3 m,) displacements [m], (3 m, 3 m) their cofactors
+        (m, 3) places in the earlier epoch [m], (3 m,) displacements [m], (3 m, 3 m) their cofactors
         [m^2], and what the conditions add to v'Pv.
     """
     problem = block.problem
-    every = [*names, *dict.fromkeys(name for name, _ in equal if name not in set(names))]
-    before, after = (point_numbers(block, [n + mark for n in every]) for mark in _MARKS)
-    position = {name: k for k, name in enumerate(every)}
-    same = [3 * position[name] + axis for name, axis in equal]
+    every = list(dict.fromkeys((*moves, *(move for move, _ in equal))))
+    before, after = (
+        point_numbers(block, [n + _point_mark(n, k, common, count) for n, k in ends])
+        for ends in (
+            [(move.point, move.first) for move in every],
+            [(move.point, move.second) for move in every],
+        )
+    )
+    position = {move: k for k, move in enumerate(every)}
+    same = [3 * position[move] + axis for move, axis in equal]
     # what is free of error is equal already
     same = [k for k in same if not problem.fixed[before[k // 3], k % 3]]
 
     def sides(mine: Sequence[int]) -> Sides:
         photos, points, shared = empty_sides(block, len(mine))
         for column, k in enumerate(mine):
-            point, axis = divmod(k, 3)
-            for at, sign in ((before[point], -1.0), (after[point], 1.0)):
-                points[at, axis, column] = 0.0 if problem.fixed[at, axis] else sign
+            row, axis = divmod(k, 3)
+            for at, sign in ((before[row], -1.0), (after[row], 1.0)):
+                points[at, axis, column] += 0.0 if problem.fixed[at, axis] else sign
         return photos, points, shared
 
-    m = 3 * len(names)
-    places = block.state.points[before[: len(names)]] + block.state.origin
+    m = 3 * len(moves)
+    places = block.state.points[before[: len(moves)]] + block.state.origin
     d = (block.state.points[after] - block.state.points[before]).reshape(-1)
     q = side_products(block, len(d), sides)
     if not same:
@@ -292,7 +318,7 @@ def joint_differences(
     cost = float(d[same] @ off)
     _, moved, _ = block.cofactors.normal.solve(block.cofactors.factor, *sides(same))
     moved = np.where(problem.fixed, 0.0, moved @ off)
-    places = places - moved[before[: len(names)]]
+    places = places - moved[before[: len(moves)]]
     d = d - q[:, same] @ off
     q = q - q[:, same] @ np.linalg.solve(q[np.ix_(same, same)], q[same])
     d[same], q[same], q[:, same] = 0.0, 0.0, 0.0

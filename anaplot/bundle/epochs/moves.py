@@ -1,0 +1,126 @@
+"""What is compared: the movements of points from one epoch to the next that they are in."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Bools
+from anaplot.bundle.epochs.common import Common
+from anaplot.bundle.solve.problem import listed
+from anaplot.errors import InputError
+
+__all__ = [
+    "MOST_MOVES",
+    "Move",
+    "bound_coordinates",
+    "chosen_points",
+    "given_coordinates",
+    "moves_of",
+]
+
+MOST_MOVES = 1000
+"""Movements that are computed at once: their covariance matrix is dense."""
+
+
+class Move(NamedTuple):
+    """A point's movement from one epoch to a later one, numbered from 0."""
+
+    point: str
+    first: int
+    second: int
+
+
+def chosen_points(
+    names: Sequence[Sequence[str]], common: Common, asked: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the points to compare, in the order of the files.
+
+    Parameters
+    ----------
+    names
+        Points of each epoch, in the order of its file.
+    common
+        Points that are one in all epochs that they are in hold the datum.
+    asked
+        Only these; empty: all.
+
+    Raises
+    ------
+    InputError
+        There is nothing to compare, a point asked for cannot be, or there are too many.
+    """
+    two = len(names) == 2
+    there = [set(each) for each in names]
+    order = dict.fromkeys(name for each in names for name in each)
+    several = [n for n in order if sum(n in each for each in there) > 1]
+    if not several:
+        raise InputError(f"the {'two ' if two else ''}epochs have no point in common")
+    together = set(several)
+    for k, each in enumerate(there, start=1):
+        if not each & together:
+            raise InputError(f"epoch {k} has no point in common with the others")
+    moving = moves_of(several, names, common)
+    free = list(dict.fromkeys(move.point for move in moving))
+    moved = set(free)
+    if asked:
+        for name in dict.fromkeys(asked):
+            if name in moved:
+                continue
+            if name in together or common.whole(name):
+                raise InputError(f"point {name} holds the datum: it cannot be compared")
+            raise InputError(f"point {name} is not in {'both' if two else 'two'} epochs")
+        free = [n for n in free if n in set(asked)]
+        moving = tuple(move for move in moving if move.point in set(asked))
+    if not free:
+        raise InputError(
+            f"nothing to compare: every point that is common to {'both ' if two else ''}epochs "
+            f"holds the datum ({listed(several)})"
+        )
+    if len(moving) > MOST_MOVES:
+        what = f"{len(free)} common points" if two else f"{len(moving)} movements of common points"
+        raise InputError(f"{what}; {MOST_MOVES} can be compared at once: choose (--points)")
+    return tuple(free)
+
+
+def moves_of(
+    points: Iterable[str], names: Sequence[Sequence[str]], common: Common
+) -> tuple[Move, ...]:
+    """Return the movements of points through the epochs that they are in, one after the other.
+
+    None of a point that is one in all of them.
+    """
+    there = [set(each) for each in names]
+    out: list[Move] = []
+    for name in points:
+        mine = [k for k, each in enumerate(there) if name in each]
+        whole = common.whole(name)
+        if not whole.issuperset(mine):
+            out += [Move(name, j, k) for j, k in itertools.pairwise(mine)]
+    return tuple(out)
+
+
+def given_coordinates(moves: Sequence[Move], common: Common) -> Bools:
+    """Return (m, 3) whether a coordinate is one in both epochs: its difference is no movement."""
+    return np.array(
+        [[common.same(m.point, axis, m.first, m.second) for axis in range(3)] for m in moves],
+        dtype=bool,
+    ).reshape(len(moves), 3)
+
+
+def bound_coordinates(moves: Sequence[Move], common: Common) -> Bools:
+    """Return (m, 3) whether a difference follows from those before it.
+
+    A coordinate that is one in epochs 1 and 3 and another in epoch 2 comes back from there.
+    """
+    visited: dict[str, list[int]] = {}
+    out = np.zeros((len(moves), 3), dtype=bool)
+    for row, move in enumerate(moves):
+        before = visited.setdefault(move.point, [move.first])
+        for axis in range(3):
+            out[row, axis] = any(common.same(move.point, axis, k, move.second) for k in before)
+        before.append(move.second)
+    return out

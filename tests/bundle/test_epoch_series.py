@@ -1,0 +1,465 @@
+"""More than two epochs: a dense adjustment, pairs, what moved when, size and power, the command."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections import Counter
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from epochblocks import epoch, heights_only, layout, stable_names, written
+from scipy.optimize import least_squares
+from wild import text_of, wild, words
+
+import anaplot
+from anaplot.adjustment.hypothesis import f_power
+from anaplot.bundle.epochs.displacements import compare_epochs, compare_series
+from anaplot.bundle.epochs.displacementtests import epoch_tests, pair_tests
+from anaplot.bundle.epochs.seriestests import series_tests
+from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.cli import main
+from anaplot.errors import InputError
+from anaplot.photogrammetry.block import TestSettings
+from anaplot.photogrammetry.collinearity import project
+from anaplot.photogrammetry.givenmovement import GivenMovement
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.report.comparecommand import compare
+from anaplot.report.epochdocument import series_document
+
+pytestmark = pytest.mark.slow
+
+BAARDA = TestSettings(kind="baarda")
+MOVED = {"p13": (0.0, 0.25, 0.4)}
+
+
+def exact(block):
+    """Hold control free of error."""
+    return replace(block, control=tuple(replace(c, sigma=(0.0,) * 3) for c in block.control))
+
+
+def without(block, *points):
+    """Take points out of an epoch."""
+    return replace(
+        block, image_points=tuple(r for r in block.image_points if r.point not in points)
+    )
+
+
+@lru_cache(maxsize=1)
+def four():
+    """Four epochs; one point moves between the second and the third, and stays there."""
+    made = (epoch(11), epoch(12), epoch(13, moved=MOVED), epoch(14, moved=MOVED))
+    return tuple(exact(block) for block in made)
+
+
+# --- against an adjustment of its own -------------------------------------------------------
+
+
+def own_adjustment(blocks):
+    """Adjust epochs by a general minimiser; coordinates that control gives are one unknown each.
+
+    Returns the number of the unknown of (point, axis, epoch), the unknowns, their dense inverse and
+    v'Pv.
+    """
+    base = layout()
+    number, start, given = {}, [], {}
+    photos = {}
+    for k, block in enumerate(blocks):
+        for photo in block.photos:
+            photos[photo.id, k] = len(start)
+            start += [*base.centres[photo.id], 0.0, 0.0, 0.0]
+    for k, block in enumerate(blocks):
+        control = {c.point: c for c in block.control}
+        for row in block.image_points:
+            for axis in range(3):
+                row_of = control.get(row.point)
+                shared = row_of is not None and row_of.xyz[axis] is not None
+                key = (row.point, axis, "control" if shared else k)
+                if key not in number:
+                    number[key] = len(start)
+                    start.append(base.points[row.point][axis])
+                    if shared:
+                        given[number[key]] = (row_of.xyz[axis], row_of.sigma[axis])
+                number[row.point, axis, k] = number[key]
+    rays = [(k, row) for k, block in enumerate(blocks) for row in block.image_points]
+    turned = np.array([base.rotations[row.photo] for _, row in rays])
+    of_photo = np.array([photos[row.photo, k] for k, row in rays])
+    of_point = np.array([[number[row.point, a, k] for a in range(3)] for k, row in rays])
+    measured = np.array([(row.x, row.y) for _, row in rays])
+    known = np.array(list(given))
+    values, sigmas = np.array(list(given.values())).T
+
+    def residuals(x):
+        poses = x[of_photo[:, None] + np.arange(6)]
+        which, back = np.unique(of_photo, return_inverse=True)
+        small = np.array([rotation_matrix(*x[at + 3 : at + 6]) for at in which])[back]
+        seen = project(poses[:, :3], turned @ small, np.full(len(rays), 150.0), x[of_point])
+        return np.concatenate(
+            [((seen.xy - measured) / 0.005).ravel(), (x[known] - values) / sigmas]
+        )
+
+    found = least_squares(residuals, np.array(start), x_scale="jac", xtol=1e-12, ftol=1e-14)
+    return number, found.x, np.linalg.inv(found.jac.T @ found.jac), 2.0 * found.cost
+
+
+def test_three_epochs_are_those_of_a_dense_adjustment() -> None:
+    blocks = [heights_only(epoch(seed), "p13") for seed in (1, 2, 3)]
+    # a control point that one epoch gives up, points that are not everywhere
+    blocks[1] = replace(blocks[1], control=blocks[1].control[1:])
+    blocks = [without(blocks[0], "p7"), without(blocks[1], "p7", "p9"), blocks[2]]
+    series = compare_series(blocks)
+    number, x, q, vtpv = own_adjustment(blocks)
+    assert series.alone_in == ((), (), ("p7",))
+    assert series.vtpv == pytest.approx(vtpv, rel=1e-5)
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        pair = series.between(first, second)
+        b = np.zeros((3 * len(pair.points), len(x)))
+        for k, name in enumerate(pair.points):
+            for axis in range(3):
+                b[3 * k + axis, number[name, axis, second]] += 1.0
+                b[3 * k + axis, number[name, axis, first]] -= 1.0
+        np.testing.assert_allclose(pair.d, b @ x, atol=1e-5)  # its derivatives are numerical
+        np.testing.assert_allclose(pair.cofactors, b @ q @ b.T, rtol=2e-3, atol=1e-7)
+        assert ("p9" in pair.points) == (1 not in (first, second))
+        assert pair.given[pair.points.index("p13")].tolist() == [False, False, True]
+    # the given-up point is one in epochs 1 and 3 and its own in 2
+    name = blocks[0].control[0].point
+    assert name in series.between(0, 1).points
+    assert name not in series.between(0, 2).points
+    tested = series_tests(series)
+    [point] = [p for p in tested.points if p.point == name]
+    assert point.verdict.known.dimension == 3
+    assert point.epochs == (1, 2, 3)
+    [height] = [p for p in tested.points if p.point == "p13"]
+    assert height.verdict.known.dimension == 4
+    assert tested.everything.known.dimension == sum(
+        p.verdict.known.dimension for p in tested.points
+    )
+    by_hand = np.array([m.point == "p8" for m in series.moves]).repeat(3)
+    r = series.d[by_hand] @ np.linalg.solve(
+        series.cofactors[np.ix_(by_hand, by_hand)], series.d[by_hand]
+    )
+    [p8] = [p for p in tested.points if p.point == "p8"]
+    assert p8.verdict.known.square == pytest.approx(r)
+    # whatever differences a composite hypothesis is written in
+    pairs = series.between(0, 1), series.between(0, 2)
+    ways = [pair.d[3 * pair.points.index("p8") :][:3] for pair in pairs]
+    number8 = [number["p8", axis, k] for k in range(3) for axis in range(3)]
+    to_first = np.kron([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]], np.eye(3))
+    q8 = to_first @ q[np.ix_(number8, number8)] @ to_first.T
+    d8 = np.concatenate(ways)
+    assert d8 @ np.linalg.solve(q8, d8) == pytest.approx(r, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "near"),
+    [
+        ({}, 1e-9),
+        ({"separate": True}, 1e-9),
+        # another unit of length, that of the first epoch's free network
+        ({"stable": stable_names()}, 1e-3),
+        ({"separate": True, "stable": stable_names()}, 1e-3),
+    ],
+)
+def test_pairs_are_those_of_two_epochs(options, near) -> None:
+    blocks = four()[:3]
+    series = compare_series(blocks, **options)
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        two = compare_epochs(blocks[first], blocks[second], **options)
+        pair = series.between(first, second)
+        assert pair.points == two.points
+        assert pair.common == two.common
+        np.testing.assert_allclose(pair.d, two.d, rtol=near, atol=near * 0.02)
+        scale = np.abs(two.cofactors).max()
+        np.testing.assert_allclose(pair.cofactors, two.cofactors, rtol=near, atol=near * scale)
+        np.testing.assert_allclose(pair.places, two.places, atol=0.5)
+        assert pair.alone == (series.alone[first], series.alone[second])
+    if "stable" in options:
+        assert series.agreement.dimension == 2 * (3 * len(stable_names()) - 7)
+
+
+def test_separate_movements_share_the_epoch_between_them() -> None:
+    series = compare_series(four()[:3], separate=True, points=("p8",))
+    d12, d23, d13 = (series.between(*pair).cofactors for pair in ((0, 1), (1, 2), (0, 2)))
+    middle = -series.cofactors[:3, 3:]
+    np.testing.assert_allclose(middle, middle.T, atol=1e-12)
+    assert np.linalg.eigvalsh(middle).min() > 0.0
+    np.testing.assert_allclose(d12 + d23 - 2.0 * middle, d13, rtol=1e-9)
+
+
+# --- what moved, and when -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"separate": True}, {"stable": stable_names()}, {"additional": "ebner"}],
+)
+def test_a_movement_is_found_at_its_time(options) -> None:
+    if "additional" in options:
+        options = {"additional": additional_parameters(options["additional"])}
+    tested = series_tests(compare_series(four(), **options))
+    assert tested.any_moved
+    assert tested.located[0].point == "p13"
+    by = {p.point: p for p in tested.points}
+    assert by["p13"].verdict.rejected
+    assert by["p13"].orthogonal.rejected
+    assert by["p13"].moved == ((2, 3),)
+    assert [name for name, p in by.items() if p.moved] == ["p13"]
+    wrong = {
+        pair.differences.numbers
+        for pair in tested.pairs
+        if pair.everything.rejected and pair.located[0].point == "p13"
+    }
+    assert wrong == {(1, 3), (1, 4), (2, 3), (2, 4)}
+    assert {pair.differences.numbers for pair in tested.pairs} - wrong == {(1, 2), (3, 4)}
+    step = by["p13"].steps[1]
+    assert (step.first, step.second) == (2, 3)
+    assert step.length == pytest.approx(np.hypot(0.25, 0.4), abs=5 * step.s_length)
+
+
+def test_a_point_that_comes_back_and_one_that_was_away() -> None:
+    one, two, three, _ = four()
+    back = series_tests(compare_series((one, three, two), points=("p8", "p13")))
+    assert {p.point: p.moved for p in back.points} == {"p8": (), "p13": ((1, 2), (2, 3))}
+    gap = series_tests(compare_series((one, without(two, "p13"), three), points=("p8", "p13")))
+    by = {p.point: p for p in gap.points}
+    assert by["p13"].epochs == (1, 3)
+    assert by["p13"].moved == ((1, 3),)
+    compared = [set(pair.differences.points) for pair in gap.pairs]
+    assert compared == [{"p8"}, {"p8", "p13"}, {"p8"}]
+
+
+def test_stable_points_that_move_in_a_later_epoch_are_named() -> None:
+    last = epoch(13, moved={"p16": (0.0, 0.5, 0.0)})
+    for separate in (False, True):
+        series = compare_series(
+            (epoch(11), epoch(12), last), stable=stable_names(), points=("p8",), separate=separate
+        )
+        tested = series_tests(series)
+        assert tested.agreement.rejected
+        assert tested.located_stable[0].point == "p16"
+        assert any("(p16" in remark and "refuted" in remark for remark in tested.remarks)
+
+
+# --- size and power -------------------------------------------------------------------------
+
+
+def drawn(series, runs, seed, *, movement=None):
+    """Yield the series with displacements of fresh noise, and `movement` (3 m,) on top."""
+    rng = np.random.default_rng(seed)
+    root = np.linalg.cholesky(series.cofactors)
+    shift = 0.0 if movement is None else movement
+    for _ in range(runs):
+        yield replace(
+            series,
+            d=root @ rng.normal(size=len(root)) + shift,
+            vtpv=float(rng.chisquare(series.redundancy)),
+        )
+
+
+@pytest.mark.parametrize("by_known", [True, False])
+def test_without_movement_the_level_is_kept(by_known) -> None:
+    runs, alpha = 200, 0.1
+    series = replace(compare_series(four()[:3], points=("p7", "p8", "p9")), by_known=by_known)
+    found = Counter()
+    for fresh in drawn(series, runs, 1978):
+        tested = series_tests(fresh, alpha=alpha)
+        pairs = [pair.everything.rejected for pair in tested.pairs]
+        found["all"] += tested.everything.rejected
+        found["overall"] += tested.any_moved
+        found["points"] += any(p.verdict.rejected for p in tested.points)
+        found["pairs"] += any(pairs)
+        found["components"] += any(p.orthogonal.rejected for p in tested.points)
+        assert all(bool(p.moved) == bool(p.verdict.rejected) for p in tested.points)
+    # binomial, within 3.3 deviations: exact for one test, and for components that are independent
+    room = 3.3 * np.sqrt(runs * alpha * (1.0 - alpha))
+    assert abs(found["all"] - alpha * runs) < room
+    if by_known:
+        assert abs(found["components"] - alpha * runs) < room
+    # Bonferroni: at most
+    for family in ("overall", "points", "pairs", "components"):
+        assert found[family] < alpha * runs + room
+
+
+def test_power_is_that_of_the_noncentral_distribution() -> None:
+    runs, alpha = 200, 0.05
+    series = compare_series(four()[:3], points=("p7", "p8", "p9"))
+    movement = np.zeros(len(series.d))
+    row = next(k for k, m in enumerate(series.moves) if m.point == "p8" and m.first == 1)
+    movement[3 * row : 3 * row + 3] = (0.05, -0.05, 0.13)
+    mine = np.array([m.point == "p8" for m in series.moves]).repeat(3)
+    noncentrality = movement[mine] @ np.linalg.solve(
+        series.cofactors[np.ix_(mine, mine)], movement[mine]
+    )
+    power = f_power(float(noncentrality), alpha / 3, 6, series.redundancy)
+    assert 0.3 < power < 0.9  # or nothing would be shown
+    rejected, right = 0, 0
+    for fresh in drawn(series, runs, 55, movement=movement):
+        [p8] = [p for p in series_tests(fresh, alpha=alpha).points if p.point == "p8"]
+        rejected += bool(p8.verdict.rejected)
+        right += (2, 3) in p8.moved
+    assert abs(rejected - power * runs) < 3.3 * np.sqrt(runs * power * (1.0 - power))
+    # where a movement is seen, it is seen when it was
+    assert right > 0.9 * rejected
+
+
+# --- a given movement -----------------------------------------------------------------------
+
+
+def given(point, d, first=None, second=None):
+    return GivenMovement(point, first, second, d, "moves.csv line 2")
+
+
+def test_a_given_movement_is_the_hypothesis() -> None:
+    blocks = four()[:3]
+    rows = (given("p13", MOVED["p13"], 2, 3),)
+    plain, against = compare_series(blocks), compare_series(blocks, given=rows)
+    np.testing.assert_array_equal(plain.d, against.d)
+    w = np.zeros(len(plain.d))
+    at = next(k for k, m in enumerate(plain.moves) if m.point == "p13" and m.first == 1)
+    w[3 * at : 3 * at + 3] = MOVED["p13"]
+    tested = series_tests(against)
+    # eq. 58
+    r = (plain.d - w) @ np.linalg.solve(plain.cofactors, plain.d - w)
+    assert tested.everything.known.square == pytest.approx(r)
+    assert not next(p for p in tested.points if p.point == "p13").verdict.rejected
+    assert series_tests(plain).everything.rejected
+    # between the epochs around it the movement is the same one
+    for pair in tested.pairs:
+        moved = pair.differences.expected.reshape(-1, 3)[pair.differences.points.index("p13")]
+        assert tuple(moved) == (MOVED["p13"] if pair.differences.numbers[1] == 3 else (0, 0, 0))
+    # two epochs alone need not say which
+    two = epoch_tests(compare_epochs(*blocks[1:], given=(given("p13", MOVED["p13"]),)))
+    assert not two.any_moved
+    [p13] = [p for p in two.points if p.point == "p13"]
+    assert [c.expected for c in p13.coordinates] == list(MOVED["p13"])
+    assert not p13.scheffe
+    # what is given and has not been is found as well
+    wrong = epoch_tests(compare_epochs(*blocks[:2], given=(given("p13", MOVED["p13"]),)))
+    assert wrong.any_moved
+    assert wrong.located[0].point == "p13"
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        (given("p13", (0.0, 0.0, 1.0)), "from and to are needed: there are 3 epochs"),
+        (given("p13", (0.0, 0.0, 1.0), 1, 3), "no movement from 1 to 3: .* as 1 to 2, 2 to 3"),
+        (given("p1", (0.0, 0.0, 1.0), 1, 2), "point p1 is not compared"),
+        (given("p8", (0.0, 0.0, 1.0), 1, 2), "control gives Z of point p8 in both epochs"),
+    ],
+)
+def test_a_given_movement_that_cannot_be(row, said) -> None:
+    blocks = [heights_only(block, "p8") for block in four()[:3]]
+    with pytest.raises(InputError, match=f"^moves.csv line 2: .*{said}"):
+        compare_series(blocks, given=(row,))
+
+
+# --- refusals -------------------------------------------------------------------------------
+
+
+def test_refusals() -> None:
+    one, two, three, _ = four()
+    with pytest.raises(InputError, match="epochs 1 and 3 have the same image measurements"):
+        compare_series((one, two, replace(one, name="copy")))
+    with pytest.raises(InputError, match="one epoch has nothing to be compared with"):
+        compare_series((one,))
+    row = three.control[0]
+    shifted = replace(row, xyz=(row.xyz[0] + 0.03, *row.xyz[1:]))
+    with pytest.raises(InputError, match=r"in the first epoch and .* in the third"):
+        compare_series((one, two, replace(three, control=(shifted, *three.control[1:]))))
+    alien = replace(
+        three,
+        image_points=tuple(replace(r, point="q" + r.point) for r in three.image_points),
+        control=tuple(replace(c, point="q" + c.point) for c in three.control),
+    )
+    with pytest.raises(InputError, match="epoch 3 has no point in common with the others"):
+        compare_series((one, two, alien))
+    with pytest.raises(InputError, match="point p999 is not in two epochs"):
+        compare_series((one, two, three), points=("p999",))
+    with pytest.raises(InputError, match="point p1 holds the datum"):
+        compare_series((one, two, three), points=("p1",))
+    with pytest.raises(ValueError, match="3 epochs are not two"):
+        compare_series((one, two, three), points=("p8",)).as_two()
+
+
+# --- the command ----------------------------------------------------------------------------
+
+
+def test_the_command(tmp_path, capsys) -> None:
+    folders = written(tmp_path, epoch(11), epoch(12), epoch(13, moved=MOVED))
+    table, all_tables = tmp_path / "moves.csv", tmp_path / "tables"
+    assert main(["compare", *folders, "--csv", str(table), "--to", str(all_tables)]) == 0
+    text = capsys.readouterr().out
+    lines = text.splitlines()
+    assert [line.split()[1:2] for line in lines if line.startswith("  p13 ")][-1] == ["2-3"]
+    assert {"1-2", "1-3", "2-3"} <= set(lines)
+    assert lines[-1].startswith("  ANYTHING MOVED: yes")
+    with table.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    moved = {
+        (r["from"], r["to"]) for r in rows if r["point"] == "p13" and r["moved_bonferroni"] == "1"
+    }
+    assert moved == {("1", "3"), ("2", "3")}
+    with (all_tables / "points.csv").open(encoding="utf-8", newline="") as file:
+        points = {r["point"]: r for r in csv.DictReader(file)}
+    assert points["p13"]["moved"] == "2-3"
+    assert points["p8"]["moved"] == ""
+    assert main(["compare", *folders, "--json", "--fail-on-flag"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["epochs"] == ["synthetic"] * 3
+    by = {p["point"]: p for p in found["points"]}
+    assert by["p13"]["moved"] == [{"from": 2, "to": 3}]
+    assert by["p13"]["steps"][1]["dZ"] == pytest.approx(
+        next(float(r["dZ"]) for r in rows if r["point"] == "p13" and r["epochs"] == "2-3")
+    )
+    assert [(pair["from"], pair["to"]) for pair in found["pairs"]] == [(1, 2), (1, 3), (2, 3)]
+    assert found["pairs"][0]["alpha"] == pytest.approx(0.05 / 3)
+    assert found["overall"]["families"] == ["all points", "points", "pairs of epochs"]
+    assert found["given_movement"] is False
+    called = anaplot.compare(*folders)
+    assert called.to_dict() == found
+    assert called.tables == ("displacements", "points")
+    assert main(["compare", *folders, "--given-movement", str(tmp_path / "w.csv")]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "w.csv: file not found" in said.err
+    (tmp_path / "w.csv").write_text(
+        "point,from,to,dX,dY,dZ\np13,2,3,0,0.25,0.4\n", encoding="utf-8"
+    )
+    assert main(["compare", *folders, "--given-movement", str(tmp_path / "w.csv")]) == 0
+    text = capsys.readouterr().out
+    assert "every point has moved as given" in text
+    assert "250.00" in next(x for x in text.splitlines()[::-1] if "p13" in x and "400.00" in x)
+    assert "MOVED OTHERWISE THAN GIVEN" in text
+    assert main(["compare", folders[0]]) == 2
+    assert "EPOCH2" in capsys.readouterr().err
+
+
+def test_columns_of_the_command_never_touch() -> None:
+    found = series_tests(compare_series(four()[:3], points=("p7", "p8", "p13")))
+    usual, large = text_of(series_document(found)), text_of(series_document(wild(found)))
+    assert words(usual) == words(large)
+
+
+def test_what_takes_no_part_is_listed_by_epoch() -> None:
+    blocks = list(four()[:3])
+    rows = list(blocks[2].image_points)
+    rows[0] = replace(rows[0], use="off")
+    blocks[2] = replace(blocks[2], image_points=tuple(rows))
+    found = compare(*blocks, points="p7,p8")
+    assert [row["epoch"] for row in found.document.answer["off"]] == [3]
+    assert f"switched off in epoch 3: {rows[0].point} in photo {rows[0].photo} (xy)" in str(found)
+
+
+def test_pairs_share_the_significance() -> None:
+    series = compare_series(four()[:3], points=("p7", "p8"))
+    tested = series_tests(series, alpha=0.03)
+    for pair in tested.pairs:
+        first, second = pair.differences.numbers
+        assert pair.alpha == pytest.approx(0.01)
+        alone = pair_tests(series.between(first - 1, second - 1), alpha=0.01)
+        assert alone.everything == pair.everything
+        assert alone.points == pair.points
