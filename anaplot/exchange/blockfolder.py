@@ -44,6 +44,7 @@ __all__ = [
     "check_for_bridge",
     "clear_image_points",
     "image_points_digest",
+    "image_points_identity",
     "read_block",
     "with_image_points",
     "write_control",
@@ -118,6 +119,24 @@ def image_points_digest(folder: Path) -> str | None:
     """
     path = folder / IMAGE_POINTS_CSV
     return _digest(read_bytes(path, MAX_CSV_BYTES)) if os.path.lexists(path) else None
+
+
+def image_points_identity(folder: Path) -> str | None:
+    """Return which image_points.csv a folder has: its digest, and when it was written [ns].
+
+    None where there is none. One that is written again with the same words is another one.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    path = folder / IMAGE_POINTS_CSV
+    digest = image_points_digest(folder)
+    try:
+        return None if digest is None else f"{digest} {path.stat().st_mtime_ns}"
+    except OSError as error:
+        raise InputError(f"{place(path)}: cannot be read: {reason(error)}") from error
 
 
 def _digest(data: bytes) -> str:

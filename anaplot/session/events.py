@@ -325,10 +325,20 @@ class DecidedRow:
 
 @dataclass(frozen=True, slots=True)
 class DecisionsTakenOver:
-    """Rows that were switched in image_points.csv, as a strategy for gross errors had it."""
+    """Rows that were switched in image_points.csv, as a strategy for gross errors had it.
+
+    Attributes
+    ----------
+    rows
+        The rows.
+    file
+        Of which file they were taken: its digest, and when it was written [ns]; None where that is
+        not known.
+    """
 
     kind: ClassVar[str] = "decisions-taken-over"
     rows: tuple[DecidedRow, ...]
+    file: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,17 +12,19 @@ from anaplot.aliases import Axis, Strategy
 from anaplot.exchange.rejectedrows import STRATEGIES, as_before, rejected_axes, rejects, said_by
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.selection import points_of, rows_by_photo, rows_off
-from anaplot.session.events import DecidedRow, DecisionsTakenOver
+from anaplot.session.events import DecidedRow, DecisionsTakenOver, Event
 from anaplot.session.modelstate import Measured, ModelState
 from anaplot.session.state import SessionState, apply
 
-__all__ = ["agreeing", "decisions", "told_decisions"]
+__all__ = ["agreeing", "decisions", "taken_already", "told_decisions"]
 
 _MOST = 1000  # rows an event
 Name = tuple[str, str, str | None]
 
 
-def decisions(block: Block, state: SessionState) -> tuple[DecisionsTakenOver, ...]:
+def decisions(
+    block: Block, state: SessionState, file: str | None = None
+) -> tuple[DecisionsTakenOver, ...]:
     """Return what strategies switched in the rows of a session's models since it last had them.
 
     Parameters
@@ -31,6 +33,8 @@ def decisions(block: Block, state: SessionState) -> tuple[DecisionsTakenOver, ..
         As read from its files.
     state
         To which the journal led.
+    file
+        Which image_points.csv that was; see `DecisionsTakenOver`.
     """
     if not (any(map(rejects, block.image_points)) or _rejected(state)):
         return ()
@@ -43,7 +47,22 @@ def decisions(block: Block, state: SessionState) -> tuple[DecisionsTakenOver, ..
             state = apply(state, DecisionsTakenOver(here))
             found += here
     return tuple(
-        DecisionsTakenOver(tuple(found[k : k + _MOST])) for k in range(0, len(found), _MOST)
+        DecisionsTakenOver(tuple(found[k : k + _MOST]), file) for k in range(0, len(found), _MOST)
+    )
+
+
+def taken_already(events: Iterable[Event], file: str | None) -> bool:
+    """Whether a session took over before what a file says: it was undone since, if anything is.
+
+    Parameters
+    ----------
+    events
+        What happened in the session.
+    file
+        Which file it is; None where there is none.
+    """
+    return file is not None and any(
+        isinstance(event, DecisionsTakenOver) and event.file == file for event in events
     )
 
 

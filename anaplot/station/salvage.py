@@ -290,7 +290,7 @@ class _Fold:
         rows = event.rows
         if not _fits(ahead, rows):
             rows = tuple(row for row in rows if _fits(ahead, (row,))) or rows
-        return [*events, DecisionsTakenOver(rows)], words
+        return [*events, replace(event, rows=rows)], words
 
     def _changed_over(self, event: Event, here: tuple[str, str]) -> tuple[list[Event], list[str]]:
         """Return how the work came to the model of an event: what was accepted or returned to."""

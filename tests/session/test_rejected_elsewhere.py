@@ -35,6 +35,7 @@ from anaplot.session.events import (
 from anaplot.session.models import solve
 from anaplot.session.state import EventRefusedError, SessionState, apply, fold
 from anaplot.session.undone import undone
+from anaplot.station import pointsfile
 from anaplot.station.edited import check_unedited, journaled
 from anaplot.station.imagepoints import merged_rows, rows_of
 from anaplot.station.pointsfile import BlockRead
@@ -274,6 +275,43 @@ def test_open_takes_over_what_adjust_applied(
     assert read_block(folder).image_points != rows
     with Station(folder) as station:
         assert station.state.models == after.models
+
+
+@pytest.mark.slow
+def test_what_was_taken_back_is_not_taken_over_again_where_the_file_could_not_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "b"
+    state = folder_of(folder)
+    rows = read_block(folder).image_points
+    point = state.models[0].plan[0].point
+    found = [("image", "102", point, "101/102", "y"), ("image", "101", "101-5", "101/102", "x")]
+    file = applied(rows, found, "tau")
+    write_image_points(folder, file)
+
+    def full(*_: object) -> str:
+        raise InputError("no space left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pointsfile, "write_image_points", full)
+        with Station(folder) as station:
+            assert station.state.models != state.models
+            station.give(Undo())
+            assert station.state.models == state.models
+        assert read_block(folder).image_points == file
+        # what the file says still is behind the journal, and nobody's decision any more
+        assert journaled(folder, read_block(folder)).remark(folder) == ""
+        with Station(folder) as station:
+            assert station.state.models == state.models
+    assert replay_session(folder).state.models == state.models
+    # it is written when it can be
+    with Station(folder) as station:
+        assert station.state.models == state.models
+    assert read_block(folder).image_points == rows
+    # decided again, with the same words, it is taken over again
+    write_image_points(folder, file)
+    with Station(folder) as station:
+        assert (point, "y") in station.state.models[0].off
 
 
 def test_what_adjust_applies_while_the_block_is_being_opened_is_taken_over(
