@@ -91,7 +91,7 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         metavar="SET",
         help="additional parameters: ebner, gruen, gruen50 or physical (a lens: c, x0, y0, k1, k2, "
         "k3, p1, p2, b1, b2; c > 0: longer), with :block (the default), :strip, :camera or :photo; "
-        "some of them as ebner:b1,b2 or gruen:-a43",
+        "some of them as ebner:b1,b2 or gruen:-a43; auto, auto:SET: chosen by tests, step by step",
     )
     adjust.add_argument(
         "--additional-sigma-um",

@@ -14,6 +14,7 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import ControlLast
 from anaplot.bundle.errors.grosserrors import BlockFindings
 from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses, block_hypotheses
+from anaplot.bundle.hypotheses.chosenparameters import ChosenParameters, choose_parameters
 from anaplot.bundle.hypotheses.components import BlockComponents, Grouping, block_components
 from anaplot.bundle.hypotheses.coordinatefunctions import FunctionValue, evaluate_functions
 from anaplot.bundle.hypotheses.errorsets import ErrorSetTest, error_set_tests
@@ -28,6 +29,7 @@ from anaplot.report import planting
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
+from anaplot.report.chosenparameters import choice_document
 from anaplot.report.components import components_document
 from anaplot.report.computed import Computed
 from anaplot.report.conditionpoints import refuse_unknown_points
@@ -42,7 +44,7 @@ from anaplot.report.errorsets import (
 from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import takes_options
-from anaplot.report.parameters import parameters_of
+from anaplot.report.parameters import automatic_choice, parameters_of
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
@@ -75,6 +77,8 @@ class BlockAdjustment:
         Pairs of a point's rays whose residuals are correlated.
     test_sets, functions
         Tests of sets of observations, and functions of coordinates, as they were asked for.
+    choice
+        How additional parameters were chosen, where that was left to the program.
     """
 
     block: AdjustedBlock
@@ -87,6 +91,7 @@ class BlockAdjustment:
     correlations: tuple[RayPair, ...] | None = field(default=None, repr=False)
     test_sets: tuple[ErrorSetTest, ...] = field(default=(), repr=False)
     functions: tuple[FunctionValue, ...] = field(default=(), repr=False)
+    choice: ChosenParameters | None = field(default=None, repr=False)
 
     @property
     def rejected(self) -> tuple[Rejection[ObservationName], ...]:
@@ -133,7 +138,8 @@ def adjust(
         "control", "minimal" or "free" by inner constraints over the points.
     additional
         "set", "set:scope", "set:names" or "set:names:scope" of additional parameters: ebner,
-        gruen, gruen50, physical; block, strip, camera, photo; "b1,b2" or "-b1,-b2".
+        gruen, gruen50, physical; block, strip, camera, photo; "b1,b2" or "-b1,-b2". "auto",
+        "auto:set", "auto:scope": chosen by tests, step by step.
     additional_sigma_um
         Their a-priori standard deviation as effect in the image [um]; None: free.
     additional_prior
@@ -210,12 +216,23 @@ def adjust(
     who = None
     if operators is not None:
         who = read_operators(Path(operators), [photo.id for photo in given.photos])
-    chosen = parameters_of(additional, additional_sigma_um, additional_prior)
+    tried = automatic_choice(additional, additional_sigma_um, additional_prior)
+    if tried and errors is not None:
+        raise InputError(
+            "--additional auto goes without --errors: choose parameters first, and clean with those"
+        )
+    chosen = None
+    if not tried:
+        chosen = parameters_of(additional, additional_sigma_um, additional_prior)
+    settings = HypothesisSettings(hypothesis_alpha, given.test.power)
     asked = functions_of(function or ())
     watch = progress if isinstance(progress, Watch) else Watch(progress)
-    cleaned = earlier = None
+    cleaned = earlier = choice = None
     if errors is None:
         adjusted = adjust_block(given, datum=datum, additional=chosen, progress=watch)
+        if tried:
+            choice = choose_parameters(adjusted, tried, settings, progress=watch)
+            adjusted = choice.block
     elif control_last:
         with watch.searching():
             earlier = clean_step_by_step(
@@ -250,11 +267,21 @@ def adjust(
     parted = None
     if components is not None:
         parted = block_components(adjusted, components, operators=who, progress=watch)
-    tested = block_hypotheses(adjusted, HypothesisSettings(hypothesis_alpha, given.test.power))
+    tested = block_hypotheses(adjusted, settings)
     sets = error_set_tests(adjusted, error_sets_of(adjusted, test_set or ()))
     values = evaluate_functions(adjusted, asked)
     found = BlockAdjustment(
-        adjusted, tested, cleaned, earlier, estimated, parted, snooped, related, sets, values
+        adjusted,
+        tested,
+        cleaned,
+        earlier,
+        estimated,
+        parted,
+        snooped,
+        related,
+        sets,
+        values,
+        choice,
     )
     flagged = adjusted.any_flagged or len(found.rejected) > 0
     document = planting.with_planting(_document(found, snooping, correlations), planted)
@@ -316,6 +343,8 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
     if found.errors is not None:
         rejected = [(row.name, row.error) for row in found.rejected]
     parts = {"hypotheses": hypotheses_document(found.hypotheses)}
+    if found.choice is not None:
+        parts["choice"] = choice_document(found.choice)
     if snooping:
         parts["snooping"] = snooping_document(found.snooping)
     if found.correlations is not None and correlations is not None:
@@ -337,7 +366,7 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
 
 # what a person reads after the block itself, in this order
 _ORDER = (
-    *("errors_without_control", "errors", "hypotheses", "prior_estimate", "components"),
+    *("errors_without_control", "errors", "choice", "hypotheses", "prior_estimate", "components"),
     *("snooping", "correlations", "test_sets", "functions"),
 )
 

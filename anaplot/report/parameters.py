@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from anaplot.bundle.solve.additional import AdditionalParameters, additional_parameters
+from anaplot.bundle.solve.additional import (
+    AdditionalParameters,
+    additional_parameters,
+    automatic_sets,
+)
 from anaplot.bundle.solve.parameterpriors import ParameterPrior, parameter_priors
 from anaplot.errors import InputError
 from anaplot.exchange.parameterpriorscsv import read_parameter_priors
 from anaplot.report.document import Line, named, say
 
-__all__ = ["given_json", "held_line", "parameters_of"]
+__all__ = ["automatic_choice", "given_json", "held_line", "parameters_of"]
 
 
 def parameters_of(
@@ -40,6 +44,26 @@ def parameters_of(
         else:
             known += [ParameterPrior(*row) for row in read_parameter_priors(Path(text))]
     return additional_parameters(name, sigma_um, known)
+
+
+def automatic_choice(
+    name: str | None, sigma_um: float | None, priors: Sequence[str] | None
+) -> tuple[AdditionalParameters, ...]:
+    """Return the sets that `--additional auto` tries; none where it is not asked for.
+
+    Raises
+    ------
+    InputError
+        Something else after "auto", or weights beside it.
+    """
+    sets = None if name is None else automatic_sets(name)
+    if sets is None:
+        return ()
+    if sigma_um is not None or priors:
+        raise InputError(
+            "--additional-sigma-um and --additional-prior go with a named set, not with auto"
+        )
+    return sets
 
 
 def given_json(additional: AdditionalParameters) -> list[dict[str, object]]:

@@ -15,6 +15,7 @@ from anaplot import cli
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
 from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.errors import InputError
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -281,3 +282,44 @@ def test_given_values_of_parameters_reach_the_page_and_programs(tmp_path: Path) 
     rows = answer["hypotheses"]["additional"]["parameters"]
     assert [(row["name"], row["given"]) for row in rows] == [("b5", 0.02), ("b7", 0.002)]
     assert [row["owner"] for row in answer["priors"]] == ["block"]
+
+
+def test_the_choice_of_parameters_is_shown_step_by_step(tmp_path: Path) -> None:
+    folder = write(tmp_path / "block", strip(planted=0.02))
+    text = report(folder, additional="auto:ebner")
+    assert "CHOICE OF ADDITIONAL PARAMETERS  alpha 0.05: 0.05 for each of 1 set" in text
+    answer = json.loads(run_adjust(folder, as_json=True, additional="auto:ebner")[1])
+    choice = answer["choice"]
+    assert choice["chosen"] == "ebner"
+    assert [row["name"] for row in answer["additional"]["parameters"]] == choice["parameters"]
+    steps = choice["sets"][0]["steps"]
+    assert [steps[0]["stage"], steps[-1]["stage"]] == ["all", "kept"]
+    assert steps[0]["verdict"]["estimated"]["critical"] > 1.0
+    assert {"change_m", "rms_X_m", "sigma_after_m"} <= steps[-1]["ground"].keys()
+    table = text[text.index("CHOICE") : text.index("HYPOTHESES")]
+    for step, shown in (("all together", "significant"), ("what is kept", "kept")):
+        line = next(line for line in table.splitlines() if line.strip().startswith(step))
+        assert line.rstrip().endswith(shown)
+
+
+def test_nothing_is_taken_of_a_block_without_systematic_errors(tmp_path: Path) -> None:
+    folder = write(tmp_path / "block", strip())
+    answer = json.loads(run_adjust(folder, as_json=True, additional="auto:ebner")[1])
+    assert answer["choice"]["chosen"] is None
+    assert answer["choice"]["parameters"] == []
+    assert "additional" not in answer
+    assert "none is taken: nothing systematic is proved" in report(folder, additional="auto:ebner")
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"errors": "baarda"}, "without --errors"),
+        ({"additional_sigma_um": 5.0}, "not with auto"),
+        ({"additional_prior": ["b1=3"]}, "not with auto"),
+    ],
+)
+def test_what_does_not_go_with_the_choice_is_told(tmp_path: Path, more, said: str) -> None:
+    folder = write(tmp_path / "block", strip())
+    with pytest.raises(InputError, match=said):
+        run_adjust(folder, additional="auto", **more)

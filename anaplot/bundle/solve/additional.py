@@ -26,6 +26,7 @@ __all__ = [
     "ParameterSet",
     "Scope",
     "additional_parameters",
+    "automatic_sets",
     "ebner",
     "gruen",
     "gruen50",
@@ -235,6 +236,8 @@ def additional_parameters(
     """
     name, *parts = text.split(":")
     about = f"additional parameters {quoted(text)}"
+    if name == "auto":
+        raise InputError(f"{about}: chosen by `adjust` alone, without --errors; name a set")
     chosen = _SETS.get(name)
     if chosen is None:
         near = hint(name, _SETS, listing=False)
@@ -264,6 +267,35 @@ def additional_parameters(
         return AdditionalParameters(chosen, scope or "block", sigma_um, known)
     free, fixed = chosen.parted(held)
     return AdditionalParameters(free, scope or "block", sigma_um, known, fixed)
+
+
+def automatic_sets(text: str) -> tuple[AdditionalParameters, ...] | None:
+    """Return what "auto", "auto:set", "auto:scope" or "auto:set:scope" tries; None: not automatic.
+
+    Raises
+    ------
+    InputError
+        Something else after "auto", or one set for every photo.
+    """
+    name, *parts = text.split(":")
+    if name != "auto":
+        return None
+    about = f"additional parameters {quoted(text)}"
+    sets: tuple[str, ...] = ("physical", "ebner", "gruen")
+    scopes = _SCOPES[:-1]
+    scope, named = "block", False
+    for part in parts:
+        if part in _SETS and not named:
+            sets, named = (part,), True
+        elif part in scopes and part == parts[-1]:
+            scope = part
+        else:
+            known = (*_SETS, *scopes)
+            raise InputError(
+                f"{about}: after auto a set and a scope, no {quoted(part)}"
+                f"{hint(part, known, listing=False)}; there are {', '.join(known)}"
+            )
+    return tuple(additional_parameters(f"{one}:{scope}") for one in sets)
 
 
 def _selected(whole: ParameterSet, text: str, about: str) -> ParameterSet:
