@@ -26,6 +26,7 @@ from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import InputError
 from anaplot.exchange.operatorscsv import read_operators
 from anaplot.report import planting
+from anaplot.report.accidentlines import with_photo_accidents
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
@@ -49,6 +50,7 @@ from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
 from anaplot.report.snooping import SnoopedBlock, snoop_block, snooping_document
+from anaplot.session.photoaccidents import photo_accidents
 
 __all__ = ["BlockAdjustment", "adjust", "find_gross_errors"]
 
@@ -285,6 +287,7 @@ def adjust(
     )
     flagged = adjusted.any_flagged or len(found.rejected) > 0
     document = planting.with_planting(_document(found, snooping, correlations), planted)
+    document = with_photo_accidents(document, photo_accidents(given))
     return Computed(found, with_journal_notes(document, note), flagged)
 
 

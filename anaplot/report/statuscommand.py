@@ -11,7 +11,7 @@ from pathlib import Path
 from anaplot.errors import AnaplotError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
-from anaplot.report.accidentlines import accidents_answer, unchecked_line
+from anaplot.report.accidentlines import accidents_answer, photos_answer, unchecked_line
 from anaplot.report.columns import counted
 from anaplot.report.document import (
     BLANK,
@@ -177,6 +177,7 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
         "next": {key: value or None for key, value in status.next._asdict().items()},
         "remarks": remarks,
     }
+    answer |= photos_answer(status.accidents.photos)
     if note is not None:
         answer["differs_from_journal"] = note
     page: list[Part] = (
@@ -189,6 +190,7 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
             say("control: {} of {} measured", seen.control_seen, counted(seen.control, "point"))
         )
     page.append(_block_line(status.block))
+    page += [say("  look: {}", one.text).of("look") for one in status.accidents.photos]
     spots = status.weak_spots
     page += [say("  look: {}", spot.words).of("look") for spot in spots[:_MOST_SPOTS]]
     if len(spots) > _MOST_SPOTS:

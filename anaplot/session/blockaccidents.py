@@ -15,6 +15,7 @@ from anaplot.session.accidents import Accident, accidents_in
 from anaplot.session.elsewhere import consecutive
 from anaplot.session.filedmodels import filed_models
 from anaplot.session.modelstate import ModelState
+from anaplot.session.photoaccidents import PhotoAccident, photo_accidents
 from anaplot.session.tiecheck import Known
 from anaplot.session.transfer import RECENT, transfer_of_strip
 
@@ -51,10 +52,13 @@ class BlockAccidents:
         One for a point of a strip, strip after strip.
     unchecked
         Strips with more than `MOST_MEASUREMENTS`, in which nothing was looked for.
+    photos
+        What is wrong with photographs.
     """
 
     found: tuple[FiledAccident, ...] = ()
     unchecked: tuple[str, ...] = ()
+    photos: tuple[PhotoAccident, ...] = ()
 
     @property
     def surest(self) -> FiledAccident | None:
@@ -76,6 +80,7 @@ def block_accidents(block: Block) -> BlockAccidents:
     """
     known = Known.of(block.control, None)
     models = filed_models(block)
+    photos = photo_accidents(block)
     # cameras, photos and tests alone: a block is looked up whole
     block = replace(block, image_points=())
     before: dict[str, tuple[ModelState, ...]] = {}
@@ -88,7 +93,7 @@ def block_accidents(block: Block) -> BlockAccidents:
             continue
         found += _of_strip(block, before, own, known)
         before[strip.id] = own
-    return BlockAccidents(tuple(found), tuple(unchecked))
+    return BlockAccidents(tuple(found), tuple(unchecked), photos)
 
 
 def _of_strip(
