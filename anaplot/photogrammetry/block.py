@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple, cast
 from anaplot.aliases import TestKind
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.objectconditions import ObjectCondition
+from anaplot.photogrammetry.posterior import Posterior
 
 __all__ = [
     "Block",
@@ -294,6 +295,8 @@ class Block:
         Rows of control.csv that are priors of points, in file order.
     measuring
         With what it is measured.
+    given
+        What an earlier adjustment says of its points and photos, or None: no part of the folder.
     """
 
     name: str
@@ -307,6 +310,7 @@ class Block:
     conditions: tuple[ObjectCondition, ...] = field(default=(), repr=False)
     priors: tuple[PointPrior, ...] = field(default=(), repr=False)
     measuring: Measuring = Measuring()
+    given: Posterior | None = field(default=None, repr=False, compare=False)
     _camera_ids: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -195,6 +195,30 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         "variance factor for both; separate, one for each, estimated",
     )
     adjust.add_argument(
+        "--given",
+        metavar="FILE.npz",
+        help="take what an earlier adjustment wrote with --posterior, as far as this block knows "
+        "its points and photos, as a prior with its full covariance, and test it",
+    )
+    adjust.add_argument(
+        "--given-without",
+        metavar="NAMES",
+        help="leave these of its points and photos out, with commas between: a point that has "
+        "moved since",
+    )
+    adjust.add_argument(
+        "--posterior",
+        metavar="FILE.npz",
+        help="write coordinates and their full covariance [m, rad] for the a-priori sigma0: names, "
+        "x and C of numpy.load",
+    )
+    adjust.add_argument(
+        "--posterior-of",
+        metavar="NAMES",
+        help="of which: points (the default), photos, or names of points and photos, with commas "
+        "between",
+    )
+    adjust.add_argument(
         "--components",
         nargs="?",
         const="axes",

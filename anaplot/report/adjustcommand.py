@@ -18,13 +18,16 @@ from anaplot.bundle.hypotheses.chosenparameters import ChosenParameters, choose_
 from anaplot.bundle.hypotheses.components import BlockComponents, Grouping, block_components
 from anaplot.bundle.hypotheses.coordinatefunctions import FunctionValue, evaluate_functions
 from anaplot.bundle.hypotheses.errorsets import ErrorSetTest, error_set_tests
+from anaplot.bundle.hypotheses.giventests import GivenTests, given_tests
 from anaplot.bundle.hypotheses.priorknowledge import BlockPrior, PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.posteriors import posterior_of as posterior_of_block
 from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import InputError
 from anaplot.exchange.operatorscsv import read_operators
+from anaplot.photogrammetry.posterior import Posterior
 from anaplot.report import planting
 from anaplot.report.accidentlines import with_photo_accidents
 from anaplot.report.adjustarguments import add_adjust_arguments
@@ -42,10 +45,12 @@ from anaplot.report.errorsets import (
     functions_document,
     functions_of,
 )
+from anaplot.report.givenprior import given_document, posterior_document
 from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
-from anaplot.report.keywords import takes_options
+from anaplot.report.keywords import names_in, takes_options
 from anaplot.report.parameters import automatic_choice, parameters_of
+from anaplot.report.posteriorfile import check_posterior_path, with_given, write_posterior
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
@@ -81,6 +86,10 @@ class BlockAdjustment:
         Tests of sets of observations, and functions of coordinates, as they were asked for.
     choice
         How additional parameters were chosen, where that was left to the program.
+    given
+        What the observations say to a prior from an earlier adjustment; None without one.
+    posterior
+        What was written for the next one; None where nothing was.
     """
 
     block: AdjustedBlock
@@ -94,6 +103,8 @@ class BlockAdjustment:
     test_sets: tuple[ErrorSetTest, ...] = field(default=(), repr=False)
     functions: tuple[FunctionValue, ...] = field(default=(), repr=False)
     choice: ChosenParameters | None = field(default=None, repr=False)
+    given: GivenTests | None = field(default=None, repr=False)
+    posterior: Posterior | None = field(default=None, repr=False)
 
     @property
     def rejected(self) -> tuple[Rejection[ObservationName], ...]:
@@ -123,6 +134,10 @@ def adjust(
     as_given: bool = False,
     pairs: bool = False,
     prior: PriorEstimator | None = None,
+    given: str | os.PathLike[str] | Posterior | None = None,
+    given_without: str | Sequence[str] | None = None,
+    posterior: str | os.PathLike[str] | None = None,
+    posterior_of: str | Sequence[str] | None = None,
     components: Grouping | None = None,
     operators: str | os.PathLike[str] | None = None,
     plant: Sequence[str] | None = None,
@@ -170,6 +185,14 @@ def adjust(
     prior
         Estimator for the block with its prior knowledge; None: all stated variances, and the sigma
         that the block's test says.
+    given
+        A file that `posterior` has written, or what it has written: a prior with its covariance.
+    given_without
+        Names of its points and photos that are left out.
+    posterior
+        A file `.npz` that coordinates and their covariance are written into.
+    posterior_of
+        Which: "points" (None), "photos", names of points and photos.
     components
         Add variance components, image coordinates grouped like this.
     operators
@@ -205,19 +228,21 @@ def adjust(
         raise InputError("--components operators and --operators FILE go together")
     if prior is not None and components is not None:
         raise InputError("--prior and --components both estimate variances: one of them")
-    given, where = block_of(block)
-    note = journal_note(block, given)
-    refuse_unknown_points(given)
-    if prior is not None and any(one.use == "control" for one in given.conditions):
+    _check_carried(given, given_without, posterior, posterior_of, datum, prior)
+    measured, where = block_of(block)
+    note = journal_note(block, measured)
+    refuse_unknown_points(measured)
+    if prior is not None and any(one.use == "control" for one in measured.conditions):
         raise InputError(
             "--prior knows of no conditions between points: switch off those of distances.csv and "
             "conditions.csv, or leave it out"
         )
-    given, planted = planting.plant(given, plant)
-    check_power("--hypothesis-alpha", hypothesis_alpha, given.test, where)
+    measured, planted = planting.plant(measured, plant)
+    measured = with_given(measured, given, names_in(given_without or ()))
+    check_power("--hypothesis-alpha", hypothesis_alpha, measured.test, where)
     who = None
     if operators is not None:
-        who = read_operators(Path(operators), [photo.id for photo in given.photos])
+        who = read_operators(Path(operators), [photo.id for photo in measured.photos])
     tried = automatic_choice(additional, additional_sigma_um, additional_prior)
     if tried and errors is not None:
         raise InputError(
@@ -226,19 +251,19 @@ def adjust(
     chosen = None
     if not tried:
         chosen = parameters_of(additional, additional_sigma_um, additional_prior)
-    settings = HypothesisSettings(hypothesis_alpha, given.test.power)
+    settings = HypothesisSettings(hypothesis_alpha, measured.test.power)
     asked = functions_of(function or ())
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     cleaned = earlier = choice = None
     if errors is None:
-        adjusted = adjust_block(given, datum=datum, additional=chosen, progress=watch)
+        adjusted = adjust_block(measured, datum=datum, additional=chosen, progress=watch)
         if tried:
             choice = choose_parameters(adjusted, tried, settings, progress=watch)
             adjusted = choice.block
     elif control_last:
         with watch.searching():
             earlier = clean_step_by_step(
-                given,
+                measured,
                 errors,
                 partner,
                 pairs=pairs,
@@ -248,7 +273,7 @@ def adjust(
             )
         cleaned, adjusted = earlier.control, earlier.block
     else:
-        problem = make_problem(given, datum=datum, additional=chosen)
+        problem = make_problem(measured, datum=datum, additional=chosen)
         with watch.searching():
             cleaned = clean_block(
                 problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch
@@ -270,8 +295,12 @@ def adjust(
     if components is not None:
         parted = block_components(adjusted, components, operators=who, progress=watch)
     tested = block_hypotheses(adjusted, settings)
+    agreed = given_tests(adjusted, settings)
     sets = error_set_tests(adjusted, error_sets_of(adjusted, test_set or ()))
     values = evaluate_functions(adjusted, asked)
+    left = None
+    if posterior is not None:
+        left = posterior_of_block(adjusted, names_in(posterior_of or "points"))
     found = BlockAdjustment(
         adjusted,
         tested,
@@ -284,10 +313,15 @@ def adjust(
         sets,
         values,
         choice,
+        agreed,
+        left,
     )
     flagged = adjusted.any_flagged or len(found.rejected) > 0
+    flagged = flagged or (agreed is not None and agreed.flagged)
+    if left is not None and posterior is not None:
+        write_posterior(Path(posterior), left)
     document = planting.with_planting(_document(found, snooping, correlations), planted)
-    document = with_photo_accidents(document, photo_accidents(given))
+    document = with_photo_accidents(document, photo_accidents(measured))
     return Computed(found, with_journal_notes(document, note), flagged)
 
 
@@ -303,6 +337,8 @@ def find_gross_errors(
     partner: float | None = None,
     as_given: bool = False,
     pairs: bool = False,
+    given: str | os.PathLike[str] | Posterior | None = None,
+    given_without: str | Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Computed[BlockFindings]:
     """Search a block for gross errors: what `adjust` says under "errors", and nothing else.
@@ -313,7 +349,8 @@ def find_gross_errors(
         A block, or its folder; it is only read.
     errors
         Name of the strategy.
-    datum, additional, additional_sigma_um, additional_prior, partner, as_given, pairs, progress
+    datum, additional, additional_sigma_um, additional_prior, partner, as_given, pairs, given,
+    given_without, progress
         As `adjust` has them.
 
     Returns
@@ -328,16 +365,48 @@ def find_gross_errors(
     NotComputableError
         The block has no solution, also without what fits nowhere.
     """
-    given, _ = block_of(block)
-    note = journal_note(block, given)
-    refuse_unknown_points(given)
+    _check_carried(given, given_without, None, None, datum, None)
+    measured, _ = block_of(block)
+    note = journal_note(block, measured)
+    refuse_unknown_points(measured)
+    measured = with_given(measured, given, names_in(given_without or ()))
     chosen = parameters_of(additional, additional_sigma_um, additional_prior)
-    problem = make_problem(given, datum=datum, additional=chosen)
+    problem = make_problem(measured, datum=datum, additional=chosen)
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     with watch.searching():
         found = clean_block(problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch)
     document = with_journal_notes(errors_document(found), note)
     return Computed(found, document, len(found.rejected) > 0)
+
+
+def _check_carried(
+    given: object,
+    given_without: object,
+    posterior: object,
+    posterior_of: object,
+    datum: Datum,
+    prior: object,
+) -> None:
+    """Refuse what does not go with coordinates that are carried on, before anything is read."""
+    if posterior_of is not None and posterior is None:
+        raise InputError("--posterior-of goes with --posterior")
+    if given_without is not None and given is None:
+        raise InputError("--given-without goes with --given")
+    for option, value in (("--given", given), ("--posterior", posterior)):
+        if value is None:
+            continue
+        if datum != "control":
+            raise InputError(
+                f"{option} goes with the datum of control: in another one coordinates and their "
+                "covariance are those of the datum"
+            )
+        if prior is not None:
+            raise InputError(
+                f"{option} and --prior: C is for the a-priori sigma0, of which --prior makes "
+                "something else; one of them"
+            )
+    if isinstance(posterior, str | os.PathLike):
+        check_posterior_path(Path(posterior))
 
 
 def _document(found: BlockAdjustment, snooping: bool, correlations: float | None) -> Document:
@@ -356,6 +425,10 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
         parts["prior_estimate"] = prior_document(found.prior_estimate)
     if found.components is not None:
         parts["components"] = components_document(found.components)
+    if found.given is not None:
+        parts["given"] = given_document(found.given, cleaned=found.errors is not None)
+    if found.posterior is not None:
+        parts["posterior"] = posterior_document(found.posterior)
     if found.test_sets:
         parts["test_sets"] = error_sets_document(found.test_sets)
     if found.functions:
@@ -369,8 +442,8 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
 
 # what a person reads after the block itself, in this order
 _ORDER = (
-    *("errors_without_control", "errors", "choice", "hypotheses", "prior_estimate", "components"),
-    *("snooping", "correlations", "test_sets", "functions"),
+    *("errors_without_control", "errors", "given", "choice", "hypotheses", "prior_estimate"),
+    *("components", "snooping", "correlations", "test_sets", "functions", "posterior"),
 )
 
 

@@ -112,8 +112,12 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
         # coordinates of fixed points belong to every part that sees them
         seen = np.unique(problem.point[labels[problem.photo] == part])
         held = problem.fixed[seen] | (linear.point_weight[:, seen] > 0.0).any(axis=0)
-        priors = np.matmul(linear.photo_rows[mine], photo_null[mine])
-        present = np.any(linear.photo_rows[mine] != 0.0, axis=2)
+        rows = linear.photo_rows[mine]
+        if linear.given is not None:
+            held |= linear.given.held_points(state.points.shape)[seen] > 0.0
+            rows = np.concatenate((rows, linear.given.photo_rows(problem.per_photo)[mine]), axis=1)
+        priors = np.matmul(rows, photo_null[mine])
+        present = np.any(rows != 0.0, axis=2)
         # in the block's own measure: metres over its extent, rotations in radians
         extent = float(np.ptp(state.centres[mine], axis=0).max(initial=0.0))
         extent = max(extent, float(np.ptp(state.points[seen], axis=0).max(initial=0.0)), 1e-9)
@@ -160,8 +164,10 @@ def priors_hold(problem: Problem) -> bool:
     As they are stated, each with its a-priori standard deviation: positions of photos along a
     line leave the rotation about it open, also where the line is not quite straight.
     """
-    at = np.concatenate((problem.position, problem.expected))
-    sigmas = np.concatenate((problem.position_sigma, problem.expected_sigma))
+    own = _given_places(problem)
+    places = np.zeros((0, 3)) if own is None else own.places
+    at = np.concatenate((problem.position, problem.expected, places))
+    sigmas = np.concatenate((problem.position_sigma, problem.expected_sigma, 0.0 * places + 1.0))
     stated = np.isfinite(sigmas)
     some = stated.any(axis=1)
     if not some.any():
@@ -173,6 +179,9 @@ def priors_hold(problem: Problem) -> bool:
     shifts_and_turns = np.array([extent] * 3 + [1.0] * 4)
     positions = similarity_effects(at) * shifts_and_turns
     positions = (positions / sigmas[some][:, :, None])[stated[some]]
+    if own is not None:
+        count = places.size
+        positions[-count:] = own.root @ positions[-count:]
     sigma = problem.rotation_sigma[np.isfinite(problem.rotation_sigma)]
     axis = np.nonzero(np.isfinite(problem.rotation_sigma))[1]
     turns = np.zeros((len(sigma), 7))
@@ -180,6 +189,32 @@ def priors_hold(problem: Problem) -> bool:
     rows = np.vstack((positions.reshape(-1, 7), turns))
     # the weakest combination of the seven has the standard deviation 1 / singular value
     return len(rows) >= 7 and float(np.linalg.svd(rows, compute_uv=False)[-1]) * _LOOSE > 1.0
+
+
+class _GivenPlaces(NamedTuple):
+    """Places that are given whole, (k, 3), and (3 k, 3 k) the root of their weights."""
+
+    places: Array
+    root: Array
+
+
+def _given_places(problem: Problem) -> _GivenPlaces | None:
+    """Return what a prior from an earlier adjustment says of places; None where nothing."""
+    given = problem.given
+    if given is None:
+        return None
+    rows: dict[tuple[str, str], dict[int, int]] = {}
+    for k, name in enumerate(given.names):
+        if name.axis < 3:
+            rows.setdefault((name.kind, name.owner), {})[name.axis] = k
+    whole = [[of[0], of[1], of[2]] for of in rows.values() if len(of) == 3]
+    if not whole:
+        return None
+    at = np.array(whole, dtype=np.intp)
+    covariance = given.covariance[np.ix_(at.ravel(), at.ravel())]
+    size = np.sqrt(np.diag(covariance))
+    lower = np.linalg.cholesky(covariance / size[:, None] / size)
+    return _GivenPlaces(given.value[at], np.linalg.solve(lower, np.diag(1.0 / size)))
 
 
 def _named_part(problem: Problem, mine: Index, count: int) -> str:

@@ -14,7 +14,10 @@ import numpy as np
 
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.conditionupdate import ConditionUpdate
+from anaplot.bundle.solve.givenequations import GivenUpdate
 from anaplot.bundle.solve.problem import Group
+from anaplot.bundle.solve.reliability import DatumChange
 
 __all__ = ["MOST_RAYS", "ExternalReliability", "LargestEffect", "external_reliability"]
 
@@ -116,6 +119,32 @@ class _Moves(NamedTuple):
         return cls(np.zeros(shape, dtype=np.intp), np.zeros((*shape, 3)))
 
 
+class _Taken(NamedTuple):
+    """What conditions or a prior that ties unknowns together take of the moves without them.
+
+    Attributes
+    ----------
+    gain
+        G, of photos, points and shared parameters.
+    by_rows
+        (3 p, q) what errors of one in their rows do to the points.
+    """
+
+    gain: tuple[Array, Array, Array]
+    by_rows: Array
+
+    @classmethod
+    def of(cls, added: ConditionUpdate | GivenUpdate, change: DatumChange | None) -> _Taken:
+        """Return it in the datum that is reported."""
+        moved = added.points if change is None else change.of_points(added.photos, added.points)
+        return cls(added.gain, moved.reshape(-1, moved.shape[2]) @ added.inner)
+
+    def up(self, shown: Array) -> Array:
+        """Return (c, p, 3) what is taken of the moves by c errors, from (c, q) G'a'."""
+        out: Array = (shown @ self.by_rows.T).reshape(len(shown), -1, 3)
+        return out
+
+
 class _Farthest:
     """Finds the points that observations move farthest.
 
@@ -125,8 +154,8 @@ class _Farthest:
         K (a' - W V^-1 b', h' - U V^-1 b')  and its own by V^-1 b' more,
 
     W and U being the point's part of the normal equations: everything but K is as small as the
-    number of photos that see the point. Conditions between points change that by G M^-1 G' (see
-    `anaplot.bundle.solve.conditionupdate`).
+    number of photos that see the point. Conditions between points, and a prior that ties unknowns
+    together, change that by G M^-1 G' (see `anaplot.bundle.solve.conditionupdate`).
     """
 
     def __init__(self, block: AdjustedBlock) -> None:
@@ -151,14 +180,9 @@ class _Farthest:
         if self._change is not None:
             points = self._change.of_points(x, points)
         self._update = normal.update(block.cofactors.factor)
-        if self._update is not None:
-            moved = self._update.points
-            if self._change is not None:
-                moved = self._change.of_points(self._update.photos, moved)
-            q = moved.shape[2]
-            # (3 p, q) what errors of the contrasts do to the points
-            self._by_contrasts = moved.reshape(-1, q) @ self._update.inner
-            self._seen = normal.seen(*self._update.gain)
+        self._taken = [
+            _Taken.of(added, self._change) for added in normal.changes(block.cofactors.factor)
+        ]
         # a row for every unknown: what a point needs of it lies together
         self._k = np.ascontiguousarray(points.reshape(-1, every).T)
 
@@ -208,14 +232,10 @@ class _Farthest:
                         self._change.defect, self._change.held_points[point].T @ own.T
                     )
                     moved -= np.einsum("nil,lk->kni", self._change.null_points, part)
-                if self._update is not None:
-                    shown = np.concatenate(
-                        (
-                            self._seen[rays].reshape(2 * k, -1),
-                            held[:, None] * self._update.points[point, axes],
-                        )
-                    )
-                    moved -= self._taken_up(shown)
+                for taken in self._taken:
+                    seen = normal.seen(*taken.gain, rays).reshape(2 * k, -1)
+                    known = held[:, None] * taken.gain[1][point, axes]
+                    moved -= taken.up(np.concatenate((seen, known)))
                 most, effect = _largest(moved)
                 of_rays.point[rays] = most[: 2 * k].reshape(k, 2)
                 of_rays.of_one_sigma[rays] = effect[: 2 * k].reshape(k, 2, 3)
@@ -223,19 +243,13 @@ class _Farthest:
                 of_ground.of_one_sigma[kinds, point, axes] = effect[2 * k :]
         return of_rays, of_ground
 
-    def _taken_up(self, shown: Array) -> Array:
-        """Return (c, p, 3) what conditions take of the moves by c errors, from (c, q) G'a'."""
-        out: Array = (shown @ self._by_contrasts.T).reshape(len(shown), -1, 3)
-        return out
-
     def of_conditions(self) -> _Moves:
         """Return what the rows of the conditions (n,) move."""
         if self._update is None:
             conditions = self._problem.conditions
             return _Moves.none((0 if conditions is None else len(conditions.rows),))
-        moved = (self._update.equations.contrasts @ self._by_contrasts.T).reshape(
-            -1, len(self._problem.points), 3
-        )
+        # conditions are what is added last
+        moved = self._taken[-1].up(self._update.equations.contrasts.toarray())
         change = self._change
         if change is not None and len(change.by_conditions):
             scale = np.linalg.inv(change.defect)[:, 6]
@@ -250,8 +264,8 @@ class _Farthest:
         d = problem.per_photo
         for photo in np.nonzero(np.isfinite(self._cofactors.r_photo).any(axis=1))[0].tolist():
             moved = (rows[photo] @ self._k[photo * d : (photo + 1) * d]).reshape(6, -1, 3)
-            if self._update is not None:
-                moved -= self._taken_up(rows[photo] @ self._update.photos[photo])
+            for taken in self._taken:
+                moved -= taken.up(rows[photo] @ taken.gain[0][photo])
             out.point[photo], out.of_one_sigma[photo] = _largest(moved)
         return out
 
@@ -268,10 +282,10 @@ class _Farthest:
             columns, weight = n * d + np.arange(problem.in_border), linear.shared_weight
         held = np.sqrt(weight).reshape(-1, 1)
         moved = (self._k[columns.ravel()] * held).reshape(columns.size, -1, 3)
-        if self._update is not None:
-            photos, _, shared = self._update.gain
+        for taken in self._taken:
+            photos, _, shared = taken.gain
             both = np.concatenate((photos.reshape(n * d, -1), shared))
-            moved -= self._taken_up(both[columns.ravel()] * held)
+            moved -= taken.up(both[columns.ravel()] * held)
         most, effect = _largest(moved)
         return _Moves(most.reshape(columns.shape), effect.reshape(*columns.shape, 3))
 

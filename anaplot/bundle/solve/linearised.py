@@ -8,6 +8,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.solve.conditions import ConditionEquations
+from anaplot.bundle.solve.givenequations import GivenEquations, given_equations, prior_rounding
 from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivatives
 from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import NotComputableError
@@ -56,6 +57,8 @@ class Linearised:
         (m,) distance of the point in front of the photo [m].
     conditions
         Of the conditions between points; None without.
+    given
+        Of the prior that an earlier adjustment leaves; None without.
     """
 
     a: Array
@@ -72,6 +75,7 @@ class Linearised:
     shared_e: Array
     depth: Array
     conditions: ConditionEquations | None = None
+    given: GivenEquations | None = None
 
     @property
     def vtpv(self) -> float:
@@ -81,8 +85,7 @@ class Linearised:
     @property
     def misclosures(self) -> tuple[Array, ...]:
         """Of every kind of observation."""
-        of = self.conditions
-        more = () if of is None else (of.e,)
+        more = tuple(of.e for of in (self.conditions, self.given) if of is not None)
         return (self.e, self.point_e, self.photo_e, self.own_e, self.shared_e, *more)
 
 
@@ -143,6 +146,9 @@ def objective(problem: Problem, state: BlockState) -> tuple[float, Array]:
         return float("inf"), depth
     if conditions is not None:
         total += float(np.vdot(conditions.e, conditions.e))
+    given = _given_equations(problem, state)
+    if given is not None:
+        total += float(np.vdot(given.e, given.e))
     return (total if total == total else float("inf")), depth
 
 
@@ -150,6 +156,12 @@ def _condition_equations(problem: Problem, state: BlockState) -> ConditionEquati
     if problem.conditions is None:
         return None
     return problem.conditions.equations(state.points, problem.fixed)
+
+
+def _given_equations(problem: Problem, state: BlockState) -> GivenEquations | None:
+    if problem.given is None:
+        return None
+    return given_equations(problem.given, state, problem.fixed, problem.per_photo)
 
 
 def linearise(problem: Problem, state: BlockState) -> Linearised:
@@ -204,6 +216,7 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
         shared_e=shared_e,
         depth=seen.depth,
         conditions=_condition_equations(problem, state),
+        given=_given_equations(problem, state),
     )
 
 
@@ -223,6 +236,7 @@ def effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearis
         own_e=np.sqrt(linear.own_weight) * photos[:, 6:],
         shared_e=np.sqrt(linear.shared_weight) * shared,
         conditions=None if linear.conditions is None else linear.conditions.effect(points),
+        given=None if linear.given is None else linear.given.effect(photos, points),
     )
 
 
@@ -247,6 +261,8 @@ def rounding(problem: Problem, state: BlockState, depth: Array) -> float:
     total += float(np.nansum(of_points**2)) + float(np.nansum(of_photos**2))
     if problem.conditions is not None:
         total += problem.conditions.rounding(state.points) / float(np.finfo(np.float64).eps) ** 2
+    if problem.given is not None:
+        total += prior_rounding(problem.given, state)
     return total * float(np.finfo(np.float64).eps) ** 2
 
 

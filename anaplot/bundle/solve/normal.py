@@ -19,6 +19,7 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.conditionupdate import ConditionUpdate
 from anaplot.bundle.solve.factor import Factor
+from anaplot.bundle.solve.givenequations import GivenUpdate
 from anaplot.bundle.solve.linearised import Linearised, Unknowns
 from anaplot.bundle.solve.pointroots import PointError, inverse_roots
 from anaplot.bundle.solve.problem import Problem
@@ -72,6 +73,7 @@ class NormalEquations:
         self.structure = structure
         self.linear = linear
         self._update: ConditionUpdate | None = None
+        self._given: GivenUpdate | None = None
         d, g = problem.per_photo, problem.in_border
         n, m = len(problem.photos), len(problem.photo)
         a, b, h = linear.a, linear.b, linear.h
@@ -82,6 +84,10 @@ class NormalEquations:
         photo_own = structure.by_photo @ np.matmul(at, a).reshape(m, d * d)
         own = photo_own.reshape(n, d, d)
         own += np.matmul(linear.photo_rows.transpose(0, 2, 1), linear.photo_rows)
+        point_weight = linear.point_weight.sum(axis=0)
+        if linear.given is not None:
+            own += linear.given.held_photos(d)
+            point_weight = point_weight + linear.given.held_points(point_weight.shape)
         diagonal = np.einsum("nii->ni", own)
         diagonal[:, 6:] += linear.own_weight
         if anchor is not None:
@@ -107,8 +113,7 @@ class NormalEquations:
             stacked = bp.reshape(count, 2 * k, 3)
             fixed = problem.fixed[points]
             try:
-                weight = linear.point_weight[:, points].sum(axis=0)
-                root = inverse_roots(stacked, weight, grow, fixed)
+                root = inverse_roots(stacked, point_weight[points], grow, fixed)
             except PointError as error:
                 raise PointError(error.points + points.start) from None
             self.inverse_root[points] = root
@@ -226,6 +231,12 @@ class NormalEquations:
             he = np.einsum("mij,mi->mj", mine.h, other.e)
             columns = self.border_columns(problem.additional_group)
             shared -= np.bincount(columns.ravel(), he.ravel(), minlength=len(shared))
+        if mine.given is not None and other.given is not None:
+            at_photos, at_points = mine.given.sides(
+                mine.given.prior.weight @ other.given.misclosure
+            )
+            photos -= at_photos.reshape(photos.shape)
+            points -= at_points.reshape(points.shape)
         return photos, points, shared
 
     def update(self, factor: Factor) -> ConditionUpdate | None:
@@ -283,10 +294,31 @@ class NormalEquations:
             return out, np.zeros((0, 1))
         return out, update.equations.contrasted(linear.conditions)[:, None]
 
+    def given_update(self, factor: Factor) -> GivenUpdate | None:
+        """Return what a prior that ties unknowns together changes of solutions; None without it."""
+        equations = self.linear.given
+        if equations is None:
+            return None
+        if self._given is None:
+            q = len(equations.prior)
+            photos, points = equations.sides(equations.prior.rest.T)
+            sides = (
+                photos.reshape(len(self.problem.photos), -1, q),
+                points.reshape(-1, 3, q),
+                np.zeros((len(self.corner), q)),
+            )
+            self._given = GivenUpdate.of(equations, self._solve_bare(factor, *sides))
+        return self._given
+
+    def changes(self, factor: Factor) -> tuple[ConditionUpdate | GivenUpdate, ...]:
+        """Return what is added to these equations, of which G M^-1 G' goes off the inverse."""
+        both = (self.given_update(factor), self.update(factor))
+        return tuple(one for one in both if one is not None)
+
     def solve(
         self, factor: Factor, photos: Array, points: Array, shared: Array
     ) -> tuple[Array, Array, Array]:
-        """Solve the full normal equations for k right-hand sides, with the conditions.
+        """Solve the full normal equations for k right-hand sides, with conditions and priors.
 
         Parameters
         ----------
@@ -300,7 +332,13 @@ class NormalEquations:
         return out if update is None else update.applied(out)
 
     def _solve(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
-        """Solve without the conditions, in portions."""
+        """Solve without the conditions."""
+        out = self._solve_bare(factor, photos, points, shared)
+        given = self.given_update(factor)
+        return out if given is None else given.applied(out)
+
+    def _solve_bare(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
+        """Solve for this matrix itself, in portions."""
         count = photos.shape[2]
         # the largest array has a value per ray, unknown of its photo, and right-hand side
         step = max(1, _PORTION // (8 * self.z.shape[0] * self.z.shape[1]))

@@ -259,6 +259,7 @@ def _less(one: Linearised, other: Linearised) -> Linearised:
         photo_e=one.photo_e - other.photo_e,
         own_e=one.own_e - other.own_e,
         shared_e=one.shared_e - other.shared_e,
+        given=one.given.less(other.given) if one.given and other.given else None,
     )
 
 
@@ -271,4 +272,5 @@ def _random(linear: Linearised, rng: np.random.Generator, sigma: float) -> Linea
         photo_e=rng.normal(size=linear.photo_e.shape) * sigma,
         own_e=rng.normal(size=linear.own_e.shape) * sigma,
         shared_e=rng.normal(size=linear.shared_e.shape) * sigma,
+        given=None if linear.given is None else linear.given.random(rng, sigma),
     )

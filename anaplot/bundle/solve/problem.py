@@ -21,6 +21,7 @@ from anaplot.bundle.solve.beforehand import (
     stated_orientations,
 )
 from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
+from anaplot.bundle.solve.givenprior import GivenPrior, locate
 from anaplot.bundle.solve.laidparameters import lay_out_parameters
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
@@ -126,6 +127,8 @@ class Problem:
         those of a lens; or None.
     conditions, compared
         Conditions between points that take part, and those that are compared only or off, or None.
+    given
+        Coordinates that an earlier adjustment leaves as a prior, or None.
     """
 
     block: Block = field(repr=False)
@@ -167,6 +170,7 @@ class Problem:
     lens_held: Array | None = field(default=None, repr=False)
     conditions: Conditions | None = field(default=None, repr=False)
     compared: Conditions | None = field(default=None, repr=False)
+    given: GivenPrior | None = field(default=None, repr=False)
 
     @property
     def bare(self) -> Problem:
@@ -268,6 +272,7 @@ class Problem:
         extra = int(np.isfinite(self.additional_sigma).sum())
         out = 0 if self.rejected is None else int(self.rejected.sum())
         extra += self.conditions.observations if self.conditions else 0
+        extra += len(self.given) if self.given else 0
         return int(2 * len(self.photo) - out + priors + extra)
 
     @property
@@ -345,14 +350,21 @@ def make_problem(
     point = np.array([point_names.setdefault(r.point, len(point_names)) for r in rows], np.intp)
     names = list(point_names)
     known, known_sigma, fixed = known_coordinates(block, names, control, held)
-    expected, expected_sigma, not_needed = expected_coordinates(block, names, fixed, held)
     priors = stated_orientations(block, held)
+    located = None
+    if held and block.given is not None:
+        located = locate(block.given, names, list(photo_names))
+        located.hold(names, known, known_sigma, fixed)
+        located.approximate(priors[0], priors[1], 0)
+        located.approximate(priors[2], priors[3], 3)
+    expected, expected_sigma, not_needed = expected_coordinates(block, names, fixed, held)
     counted = np.array([[row.counts("x"), row.counts("y")] for row in rows])
-    stated = fixed | np.isfinite(known_sigma) | np.isfinite(expected_sigma)
     has_prior = np.isfinite(priors[1]).sum(axis=1) + np.isfinite(priors[3]).sum(axis=1)
-    useful, left_out = select_rays(
-        block, photo, point, counted, names, stated.sum(axis=1), has_prior
-    )
+    observed = (fixed | np.isfinite(known_sigma) | np.isfinite(expected_sigma)).sum(axis=1)
+    if located is not None:
+        at_points, at_photos = located.counts(len(names), len(block.photos))
+        observed, has_prior = observed + at_points, has_prior + at_photos
+    useful, left_out = select_rays(block, photo, point, counted, names, observed, has_prior)
     left_out += [LeftOut("prior", *one) for one in not_needed]
     left_out += [
         LeftOut("control", name, "is not measured in any photo")
@@ -433,6 +445,9 @@ def make_problem(
         conditions=laid.conditions,
         compared=laid.compared,
     )
+    if located is not None:
+        given = located.among(new_point, new_photo, problem.per_photo, block.name)
+        problem = replace(problem, given=given)
     return _parted(problem, count_of_rays, ~counted[ray])
 
 

@@ -22,7 +22,8 @@ def reintersected(problem: Problem, state: BlockState) -> BlockState:
     """Return the state with every point intersected anew from its own rays and control.
 
     Each point takes damped Gauss-Newton steps of its own, and only such that bring its own sum of
-    squares down: the result is never worse than `state`. Photos and parameters are held.
+    squares down: the result is never worse than `state`. Photos and parameters are held, and so are
+    points of a prior that ties them together.
 
     Parameters
     ----------
@@ -31,11 +32,14 @@ def reintersected(problem: Problem, state: BlockState) -> BlockState:
     """
     count = len(problem.points)
     damping = np.full(count, _DAMPING)
-    problem = replace(problem, conditions=None)  # those tie points together
+    still = np.zeros(count, dtype=bool)
+    if problem.given is not None:
+        still = problem.given.points_given(count)
+    problem = replace(problem, conditions=None, given=None)  # those tie points together
     linear = linearise(problem, state)
     cost = _costs(problem, linear)
     for _ in range(_ROUNDS):
-        step = _steps(problem, linear, damping)
+        step = np.where(still[:, None], 0.0, _steps(problem, linear, damping))
         trial = replace(state, points=state.points + step)
         there = linearise(problem, trial)
         trial_cost = _costs(problem, there)

@@ -25,6 +25,7 @@ from anaplot.bundle.solve.problem import Problem
 __all__ = ["Cofactors", "DatumChange", "cofactor_column", "compute_cofactors"]
 
 
+_PORTION = 60_000_000  # bytes of the largest array while something is added to the equations
 _ROUNDING = 1e-11  # variance after a change of datum over what it is the difference of
 
 
@@ -166,10 +167,9 @@ class Cofactors:
             beside = np.concatenate([self.inverse.border[problem.photo[ray]] for ray in rays])
             cross = reduced @ beside @ h.T
             adjusted += cross + cross.T + h @ self.inverse.corner @ h.T
-        update = self.normal.update(self.factor)
-        if update is not None:
-            shown = self.normal.seen(*update.gain, rays).reshape(2 * k, -1)
-            adjusted -= shown @ update.inner @ shown.T
+        for change in self.normal.changes(self.factor):
+            shown = self.normal.seen(*change.gain, rays).reshape(2 * k, -1)
+            adjusted -= shown @ change.inner @ shown.T
         return rays, np.diag(_weighted(problem)[rays].ravel()) - adjusted
 
     def column(self, ray: int, axis: int) -> Array:
@@ -305,16 +305,20 @@ def compute_cofactors(
         response[rays] = back.transpose(0, 2, 1)
     corner, beside_photos = inverse.corner, inverse.border
     r_conditions = np.zeros(0 if problem.conditions is None else len(problem.conditions.rows))
-    update = normal.update(factor)
-    if update is not None:
-        x, y, s = update.gain
-        xw, yw, sw = (part @ update.inner for part in update.gain)
-        seen = normal.seen(x, y, s)
-        adjusted -= np.matmul(seen @ update.inner, seen.transpose(0, 2, 1))
-        response -= np.matmul(yw[problem.point], seen.transpose(0, 2, 1))
+    for added in normal.changes(factor):
+        x, y, s = added.gain
+        xw, yw, sw = (part @ added.inner for part in added.gain)
+        step = max(1, _PORTION // (16 * added.inner.shape[0]))
+        for first in range(0, m, step):
+            part = slice(first, first + step)
+            seen = normal.seen(x, y, s, part)
+            adjusted[part] -= np.matmul(seen @ added.inner, seen.transpose(0, 2, 1))
+            response[part] -= np.matmul(yw[problem.point[part]], seen.transpose(0, 2, 1))
         q_points -= np.matmul(yw, y.transpose(0, 2, 1))
         own = own - np.matmul(xw, x.transpose(0, 2, 1))
         corner, beside_photos = corner - sw @ s.T, beside_photos - np.matmul(xw, s.T)
+    update = normal.update(factor)
+    if update is not None:
         r_conditions = np.diag(update.rows).copy()
     r = _weighted(problem) - np.einsum("mii->mi", adjusted)
     np.clip(r, 0.0, 1.0, out=r)

@@ -49,7 +49,8 @@ class BlockResiduals:
     e, r
         (n,) misclosures left, observed minus computed in a-priori sigmas, and redundancy numbers.
     vtpv, redundancy
-        Sum of the squares of e; observations minus unknowns.
+        Sum of the squares of e and of a prior that ties unknowns together, which is no row: never
+        suspected; observations minus unknowns.
     """
 
     cofactors: Cofactors = field(repr=False)
@@ -135,9 +136,14 @@ class BlockResiduals:
             rows[self.rows.starts[3] :] = update.equations.contrasts @ (update.inner @ direct)
         return found[1], rows
 
-    def design(self) -> csr_array:
-        """Return (n, u) derivatives, each row divided by its sigma: photos, points, shared ones."""
+    def design(self) -> csr_array | None:
+        """Return (n, u) derivatives, each row divided by its sigma: photos, points, shared ones.
+
+        None where a prior that ties unknowns together is none of the rows.
+        """
         normal, problem = self.cofactors.normal, self.problem
+        if problem.given is not None:
+            return None
         linear = normal.linear
         wide = problem.per_photo
         point_start = wide * len(problem.photos)
@@ -325,4 +331,9 @@ def block_residuals(
     there = BlockResiduals(cofactors, rows, e, r, 0.0, problem.redundancy)
     moved = _designed(there, photos[:, :, None], points[:, :, None], shared[:, None])
     left = -(e + moved[:, 0])
-    return replace(there, e=left, vtpv=float(left @ left))
+    vtpv = float(left @ left)
+    if linear.given is not None:
+        there_given = linear.given.effect(photos, points).misclosure + linear.given.misclosure
+        of_prior = linear.given.prior.root @ there_given
+        vtpv += float(of_prior @ of_prior)
+    return replace(there, e=left, vtpv=vtpv)

@@ -1,0 +1,254 @@
+"""Does what an earlier adjustment left agree with the new observations.
+
+Of correlated observations x0 with P = C0^-1 and residuals v = x - x0 (adjusted minus given),
+
+    M = P Q_vv P = P - P Q_x P,  w_i = (P v)_i / (sigma sqrt(M_ii)),  nabla_i = delta0 / sqrt(M_ii)
+
+are Baarda's w and the smallest detectable error (1968), r_i = (Q_vv P)_ii. Coordinates given up
+together are off by M^-1 P v, and cost (P v)' M^-1 P v. For all of them that is
+
+    v' Q_vv^+ v = d' (C0 + C1)^-1 d,
+
+d between what was given and what the new observations alone would give, C1 its covariance, wherever
+they give anything: what only the prior holds, as a datum, cannot contradict it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.adjustment.hypothesis import bonferroni_alpha
+from anaplot.adjustment.significance import TESTABLE
+from anaplot.aliases import Array
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
+from anaplot.photogrammetry.posterior import CoordinateName
+
+__all__ = ["GivenCoordinateTest", "GivenOwnerTest", "GivenTests", "given_tests"]
+
+
+_WEAK = 1e-6  # redundancy below which new observations hardly tell, and rounding might
+
+
+class GivenCoordinateTest(NamedTuple):
+    """One given coordinate.
+
+    Attributes
+    ----------
+    name
+        Which.
+    v, s
+        Adjusted minus given, and the given one's a-priori standard deviation [m, rad].
+    r
+        (Q_vv P)_ii: the sum over all coordinates is the prior's share of the redundancy.
+    w
+        Baarda's w, or divided by the estimated sigma0; None where nothing checks it.
+    mdb
+        Smallest detectable error [m, rad] for the a-priori sigma0; likewise.
+    flagged
+        Whether abs(w) exceeds the critical value.
+    """
+
+    name: CoordinateName
+    v: float
+    s: float
+    r: float
+    w: float | None
+    mdb: float | None
+    flagged: bool
+
+
+class GivenOwnerTest(NamedTuple):
+    """The given coordinates of a point or photo, given up together.
+
+    Attributes
+    ----------
+    kind, name
+        "point" or "photo", and which.
+    unknowns
+        The names of its given coordinates.
+    difference
+        What they would be without being given, minus what is given [m, rad]; None where nothing
+        else determines them.
+    conditions
+        How many combinations of them the new observations check.
+    verdict
+        The family of all points and photos keeps the significance; None without conditions.
+    """
+
+    kind: str
+    name: str
+    unknowns: tuple[str, ...]
+    difference: tuple[float | None, ...]
+    conditions: int
+    verdict: Verdict | None
+
+
+@dataclass(frozen=True, slots=True)
+class GivenTests:
+    """The prior that an earlier adjustment left, tested.
+
+    Attributes
+    ----------
+    source
+        What messages call it.
+    exact, unknown
+        How many more coordinates are free of error, and are not of this block.
+    coordinates, owners
+        Every coordinate, every point and photo.
+    conditions
+        How many combinations of the coordinates the new observations check.
+    verdict
+        Of all together; None without conditions.
+    """
+
+    source: str
+    exact: int
+    unknown: int
+    coordinates: tuple[GivenCoordinateTest, ...]
+    owners: tuple[GivenOwnerTest, ...]
+    conditions: int
+    verdict: Verdict | None
+
+    @property
+    def contradicted(self) -> tuple[GivenOwnerTest, ...]:
+        """The points and photos whose test is rejected, the least likely first."""
+        bad = [one for one in self.owners if one.verdict is not None and one.verdict.rejected]
+        return tuple(sorted(bad, key=lambda one: -_strength(one)))
+
+    @property
+    def flagged(self) -> bool:
+        """Whether a coordinate exceeds the critical value."""
+        return any(one.flagged for one in self.coordinates)
+
+
+def given_tests(
+    block: AdjustedBlock, settings: HypothesisSettings | None = None
+) -> GivenTests | None:
+    """Test a prior that an earlier adjustment left; None without one.
+
+    Parameters
+    ----------
+    block
+        The adjusted block.
+    settings
+        Significance and power; of the single coordinates the block's own test decides.
+    """
+    prior = block.problem.given
+    if prior is None:
+        return None
+    settings = settings or HypothesisSettings()
+    equations = block.cofactors.normal.linear.given
+    assert equations is not None  # of every block with a prior
+    v = equations.misclosure
+
+    def sides(mine: range) -> Sides:
+        photos, points, shared = empty_sides(block, len(mine))
+        unit = np.zeros((len(prior), len(mine)))
+        unit[np.array(mine), np.arange(len(mine))] = 1.0
+        at_photos, at_points = equations.sides(unit)
+        return at_photos.reshape(photos.shape), at_points.reshape(points.shape), shared
+
+    adjusted = side_products(block, len(prior), sides)
+    # in the measure that makes the prior's covariance one
+    left = np.eye(len(prior)) - prior.root @ adjusted @ prior.root.T
+    information = prior.root.T @ left @ prior.root
+    score = prior.weight @ v
+    variance = VarianceFactor.of(block)
+    whole = _given_up(left, prior.root @ v)
+    weight = np.diag(prior.weight)
+    share = np.diag(information) / weight
+    testable = share >= TESTABLE
+    deviation = np.sqrt(np.where(testable, np.diag(information), np.nan))
+    sigma = block.sigma
+    w = np.full(len(prior), np.nan) if not sigma else score / deviation / sigma
+    mdb = block.test.delta0 / deviation
+    r = 1.0 - np.einsum("ij,ji->i", adjusted, prior.weight)
+    limit = np.inf if block.critical is None else block.critical
+    coordinates = tuple(
+        GivenCoordinateTest(
+            name, float(v[k]), float(prior.sigma[k]), float(r[k]), _number(w[k]), _number(mdb[k]),
+            bool(abs(w[k]) > limit),
+        )
+        for k, name in enumerate(prior.names)
+    )  # fmt: skip
+    return GivenTests(
+        prior.source,
+        prior.exact,
+        prior.unknown,
+        coordinates,
+        _owners(prior.names, information, weight, score, variance, settings),
+        whole.conditions,
+        _verdict(variance, whole, settings.alpha),
+    )
+
+
+class _GivenUp(NamedTuple):
+    """What it would cost to give coordinates up, its conditions, and M^-1 P v where it is whole."""
+
+    square: float
+    conditions: int
+    off: Array
+
+
+def _given_up(information: Array, score: Array) -> _GivenUp:
+    """Give coordinates up whose information is at most one in their measure."""
+    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+    good = values > _WEAK
+    along = vectors[:, good].T @ score
+    off = vectors[:, good] @ (along / values[good])
+    # a combination that nothing else determines is unknown when it is given up
+    open_here = (vectors[:, ~good] ** 2).sum(axis=1) > _WEAK
+    return _GivenUp(
+        float(along @ (along / values[good])), int(good.sum()), np.where(open_here, np.nan, off)
+    )
+
+
+def _owners(
+    names: tuple[CoordinateName, ...],
+    information: Array,
+    weight: Array,
+    score: Array,
+    variance: VarianceFactor,
+    settings: HypothesisSettings,
+) -> tuple[GivenOwnerTest, ...]:
+    members: dict[tuple[str, str], list[int]] = {}
+    for k, name in enumerate(names):
+        members.setdefault((name.kind, name.owner), []).append(k)
+    found = []
+    for rows in members.values():
+        size = np.sqrt(weight[rows])
+        own = _given_up(information[np.ix_(rows, rows)] / size[:, None] / size, score[rows] / size)
+        found.append(own._replace(off=own.off / size))
+    family = max(sum(one.conditions > 0 for one in found), 1)
+    alpha = bonferroni_alpha(settings.alpha, family)
+    return tuple(
+        GivenOwnerTest(
+            kind,
+            owner,
+            tuple(names[k].unknown for k in rows),
+            tuple(_number(value) for value in own.off),
+            own.conditions,
+            _verdict(variance, own, alpha),
+        )
+        for ((kind, owner), rows), own in zip(members.items(), found, strict=True)
+    )
+
+
+def _verdict(variance: VarianceFactor, given_up: _GivenUp, alpha: float) -> Verdict | None:
+    if not given_up.conditions:
+        return None
+    rest = variance.without(given_up.square, given_up.conditions)
+    return rest.test(given_up.square, given_up.conditions, alpha)
+
+
+def _strength(one: GivenOwnerTest) -> float:
+    return 0.0 if one.verdict is None else one.verdict.known.statistic
+
+
+def _number(value: float) -> float | None:
+    return float(value) if abs(value) < np.inf else None
