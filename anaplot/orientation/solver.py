@@ -38,6 +38,7 @@ CONVERGED = 1e-10
 _MAX_ITERATIONS = 60
 _FEW_ITERATIONS = 12  # what is right converges in fewer
 _PAIRS_UP_TO = 16  # points of a model in which two wrong ones are looked for
+_NO_BASE = 0.1  # of the preceding base: below, photos do not make a model
 _FAR = 0.15  # rad, and of the base: beyond, a gross error is no longer a linear matter
 _LARGEST_DAMPING = 1e8
 _LARGEST_TURN = 0.4  # rad; longer corrections are shortened to this
@@ -342,8 +343,11 @@ def _fits(
     """
     freedom = conditions.row_count - (5 if conditions.first else 6)
     state = found.solution.state
+    # ties alone may put both photos into one place, from where everything agrees
+    no_base = 0.0 if conditions.first else _NO_BASE * abs(conditions.preceding_bx or 0.0)
     return (
         freedom >= least
+        and abs(state.bx) >= no_base
         and found.solution.sum_of_squares < freedom * (3.0 * apriori_mm) ** 2
         and found.in_front >= IN_FRONT
         and _tilt(pair, state.rotation) < 0.45

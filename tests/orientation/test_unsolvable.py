@@ -13,6 +13,7 @@ from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import WrongPointsError, orient
 from anaplot.orientation.strip import bridge, bridge_strip
 from anaplot.photogrammetry.block import Block, ImagePoint, Photo, Precision, Strip, TestSettings
+from anaplot.planning.blockplan import BlockPlan, plan_block
 
 
 def seeds(count):
@@ -158,6 +159,21 @@ def test_photos_of_a_later_model_interchanged(seed):
     pair = pair_of(f, 1, first)
     exchanged = replace(pair, xl=pair.xr, xr=pair.xl, c_left=pair.c_right, c_right=pair.c_left)
     refused(exchanged, "photos are interchanged")
+
+
+@pytest.mark.parametrize("error_mm", [-0.2, 0.06, 0.2])
+def test_a_gross_error_over_flat_ground_does_not_interchange_photos(error_mm):
+    # exchanged photos in one and the same place would fit ties that lie in a line below it
+    made = plan_block(BlockPlan(2, 4, 0.60, 0.60))
+    rows = tuple(
+        replace(row, x=row.x + error_mm) if (row.photo, row.point) == ("102", "01-02") else row
+        for row in made.block.image_points
+    )
+    found = bridge_strip(replace(made.block, image_points=rows), made.block.strips[0])
+    assert found.error is None
+    assert [model.right for model in found.models] == ["102", "103", "104"]
+    wrong = {(row.point, row.axis) for row in found.models[1].flagged}
+    assert ("01-02", "x") in wrong
 
 
 def test_photos_of_a_first_model_interchanged_only_turn_the_base():
