@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from anaplot.planning import (
     bayesscenarios,
+    bayestables,
     blockscenarios,
     modelscenarios,
     networkscenarios,
@@ -21,6 +22,7 @@ _ROOMS = (
     tiltedscenarios,
     networkscenarios,
     bayesscenarios,
+    bayestables,
 )
 
 
