@@ -13,11 +13,12 @@ from scipy.linalg import null_space
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.hypotheses.coordinatefunctions import CoordinateFunction, evaluate_functions
 from anaplot.bundle.live import LiveBlock
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.externalreliability import external_reliability
 from anaplot.bundle.solve.problem import make_problem
-from anaplot.errors import NotComputableError
+from anaplot.errors import InputError, NotComputableError
 
 BARS = ("p2 p7", "p9 p14", "p5 p12")
 
@@ -202,3 +203,32 @@ def test_a_minimal_datum_keeps_the_scale_of_its_coordinates() -> None:
     block = adjust_block(replace(scene.block, conditions=bars(scene, [0.02])), datum="minimal")
     assert block.problem.defect == 7
     assert block.problem.conditions is None
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_distance_of_a_free_network_has_the_deviation_that_its_scale_leaves(number) -> None:
+    scene = flat_scene()
+    good = list(bars(scene, [0.05, 0.08, 0.06]))
+    block = with_conditions(scene, good, datum="free")
+    function = CoordinateFunction("distance", ("p1", "p16"))
+    (found,) = evaluate_functions(block, [function])
+    # a distance that is compared only has the same, but for its own
+    check = condition(scene, "distance", "p1 p16", 1.0, use="check")
+    (row,) = compared_conditions(with_conditions(scene, [*good, check], datum="free"))
+    own = (row.s / block.sigma) ** 2 - 1.0
+    assert found.s / block.sigma == pytest.approx(sqrt(own), rel=1e-4)
+    # and what an error does to it, it does
+    small, row = 0.01, block.condition_rows()[number]
+    good[number] = replace(good[number], value=good[number].value + small * row.mdb)
+    (moved,) = evaluate_functions(with_conditions(scene, good, datum="free"), [function])
+    change = abs(moved.value - found.value) / small
+    assert found.effect >= change * (1.0 - 1e-3)
+    if found.observation == row.key:
+        assert change == pytest.approx(found.effect, rel=1e-2)
+
+
+def test_what_depends_on_the_datum_is_no_function_of_a_free_network() -> None:
+    scene = flat_scene()
+    block = with_conditions(scene, bars(scene, [0.05]), datum="free")
+    with pytest.raises(InputError, match="not free, but for distances"):
+        evaluate_functions(block, [CoordinateFunction("height", ("p1", "p16"))])

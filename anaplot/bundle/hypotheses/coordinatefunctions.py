@@ -79,22 +79,27 @@ def evaluate_functions(
     Parameters
     ----------
     block
-        The adjusted block, in the datum of control.
+        The adjusted block, in the datum of control; distances also in a free one whose scale
+        distances give.
     functions
         The functions.
 
     Raises
     ------
     InputError
-        A point that is not adjusted, or another datum: there lengths mean nothing.
+        A point that is not adjusted, or another datum: there the function means nothing.
     NotComputableError
         A distance between points that coincide.
     """
     if not functions:
         return ()
-    problem = block.problem
-    if problem.datum != "control":
-        raise InputError(f"functions of coordinates need the datum of control, not {problem.datum}")
+    problem, change = block.problem, block.cofactors.change
+    scaled = change is not None and change.gives_scale
+    if change is not None and not (scaled and all(one.kind == "distance" for one in functions)):
+        but = ", but for distances" if scaled else ""
+        raise InputError(
+            f"functions of coordinates need the datum of control, not {problem.datum}{but}"
+        )
     place = {name: k for k, name in enumerate(problem.points)}
     wanted = []
     for function in functions:
@@ -109,8 +114,14 @@ def evaluate_functions(
         for name, own in zip(function.points, gradient, strict=True):
             sides[place[name], :, column] += np.where(problem.fixed[place[name]], 0.0, own)
     system = residuals_of(block)
+    variance = np.zeros(len(wanted))
+    if change is not None:
+        sides, by_held = change.of_functions(sides)
+        variance += by_held**2 @ change.variance
     moved, changes = system.solved(sides)
-    variance = np.einsum("pik,pik->k", sides, moved)
+    variance += np.einsum("pik,pik->k", sides, moved)
+    if change is not None:
+        changes[system.rows.starts[3] :] += np.outer(change.by_conditions, by_held[:, 6])
     # of an error of the detectable size, from that of one sigma
     size = np.abs(changes * (block.tested.mdb / system.sigma)[:, None])
     out = []

@@ -78,7 +78,7 @@ def _compared(block: AdjustedBlock, of: Conditions) -> list[tuple[float | None, 
     problem, normal = block.problem, block.cofactors.normal
     equations = of.equations(block.state.points, problem.fixed)
     change = block.cofactors.change
-    if block.sigma is None or (change is not None and not len(change.by_conditions)):
+    if block.sigma is None or (change is not None and not change.gives_scale):
         return [(difference, None) for difference in equations.misclosure.tolist()]
     q = equations.whitened.shape[0]
     photos = np.zeros((len(problem.photos), problem.per_photo, q))
@@ -87,9 +87,7 @@ def _compared(block: AdjustedBlock, of: Conditions) -> list[tuple[float | None, 
     spread = np.eye(q)
     if change is not None:
         # in the scale that distances give: what the differences take of the datum goes with it
-        taken = equations.whitened @ change.null_points.reshape(-1, len(change.variance))
-        moves = taken @ np.linalg.inv(change.defect)
-        points = points - np.einsum("nil,ql->niq", change.held_points, moves)
+        points, moves = change.of_functions(points)
         spread += (moves * change.variance) @ moves.T
     moved = normal.solve(block.cofactors.factor, photos, points, shared)
     spread += points.reshape(-1, q).T @ moved[1].reshape(-1, q)

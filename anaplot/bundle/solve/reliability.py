@@ -71,6 +71,29 @@ class DatumChange:
         out += np.einsum("nil,nik->lk", self.held_points, points)
         return out
 
+    def of_functions(self, points: Array) -> tuple[Array, Array]:
+        """Return functions of the points as they are in this datum, which holds no photo.
+
+        Parameters
+        ----------
+        points
+            (p, 3, k) gradients of k functions.
+
+        Returns
+        -------
+        (p, 3, k) and (k, 7) arrays
+            Gradients by changes in the datum of the solution, and by what the combinations are held
+            to.
+        """
+        moves = np.einsum("nik,nil->kl", points, self.null_points) @ np.linalg.inv(self.defect)
+        out: Array = points - np.einsum("nil,kl->nik", self.held_points, moves)
+        return out, moves
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether distances give the scale: lengths mean something in this datum."""
+        return len(self.by_conditions) > 0
+
     @property
     def defect(self) -> Array:
         """(7, 7) D'G."""
