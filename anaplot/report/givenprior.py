@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from anaplot.bundle.hypotheses.giventests import GivenOwnerTest, GivenTests
+from anaplot.bundle.solve.givenprior import is_regular
 from anaplot.photogrammetry.posterior import Posterior
 from anaplot.report.columns import counted
 from anaplot.report.document import (
@@ -135,14 +136,24 @@ def posterior_document(left: Posterior) -> Document:
             owners,
         ).of("heading")
     ]
-    firm = int((np.diag(left.covariance) == 0.0).sum())
+    free = np.diag(left.covariance) > 0.0
+    firm = int((~free).sum())
     if firm:
         page.append(say("  {} free of error among them", counted(firm, "coordinate")))
+    regular = is_regular(left.covariance[np.ix_(free, free)])
+    if not regular:
+        page.append(
+            say(
+                "  note: C is singular, as by conditions free of error: --given takes it only "
+                "without some of what they tie (--given-without)"
+            ).of("remark")
+        )
     answer = {
         "coordinates": len(left.names),
         "points": counts["point"],
         "photos": counts["photo"],
         "exact": firm,
+        "singular": not regular,
     }
     return Document(answer, tuple(page), ())
 

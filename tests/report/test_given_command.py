@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,7 +100,13 @@ def test_photos_and_single_points_can_be_chosen(campaigns, tmp_path, capsys) -> 
     found = answer(
         capsys, str(spring), "--posterior", str(path), "--posterior-of", "photos,01-01,point:02-02"
     )
-    assert found["posterior"] == {"coordinates": 54, "points": 2, "photos": 8, "exact": 0}
+    assert found["posterior"] == {
+        "coordinates": 54,
+        "points": 2,
+        "photos": 8,
+        "exact": 0,
+        "singular": False,
+    }
     names = read_posterior(path).names
     assert names[0].text == "photo:s101:X"
     assert names[-1].text == "point:02-02:Z"
@@ -184,3 +191,24 @@ def test_the_library_carries_it_without_a_file(campaigns, left) -> None:
     assert after.given.verdict is not None
     found = anaplot.find_gross_errors(autumn, "tau", given=first).result
     assert found.block.problem.given is not None
+
+
+def test_what_conditions_free_of_error_tie_is_told_where_it_is_written(
+    campaigns, tmp_path, capsys
+) -> None:
+    spring, autumn = campaigns
+    firm = tmp_path / "firm"
+    shutil.copytree(spring, firm)
+    at = {row["point"]: row for row in answer(capsys, str(spring))["points"]}
+    apart = [at["02-03"][axis] - at["02-02"][axis] for axis in "XYZ"]
+    (firm / "distances.csv").write_text(
+        f"from,to,distance,sigma\n02-02,02-03,{np.linalg.norm(apart):.3f},0\n", encoding="utf-8"
+    )
+    path = tmp_path / "firm.npz"
+    assert answer(capsys, str(firm), "--posterior", str(path))["posterior"]["singular"]
+    assert main(["adjust", str(autumn), "--given", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert "C is singular: a combination of coordinates (point:02-0" in said
+    assert len(said.splitlines()) == 1
+    call = [str(autumn), "--given", str(path), "--given-without", "02-03"]
+    assert not answer(capsys, *call)["given"]["verdict"]["rejected"]

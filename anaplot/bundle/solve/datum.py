@@ -147,6 +147,7 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
                 + (" and takes the scale from the distances)" if scales else ")")
                 if len(stack) == 0
                 else f"{count_control} control points{' or priors of points' * some_priors}"
+                + " or given ones" * (linear.given is not None)
                 + (f" ({listed([problem.points[k] for k in seen[held.any(axis=1)]])})"
                    if count_control else "")
                 + " do not suffice"

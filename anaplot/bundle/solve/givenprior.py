@@ -19,7 +19,7 @@ from anaplot.aliases import Array, Bools, Index
 from anaplot.errors import InputError
 from anaplot.photogrammetry.posterior import CoordinateName, Posterior
 
-__all__ = ["GivenPrior", "Located", "locate"]
+__all__ = ["GivenPrior", "Located", "is_regular", "locate"]
 
 
 _SINGULAR = 1e-13  # eigenvalue of the correlations below which nothing is left but rounding
@@ -253,17 +253,33 @@ def locate(given: Posterior, points: Sequence[str], photos: Sequence[str]) -> Lo
     return Located(given, table[:, 0], table[:, 1] == 1, table[:, 2], table[:, 3])
 
 
+def is_regular(covariance: Array) -> bool:
+    """Return whether every combination of (q,) coordinates has a variance; none is free of error.
+
+    As far as rounding tells: a prior must have one.
+    """
+    size = np.sqrt(np.diag(covariance))
+    scaled = covariance / size[:, None] / size
+    scaled[np.diag_indices(len(scaled))] -= _SINGULAR * len(scaled)
+    try:
+        np.linalg.cholesky(scaled)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
 def _check_regular(source: str, names: tuple[CoordinateName, ...], covariance: Array) -> None:
     """Raise InputError where a combination of coordinates has no variance, or a negative one."""
+    if is_regular(covariance):
+        return
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / size[:, None] / size)
-    if values[0] > _SINGULAR * len(values):
-        return
     if values[0] < -1e-9 * len(values):
         raise InputError(f"{source}: C is no covariance: a combination has a negative variance")
     share = np.abs(vectors[:, 0])
     some = [names[k].text for k in np.argsort(-share, kind="stable")[:3].tolist()]
     raise InputError(
         f"{source}: C is singular: a combination of coordinates ({', '.join(some)} ...) has no "
-        "variance, as by a free datum or by conditions free of error; it can be no prior"
+        "variance, as by a free datum or by conditions free of error; it can be no prior, but "
+        "without some of them (--given-without)"
     )
