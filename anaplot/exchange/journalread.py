@@ -264,11 +264,13 @@ def scan_folder(folder: Path, keep: Keep | None, choose: Choice | None = None) -
     seq = 0
     for number in sorted(numbered):
         is_last = number == last_number
-        if chosen is not None and not is_last:
+        known = 0 if chosen is None else len(chosen.before)
+        if chosen is not None and number <= known:
             files.append(_known(numbered[number], chosen.before[number - 1]))
             continue
         reader = _FileReader(numbered[number], seq, keep, records)
-        files.append(reader.scan(is_last=is_last, behind=chosen))
+        behind = chosen if number == known + 1 else None
+        files.append(reader.scan(is_last=is_last, behind=behind))
         seq = files[-1].last_seq
     return Scan(tuple(files), tuple(records), remarks, chosen)
 

@@ -132,7 +132,7 @@ def said_of(
 
 
 def snapshots_of(paths: Sequence[Path], max_bytes: int) -> Iterator[Snapshot]:
-    """Yield the snapshots of the last of a journal's files that can be trusted, youngest first.
+    """Yield the snapshots of a journal that can be trusted, youngest first.
 
     Parameters
     ----------
@@ -146,6 +146,12 @@ def snapshots_of(paths: Sequence[Path], max_bytes: int) -> Iterator[Snapshot]:
     OSError, InputError
         A file cannot be read.
     """
+    for count in range(len(paths), 0, -1):
+        yield from _of_last(paths[:count], max_bytes)
+
+
+def _of_last(paths: Sequence[Path], max_bytes: int) -> Iterator[Snapshot]:
+    """Yield those of the last of some files."""
     data = read_bytes(paths[-1], max_bytes)
     earlier: list[list[int]] | None = None
     end = len(data)

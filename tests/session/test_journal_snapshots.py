@@ -283,6 +283,27 @@ def test_files_before_the_last_count_too(tmp_path: Path) -> None:
 
 
 @OFTEN
+def test_opening_begins_at_a_snapshot_of_an_earlier_file_where_the_last_has_none(
+    tmp_path: Path,
+) -> None:
+    day = Day(tmp_path / "b", roll_bytes=2_500)
+    while day.state.may_undo:
+        day.happen(Undone())
+    day.journal.close()
+    files = sorted((day.folder / "sessions").glob("*.jsonl"))
+    assert b'"kind":"snapshot"' not in files[-1].read_bytes()
+    day.check(by_snapshot=True)
+    # damage is refused before it and behind it, in every file
+    for file in (files[0], files[-1]):
+        data = file.read_bytes()
+        file.write_bytes(data.replace(b'"kind"', b'"kinq"', 1))
+        with pytest.raises(InputError, match=file.name):
+            open_session(day.folder, day.block, {})
+        file.write_bytes(data)
+    day.check(by_snapshot=True)
+
+
+@OFTEN
 def test_damage_before_a_snapshot_is_refused_as_ever(tmp_path: Path) -> None:
     day = Day(tmp_path / "b")
     day.journal.close()
