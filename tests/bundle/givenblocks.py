@@ -61,12 +61,12 @@ def campaigns(noise_um=0.0, control_sigma=0.05, *, length=4, **options) -> Halve
     return Halves(replace(first, strips=(), control=first.control[:-1]), second, both)
 
 
-def parted(noise_um=0.0, control_sigma=0.05, *, points=True) -> Halves:
+def parted(*, points=True, turned=False) -> Halves:
     """One flight: its points in two sets, or the rays of points with four and more in two halves.
 
     Control is all in the first half.
     """
-    block = aerial(2, 4, noise_um=noise_um, control_sigma=control_sigma, seed=3, per_base=2).block
+    block = aerial(2, 4, control_sigma=0.05, seed=3, per_base=2, turned=turned).block
     block = replace(block, strips=())
     firm = {control.point for control in block.control}
     count: dict[str, int] = {}

@@ -55,8 +55,10 @@ def test_two_sets_of_points_hang_together_by_their_photos():
     same(parted(), ("photos",))
 
 
-def test_rays_of_the_same_points_in_the_same_photos_in_two_halves():
-    same(parted(points=False), ("points", "photos"))
+@pytest.mark.parametrize("turned", [False, True], ids=["east", "and west"])
+def test_rays_of_the_same_points_in_the_same_photos_in_two_halves(turned):
+    """A strip flown back has its kappa on either side of pi."""
+    same(parted(points=False, turned=turned), ("points", "photos"))
 
 
 @pytest.mark.slow
