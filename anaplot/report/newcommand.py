@@ -157,6 +157,7 @@ def _summary(folder: str, block: Block) -> str:
         (len(block.photos), "photo"),
         (len(block.image_points), "image point"),
         (len(block.control), "control point"),
+        (len(block.priors), "point prior"),
     )
     parts = [f"{count} {what}{'' if count == 1 else 's'}" for count, what in counts if count]
     return f"{folder}: block {plain(block.name)}, " + ", ".join(parts)

@@ -12,7 +12,7 @@ from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.exchange.camerafile import read_camera, write_camera
 from anaplot.exchange.patternfile import read_pattern
-from anaplot.photogrammetry.block import ImagePoint
+from anaplot.photogrammetry.block import ImagePoint, PointPrior
 from anaplot.photogrammetry.nominalcameras import NOMINAL_CAMERAS
 from anaplot.planning.synthetic import synthetic_strip
 
@@ -88,6 +88,20 @@ def test_bad_answers_end_with_2_and_write_nothing(
     assert words in err
     assert err.count("\n") == 1
     assert not (tmp_path / "b" / "block.toml").exists()
+
+
+def test_priors_of_points_are_no_control(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = tmp_path / "points.txt"
+    points.write_text("name,E,N,H,s,use\n1,5,6,7,3,prior\n1,5,6,7,,check\n2,1,2,3,0.1,control\n")
+    folder = tmp_path / "b"
+    call = ["new", str(folder), "--strip", "1-2", "--camera", "rmk15", "--control"]
+    assert main([*call, str(points)]) == 0
+    assert "2 control points, 1 point prior\n" in capsys.readouterr().out
+    block = read_block(folder)
+    assert [(row.point, row.use) for row in block.control] == [("1", "check"), ("2", "control")]
+    assert block.priors == (PointPrior("1", (5.0, 6.0, 7.0), (3.0, 3.0, 3.0)),)
 
 
 def test_measurements_alone_become_a_block(
