@@ -12,6 +12,7 @@ from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Progress, Strategy
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import ControlLast
+from anaplot.bundle.errors.doublenames import double_names
 from anaplot.bundle.errors.grosserrors import BlockFindings
 from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses, block_hypotheses
 from anaplot.bundle.hypotheses.chosenparameters import ChosenParameters, choose_parameters
@@ -39,6 +40,7 @@ from anaplot.report.computed import Computed
 from anaplot.report.conditionpoints import refuse_unknown_points
 from anaplot.report.correlations import RayPair, correlated_rays, correlations_document
 from anaplot.report.document import BLANK, Document, say
+from anaplot.report.doublenames import with_double_names
 from anaplot.report.errorsets import (
     error_sets_document,
     error_sets_of,
@@ -322,6 +324,8 @@ def adjust(
         write_posterior(Path(posterior), left)
     document = planting.with_planting(_document(found, snooping, correlations), planted)
     document = with_photo_accidents(document, photo_accidents(measured))
+    if prior is None:  # which weights a second adjustment would take anew
+        document = with_double_names(document, double_names(adjusted, watch))
     return Computed(found, with_journal_notes(document, note), flagged)
 
 

@@ -1,0 +1,301 @@
+"""One point under two names, and two points under one name, in an adjusted block.
+
+What lies at the same place within the accuracy of its coordinates, and was never seen apart in
+one photo, may be one point. A point whose rays meet in two places, some here and some there, may be
+two. Either is tried: with the names put right the block is adjusted anew. That two names are one
+point is a hypothesis of three conditions, and v'Pv grows by chi-square with 3 degrees of freedom if
+it is true; that a point is two frees three unknowns, and v'Pv falls by as much if it is not.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations, islice
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.adjustment.watch import Watch
+from anaplot.aliases import Array
+from anaplot.bundle.adjust import adjust_problem
+from anaplot.bundle.errors.leftout import without_same
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.problem import make_problem
+from anaplot.errors import InputError, NotComputableError
+from anaplot.photogrammetry.block import ImagePoint
+
+__all__ = ["DoubleName", "double_names"]
+
+_ALPHA = 0.001  # of the tests of three conditions
+_SIGMAS = 4.0  # two rays as near as that are one
+_SPARSE = 0.25  # of the usual distance of neighbours: points less certain say nothing
+_MOST = 4  # of either kind that are tried
+_MOST_DOUBTED = 30  # points whose rays are parted, the largest residuals first
+_MOST_RAYS = 16  # of a point whose rays are parted
+_ALONE = 9.0  # times the misfit of two points: what one ray left out explains is one gross error
+
+
+class DoubleName(NamedTuple):
+    """Names that do not tell points apart, or rays that one name does not hold together.
+
+    Attributes
+    ----------
+    points
+        Two names of one point; or the one name of two.
+    rays
+        Of a name that is two points: photos of the rays that meet elsewhere; else ().
+    statistic, critical
+        Change of v'Pv by putting the names right, against chi-square with 3 degrees of freedom: by
+        how much it grows with one name for two, and falls with two for one; None where the block
+        has no solution with one.
+    sigma0
+        Of the block with the names put right.
+    """
+
+    points: tuple[str, ...]
+    rays: tuple[str, ...]
+    statistic: float | None
+    critical: float
+    sigma0: float | None
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        if not self.rays:
+            first, second = self.points
+            return (
+                f"{first} and {second} are one point under two names? With one name v'Pv grows by "
+                f"{self.statistic:.1f} (below {self.critical:.1f}: nothing tells them apart)"
+            )
+        where = f"photo{'s' if len(self.rays) > 1 else ''} {', '.join(self.rays)}"
+        said = f"{self.points[0]} is two points under one name? Its rays of {where} meet elsewhere"
+        if self.statistic is None:
+            return f"{said}; with two names there is a solution"
+        fall = f"v'Pv falls by {self.statistic:.1f} (critical {self.critical:.1f})"
+        return f"{said}; with two names {fall}"
+
+
+def double_names(block: AdjustedBlock, watch: Watch | None = None) -> tuple[DoubleName, ...]:
+    """Return the points under two names, and those that are two under one.
+
+    Parameters
+    ----------
+    block
+        The block; rays that it was adjusted without are taken for those of another point first.
+    watch
+        Told of every name that is tried; where it asks for the end, no more are.
+    """
+    from scipy.special import chdtri
+
+    watch = Watch() if watch is None else watch
+    critical = float(chdtri(3.0, _ALPHA))
+    found: list[DoubleName] = []
+    done: set[str] = set()
+    for names in islice(_near(block, critical), _MOST):
+        if watch.stopped:
+            break
+        if done.isdisjoint(names):
+            watch("double names", 0.0)
+            one = _merged(block, *names, critical)
+            if one is not None:
+                found.append(one)
+                done.update(names)
+    for point, rays in islice(_parted(block), _MOST):
+        if watch.stopped:
+            break
+        watch("double names", 0.5)
+        two = _split(block, point, rays, critical)
+        if two is not None:
+            found.append(two)
+    return tuple(found)
+
+
+def _near(block: AdjustedBlock, critical: float) -> Iterator[tuple[str, str]]:
+    """Yield the names of what lies at one place and is never seen apart, the nearest first."""
+    from scipy.spatial import cKDTree
+
+    problem = block.problem
+    at, q = block.state.points, block.cofactors.points
+    sound = np.flatnonzero(np.isfinite(at).all(axis=1) & np.isfinite(q).all(axis=(1, 2)))
+    if len(sound) < 2:
+        return
+    q = q * max(block.sigma0 or 1.0, 1.0) ** 2
+    tree = cKDTree(at[sound])
+    apart = float(np.median(np.asarray(tree.query(at[sound], k=2)[0])[:, 1]))
+    reach = np.sqrt(critical * np.linalg.eigvalsh(q[sound])[:, -1])
+    certain = reach < _SPARSE * apart
+    sound, reach = sound[certain], reach[certain]
+    if len(sound) < 2:
+        return
+    pairs = cKDTree(at[sound]).query_pairs(2.0**0.5 * float(reach.max()), output_type="ndarray")
+    rays = _rays_by_point(block)
+    floor = 1e-6 * np.median(np.trace(q[sound], axis1=1, axis2=2)) * np.eye(3)
+    gaps = []
+    for i, j in sound[pairs].tolist():
+        off = at[i] - at[j]
+        square = float(off @ np.linalg.solve(q[i] + q[j] + floor, off))
+        if square <= critical and not _seen_apart(block, rays[i], rays[j]):
+            gaps.append((square, problem.points[i], problem.points[j]))
+    for _, first, second in sorted(gaps):
+        yield first, second
+
+
+def _rays_by_point(block: AdjustedBlock) -> dict[int, list[int]]:
+    rays: dict[int, list[int]] = defaultdict(list)
+    for ray, point in enumerate(block.problem.point.tolist()):
+        rays[point].append(ray)
+    return rays
+
+
+def _seen_apart(block: AdjustedBlock, first: list[int], second: list[int]) -> bool:
+    """Whether two names were measured in one photo, in different places."""
+    problem = block.problem
+    near = _SIGMAS * 2.0**0.5
+    for i in first:
+        for j in second:
+            if problem.photo[i] == problem.photo[j]:
+                off = np.abs(problem.xy[i] - problem.xy[j]) / problem.sigma[i]
+                if np.any(off > near):
+                    return True
+    return False
+
+
+def _merged(block: AdjustedBlock, first: str, second: str, critical: float) -> DoubleName | None:
+    """Return two names that may be one point, by the adjustment with one of them."""
+    rows = _without_rejected(block)
+    given = {c.point for c in block.problem.block.control}
+    given |= {name for one in block.problem.block.conditions for name in one.points}
+    carried = block.problem.block.given
+    if carried is not None:
+        given |= {one.owner for one in carried.names if one.kind == "point"}
+    if {first, second} <= given:
+        return None
+    kept, gone = (second, first) if second in given else (first, second)
+    held = {(r.photo, r.model) for r in rows if r.point == kept}
+    named = [
+        replace(r, point=kept) if r.point == gone else r
+        for r in rows
+        if r.point != gone or (r.photo, r.model) not in held
+    ]
+    right = _adjusted(block, named)
+    if right is None:
+        return None
+    grown = right.vtpv - block.vtpv
+    if grown > critical:
+        return None
+    return DoubleName((first, second), (), max(grown, 0.0), critical, right.sigma0)
+
+
+def _parted(block: AdjustedBlock) -> Iterator[tuple[str, frozenset[int]]]:
+    """Yield points whose rays meet in two places, with those of the smaller part."""
+    problem = block.problem
+    rejected = np.zeros(len(problem.point), dtype=np.bool_)
+    if problem.rejected is not None:
+        rejected |= problem.rejected.any(axis=1)
+    doubted = np.flatnonzero(rejected | np.asarray(block.flagged).any(axis=1))
+    rays = _rays_by_point(block)
+    size: dict[int, float] = {}
+    for ray in doubted.tolist():
+        point = int(problem.point[ray])
+        large = np.inf if rejected[ray] else float(np.nanmax(np.abs(block.v[ray])))
+        size[point] = max(size.get(point, 0.0), large)
+    for point in sorted(size, key=lambda k: -size[k])[:_MOST_DOUBTED]:
+        mine = rays[point]
+        if 4 <= len(mine) <= _MOST_RAYS and (parts := _parts(block, mine)):
+            yield problem.points[point], parts
+
+
+def _parts(block: AdjustedBlock, rays: list[int]) -> frozenset[int] | None:
+    """Return the smaller of two parts of a point's rays that meet by themselves, or None."""
+    problem, state = block.problem, block.state
+    photo = problem.photo[rays]
+    xy, c = problem.xy[rays], problem.c[photo]
+    direction = np.einsum(
+        "nij,nj->ni", state.rotations[photo], np.column_stack([xy, -np.broadcast_to(c, len(rays))])
+    )
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
+    centres = state.centres[photo]
+
+    def misfit(part: list[int]) -> tuple[Array, float]:
+        """Return where rays meet, and how far they miss [rad^2]."""
+        normal = across[part].sum(axis=0)
+        right = np.einsum("nij,nj->i", across[part], centres[part])
+        at: Array = np.linalg.lstsq(normal, right, rcond=None)[0]
+        return at, float(_off(at)[part].sum())
+
+    def _off(at: Array) -> Array:
+        by = (across @ (at - centres)[:, :, None])[:, :, 0]
+        found: Array = (by**2).sum(axis=1) / ((at - centres) ** 2).sum(axis=1)
+        return found
+
+    everything = list(range(len(rays)))
+    best = (np.inf, everything)
+    for i, j in combinations(everything, 2):
+        order = np.argsort(_off(misfit([i, j])[0])).tolist()
+        for count in range(2, len(rays) - 1):
+            part, rest = order[:count], order[count:]
+            both = misfit(part)[1] + misfit(rest)[1]
+            if both < best[0]:
+                best = (both, part if len(part) < len(rest) else rest)
+    noise = len(rays) * float(np.median(problem.sigma) / np.median(c)) ** 2
+    alone = min(misfit([k for k in everything if k != out])[1] for out in everything)
+    if alone < _ALONE * max(best[0], noise):
+        return None
+    return frozenset(rays[k] for k in best[1])
+
+
+def _split(
+    block: AdjustedBlock, point: str, rays: frozenset[int], critical: float
+) -> DoubleName | None:
+    """Return a name that is two points, by the adjustment with two names."""
+    problem = block.problem
+    names = set(problem.points)
+    other = f"{point}'"
+    while other in names:
+        other += "'"
+    mine = {int(problem.source[ray]) for ray in rays}
+    whole = list(problem.block.image_points)
+    rows = _without_rejected(block)
+    # of this point nothing is left out: two names explain all of its rays, or none
+    rows = [whole[k] if r.point == point else r for k, r in enumerate(rows)]
+    before = block.vtpv
+    if problem.rejected is not None:
+        with_all = _adjusted(block, rows)
+        before = np.inf if with_all is None else with_all.vtpv
+    right = _adjusted(
+        block, [replace(r, point=other) if k in mine else r for k, r in enumerate(rows)]
+    )
+    if right is None:
+        return None
+    parted = np.isin([right.problem.points[k] for k in right.problem.point], (point, other))
+    fallen = before - right.vtpv
+    if right.flagged[parted].any() or not fallen > critical:
+        return None
+    photos = tuple(dict.fromkeys(whole[k].photo for k in sorted(mine)))
+    statistic = float(fallen) if np.isfinite(fallen) else None
+    return DoubleName((point,), photos, statistic, critical, right.sigma0)
+
+
+def _without_rejected(block: AdjustedBlock) -> list[ImagePoint]:
+    """Return the image points with what the block was adjusted without as off."""
+    problem = block.problem
+    rows = list(problem.block.image_points)
+    if problem.rejected is not None:
+        for ray in np.flatnonzero(problem.rejected.any(axis=1)).tolist():
+            axes = {axis for axis, out in zip("xy", problem.rejected[ray], strict=True) if out}
+            k = int(problem.source[ray])
+            rows[k] = replace(rows[k], use=rows[k].use_without(axes))
+    return rows
+
+
+def _adjusted(block: AdjustedBlock, rows: list[ImagePoint]) -> AdjustedBlock | None:
+    problem = block.problem
+    changed = replace(problem.block, image_points=tuple(rows))
+    try:
+        anew = make_problem(changed, datum=problem.datum, additional=problem.additional)
+        return adjust_problem(without_same(anew, problem))
+    except (NotComputableError, InputError):
+        return None

@@ -1,0 +1,135 @@
+"""One point under two names, two points under one, and what is neither."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from test_misnamed import measured
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.errors.doublenames import DoubleName, double_names
+from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.cli import main
+from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
+from anaplot.photogrammetry.block import Block, ImagePoint
+
+
+def rows(block: Block, *changed: ImagePoint) -> Block:
+    return replace(block, image_points=changed)
+
+
+def second_name(block: Block, point: str, other: str) -> Block:
+    """The block with another name for a point in the second strip."""
+    return rows(
+        block,
+        *(
+            replace(r, point=other) if r.point == point and r.photo[0] == "2" else r
+            for r in block.image_points
+        ),
+    )
+
+
+def other_place(block: Block, point: str, by: float) -> Block:
+    """The block with another point under the same name in the second strip [mm]."""
+    return rows(
+        block,
+        *(
+            replace(r, x=r.x + by, y=r.y - by / 2) if r.point == point and r.photo[0] == "2" else r
+            for r in block.image_points
+        ),
+    )
+
+
+def test_a_block_without_such_accidents_has_none() -> None:
+    assert double_names(adjust_block(measured(1))) == ()
+
+
+@pytest.mark.slow
+def test_every_point_under_two_names_is_named() -> None:
+    block = measured(1)
+    lateral = [
+        p
+        for p in dict.fromkeys(r.point for r in block.image_points)
+        if len({r.photo[0] for r in block.image_points if r.point == p}) == 2
+    ]
+    assert len(lateral) == 10
+    clean = adjust_block(block)
+    for point in lateral:
+        adjusted = adjust_block(second_name(block, point, "new"))
+        (one,) = double_names(adjusted)
+        assert (set(one.points), one.rays) == ({point, "new"}, ())
+        # what it grows by is what the block with one name has more
+        assert one.statistic == pytest.approx(clean.vtpv - adjusted.vtpv, abs=1e-3)
+        assert one.statistic < one.critical == pytest.approx(16.266, abs=1e-3)
+        assert one.sigma0 == pytest.approx(clean.sigma0)
+
+
+def test_two_names_in_one_photo_at_different_places_are_two_points() -> None:
+    block = second_name(measured(1), "02-02", "new")
+    beside = next(r for r in block.image_points if (r.photo, r.point) == ("202", "new"))
+    both = rows(block, *block.image_points, replace(beside, point="02-02", x=beside.x + 0.5))
+    assert [one for one in double_names(adjust_block(both)) if not one.rays] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("errors", [False, True])
+def test_two_points_under_one_name_are_named(errors: bool) -> None:
+    block = other_place(measured(1), "03-02", 0.3)
+    adjusted = block_gross_errors(block, "search").block if errors else adjust_block(block)
+    (one,) = double_names(adjusted)
+    assert one.points == ("03-02",)
+    assert one.rays in (("101", "102", "103"), ("201", "202", "203"))
+    assert one.statistic is not None
+    assert one.statistic > 1000.0 > one.critical
+    assert one.sigma0 == pytest.approx(adjust_block(measured(1)).sigma0, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_name_on_both_sides_of_the_block_is_two_points() -> None:
+    block = measured(1)
+    far = rows(
+        block,
+        *(replace(r, point="01-02") if r.point == "04-02" else r for r in block.image_points),
+    )
+    (one,) = double_names(block_gross_errors(far, "search").block)
+    assert one.points == ("01-02",)
+    assert one.statistic is None
+    assert one.text.endswith("meet elsewhere; with two names there is a solution")
+
+
+def test_one_gross_error_is_no_second_point() -> None:
+    block = measured(1)
+    wrong = rows(
+        block,
+        *(
+            replace(r, x=r.x + 0.3) if (r.photo, r.point) == ("102", "02-02") else r
+            for r in block.image_points
+        ),
+    )
+    assert double_names(adjust_block(wrong)) == ()
+    assert double_names(block_gross_errors(wrong, "search").block) == ()
+
+
+def test_what_is_said() -> None:
+    one = DoubleName(("7", "107"), (), 3.02, 16.27, 1.0)
+    assert one.text.startswith("7 and 107 are one point under two names? With one name v'Pv grows")
+    two = DoubleName(("7",), ("201",), 812.0, 16.27, 1.0)
+    assert "Its rays of photo 201 meet elsewhere; with two names v'Pv falls by 812.0" in two.text
+
+
+@pytest.mark.slow
+def test_the_command_names_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "b"
+    block = second_name(measured(1), "02-02", "new")
+    write_new_block(folder, block)
+    write_image_points(folder, block.image_points)
+    write_control(folder, block.control)
+    for options in ([], ["--errors", "search"]):
+        assert main(["adjust", str(folder), *options]) == 0
+        assert "02-02 and new are one point under two names?" in capsys.readouterr().out
+        assert main(["adjust", str(folder), *options, "--json"]) == 0
+        (one,) = json.loads(capsys.readouterr().out)["double_names"]
+        assert (one["points"], one["rays"]) == (["02-02", "new"], [])
