@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from anaplot.photogrammetry.block import Precision
 from anaplot.session.modelstate import ModelState
+from anaplot.session.photoaccidents import wrong_photo
 from anaplot.session.remembering import remembered
 from anaplot.session.state import SessionState
 from anaplot.session.tiecheck import GROUND, TieCheck
@@ -30,7 +31,7 @@ class Accident(NamedTuple):
     Attributes
     ----------
     point
-        Name.
+        Name; "" where it is a photograph that is wrong.
     text
         One sentence.
     certain
@@ -58,7 +59,13 @@ def accidents(state: SessionState, known: Transfer) -> tuple[Accident, ...]:
     known
         What follows from what is known elsewhere.
     """
-    return _accidents(state.block.precision, state.models, state.current, known)
+    found = _accidents(state.block.precision, state.models, state.current, known)
+    model = state.current
+    if model is None:
+        return found
+    strip = next(s for s in state.block.strips if s.id == model.strip)
+    wrong = wrong_photo(model, strip.base, (m for m in state.models if m.strip == model.strip))
+    return found if not wrong else (*found, Accident("", wrong, False))
 
 
 @remembered

@@ -6,7 +6,7 @@ residual tells it. The strips do: along them every photograph lies about a base 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import combinations, pairwise
 from math import hypot, pi
@@ -16,9 +16,16 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.photogrammetry.block import Block, ImagePoint
-from anaplot.photogrammetry.photolayout import LaidOut, laid_out
+from anaplot.photogrammetry.photolayout import LaidOut, laid_out, overlap
+from anaplot.session.modelstate import ModelState
 
-__all__ = ["PhotoAccident", "PhotoAccidentKind", "photo_accidents", "with_photos_exchanged"]
+__all__ = [
+    "PhotoAccident",
+    "PhotoAccidentKind",
+    "photo_accidents",
+    "with_photos_exchanged",
+    "wrong_photo",
+]
 
 PhotoAccidentKind = Literal["exchanged", "elsewhere", "turned", "mirrored"]
 
@@ -26,6 +33,8 @@ _IRREGULAR = 0.6  # bases that a photo is off its place: overlaps vary less
 _CURED = 0.4  # of what was irregular, at most, may be left when the right two are exchanged
 _CLEARER = 0.5  # bases by which it must be better than with any other two
 _ALIKE = 2  # exchanges that may do as well
+_ENOUGH = 5  # points of a model in work from which its photos are looked at
+_LOOSE = 0.35  # times the spread of the points: worse than that nothing is known
 _MOST_CANDIDATES = 40  # photos of which pairs are tried
 _TURNED = pi / 4  # a photo that lies so far from its strip's direction is turned
 
@@ -84,6 +93,45 @@ def with_photos_exchanged(block: Block, first: str, second: str) -> Block:
 
     rows = {(r.photo, r.point, r.model): r for r in map(named, reversed(block.image_points))}
     return replace(block, image_points=tuple(reversed(rows.values())))
+
+
+def wrong_photo(model: ModelState, base: float | None, earlier: Iterable[ModelState]) -> str:
+    """Return what speaks against a photograph of a model in work, in words; "" for nothing.
+
+    Parameters
+    ----------
+    model
+        With its measurements so far.
+    base
+        Nominal base of its strip [mm], or None: that of the earlier models.
+    earlier
+        Models of its strip.
+    """
+    if len(model.used) < _ENOUGH:
+        return ""
+    left, right = _sides(model)
+    found = overlap(left, right)
+    spread = float(np.sqrt(((left - left.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    if found.misfit > _LOOSE * spread:
+        return ""
+    photos = f"photos {model.left} and {model.right}"
+    if found.mirrored:
+        return f"one of {photos} is mirrored: does its emulsion lie on the wrong side?"
+    if abs(found.angle) > _TURNED:
+        by = round(abs(found.angle) / (pi / 2)) * 90
+        return f"{photos} are turned against each other by {by} degrees"
+    step = float(np.hypot(*(left - right).mean(axis=0)))
+    others = [float(np.hypot(*(a - b).mean(axis=0))) for a, b in map(_sides, earlier) if len(a)]
+    usual = float(np.median(others)) if others else abs(base or 0.0)
+    if usual and abs(step - usual) > _IRREGULAR * usual:
+        return f"{photos} lie {step / usual:.1f} bases apart: is another photograph in its place?"
+    return ""
+
+
+def _sides(model: ModelState) -> tuple[Array, Array]:
+    """Return the (n, 2) image coordinates of a model's points in its photos."""
+    at = np.array([(m.xl, m.yl, m.xr, m.yr) for m in model.used]).reshape(-1, 4)
+    return at[:, :2], at[:, 2:]
 
 
 Order = tuple[str, ...]

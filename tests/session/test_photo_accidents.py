@@ -13,13 +13,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sessionscene import Scene
 
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.photolayout import laid_out, overlap
 from anaplot.planning.syntheticblock import synthetic_block
+from anaplot.session.accidents import accidents
+from anaplot.session.modelstate import Measured
 from anaplot.session.photoaccidents import photo_accidents, with_photos_exchanged
+from anaplot.session.transfer import Transfer
 
 
 @cache
@@ -156,3 +160,35 @@ def test_the_commands_name_them(tmp_path: Path, capsys: pytest.CaptureFixture[st
     write_image_points(folder, far.image_points)
     assert main(["bridge", str(folder)]) == 2
     assert "have no common points; photos 101 and 105" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("seen", "words"),
+    [
+        (lambda x, y: (x, y), ""),
+        (lambda x, y: (-x, -y), "photos 102 and 103 are turned against each other by 180 degrees"),
+        (lambda x, y: (x, -y), "one of photos 102 and 103 is mirrored"),
+        (lambda x, y: (x - 100.0, y), "photos 102 and 103 lie 2."),
+    ],
+)
+def test_a_wrong_photo_in_the_instrument_is_told_while_one_measures(seen, words: str) -> None:
+    scene = Scene(3)
+    state = scene.chosen(1)
+    for planned in state.current.plan:
+        event = scene.measurement(state, planned.point)
+        xr, yr = seen(event.xr, event.yr)
+        model = state.current
+        state = replace(
+            state,
+            current=replace(
+                model,
+                measured=(
+                    *model.measured,
+                    Measured(planned.point, event.xl, event.yl, xr, yr, 1),
+                ),
+            ),
+        )
+        told = [one.text for one in accidents(state, Transfer()) if not one.point]
+        if len(state.current.measured) < 5 or not words:
+            assert told == []
+    assert [one.startswith(words) for one in told] == ([True] if words else [])
