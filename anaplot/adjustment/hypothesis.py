@@ -334,6 +334,8 @@ def sequential_components(difference: Array, cofactors: Array) -> list[Component
     DependentConditionsError
         The cofactors are not of full rank.
     """
+    from scipy.linalg import solve_triangular
+
     scale, rho = _correlation(cofactors)
     p = len(scale)
     # holding parameters leaves the inverse of the others' cofactors as it is
@@ -355,7 +357,7 @@ def sequential_components(difference: Array, cofactors: Array) -> list[Component
         left = left - rows[step] ** 2
     loadings = np.zeros((p, p))
     # what stands before a component's own parameter is rounding
-    loadings[:, order] = np.linalg.inv(np.tril(rows[:, order].T))
+    loadings[:, order] = solve_triangular(rows[:, order].T, np.eye(p), lower=True)
     values = loadings @ (np.asarray(difference, dtype=np.float64) / scale)
     return [
         Component(int(k), loadings[step], float(values[step]), float(variances[step]))

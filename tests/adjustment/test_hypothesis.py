@@ -221,6 +221,17 @@ def test_the_order_of_a_set_is_that_of_the_largest_inflation_and_of_equals_the_f
     assert [p.member for p in sequential_components(np.ones(7), q)] == wanted
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_a_component_has_nothing_of_the_parameters_that_are_free(seed) -> None:
+    a = np.random.default_rng(seed).normal(size=(20, 8))
+    a[:, 3] = a[:, 0] + 1e-3 * a[:, 3]  # badly separated: a row would be exchanged for another
+    parts = sequential_components(np.ones(8), np.linalg.inv(a.T @ a))
+    loadings = np.array([p.loadings for p in parts])[:, [p.member for p in parts]]
+    # exactly: nothing but rounding could be there
+    assert (loadings[np.triu_indices(8, 1)] == 0.0).all()
+    assert (np.diag(loadings) > 0.0).all()
+
+
 @pytest.mark.parametrize("take_apart", [sequential_components, principal_components])
 def test_components_are_independent_and_add_up(take_apart) -> None:
     _, q = line(7)
