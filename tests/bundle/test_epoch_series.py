@@ -346,7 +346,10 @@ def test_a_given_movement_is_the_hypothesis() -> None:
     ("row", "said"),
     [
         (given("p13", (0.0, 0.0, 1.0)), "from and to are needed: there are 3 epochs"),
-        (given("p13", (0.0, 0.0, 1.0), 1, 3), "no movement from 1 to 3: .* as 1 to 2, 2 to 3"),
+        (
+            given("p13", (0.0, 0.0, 1.0), 1, 3),
+            "no movement from 1 to 3: .* as 1 to 2, 2 to 3: give each of these$",
+        ),
         (given("p1", (0.0, 0.0, 1.0), 1, 2), "point p1 is not compared"),
         (given("p8", (0.0, 0.0, 1.0), 1, 2), "control gives Z of point p8 in both epochs"),
     ],
@@ -355,6 +358,78 @@ def test_a_given_movement_that_cannot_be(row, said) -> None:
     blocks = [heights_only(block, "p8") for block in four()[:3]]
     with pytest.raises(InputError, match=f"^moves.csv line 2: .*{said}"):
         compare_series(blocks, given=(row,))
+
+
+AWAY = (0.0, 0.3, 0.6)
+
+
+@lru_cache(maxsize=1)
+def given_up():
+    """Three epochs; control gives p1 in the first and the last, from where it is away between."""
+    middle = epoch(12, moved={"p1": AWAY})
+    middle = replace(middle, control=tuple(c for c in middle.control if c.point != "p1"))
+    return exact(epoch(11)), exact(middle), exact(epoch(13))
+
+
+@pytest.mark.parametrize("separate", [False, True])
+def test_what_control_gives_again_has_come_back_as_given(separate) -> None:
+    points = ("p1", "p7", "p8")
+    back = tuple(-w for w in AWAY)
+    for rows in (
+        (given("p1", AWAY, 1, 2),),
+        (given("p1", AWAY, 1, 2), given("p1", back, 2, 3)),
+        (given("p1", back, 2, 3), given("p1", AWAY, 1, 2)),
+    ):
+        found = compare_series(given_up(), points=points, given=rows, separate=separate)
+        np.testing.assert_array_equal(found.expected.reshape(-1, 3)[:2], [AWAY, back])
+        tested = series_tests(found)
+        assert not tested.any_moved
+        for pair in tested.pairs:
+            assert not pair.everything.rejected
+            assert not any(p.verdict.rejected for p in pair.points)
+        [p1] = [p for p in tested.points if p.point == "p1"]
+        assert [step.expected for step in p1.steps] == [AWAY, back]
+    # and from there on it stays
+    last = replace(epoch(14), name="last", control=given_up()[2].control)
+    four_epochs = (*given_up(), last)
+    rows = (given("p1", AWAY, 1, 2),)
+    found = compare_series(four_epochs, points=points, given=rows, separate=separate)
+    assert found.expected.reshape(-1, 3)[:3].tolist() == [list(AWAY), list(back), [0.0] * 3]
+    # what is against it cannot be
+    for rows, said in (
+        ((given("p1", AWAY, 1, 2), given("p1", AWAY, 2, 3)), "epochs 1 and 3: .* by -0.3 m"),
+        ((given("p1", back, 2, 3),), "epochs 1 and 3: .* from 2 to 3 it moves by 0 m"),
+        ((given("p1", AWAY, 3, 4),), "both epochs: it cannot move"),
+    ):
+        with pytest.raises(InputError, match=f"^moves.csv line 2: control gives Y .*{said}"):
+            compare_series(four_epochs, points=points, given=rows, separate=separate)
+
+
+def test_sums_of_given_movements_may_be_rounded() -> None:
+    one, two, three = given_up()
+    four_epochs = (one, two, replace(two, name="later", image_points=epoch(
+        14, moved={"p1": AWAY}).image_points), three)  # fmt: skip
+    rows = (
+        given("p1", (0.1, 0.0, 0.0), 1, 2),
+        given("p1", (0.2, 0.0, 0.0), 2, 3),
+        given("p1", (-0.3, 0.0, 0.0), 3, 4),
+    )
+    found = compare_series(four_epochs, points=("p1",), given=rows)
+    assert found.expected.reshape(-1, 3).sum(axis=0).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_what_control_gives_again_is_named_as_moved_back() -> None:
+    tested = series_tests(compare_series(given_up(), points=("p1", "p7", "p8")))
+    assert {p.point: p.moved for p in tested.points} == {
+        "p1": ((1, 2), (2, 3)), "p7": (), "p8": ()
+    }  # fmt: skip
+    # gone and come back before control gives it again: there it has not moved
+    one, two, three = given_up()
+    bare = replace(epoch(14), control=two.control)
+    tested = series_tests(compare_series((one, two, exact(bare), three), points=("p1",)))
+    [p1] = tested.points
+    assert p1.epochs == (1, 2, 3, 4)
+    assert p1.moved == ((1, 2), (2, 3))
 
 
 # --- refusals -------------------------------------------------------------------------------

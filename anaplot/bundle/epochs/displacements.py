@@ -28,7 +28,7 @@ from anaplot.bundle.epochs.common import (
 )
 from anaplot.bundle.epochs.expected import expected_movements
 from anaplot.bundle.epochs.joint import adjust_jointly, joint_displacements
-from anaplot.bundle.epochs.moves import Move, chosen_points, given_coordinates, moves_of
+from anaplot.bundle.epochs.moves import Move, chosen_points, moves_of
 from anaplot.bundle.epochs.series import EpochDifferences, EpochSeries
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -162,7 +162,7 @@ def compare_series(
     moves = moves_of(chosen, names, common)
     expected = None
     if given:
-        expected = expected_movements(moves, given_coordinates(moves, common), given, len(blocks))
+        expected = expected_movements(moves, common, given, len(blocks))
     if separate:
         found = _separately(alone, moves, common, datum)
         if not stable and is_weighted(blocks):

@@ -20,6 +20,7 @@ __all__ = [
     "chosen_points",
     "given_coordinates",
     "moves_of",
+    "undone_movements",
 ]
 
 MOST_MOVES = 1000
@@ -111,16 +112,36 @@ def given_coordinates(moves: Sequence[Move], common: Common) -> Bools:
     ).reshape(len(moves), 3)
 
 
-def bound_coordinates(moves: Sequence[Move], common: Common) -> Bools:
-    """Return (m, 3) whether a difference follows from those before it.
+def undone_movements(moves: Sequence[Move], common: Common) -> dict[tuple[int, int], list[int]]:
+    """Return what a difference undoes where it follows from those before it.
 
     A coordinate that is one in epochs 1 and 3 and another in epoch 2 comes back from there.
+
+    Returns
+    -------
+    dict
+        By movement and axis, the movements before it whose sum the difference is the negative of;
+        empty of a coordinate that is the same in both epochs.
     """
-    visited: dict[str, list[int]] = {}
-    out = np.zeros((len(moves), 3), dtype=bool)
+    before: dict[str, list[int]] = {}
+    out: dict[tuple[int, int], list[int]] = {}
     for row, move in enumerate(moves):
-        before = visited.setdefault(move.point, [move.first])
+        mine = before.setdefault(move.point, [])
+        epochs = [*(moves[k].first for k in mine), move.first]
         for axis in range(3):
-            out[row, axis] = any(common.same(move.point, axis, k, move.second) for k in before)
-        before.append(move.second)
+            latest = None
+            for n, epoch in enumerate(epochs):
+                if common.same(move.point, axis, epoch, move.second):
+                    latest = n
+            if latest is not None:
+                out[row, axis] = mine[latest:]
+        mine.append(row)
+    return out
+
+
+def bound_coordinates(moves: Sequence[Move], common: Common) -> Bools:
+    """Return (m, 3) whether a difference follows from those before it."""
+    out = np.zeros((len(moves), 3), dtype=bool)
+    for row, axis in undone_movements(moves, common):
+        out[row, axis] = True
     return out

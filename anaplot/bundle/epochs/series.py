@@ -9,7 +9,12 @@ import numpy as np
 from anaplot.aliases import Array, Bools
 from anaplot.bundle.epochs.apart import Agreement
 from anaplot.bundle.epochs.common import Common
-from anaplot.bundle.epochs.moves import Move, bound_coordinates, given_coordinates
+from anaplot.bundle.epochs.moves import (
+    Move,
+    bound_coordinates,
+    given_coordinates,
+    undone_movements,
+)
 
 __all__ = ["EpochDifferences", "EpochSeries"]
 
@@ -167,6 +172,11 @@ class EpochSeries:
     def bound(self) -> Bools:
         """(m, 3) whether a difference follows from those before it: it is given, or comes back."""
         return bound_coordinates(self.moves, self.common)
+
+    @property
+    def undone(self) -> dict[tuple[int, int], list[int]]:
+        """By movement and axis: what a bound difference undoes, as `undone_movements` has it."""
+        return undone_movements(self.moves, self.common)
 
     @property
     def alone_in(self) -> tuple[tuple[str, ...], ...]:

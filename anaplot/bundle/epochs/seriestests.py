@@ -8,6 +8,7 @@ and the variance factor of all.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from math import sqrt
@@ -75,8 +76,8 @@ class PointSeries(NamedTuple):
         Test of its orthogonal components together; all points together keep the significance.
     moved
         From which epoch to which it has moved: the movements that explain a rejected verdict, one
-        after the other until the rest agrees, in the order of time. A search: that each of them is
-        a movement is not a test at alpha.
+        after the other until the rest agrees, and those by which it comes back from there, in the
+        order of time. A search: that each of them is a movement is not a test at alpha.
     steps
         Its movements.
     """
@@ -175,9 +176,9 @@ def series_tests(series: EpochSeries, *, alpha: float = 0.05) -> SeriesTests:
     rows: dict[str, list[int]] = {}
     for row, move in enumerate(series.moves):
         rows.setdefault(move.point, []).append(row)
-    given = series.given
+    given, undone = series.given, series.undone
     points = tuple(
-        _point_series(series, name, rows[name], test, limits, parts, given, alpha)
+        _point_series(series, name, rows[name], test, limits, parts, given, undone, alpha)
         for name in series.points
     )
     located: tuple[Located, ...] = ()
@@ -220,6 +221,7 @@ def _point_series(
     limits: Limits,
     parts: Orthogonal | None,
     given: Bools,
+    undone: Mapping[tuple[int, int], Sequence[int]],
     alpha: float,
 ) -> PointSeries:
     """Test a point through its epochs."""
@@ -236,7 +238,9 @@ def _point_series(
         if decisive is not None and decisive.rejected:
             limit = decisive.critical * decisive.dimension * decisive.sigma**2
             freed = test.freed(mine, (mine // 3).tolist(), limit)
-            at = (series.moves[row] for row in sorted(step.owner for step in freed))
+            named = {step.owner for step in freed}
+            named |= _coming_back(moves, named, undone, test, limits.point_alpha)
+            at = (series.moves[row] for row in sorted(named))
             moved = tuple((move.first + 1, move.second + 1) for move in at)
     x, y, z = series.places[moves[0]].tolist()
     epochs = (series.moves[moves[0]].first + 1, *(series.moves[k].second + 1 for k in moves))
@@ -250,6 +254,34 @@ def _point_series(
         moved,
         tuple(_step_move(series, row, ~given[row], limits.sigma) for row in moves),
     )
+
+
+def _coming_back(
+    moves: Sequence[int],
+    named: Collection[int],
+    undone: Mapping[tuple[int, int], Sequence[int]],
+    test: UnderTest,
+    alpha: float,
+) -> set[int]:
+    """Return the movements of a point that undo some of those named.
+
+    A movement that follows from one that is named, while all others agree, is one as well. Several
+    may undo each other, and of a movement that is bound in part the named one may be another part:
+    there the difference itself decides.
+    """
+    out: set[int] = set()
+    for row in moves:
+        bound = [axis for axis in range(3) if undone.get((row, axis))]
+        after = {k for axis in bound for k in undone[row, axis]} & set(named)
+        if row in named or not after:
+            continue
+        mine = 3 * row + np.array(bound)
+        if len(after) > 1 or test.live[3 * row : 3 * row + 3].any():
+            square = test.square(mine)
+            if square is None or not test.variance.test(square, len(mine), alpha).rejected:
+                continue
+        out.add(row)
+    return out
 
 
 def _step_move(series: EpochSeries, row: int, free: Bools, sigma: float | None) -> StepMove:
