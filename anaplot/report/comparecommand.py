@@ -14,6 +14,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.givenmovementcsv import read_given_movement
 from anaplot.report.adjustarguments import add_compare_arguments
 from anaplot.report.computed import Computed
+from anaplot.report.epochaside import aside_of
 from anaplot.report.epochdocument import compare_document, series_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import names_in, takes_options
@@ -134,17 +135,11 @@ def compare(
         given=() if given_movement is None else read_given_movement(Path(given_movement)),
         progress=progress,
     )
-    off = [
-        (epoch, row)
-        for epoch, block in enumerate(blocks, start=1)
-        for row in block.image_points
-        if row.use != "xy"
-    ]
-    left_aside = [k for k, block in enumerate(blocks, start=1) if block.conditions]
+    aside = aside_of(blocks)
     if len(blocks) == 2:
         two = epoch_tests(found.as_two(), alpha=alpha)
-        document = with_journal_notes(compare_document(two, off, left_aside), *notes)
+        document = with_journal_notes(compare_document(two, aside), *notes)
         return Computed(two, document, two.any_moved)
     several = series_tests(found, alpha=alpha)
-    document = with_journal_notes(series_document(several, off, left_aside), *notes)
+    document = with_journal_notes(series_document(several, aside), *notes)
     return Computed(several, document, several.any_moved)

@@ -11,8 +11,8 @@ from anaplot.bundle.epochs.series import EpochDifferences, EpochSeries
 from anaplot.bundle.epochs.seriestests import SeriesTests
 from anaplot.bundle.epochs.variances import VarianceRatio
 from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
-from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.document import BLANK, Answer, Block, Document, Line, named, say
+from anaplot.report.epochaside import Aside
 from anaplot.report.epochtables import (
     pair_answer,
     pair_table,
@@ -23,35 +23,29 @@ from anaplot.report.epochtables import (
 )
 from anaplot.report.verdicts import labelled, probability, verdict_cells, verdict_json
 
-__all__ = ["OffRow", "compare_document", "series_document"]
-
-OffRow = tuple[int, ImagePoint]
-"""A row that is switched off in part, with the number of its epoch."""
+__all__ = ["compare_document", "series_document"]
 
 _LISTED = 12
 _LABEL = 34
+_NOTHING = Aside()
 
 
-def compare_document(
-    found: EpochTests, off: Sequence[OffRow] = (), left_aside: Sequence[int] = ()
-) -> Document:
+def compare_document(found: EpochTests, aside: Aside = _NOTHING) -> Document:
     """Return the document of two epochs; people read displacements in millimetres.
 
     Parameters
     ----------
     found
         The tested displacements.
-    off
-        Rows of which not both coordinates count, with the number of their epoch.
-    left_aside
-        Epochs with conditions between points, which take no part.
+    aside
+        What takes no part.
     """
     of = found.differences
     points = pair_table(found)
     common = (*of.common, *(f"{name} in {' and '.join(axes)}" for name, axes in of.partly))
     page: list[Block] = [
         *_head(of),
-        *_setting(of, common, (of.only_first, of.only_second), off, left_aside),
+        *_setting(of, common, (of.only_first, of.only_second), aside),
         *(say("  note: {}", remark).of("remark") for remark in found.remarks),
     ]
     if found.variance is not None:
@@ -63,27 +57,25 @@ def compare_document(
         *_legend(len(points), found.alpha, of.expected is not None),
         *_conclusion(found.overall, of.expected is not None),
     ]
-    return Document(_answer(found) | _aside(off, left_aside), tuple(page), (points,))
+    return Document(_answer(found) | aside.answer(), tuple(page), (points,))
 
 
-def series_document(
-    found: SeriesTests, off: Sequence[OffRow] = (), left_aside: Sequence[int] = ()
-) -> Document:
+def series_document(found: SeriesTests, aside: Aside = _NOTHING) -> Document:
     """Return the document of more than two epochs.
 
     Parameters
     ----------
     found
         The tested displacements.
-    off, left_aside
-        As `compare_document` has them.
+    aside
+        What takes no part.
     """
     of = found.series
     points, pairs = series_table(found), pairs_table(found)
     expected = of.expected is not None
     page: list[Block] = [
         *_head(of),
-        *_setting(of, _common_of(of), of.alone_in, off, left_aside),
+        *_setting(of, _common_of(of), of.alone_in, aside),
         _by_themselves(of),
         *(say("  note: {}", remark).of("remark") for remark in found.remarks),
     ]
@@ -107,7 +99,7 @@ def series_document(
         *_legend(len(points), found.alpha, expected, single=False),
         *_conclusion(found.overall, expected),
     ]  # fmt: skip
-    return Document(_series_answer(found) | _aside(off, left_aside), tuple(page), (pairs, points))
+    return Document(_series_answer(found) | aside.answer(), tuple(page), (pairs, points))
 
 
 # --- for programs ---------------------------------------------------------------------------
@@ -183,26 +175,6 @@ def _overall_answer(overall: Overall | None) -> Answer | None:
     return {**overall._asdict(), "families": list(overall.families), "rejected": overall.rejected}
 
 
-def _aside(off: Sequence[OffRow], left_aside: Sequence[int]) -> Answer:
-    """Return what takes no part, where there is something."""
-    out: Answer = {}
-    if off:
-        out["off"] = [
-            {
-                "epoch": epoch,
-                "photo": row.photo,
-                "point": row.point,
-                "model": row.model,
-                "use": row.use,
-                "reason": row.reason,
-            }
-            for epoch, row in off
-        ]
-    if left_aside:
-        out["without_conditions"] = list(left_aside)
-    return out
-
-
 # --- for people -----------------------------------------------------------------------------
 
 
@@ -227,8 +199,7 @@ def _setting(
     of: EpochDifferences | EpochSeries,
     common: Sequence[str],
     only: Sequence[Sequence[str]],
-    off: Sequence[OffRow],
-    left_aside: Sequence[int],
+    aside: Aside,
 ) -> list[Block]:
     """Say what is common, what is in one epoch alone, and what takes no part."""
     out: list[Block] = []
@@ -242,20 +213,7 @@ def _setting(
     for epoch, names in enumerate(only, start=1):
         if names:
             out.append(say("  in epoch {} alone: {}", epoch, named(names, _LISTED)))
-    for epoch in range(1, len(of.epochs) + 1):
-        rows = [f"{r.point} in photo {r.photo} ({_gone(r)})" for k, r in off if k == epoch]
-        if rows:
-            out.append(say("  switched off in epoch {}: {}", epoch, named(rows, _LISTED)))
-    out += [
-        say("  distances.csv and conditions.csv of epoch {} take no part", epoch)
-        for epoch in left_aside
-    ]
-    return out
-
-
-def _gone(row: ImagePoint) -> str:
-    """Return which coordinates do not count."""
-    return "".join(axis for axis in "xy" if not row.counts(axis))
+    return [*out, *aside.lines(len(of.epochs))]
 
 
 def _partly_of(of: EpochSeries) -> tuple[tuple[str, str], ...]:

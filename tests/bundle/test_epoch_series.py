@@ -21,8 +21,8 @@ from anaplot.bundle.epochs.displacementtests import epoch_tests, pair_tests
 from anaplot.bundle.epochs.seriestests import series_tests
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.cli import main
-from anaplot.errors import InputError
-from anaplot.photogrammetry.block import TestSettings
+from anaplot.errors import InputError, NotComputableError
+from anaplot.photogrammetry.block import PointPrior, TestSettings
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.givenmovement import GivenMovement
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -439,6 +439,10 @@ def test_refusals() -> None:
     one, two, three, _ = four()
     with pytest.raises(InputError, match="epochs 1 and 3 have the same image measurements"):
         compare_series((one, two, replace(one, name="copy")))
+    empty = replace(one, image_points=())
+    for some in ((empty, empty, empty), (empty, one, empty)):
+        with pytest.raises(InputError, match=r"^epoch 1: block synthetic: no image points$"):
+            compare_series(some)
     with pytest.raises(InputError, match="one epoch has nothing to be compared with"):
         compare_series((one,))
     row = three.control[0]
@@ -456,6 +460,9 @@ def test_refusals() -> None:
         compare_series((one, two, three), points=("p999",))
     with pytest.raises(InputError, match="point p1 holds the datum"):
         compare_series((one, two, three), points=("p1",))
+    every_photo = additional_parameters("ebner:photo")
+    with pytest.raises(InputError, match="every photo cannot be common to all epochs: block or"):
+        compare_series((one, two, three), additional=every_photo, common_parameters=True)
     with pytest.raises(ValueError, match="3 epochs are not two"):
         compare_series((one, two, three), points=("p8",)).as_two()
 
@@ -527,6 +534,30 @@ def test_what_takes_no_part_is_listed_by_epoch() -> None:
     found = compare(*blocks, points="p7,p8")
     assert [row["epoch"] for row in found.document.answer["off"]] == [3]
     assert f"switched off in epoch 3: {rows[0].point} in photo {rows[0].photo} (xy)" in str(found)
+
+
+def test_priors_of_points_take_no_part_and_are_listed() -> None:
+    blocks = list(four()[:3])
+    prior = PointPrior("p8", (None, None, 50.0), (None, None, 0.5))
+    blocks[1] = replace(blocks[1], priors=(prior,))
+    said = "priors of points (use prior in control.csv) of epoch 2 take no part"
+    for some in (blocks, blocks[:2]):
+        found = compare(*some, points="p7,p8")
+        assert found.document.answer["without_priors"] == [2]
+        assert said in str(found)
+        plain = compare(*four()[: len(some)], points="p7,p8")
+        assert "without_priors" not in plain.document.answer
+        assert found.document.answer == plain.document.answer | {"without_priors": [2]}
+    # a block that they hold alone
+    held = tuple(PointPrior(c.point, c.xyz, (0.02,) * 3) for c in blocks[2].control)
+    blocks[2] = replace(blocks[2], control=(), priors=held)
+    with pytest.raises(
+        NotComputableError, match=r"^epoch 3: .*priors of points take no part.*--st"
+    ):
+        compare(*blocks)
+    with pytest.raises(NotComputableError, match=r"^epoch 3: ") as bare:
+        compare(*blocks[:2], replace(blocks[2], priors=()))
+    assert "priors" not in str(bare.value)
 
 
 def test_pairs_share_the_significance() -> None:

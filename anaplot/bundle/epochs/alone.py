@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from anaplot.aliases import Progress
 from anaplot.bundle.adjust import adjust_block
@@ -30,7 +31,7 @@ def adjust_alone(
     additional: AdditionalParameters | None,
     progress: Progress | None,
 ) -> AdjustedBlock:
-    """Adjust one epoch.
+    """Adjust one epoch: conditions between points and priors of points are no part of it.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def adjust_alone(
     """
     try:
         return adjust_block(
-            block,
+            replace(block, conditions=(), priors=()),
             datum=datum,
             additional=additional,
             progress=progress_of(f"epoch {number}", progress),
@@ -55,7 +56,8 @@ def adjust_alone(
         hint = ""
         bare = not any(row.use == "control" for row in block.control)
         if isinstance(error, NotComputableError) and datum == "control" and bare:
-            hint = " (points that have not moved can hold the datum: --stable)"
+            no_part = "its priors of points take no part: " if block.priors else ""
+            hint = f" ({no_part}points that have not moved can hold the datum: --stable)"
         # a search without end carries more than its message
         kind = NotComputableError if isinstance(error, NotComputableError) else type(error)
         raise kind(f"epoch {number}: {error}{hint}") from error
@@ -72,6 +74,8 @@ def check_measured_twice(blocks: Sequence[Block]) -> str | None:
     first: dict[tuple[tuple[str, float, float], ...], int] = {}
     for k, block in enumerate(blocks):
         measured = tuple(sorted((row.point, row.x, row.y) for row in block.image_points))
+        if not measured:
+            continue  # what such an epoch lacks, its adjustment says
         other = first.setdefault(measured, k)
         if other == k:
             continue

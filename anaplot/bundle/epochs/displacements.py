@@ -129,14 +129,13 @@ def compare_series(
     A control point of which only some coordinates are given in several epochs is a point in each:
     what is given is common (jointly, a weighted coordinate is one observation of one unknown), what
     is not is tested. Separate adjustments observe the given coordinate once in each. Control that
-    an epoch gives up is a point there, and compared with the others.
+    an epoch gives up is a point there, and compared with the others. Conditions between points and
+    priors of points take no part.
     """
     if len(blocks) < 2:
         raise InputError("one epoch has nothing to be compared with")
-    # conditions between points and priors of points are no part of it
-    blocks = [replace(block, conditions=(), priors=()) for block in blocks]
     _check_tests(blocks)
-    same = _shares(additional, separate, common_parameters)
+    same = _shares(additional, separate, common_parameters, len(blocks))
     datum: Datum = "free" if stable else "control"
     remarks: list[str] = []
     twice = check_measured_twice(blocks)
@@ -282,7 +281,9 @@ def _check_tests(blocks: Sequence[Block]) -> None:
         )
 
 
-def _shares(additional: AdditionalParameters | None, separate: bool, asked: bool | None) -> bool:
+def _shares(
+    additional: AdditionalParameters | None, separate: bool, asked: bool | None, epochs: int
+) -> bool:
     """Whether additional parameters are common to all epochs."""
     possible = not separate and additional is not None and additional.scope in ("block", "camera")
     if asked and additional is None:
@@ -291,7 +292,7 @@ def _shares(additional: AdditionalParameters | None, separate: bool, asked: bool
         raise InputError("separate adjustments have no common parameters")
     if asked and not possible and additional is not None:
         raise InputError(
-            f"additional parameters of every {additional.scope} cannot be common to both epochs: "
-            "block or camera can"
+            f"additional parameters of every {additional.scope} cannot be common to "
+            f"{'both' if epochs == 2 else 'all'} epochs: block or camera can"
         )
     return possible if asked is None else asked
