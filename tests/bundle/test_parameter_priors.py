@@ -109,6 +109,31 @@ def test_priors_of_groups(scene) -> None:
         assert said in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("sigma_um", "known", "free"),
+    [
+        # the group's own row counts, and has no sigma
+        (None, [("b3", 1.0, 2.0), ("b3", 5.0, None, "s2")], [False, True, False]),
+        (10.0, [("b3", 5.0, None)], [True, True, True]),
+        (10.0, [("b3", 5.0, None, "s2")], [False, True, False]),
+    ],
+)
+def test_a_value_without_a_sigma_has_no_weight(scene, sigma_um, known, free) -> None:
+    priors = [ParameterPrior(*one) for one in known]
+    block = make_problem(
+        scene.block, additional=additional_parameters("ebner:b3,b5:strip", sigma_um, priors)
+    )
+    found = block.additional_sigma * 1e3
+    if not len(found):  # all are free
+        found = np.full((3, 2), np.inf)
+    assert np.isinf(found[:, 0]).tolist() == free
+    assert np.isinf(found[:, 1]).tolist() == [sigma_um is None] * 3
+    assert block.additional_given[1, 0] == 5e-3
+    weighted = int(np.isfinite(found).sum())
+    bare = make_problem(scene.block)
+    assert block.observations == bare.observations + weighted
+
+
 @pytest.mark.parametrize("text", ["ebner:b3,b5,b9:camera", "physical:k1,b1,c:photo"])
 def test_derivatives_with_held_parameters_are_the_numerical_ones(scene, text: str) -> None:
     held = {"ebner": "b5=30+-0", "physical": "k1=0.003+-0"}[text.partition(":")[0]]

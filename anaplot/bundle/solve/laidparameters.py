@@ -152,8 +152,8 @@ def _known(
         for row in rows:
             unit = 1e-3 if lens is None else 1.0 / float(lens[row, column])
             given[row, column] = prior.value * unit
-            if prior.sigma is not None:
-                sigma[row, column] = prior.sigma * unit
+            # without a sigma of its own it has no weight: neither the sigma of all nor of its group
+            sigma[row, column] = np.inf if prior.sigma is None else prior.sigma * unit
     return given
 
 

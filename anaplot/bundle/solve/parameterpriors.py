@@ -27,8 +27,8 @@ class ParameterPrior(NamedTuple):
         [um] of effect in the image, as the table of parameters has it; of a lens its coefficient,
         c, x0 and y0 in mm.
     sigma
-        Standard deviation in the unit of the value; 0: held at the value, None: no weight, the
-        value is only what the parameter is tested against.
+        Standard deviation in the unit of the value; 0: held at the value, None: no weight, whatever
+        is said of all, the value is only what the parameter is tested against.
     group
         Camera, strip or photo that it belongs to; None: all.
     """
