@@ -149,8 +149,7 @@ def calibrated(
             progress=progress,
         )
     except NoConvergenceError as error:
-        sigma = problem.additional_sigma
-        if problem.additional is None or (len(sigma) and np.isfinite(sigma).all()):
+        if not problem.frees_parameters:
             raise
         # there is a minimum without them
         raise NoConvergenceError(parameters_left_open(problem), error.state) from error

@@ -16,6 +16,7 @@ from anaplot.bundle.errors.misfits import adjust_without_misfits
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
 from anaplot.bundle.solve.openmovement import held_by_noise
+from anaplot.bundle.solve.parameterpriors import parameter_priors
 from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
@@ -50,8 +51,11 @@ def in_error(block: Block, photo: str, point: str, by_mm: float) -> Block:
     return replace(block, image_points=rows)
 
 
-def refusal(block: Block, datum: Datum = "control", additional: str | None = None) -> str:
-    chosen = None if additional is None else additional_parameters(additional)
+def refusal(
+    block: Block, datum: Datum = "control", additional: str | None = None, priors: str | None = None
+) -> str:
+    known = () if priors is None else parameter_priors(priors)
+    chosen = None if additional is None else additional_parameters(additional, None, known)
     with pytest.raises(NotComputableError) as caught:
         adjust_block(block, datum=datum, additional=chosen)
     return str(caught.value)
@@ -66,6 +70,16 @@ def test_additional_parameters_are_refused_for_one_reason_with_noise_or_without(
         assert refusal(noisy(block, sigma_um, 1), additional=name) == exact
     wrong = in_error(noisy(block, 5.0, 2), "103", "02-03", 0.2)
     assert refusal(wrong, additional=name) == exact
+
+
+@pytest.mark.parametrize(
+    ("name", "weighted"), [("ebner", "b3"), ("gruen", "a43"), ("physical", "k3")]
+)
+def test_one_weight_among_free_parameters_changes_no_reason(name: str, weighted: str) -> None:
+    block, chosen = planned(0.60), f"{name}:photo"
+    exact = refusal(block, additional=chosen)
+    assert f"not determined: the additional parameters ({name}, photo-invariant)" in exact
+    assert refusal(block, additional=chosen, priors=f"{weighted}=0+-0.001") == exact
 
 
 @pytest.mark.parametrize("sigma_um", [0.0, 1.0, 5.0, 20.0])

@@ -136,8 +136,7 @@ def _left_open(problem: Problem, share: Array) -> str:
     """Say what may move, from the share that each of n photos has in the movement."""
     names = [problem.photos[k] for k in np.nonzero(share > _MOVES)[0].tolist()]
     # weighted parameters are observed: they leave nothing open
-    free = problem.additional is not None and not np.isfinite(problem.additional_sigma).any()
-    if free and len(names) > len(problem.photos) // 2:
+    if problem.frees_parameters and len(names) > len(problem.photos) // 2:
         return parameters_left_open(problem)
     begin = f"block {problem.block.name}: not determined: "
     what = "photos" if len(names) > 1 else "photo"

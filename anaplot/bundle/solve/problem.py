@@ -263,6 +263,12 @@ class Problem:
         return self.additional is not None and self.additional.scope == "photo"
 
     @property
+    def frees_parameters(self) -> bool:
+        """Whether there are additional parameters without an a-priori weight."""
+        unknowns = len(self.additional_groups) * int(self.basis.shape[2])
+        return int(np.isfinite(self.additional_sigma).sum()) < unknowns
+
+    @property
     def observations(self) -> int:
         """Number of observations n."""
         priors = sum(
