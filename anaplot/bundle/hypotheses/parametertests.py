@@ -58,7 +58,7 @@ class ParameterTest(NamedTuple):
     verdict
         Of its single test; the family of all parameters keeps the significance.
     mdb
-        Smallest value [mm] that is found with the settings' power.
+        Smallest deviation [mm] from the given value that is found with the settings' power.
     power
         Power against a value as large as the block's a-priori image sigma.
     inflation
@@ -107,7 +107,7 @@ class ComponentTest(NamedTuple):
     parameter
         The parameter a sequential component belongs to; the weightiest of a principal one.
     value
-        Standardized by the a-priori sigma0.
+        Of the parameters minus their given values; standardized by the a-priori sigma0.
     variance
         See `anaplot.adjustment.hypothesis.Component`.
     loadings
@@ -131,7 +131,7 @@ class SetTest(NamedTuple):
     members
         Its parameters.
     verdict
-        All of them against zero; the family of sets keeps the significance.
+        All of them against their given values; the family of sets keeps the significance.
     sequential
         Each parameter with the earlier ones left out, the worst separated first.
     principal

@@ -86,9 +86,9 @@ class Observations:
 
     @cached_property
     def starts(self) -> tuple[int, int, int, int]:
-        """First rows of control (priors of points among it), of other priors, of conditions.
+        """First rows of what is stated of points, orientations and parameters, and of conditions.
 
-        Of control and priors of points, of priors on orientations, on parameters, of conditions.
+        Of points: control, then priors.
         """
         first = self.image
         second = first + len(self.ground)
