@@ -51,7 +51,7 @@ from anaplot.report.givenprior import given_document, posterior_document
 from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import names_in, takes_options
-from anaplot.report.parameters import automatic_choice, parameters_of
+from anaplot.report.parameters import Known, automatic_choice, parameters_of
 from anaplot.report.posteriorfile import check_posterior_path, with_given, write_posterior
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
@@ -123,7 +123,7 @@ def adjust(
     datum: Datum = "control",
     additional: str | None = None,
     additional_sigma_um: float | None = None,
-    additional_prior: Sequence[str] | None = None,
+    additional_prior: Known | None = None,
     snooping: bool = False,
     snooping_tolerance: float = 25.0,
     snooping_model: str | os.PathLike[str] = "sampled",
@@ -162,7 +162,7 @@ def adjust(
     additional_sigma_um
         Their a-priori standard deviation as effect in the image [um]; None: free.
     additional_prior
-        An a-priori calibration: "b1=12+-3,b2=5", or the name of a file.
+        An a-priori calibration: "b1=12+-3,b2=5", or a file; or several of these.
     snooping
         Add the modified data snooping of 1980 beside the exact test.
     snooping_tolerance
@@ -337,7 +337,7 @@ def find_gross_errors(
     datum: Datum = "control",
     additional: str | None = None,
     additional_sigma_um: float | None = None,
-    additional_prior: Sequence[str] | None = None,
+    additional_prior: Known | None = None,
     partner: float | None = None,
     as_given: bool = False,
     pairs: bool = False,

@@ -18,7 +18,7 @@ from anaplot.report.epochaside import aside_of
 from anaplot.report.epochdocument import compare_document, series_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import names_in, takes_options
-from anaplot.report.parameters import parameters_of
+from anaplot.report.parameters import Known, parameters_of
 from anaplot.report.power import check_power
 from anaplot.report.running import BlockOrFolder, block_of
 
@@ -31,7 +31,7 @@ class _Options(TypedDict, total=False):
     separate: bool
     additional: str | None
     additional_sigma_um: float | None
-    additional_prior: Sequence[str] | None
+    additional_prior: Known | None
     common_parameters: bool | None
     stable: str | Sequence[str] | None
     points: str | Sequence[str] | None
@@ -65,7 +65,7 @@ def compare(
     separate: bool = False,
     additional: str | None = None,
     additional_sigma_um: float | None = None,
-    additional_prior: Sequence[str] | None = None,
+    additional_prior: Known | None = None,
     common_parameters: bool | None = None,
     stable: str | Sequence[str] | None = None,
     points: str | Sequence[str] | None = None,
@@ -118,8 +118,6 @@ def compare(
     for option, text in (("--stable", stable), ("--points", points)):
         if text is not None and not names_in(text):
             raise InputError(f"{option}: no point is named")
-    if additional is None and additional_sigma_um is not None:
-        raise InputError("--additional-sigma-um goes with --additional")
     chosen = parameters_of(additional, additional_sigma_um, additional_prior)
     epochs = (first, second, *more)
     blocks, places = zip(*map(block_of, epochs), strict=True)

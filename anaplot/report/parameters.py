@@ -15,11 +15,14 @@ from anaplot.errors import InputError
 from anaplot.exchange.parameterpriorscsv import read_parameter_priors
 from anaplot.report.document import Line, named, say
 
-__all__ = ["automatic_choice", "given_json", "held_line", "parameters_of"]
+__all__ = ["Known", "automatic_choice", "given_json", "held_line", "parameters_of"]
+
+Known = str | Path | Sequence[str | Path]
+"""Priors as text, or files of them: one of these, or several."""
 
 
 def parameters_of(
-    name: str | None, sigma_um: float | None, priors: Sequence[str] | None
+    name: str | None, sigma_um: float | None, priors: Known | None
 ) -> AdditionalParameters | None:
     """Return the additional parameters that options ask for.
 
@@ -31,23 +34,33 @@ def parameters_of(
     Raises
     ------
     InputError
-        No such parameters, or a prior that is none.
+        No such parameters, weights without any, or a prior that is none.
     """
     if name is None:
+        if sigma_um is not None:
+            raise InputError("--additional-sigma-um goes with --additional")
         if priors:
             raise InputError("--additional-prior goes with --additional")
         return None
     known: list[ParameterPrior] = []
-    for text in [priors] if isinstance(priors, str) else priors or ():
-        if "=" in text:
-            known += parameter_priors(text)
+    for one in [priors] if isinstance(priors, str | Path) else priors or ():
+        # a file may have any name
+        if isinstance(one, str) and "=" in one and not _is_file(one):
+            known += parameter_priors(one)
         else:
-            known += [ParameterPrior(*row) for row in read_parameter_priors(Path(text))]
+            known += [ParameterPrior(*row) for row in read_parameter_priors(Path(one))]
     return additional_parameters(name, sigma_um, known)
 
 
+def _is_file(text: str) -> bool:
+    try:
+        return Path(text).is_file()
+    except OSError:  # longer than a name can be
+        return False
+
+
 def automatic_choice(
-    name: str | None, sigma_um: float | None, priors: Sequence[str] | None
+    name: str | None, sigma_um: float | None, priors: Known | None
 ) -> tuple[AdditionalParameters, ...]:
     """Return the sets that `--additional auto` tries; none where it is not asked for.
 

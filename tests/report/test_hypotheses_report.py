@@ -284,6 +284,26 @@ def test_given_values_of_parameters_reach_the_page_and_programs(tmp_path: Path) 
     assert [row["owner"] for row in answer["priors"]] == ["block"]
 
 
+def test_a_calibration_is_a_file_of_any_name_or_text(tmp_path: Path) -> None:
+    folder = write(tmp_path / "block", strip(planted=0.02))
+    known = tmp_path / "c=150.csv"
+    known.write_text("parameter,value,sigma\nb5,20,3\nb3,1,0\n", encoding="utf-8")
+    asked = {"as_json": True, "additional": "ebner:b3,b5"}
+    wanted = run_adjust(folder, additional_prior=["b5=20+-3,b3=1+-0"], **asked)[1]
+    several = ["b5=20+-3" + " " * 300, "b3=1+-0"]  # longer than a file's name can be
+    for given in (known, str(known), [known], [str(known)], several):
+        assert run_adjust(folder, additional_prior=given, **asked)[1] == wanted
+
+
+@pytest.mark.parametrize("option", ["additional_sigma_um", "additional_prior"])
+@pytest.mark.parametrize("errors", [None, "baarda"])
+def test_weights_of_no_parameters_are_refused(tmp_path: Path, option: str, errors) -> None:
+    folder = write(tmp_path / "block", strip())
+    value = 5.0 if option == "additional_sigma_um" else ["b3=1"]
+    with pytest.raises(InputError, match=rf"--{option.replace('_', '-')} goes with --additional"):
+        run_adjust(folder, errors=errors, **{option: value})
+
+
 def test_the_choice_of_parameters_is_shown_step_by_step(tmp_path: Path) -> None:
     folder = write(tmp_path / "block", strip(planted=0.02))
     text = report(folder, additional="auto:ebner")
