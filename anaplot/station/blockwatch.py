@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Set
+from collections.abc import Callable, Collection, Set
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ from anaplot.photogrammetry.block import Block
 from anaplot.session.state import ModelState, SessionState
 from anaplot.session.workflow import Outlook
 from anaplot.station.blockview import BlockView
-from anaplot.station.imagepoints import merged_rows
+from anaplot.station.imagepoints import Key, merged_rows
 from anaplot.station.modeltables import ModelTables, TableKeeper
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ class _Work:
     state: SessionState
     models: tuple[ModelState, ...]
     of_session: frozenset[str]
+    once: frozenset[Key]
     current: str | None
 
     @property
@@ -60,6 +61,7 @@ class _Work:
             and self.models == other.models
             and self.current == other.current
             and self.of_session == other.of_session
+            and self.once == other.once
             and (self.block is other.block or self.block == other.block)
         )
 
@@ -114,6 +116,7 @@ class BlockWatch:
         state: SessionState,
         outlook: Outlook,
         of_session: Set[str],
+        once: Collection[Key] = (),
         *,
         pause: float = 0.0,
     ) -> None:
@@ -130,6 +133,8 @@ class BlockWatch:
             alone says which of the two models is wrong.
         of_session
             Names of the models that the session has ever accepted.
+        once
+            Measurements of which it has ever written rows that name no model.
         pause
             Seconds before anything is computed: two threads at once share one interpreter, and
             whoever looks waits for the table of the model, not for the block.
@@ -140,6 +145,7 @@ class BlockWatch:
             state,
             state.models if current is None else state.models_with(current),
             frozenset(of_session if current is None else of_session | {current.name}),
+            frozenset(once),
             None if current is None else current.name,
         )
         with self._changed:
@@ -206,7 +212,7 @@ class BlockWatch:
         from anaplot.bundle.live import LiveBlock
         from anaplot.station.blockanswer import view_of
 
-        rows = merged_rows(work.block.image_points, work.models, work.of_session)
+        rows = merged_rows(work.block.image_points, work.models, work.of_session, once=work.once)
         if not rows:
             self._since = {}
             return None, None

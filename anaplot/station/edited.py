@@ -14,13 +14,26 @@ from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, fold, start
-from anaplot.station.imagepoints import accepted_ever, measured_here, rows_of
+from anaplot.station.imagepoints import (
+    Key,
+    accepted_ever,
+    measured_here,
+    rows_of,
+)
 from anaplot.station.rejectedelsewhere import agreeing, decisions, taken_already
 from anaplot.station.restored import restored
 from anaplot.station.sessionlog import read_history
 from anaplot.textfiles.wording import place, quoted
 
-__all__ = ["EditedRow", "Journaled", "check_unedited", "edited_rows", "journaled", "told"]
+__all__ = [
+    "EditedRow",
+    "Journaled",
+    "check_unedited",
+    "edited_rows",
+    "journaled",
+    "told",
+    "written_once",
+]
 
 Name = tuple[str, str, str | None]
 _BACK = "adjust --apply-undo takes back what --apply switched off"
@@ -184,6 +197,36 @@ def check_unedited(
     """
     for row in edited_rows(folder, block, state, of_session):
         raise InputError(told(folder, row))
+
+
+def written_once(folder: Path, block: Block, state: SessionState) -> frozenset[Key]:
+    """Return the measurements whose rows in the file are the session's, though they name no model.
+
+    The file may lag behind the journal: a row that belonged to two models of a mono comparator as
+    they were before is no measurement from elsewhere.
+
+    Parameters
+    ----------
+    folder, block, state
+        As `edited_rows` has them.
+
+    Raises
+    ------
+    InputError
+        The journal cannot be read.
+    """
+    photos = {photo for model in state.models if model.mono for photo in model.photos}
+    shared = {
+        (row.photo, row.point, row.x, row.y)
+        for row in block.image_points
+        if row.model is None and row.photo in photos
+    }
+    now = shared & measured_here(state.models) if shared else shared
+    others = shared - now
+    if not others:
+        return frozenset(now)
+    _, ever = _written(folder, block, {photo for photo, *_ in others})
+    return frozenset(now | (others & ever))
 
 
 def _name(row: ImagePoint) -> Name:

@@ -12,9 +12,10 @@ from anaplot.session.reasons import REASONS, RowReason, reason_of
 from anaplot.session.state import ModelState
 from anaplot.station.rejectedelsewhere import agreeing
 
-__all__ = ["accepted_ever", "measured_here", "merged_rows", "rows_of"]
+__all__ = ["Key", "accepted_ever", "measured_here", "measured_once", "merged_rows", "rows_of"]
 
 Key = tuple[str, str, float, float]
+"""Photo and point, x and y [mm]."""
 
 
 def rows_of(
@@ -29,7 +30,7 @@ def rows_of(
     """
     models = tuple(models)
     # written with the later model: the order of its points is that of the left photo's rows
-    once = _measured_once(models)
+    once = measured_once(models)
     said: dict[tuple[str, str], list[RowReason]] = {}
     for reason in reasons:
         said.setdefault((reason.model, reason.point), []).append(reason)
@@ -83,8 +84,13 @@ def _why(mine: Collection[RowReason], model: ModelState, point: str) -> str | No
     return why
 
 
-def _measured_once(models: tuple[ModelState, ...]) -> set[Key]:
-    """Return the measurements that two models share, and that count in the first."""
+def measured_once(models: Collection[ModelState]) -> set[Key]:
+    """Return the measurements that two models share, and that count in the first.
+
+    Each has one row, which names no model.
+    """
+    if not any(model.mono for model in models):
+        return set()
     right = {
         (model.strip, model.right): {(model.right, m.point, m.xr, m.yr) for m in model.used}
         for model in models
@@ -117,6 +123,7 @@ def merged_rows(
     models: Iterable[ModelState],
     of_session: Collection[str],
     reasons: Collection[RowReason] = (),
+    once: Collection[Key] = (),
 ) -> tuple[ImagePoint, ...]:
     """Return rows from elsewhere as they are, followed by the session's own.
 
@@ -133,10 +140,13 @@ def merged_rows(
         does; so does what a strategy rejected, as long as the session says the same.
     reasons
         Why rows are switched off.
+    once
+        Measurements that two models of the session shared at any time: their rows, which name no
+        model, are its own as well.
     """
     existing = tuple(existing)
     models = tuple(models)
-    own = measured_here(models)
+    own = measured_here(models).union(once)
     kept = tuple(
         row
         for row in existing

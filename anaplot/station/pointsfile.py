@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -18,7 +18,13 @@ from anaplot.session.events import Event
 from anaplot.session.modelstate import ModelState
 from anaplot.session.reasons import RowReason
 from anaplot.session.state import SessionState
-from anaplot.station.imagepoints import accepted_ever, measured_here, merged_rows
+from anaplot.station.imagepoints import (
+    Key,
+    accepted_ever,
+    measured_here,
+    measured_once,
+    merged_rows,
+)
 
 __all__ = ["BlockRead", "PointsFile"]
 
@@ -60,14 +66,28 @@ class PointsFile:
         As read from it.
     of_session
         Names "left/right" of the models that were accepted in the sessions before.
+    once
+        Measurements of which the sessions before wrote rows that name no model.
     """
 
-    def __init__(self, folder: Path, read: BlockRead, of_session: Iterable[str]) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        read: BlockRead,
+        of_session: Iterable[str],
+        once: Collection[Key] = (),
+    ) -> None:
         self._folder = folder
         self.block = read.block
         self._digest = read.digest
         self.of_session = set(of_session)
+        self.once = frozenset(once)
         self._written: _Written | None = None if self.of_session else ((), ())
+
+    @property
+    def own(self) -> tuple[Set[str], frozenset[Key]]:
+        """What is the session's: models by name, and measurements of rows that name none."""
+        return self.of_session, self.once
 
     def happened(self, events: Iterable[Event]) -> None:
         """Take notice of events: what was accepted once, undone or not, is the session's own."""
@@ -92,7 +112,8 @@ class PointsFile:
         if digest != self._digest:
             # rows that came from elsewhere meanwhile stay
             found = read_block(self._folder).image_points
-        rows = merged_rows(found, models, self.of_session, reasons)
+        self.once |= measured_once(models)
+        rows = merged_rows(found, models, self.of_session, reasons, self.once)
         if rows != found:
             digest = write_image_points(self._folder, rows)
         self.block = replace(self.block, image_points=rows)
@@ -102,7 +123,7 @@ class PointsFile:
     def known_points(self, models: tuple[ModelState, ...]) -> Candidates | None:
         """Return image coordinates of points measured elsewhere before, or None without any."""
         known: dict[str, dict[str, tuple[float, float]]] = {}
-        own = measured_here(models)
+        own = measured_here(models) | self.once
         for row in self.block.image_points:
             if (row.photo, row.point, row.x, row.y) in own:
                 continue

@@ -471,7 +471,7 @@ class Station(Commanded):
 
     def _tell_watch(self) -> None:
         desk, points, pause = self._desk, self._points, self._audience.pause
-        self._watch.tell(points.block, desk.state, desk.outlook, points.of_session, pause=pause)
+        self._watch.tell(points.block, desk.state, desk.outlook, *points.own, pause=pause)
 
     def _picture(self) -> Snapshot:
         self._serial += 1

@@ -11,7 +11,7 @@ from anaplot.exchange.blockfolder import image_points_digest, image_points_ident
 from anaplot.exchange.journal import Journal, Recovered
 from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
 from anaplot.session.state import fold, start
-from anaplot.station.edited import check_unedited
+from anaplot.station.edited import check_unedited, written_once
 from anaplot.station.pointsfile import BlockRead, PointsFile
 from anaplot.station.rejectedelsewhere import decisions, taken_already
 from anaplot.station.restored import Past, choice_for, past_of
@@ -74,7 +74,8 @@ class TakenUp:
         file = image_points_identity(self._folder)
         taken = decisions(self.block, past.state, file)
         state = fold(past.state, taken)
-        self.points = PointsFile(self._folder, self._read, past.of_session)
+        once = written_once(self._folder, self.block, past.state)
+        self.points = PointsFile(self._folder, self._read, past.of_session, once)
         check_unedited(self._folder, self.block, state, self.points.of_session)
         if taken_already(past.events, file):
             taken, state = (), past.state  # undone, and the file could not be written since
