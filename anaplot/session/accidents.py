@@ -40,6 +40,9 @@ class Accident(NamedTuple):
         What has it elsewhere: another strip's name, `GROUND`, or "" for its own strip.
     other
         The name that it probably has, or "".
+    first
+        The model of the strip that had it first under its name, where that is not the one in
+        question: there it got its name, and there it gets another one.
     """
 
     point: str
@@ -47,6 +50,7 @@ class Accident(NamedTuple):
     certain: bool
     against: str = ""
     other: str = ""
+    first: str = ""
 
 
 def accidents(state: SessionState, known: Transfer) -> tuple[Accident, ...]:
@@ -76,7 +80,26 @@ def _accidents(
     known: Transfer,
 ) -> tuple[Accident, ...]:
     here = () if model is None else model.used
-    return accidents_in(precision, models, model, known, {m.point for m in here})
+    found = accidents_in(precision, models, model, known, {m.point for m in here})
+    if model is None:
+        return found
+    return tuple(a._replace(first=_named_first(models, model, a.point)) for a in found)
+
+
+def _named_first(models: tuple[ModelState, ...], model: ModelState, point: str) -> str:
+    """Return the name of the first of the models before one that pass a point on to it, or ""."""
+    first, here = "", model
+    while before := next(
+        (
+            one
+            for one in models
+            if (one.strip, one.right) == (here.strip, here.left)
+            and any(m.point == point for m in one.used)
+        ),
+        None,
+    ):
+        first, here = before.name, before
+    return first
 
 
 def accidents_in(
@@ -166,7 +189,8 @@ def _two_names(
                 hypot(m.xr - other.xr, m.yr - other.yr),
             )
             if left < near and right < near:
-                yield _same(m.point, other.point, "")
+                # the model has both: one is too many, and to exchange them would change nothing
+                yield _same(m.point, other.point, "")._replace(other="")
         for photo, x, y in ((model.left, m.xl, m.yl), (model.right, m.xr, m.yr)):
             for name, ox, oy in there.get(photo, ()):
                 if abs(x - ox) < near and hypot(x - ox, y - oy) < near:

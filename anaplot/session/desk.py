@@ -215,9 +215,13 @@ class Desk:
         if isinstance(beyond, Accident):
             again = Step("remeasure", f"remeasure {beyond.point}", beyond.point)
             off = Step("switch off", "switch it off", beyond.point)
+            if not beyond.other:
+                return Agenda((again, off, accept), beyond.text)
+            if beyond.first:
+                there = f"named so first in {beyond.first}: return to it"
+                return Agenda((again, off, accept), f"{beyond.text} ({there})")
             named = Step("rename", f"name it {beyond.other}", beyond.point)
-            steps = (again, *((named,) if beyond.other else ()), off, accept)
-            return Agenda(steps, beyond.text)
+            return Agenda((again, named, off, accept), beyond.text)
         if isinstance(beyond, Offer):
             name = beyond.planned.point
             offered = Step("measure", f"measure {name} ({beyond.words})", name)

@@ -59,7 +59,8 @@ def other_names(
         found[first] = OtherName(first, second, side)
         found[second] = OtherName(second, first, side)
     for one in accidents:
-        if one.other and model.measurement(one.point) is not None:
+        # a name that a model before gave it is corrected there, or the two contradict each other
+        if one.other and not one.first and model.measurement(one.point) is not None:
             found.setdefault(one.point, OtherName(one.point, one.other))
     return tuple(found.values())
 

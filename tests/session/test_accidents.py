@@ -10,6 +10,7 @@ from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.session.accidents import accidents
 from anaplot.session.events import PlannedPoint
 from anaplot.session.modelstate import Measured, ModelState
+from anaplot.session.othernames import OtherName, other_names
 from anaplot.session.state import SessionState
 from anaplot.session.transfer import Mark, Transfer
 
@@ -51,6 +52,29 @@ def test_in_one_model_both_photos_say_so() -> None:
         assert told(model(a=HERE, b=moved(**{name: 0.99 * NEAR}))) == twice("b", "a")
         # one behind the other, or beside it: another point
         assert told(model(a=HERE, b=moved(**{name: 1.01 * NEAR}))) == {}
+
+
+def test_to_exchange_two_names_of_one_place_is_no_cure() -> None:
+    both = model(a=HERE, b=HERE)
+    found = accidents(SessionState(BLOCK, current=both), Transfer())
+    assert [one.other for one in found] == [""]
+    assert other_names(both, None, found) == ()
+
+
+def test_a_tie_is_named_otherwise_where_it_got_its_name() -> None:
+    there = {"a": (0.0, 0.0, *HERE[:2]), "c": (0.0, 50.0, 0.0, 50.0)}
+    here = model(b=HERE, c=moved(yl=50.0, yr=50.0))
+    before, first = model(("101", "102"), **there), model(("100", "101"), c=HERE)
+    (found,) = accidents(SessionState(BLOCK, models=(first, before), current=here), Transfer())
+    assert (found.point, found.other, found.first) == ("b", "a", "")
+    assert other_names(here, None, [found]) == (OtherName("b", "a"),)
+    # the model before has it under this name, too: it would contradict what it is tied to
+    before = model(("101", "102"), **there, b=(0.0, 0.0, *HERE[:2]))
+    first = model(("100", "101"), b=HERE)
+    for models, name in (((before,), "101/102"), ((first, before), "100/101")):
+        (found,) = accidents(SessionState(BLOCK, models=models, current=here), Transfer())
+        assert (found.point, found.other, found.first) == ("b", "a", name)
+        assert other_names(here, None, [found]) == ()
 
 
 @pytest.mark.parametrize(("photos", "at"), [(("101", "102"), 2), (("103", "104"), 0)])

@@ -19,7 +19,9 @@ from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.exchange.journal import Journal
+from anaplot.session.accidents import Accident
 from anaplot.session.commands import Accept, Drive, NextModel, Rename, ReturnTo, Switch, Undo
+from anaplot.session.desk import Desk
 from anaplot.session.events import Event, ModelAccepted, PointMeasured, PointRenamed, Undone
 from anaplot.session.models import solve
 from anaplot.session.modelstate import ModelState
@@ -159,6 +161,31 @@ def _events(scene: Scene, state: SessionState) -> Iterator[Event]:
     yield scene.choice(scene.start, 0)
     for m in current(state).measured:
         yield PointMeasured(*HERE, m.point, m.xl, m.yl, m.xr, m.yr, "key")
+
+
+@pytest.mark.parametrize(
+    ("first", "kinds", "words"),
+    [
+        ("", ["remeasure", "rename", "switch off", "accept"], "another point?"),
+        (
+            "101/102",
+            ["remeasure", "switch off", "accept"],
+            "another point? (named so first in 101/102: return to it)",
+        ),
+    ],
+)
+def test_a_name_is_proposed_where_the_point_got_its_own(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, first: str, kinds: list[str], words: str
+) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.whole_model()
+    point, other = names(current(bench.desk.state))[2:4]
+    wrong = Accident(point, "another point?", True, "2", other, first)
+    monkeypatch.setattr(Desk, "accidents", property(lambda _: (wrong,)))
+    agenda = bench.desk.agenda
+    assert [step.kind for step in agenda.steps] == kinds
+    assert agenda.remark == words
+    assert bench.desk.other_names == (() if first else (OtherName(point, other),))
 
 
 def test_a_name_known_from_elsewhere_is_checked_and_told(scene: Scene) -> None:

@@ -14,6 +14,7 @@ from anaplot.session.commands import Accept, AddPoint, Drive, NextModel, Switch,
 from anaplot.session.desk import Desk
 from anaplot.session.events import PlannedPoint, PointAdded, PointMeasured, RowSwitched
 from anaplot.session.models import geometry_of
+from anaplot.session.othernames import OtherName
 from anaplot.session.state import EventRefusedError, apply, fold, start
 from anaplot.session.tiecheck import GROUND, NOTHING_KNOWN, Known
 from anaplot.session.transfer import transfer, transfer_of_strip
@@ -212,6 +213,8 @@ def test_interchanged_lateral_ties_are_named_as_such(begun):
     bench.point_at(two)
     assert {a.point for a in bench.desk.accidents} == {one, two}
     assert f"{one} and {two} interchanged?" in " ".join(a.text for a in bench.desk.accidents)
+    assert [s.words for s in bench.desk.agenda.steps if s.kind == "rename"] == [f"name it {two}"]
+    assert set(bench.desk.other_names) == {OtherName(one, two), OtherName(two, one)}
 
 
 @pytest.mark.slow
