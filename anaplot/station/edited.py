@@ -8,19 +8,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import IMAGE_POINTS_CSV, image_points_identity
+from anaplot.exchange.blockfolder import IMAGE_POINTS_CSV
 from anaplot.exchange.journal import read_journal
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
 from anaplot.session.modelstate import ModelState
-from anaplot.session.state import SessionState, apply, fold, start
+from anaplot.session.state import SessionState, apply, start
 from anaplot.station.imagepoints import (
     Key,
     accepted_ever,
     measured_here,
     rows_of,
 )
-from anaplot.station.rejectedelsewhere import agreeing, decisions, taken_already
+from anaplot.station.rejectedelsewhere import agreeing, elsewhere
 from anaplot.station.restored import restored
 from anaplot.station.sessionlog import read_history
 from anaplot.textfiles.wording import place, quoted
@@ -101,11 +101,9 @@ def journaled(folder: Path, block: Block) -> Journaled:
     try:
         records = read_journal(folder, keep=lambda kind: kind in EVENT_KINDS).records
         events, state = restored(block, (one for one in records if one.kind in EVENT_KINDS))
-        taken = decisions(block, state)
-        edited = edited_rows(folder, block, fold(state, taken), accepted_ever(events))
-        if taken_already(events, image_points_identity(folder)):
-            taken = ()
-        return Journaled(state, (*_decided_rows(block, state, taken), *edited))
+        new, said = elsewhere(folder, block, state, events)
+        edited = edited_rows(folder, block, said, accepted_ever(events))
+        return Journaled(state, (*_decided_rows(block, state, new), *edited))
     except InputError as error:
         return Journaled(unread=f"the journal was not read: {error}")
 

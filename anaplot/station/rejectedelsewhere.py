@@ -5,21 +5,39 @@ The session takes it over when it is opened: what is decided belongs to the bloc
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
 
 from anaplot.aliases import Axis, Strategy
+from anaplot.exchange.blockfolder import image_points_identity
 from anaplot.exchange.rejectedrows import STRATEGIES, as_before, rejected_axes, rejects, said_by
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.selection import points_of, rows_by_photo, rows_off
 from anaplot.session.events import DecidedRow, DecisionsTakenOver, Event
 from anaplot.session.modelstate import Measured, ModelState
-from anaplot.session.state import SessionState, apply
+from anaplot.session.state import SessionState, apply, fold
 
-__all__ = ["agreeing", "decisions", "taken_already", "told_decisions"]
+__all__ = ["Elsewhere", "agreeing", "decisions", "elsewhere", "told_decisions"]
 
 _MOST = 1000  # rows an event
 Name = tuple[str, str, str | None]
+
+
+class Elsewhere(NamedTuple):
+    """What strategies decided in a file.
+
+    Attributes
+    ----------
+    new
+        What a session has still to take over.
+    said
+        The session's state with all of it, new or not: what the file is to be checked against.
+    """
+
+    new: tuple[DecisionsTakenOver, ...]
+    said: SessionState
 
 
 def decisions(
@@ -51,19 +69,28 @@ def decisions(
     )
 
 
-def taken_already(events: Iterable[Event], file: str | None) -> bool:
-    """Whether a session took over before what a file says: it was undone since, if anything is.
+def elsewhere(
+    folder: Path, block: Block, state: SessionState, events: Sequence[Event]
+) -> Elsewhere:
+    """Return what strategies switched in a folder's file, and has still to be taken over.
+
+    What a session took over of this file last, and is not in its state, was undone since: it is
+    not taken over again. A file that another one came after is a new one.
 
     Parameters
     ----------
+    folder, block
+        The block folder, and what was read from it.
+    state
+        To which the journal led.
     events
         What happened in the session.
-    file
-        Which file it is; None where there is none.
     """
-    return file is not None and any(
-        isinstance(event, DecisionsTakenOver) and event.file == file for event in events
-    )
+    file = image_points_identity(folder)
+    found = decisions(block, state, file)
+    last = next((e for e in reversed(events) if isinstance(e, DecisionsTakenOver)), None)
+    known = file is not None and last is not None and last.file == file
+    return Elsewhere(() if known else found, fold(state, found))
 
 
 def _rejected(state: SessionState) -> bool:

@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from anaplot.exchange.blockfolder import image_points_digest, image_points_identity
+from anaplot.exchange.blockfolder import image_points_digest
 from anaplot.exchange.journal import Journal, Recovered
 from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
-from anaplot.session.state import fold, start
+from anaplot.session.state import start
 from anaplot.station.edited import check_unedited, written_once
 from anaplot.station.pointsfile import BlockRead, PointsFile
-from anaplot.station.rejectedelsewhere import decisions, taken_already
+from anaplot.station.rejectedelsewhere import elsewhere
 from anaplot.station.restored import Past, choice_for, past_of
 
 __all__ = ["TakenUp"]
@@ -71,17 +71,16 @@ class TakenUp:
         """
         self._read_again()
         past = past_of(self._folder, self.block, recovered)
-        file = image_points_identity(self._folder)
-        taken = decisions(self.block, past.state, file)
-        state = fold(past.state, taken)
+        new, said = elsewhere(self._folder, self.block, past.state, past.events)
         once = written_once(self._folder, self.block, past.state)
         self.points = PointsFile(self._folder, self._read, past.of_session, once)
-        check_unedited(self._folder, self.block, state, self.points.of_session)
-        if taken_already(past.events, file):
-            taken, state = (), past.state  # undone, and the file could not be written since
-        self.decided = taken
+        check_unedited(self._folder, self.block, said, self.points.of_session)
+        self.decided = new
         self.past = replace(
-            past, events=(*past.events, *taken), count=past.count + len(taken), state=state
+            past,
+            events=(*past.events, *new),
+            count=past.count + len(new),
+            state=said if new else past.state,
         )
 
     def _read_again(self) -> None:

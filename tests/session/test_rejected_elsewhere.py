@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -333,6 +334,35 @@ def test_what_adjust_applies_while_the_block_is_being_opened_is_taken_over(
     finally:
         journal.close()
     assert read_block(folder).image_points == taken_up.block.image_points == file
+
+
+def opened(folder: Path) -> SessionState:
+    """Open a session, take over what was decided elsewhere, write the file, and close it."""
+    taken_up = TakenUp(folder, BlockRead.of(folder))
+    with taken_up.open({})[0] as journal:
+        for event in taken_up.decided:
+            append_event(journal, event)
+        taken_up.points.write(taken_up.past.state)
+    return taken_up.past.state
+
+
+def test_an_earlier_file_put_back_is_taken_over_as_it_was_before(tmp_path: Path) -> None:
+    folder = tmp_path / "b"
+    state = folder_of(folder)
+    path, copy = folder / "image_points.csv", tmp_path / "copy.csv"
+    rows = read_block(folder).image_points
+    point = state.models[0].plan[0].point
+    file = applied(rows, [("image", "102", point, "101/102", axis) for axis in "xy"], "tau")
+    write_image_points(folder, file)
+    shutil.copy2(path, copy)
+    assert (point, "y") in opened(folder).models[0].off
+    write_image_points(folder, taken_back(file, STRATEGIES))
+    assert opened(folder).models == state.models
+    # with its time, as cp -p does
+    shutil.copy2(copy, path)
+    assert "switched by adjust" in journaled(folder, read_block(folder)).remark(folder)
+    assert (point, "y") in opened(folder).models[0].off
+    assert path.read_bytes() == copy.read_bytes()
 
 
 def test_what_else_was_changed_is_refused_as_ever(tmp_path: Path) -> None:
