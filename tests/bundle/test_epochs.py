@@ -16,10 +16,11 @@ from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.epochs.common import common_control
 from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.epochs.displacementtests import epoch_tests
-from anaplot.bundle.epochs.joint import joint_block
+from anaplot.bundle.epochs.joint import adjust_jointly, joint_block
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError
+from anaplot.bundle.solve.parameterpriors import ParameterPrior
 from anaplot.cli import main
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import ImagePoint, TestSettings
@@ -478,6 +479,41 @@ def test_common_parameters_and_those_of_each_epoch() -> None:
         compare_epochs(
             first, second, additional=additional_parameters("ebner:photo"), common_parameters=True
         )
+
+
+@pytest.mark.parametrize(
+    ("scope", "common"), [("block", False), ("strip", None), ("camera", None), ("camera", False)]
+)
+@pytest.mark.parametrize("sigma", [2.0, 0.0, None])
+def test_priors_of_groups_are_those_of_the_epochs_that_have_them(scope, common, sigma) -> None:
+    first, second = epoch(21), epoch(22)
+    groups = {
+        "block": ["block"],
+        "strip": [strip.id for strip in first.strips],
+        "camera": [camera.id for camera in first.cameras],
+    }[scope]
+
+    def compared(*of):
+        known = [ParameterPrior("b3", 3.0, sigma, group) for group in of]
+        chosen = additional_parameters(f"ebner:b3,b5:{scope}", 20.0, known)
+        return compare_epochs(first, second, additional=chosen, common_parameters=common)
+
+    one, other = compared(*groups), compared(None)
+    np.testing.assert_allclose(one.d, other.d, atol=1e-9)
+    assert (one.redundancy, one.vtpv) == (other.redundancy, pytest.approx(other.vtpv))
+    with pytest.raises(InputError, match=rf"no {scope} 'x' in any epoch \(known: {groups[0]}"):
+        compared(*groups, "x")
+
+
+def test_a_prior_of_one_strip_is_that_of_this_strip_in_each_epoch() -> None:
+    blocks = [epoch(21), epoch(22)]
+    chosen = additional_parameters(
+        "ebner:b3,b5:strip", None, [ParameterPrior("b3", 3.0, 2.0, blocks[0].strips[1].id)]
+    )
+    alone = [adjust_block(block) for block in blocks]
+    found = adjust_jointly(alone, common_control(blocks), {}, "control", chosen, same=False)
+    names = [row.key[1] for row in found.prior_rows()]
+    assert names == [f"{blocks[0].strips[1].id} [{k}]" for k in (1, 2)]
 
 
 def test_points_of_one_epoch_and_control_in_one_epoch() -> None:

@@ -11,10 +11,11 @@ from anaplot.aliases import Array, Progress
 from anaplot.bundle.adjust import adjust_bundle
 from anaplot.bundle.epochs.common import Common, Epochs
 from anaplot.bundle.epochs.moves import Move
-from anaplot.bundle.solve.additional import AdditionalParameters
+from anaplot.bundle.solve.additional import AdditionalParameters, Scope
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
 from anaplot.bundle.solve.imaging import BlockState
+from anaplot.bundle.solve.laidparameters import groups_of_photos
 from anaplot.bundle.solve.namedpoints import point_numbers, point_places
 from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.errors import InputError
@@ -28,6 +29,7 @@ from anaplot.photogrammetry.block import (
     Strip,
 )
 from anaplot.photogrammetry.similarity import Similarity, fit_similarity
+from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["adjust_jointly", "joint_block", "joint_displacements", "progress_of"]
 
@@ -131,6 +133,29 @@ def joint_block(
     )
 
 
+def _of_all(
+    additional: AdditionalParameters, alone: Sequence[AdjustedBlock], block: Block, scope: Scope
+) -> AdditionalParameters:
+    """Return parameters with the priors of a group for what it is called in the joint block."""
+    called: dict[str, dict[str, None]] = {}
+    for k, one in enumerate(alone):
+        photos, mark = one.problem.photos, _mark((k,), len(alone))
+        own = groups_of_photos(one.problem.block, additional.scope, photos)
+        joint = groups_of_photos(block, scope, [photo + mark for photo in photos])
+        for name, there in zip(own, joint, strict=True):
+            called.setdefault(name, {})[there] = None
+    priors = []
+    for prior in additional.priors:
+        if prior.group is not None and prior.group not in called:
+            raise InputError(
+                f"the prior of {quoted(prior.parameter)}: no {additional.scope} "
+                f"{quoted(prior.group)} in any epoch{hint(prior.group, called)}"
+            )
+        groups = [None] if prior.group is None else called[prior.group]
+        priors += [prior._replace(group=group) for group in groups]
+    return replace(additional, priors=tuple(priors))
+
+
 def _alike(blocks: Sequence[Block], camera: Camera) -> Epochs:
     """Return the epochs in which a camera is declared so."""
     return frozenset(k for k, block in enumerate(blocks) if camera in block.cameras)
@@ -187,8 +212,9 @@ def adjust_jointly(
         epoch_strips=per_epoch,
         same_cameras=not own_cameras,
     )
-    if per_epoch and additional is not None:
-        additional = replace(additional, scope="strip")
+    if additional is not None:
+        scope: Scope = "strip" if per_epoch else additional.scope
+        additional = replace(_of_all(additional, alone, block, scope), scope=scope)
     problem = make_problem(block, datum=datum, additional=additional)
     fitted: list[Similarity | None] = [None] * len(alone)
     if datum == "free":

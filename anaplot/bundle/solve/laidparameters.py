@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from anaplot.aliases import Array, Index
-from anaplot.bundle.solve.additional import AdditionalParameters, ParameterSet, lens_units
+from anaplot.bundle.solve.additional import AdditionalParameters, ParameterSet, Scope, lens_units
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.lens import LENS_PARAMETERS
 from anaplot.textfiles.wording import hint, quoted
 
-__all__ = ["LaidParameters", "lay_out_parameters"]
+__all__ = ["LaidParameters", "groups_of_photos", "lay_out_parameters"]
 
 
 class LaidParameters(NamedTuple):
@@ -45,6 +46,19 @@ class LaidParameters(NamedTuple):
     sigma: Array
     shift: Array | None = None
     lens_held: Array | None = None
+
+
+def groups_of_photos(block: Block, scope: Scope, photos: Sequence[str]) -> list[str]:
+    """Return the group that the parameters of each photo belong to."""
+    if scope == "block":
+        return ["block"] * len(photos)
+    if scope == "photo":
+        return list(photos)
+    if scope == "camera":
+        cameras = {photo.id: photo.camera for photo in block.photos}
+        return [cameras[name] for name in photos]
+    strips = {name: strip.id for strip in block.strips for name in strip.photos}
+    return [strips.get(name, "(no strip)") for name in photos]
 
 
 def lay_out_parameters(
@@ -82,19 +96,12 @@ def lay_out_parameters(
         empty = np.zeros(n, dtype=np.intp)
         nothing = np.empty((0, 0))
         return LaidParameters(np.empty((n, 2, 0)), None, empty, (), nothing, nothing)
-    if additional.scope == "block":
-        names: tuple[str, ...] = ("block",)
-        of_photo = np.zeros(len(photos), dtype=np.intp)
-    elif additional.scope == "photo":
-        names, of_photo = tuple(photos), np.arange(len(photos))
-    elif additional.scope == "camera":
-        used, of_photo = np.unique(cameras, return_inverse=True)
-        names = tuple(block.cameras[k].id for k in used)
-    else:
-        strips = {name: strip.id for strip in block.strips for name in strip.photos}
-        labels = [strips.get(name, "(no strip)") for name in photos]
-        names = tuple(dict.fromkeys(labels))
-        of_photo = np.array([names.index(label) for label in labels], dtype=np.intp)
+    labels = groups_of_photos(block, additional.scope, photos)
+    names = tuple(dict.fromkeys(labels))
+    if additional.scope == "camera":
+        names = tuple(camera.id for camera in block.cameras if camera.id in names)
+    numbers = {name: k for k, name in enumerate(names)}
+    of_photo = np.array([numbers[label] for label in labels], dtype=np.intp)
     # a lens is one thing for its group, whatever the cameras; other terms belong to the format
     of_ray = of_photo[photo] if additional.set.lens else cameras[photo]
     reach = np.zeros(len(block.cameras))
@@ -118,7 +125,7 @@ def lay_out_parameters(
         largest = np.abs(basis[:count]).max(axis=(0, 1), initial=0.0)
         sigma[:] = additional.sigma_um * 1e-3 / np.where(largest > 0.0, largest, 1.0)
     given = _known(additional, names, lens, sigma)
-    group = of_photo[photo].astype(np.intp)
+    group = of_photo[photo]
     laid = LaidParameters(
         basis, lens, group, names, given, sigma if np.isfinite(sigma).any() else sigma[:0]
     )
