@@ -125,14 +125,16 @@ def moved_similarity(now: Similarity, middle: Array, step: Array) -> Similarity:
     return Similarity(scale, rotation @ now.rotation, shift)
 
 
-def fit_to_partial(source: Array, target: Array, start: Similarity) -> Similarity | None:
+def fit_to_partial(
+    source: Array, target: Array, start: Similarity, *, some: bool = False
+) -> Similarity | None:
     """Refine a similarity with targets that lack coordinates (NaN).
 
     Gauss-Newton over scale, rotation and shift with Cauchy's weights; None when the coordinates do
-    not determine the seven parameters.
+    not determine the seven parameters; with `some`, those that they leave open stay as they are.
     """
     known = np.isfinite(target)
-    if int(known.sum()) < 7:
+    if int(known.sum()) < 7 and not some:
         return None
     now = start
     middle = source.mean(axis=0)
@@ -151,7 +153,7 @@ def fit_to_partial(source: Array, target: Array, start: Similarity) -> Similarit
         solved, _, rank, singular = np.linalg.lstsq(
             design / length * weight[:, None], -e * weight, rcond=1e-9
         )
-        if rank < 7 or singular[-1] < 1e-6 * singular[0]:
+        if not some and (rank < 7 or singular[-1] < 1e-6 * singular[0]):
             return None
         step = solved / length
         angle = float(np.linalg.norm(step[3:6]))

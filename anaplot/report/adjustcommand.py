@@ -467,7 +467,11 @@ def _whole(document: Document, parts: dict[str, Document]) -> Document:
 def _without_control(steps: ControlLast) -> Document:
     """Return the document of the cleaning before control came in."""
     first = errors_document(steps.images)
-    held = "by priors" if steps.datum == "priors" else "as a free network"
+    held = {
+        "priors": "by priors",
+        "free": "as a free network",
+        "partly free": "as a free network where the priors leave it open",
+    }[steps.datum]
     page = (
         say("STEP 1: image coordinates, without control, {}", held).of("heading"),
         *first.page,

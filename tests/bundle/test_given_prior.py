@@ -341,6 +341,21 @@ def test_a_given_prior_holds_the_datum_when_control_comes_last(shaken):
     assert not priors_hold(make_problem(replace(second, given=None)))
 
 
+def test_a_given_prior_stays_when_control_comes_last_also_where_it_holds_no_datum(shaken):
+    halves, _ = shaken
+    first = adjust_block(halves.first)
+    seen = {row.point for row in halves.second.image_points}
+    two = tuple(name for name in first.problem.points if name in seen)[:2]
+    second = replace(halves.second, control=halves.both.control, given=posterior_of(first, two))
+    found = clean_control_last(second, "tau")
+    images = found.images.block
+    assert (found.datum, images.problem.defect) == ("partly free", 1)
+    assert len(images.problem.given) == 6
+    # six coordinates of two points hold six movements, and check nothing
+    bare = adjust_block(replace(second, control=(), given=None), datum="free")
+    assert images.redundancy == bare.redundancy + len(images.problem.given) - 6
+
+
 # --- what is given --------------------------------------------------------------------------
 
 

@@ -150,6 +150,96 @@ def test_control_last_keeps_the_priors() -> None:
     assert len(steps.block.point_prior_rows()) == 3 * len(block.priors)
 
 
+_HEIGHTS, _ALL = (2,), (0, 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("some", "axes", "sigma", "left_open", "photos"),
+    [
+        (slice(None), _HEIGHTS, 0.1, 3, ()),
+        (slice(2), _ALL, 0.1, 1, ()),
+        (slice(1), _ALL, 0.1, 4, ()),
+        (slice(None), _ALL, 500.0, 0, ()),
+        # positions of a strip and one height leave the turn about the strip nearly to the priors
+        (slice(1), _HEIGHTS, 0.1, 0, ("101", "102", "103", "104")),
+    ],
+)
+def test_control_last_keeps_priors_that_hold_no_datum(
+    some: slice, axes: tuple[int, ...], sigma: float, left_open: int, photos: tuple[str, ...]
+) -> None:
+    scene = aerial(2, 4, seed=4, noise_um=5.0, control_sigma=0.05)
+    rng = np.random.default_rng(3)
+
+    def prior(name: str) -> PointPrior:
+        at = scene.points[name] + rng.normal(size=3) * min(sigma, 1.0)
+        of = [(float(at[k]), sigma) if k in axes else (None, None) for k in range(3)]
+        return PointPrior(name, tuple(one[0] for one in of), tuple(one[1] for one in of))
+
+    rows = list(scene.block.image_points)
+    rows[20] = replace(rows[20], x=rows[20].x + 0.2)
+    block = replace(
+        scene.block,
+        image_points=tuple(rows),
+        priors=tuple(prior(name) for name in list(scene.points)[some]),
+        photos=tuple(
+            replace(
+                photo,
+                position=tuple(scene.centres[photo.id].tolist()),
+                position_sigma=(0.1,) * 3,
+            )
+            if photo.id in photos
+            else photo
+            for photo in scene.block.photos
+        ),
+    )
+    steps = clean_control_last(block, "baarda")
+    found = steps.images.block
+    problem = found.problem
+    wrong = ("image", rows[20].photo, rows[20].point, None, "x")
+    assert wrong in [row.name for row in steps.images.rejected]
+    assert steps.datum == ("partly free" if left_open else "priors")
+    assert problem.defect == left_open
+    count = len(axes) * len(block.priors)
+    assert len(found.point_prior_rows()) == count
+    assert len(steps.block.point_prior_rows()) == count
+    assert not found.control_rows()
+    # against a dense adjustment by the pseudo-inverse
+    design, _ = dense(found)
+    design = design / np.linalg.norm(design, axis=0)
+    hat = design @ np.linalg.pinv(design, rcond=1e-9)
+    r = 1.0 - np.diag(hat)
+    n, p = 2 * len(problem.photo), len(problem.points)
+    kept = ~found.rejected.ravel()
+    np.testing.assert_allclose(found.cofactors.r.ravel()[kept], r[:n][kept], atol=1e-6)
+    seen = np.isfinite(problem.expected_sigma)
+    of_priors = r[-3 * p :].reshape(p, 3)[seen]
+    np.testing.assert_allclose(found.cofactors.r_ground[1][seen], of_priors, atol=1e-6)
+    assert found.tested.r.sum() == pytest.approx(found.redundancy, abs=1e-6)
+    assert found.redundancy == problem.observations - np.linalg.matrix_rank(hat, tol=0.5)
+    # inner constraints close what is open: nothing of it is left in the points' cofactors
+    change = found.cofactors.change
+    assert (change is None) == (left_open == 0)
+    if change is not None:
+        assert change.null_points.shape == (p, 3, left_open)
+        np.testing.assert_allclose(
+            change.held(change.null_photos, change.null_points), change.defect, atol=1e-9
+        )
+
+
+def test_control_last_keeps_photos_priors_beside_those_of_points() -> None:
+    scene = aerial(2, 4, seed=4, noise_um=5.0, control_sigma=0.05)
+    first = scene.block.photos[0]
+    at = tuple(scene.centres[first.id].tolist())
+    photos = (replace(first, position=at, position_sigma=(0.1,) * 3), *scene.block.photos[1:])
+    name, place = next(iter(scene.points.items()))
+    priors = (PointPrior(name, tuple(place.tolist()), (0.1,) * 3),)
+    steps = clean_control_last(replace(scene.block, photos=photos, priors=priors), "baarda")
+    # two places: the turn about the line through them is open
+    assert (steps.datum, steps.images.block.problem.defect) == ("partly free", 1)
+    assert np.isfinite(steps.images.block.problem.position_sigma).sum() == 3
+    assert np.isfinite(steps.block.problem.expected_sigma).sum() == 3
+
+
 def test_priors_have_a_variance_of_their_own() -> None:
     block = adjust_block(with_priors())
     parts = block_components(block, "kinds")

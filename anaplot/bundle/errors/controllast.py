@@ -13,12 +13,14 @@ import numpy as np
 
 from anaplot.adjustment.findings import SearchSettings
 from anaplot.adjustment.watch import Watch
+from anaplot.bundle.adjust import adjust_bundle, with_additional
 from anaplot.bundle.errors.grosserrors import BlockFindings, block_gross_errors
 from anaplot.bundle.errors.leftout import with_priors_of
 from anaplot.bundle.solve.additional import AdditionalParameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.datum import priors_hold
-from anaplot.bundle.solve.problem import make_problem
+from anaplot.bundle.solve.datum import priors_hold, with_priors_kept
+from anaplot.bundle.solve.problem import Problem, make_problem
+from anaplot.bundle.start.approximate import laid_onto_control
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -32,13 +34,15 @@ class ControlLast:
     Attributes
     ----------
     images
-        The block without control, in the datum of its priors or as a free network: what is wrong
-        in image coordinates and priors.
+        The block without control, in the datum of its priors or as a free network, also in what
+        these leave open: what is wrong in image coordinates and priors.
     control
         The block with control and conditions between points and without those image coordinates:
         what is wrong in either.
     datum
-        What held the first step: "priors", or "free" where they do not determine all of a datum.
+        What held the first step: "priors"; "free" where those of photos do not determine all of a
+        datum; "partly free" where priors of points or given ones, which always stay, leave some of
+        it open.
     """
 
     images: BlockFindings
@@ -102,18 +106,8 @@ def clean_control_last(
     images, datum = _without_control(
         bare, strategy, settings, additional, as_given=as_given, watch=watch
     )
-    wrong = np.argwhere(images.block.rejected)
-    source = images.block.problem.source
-    out = {(int(source[ray]), axis) for ray, axis in wrong.tolist()}
-    problem = make_problem(block, additional=additional)
-    rejected = np.array(
-        [[(row, axis) in out for axis in (0, 1)] for row in problem.source.tolist()]
-    )
-    if problem.off is not None:
-        rejected |= problem.off
-    if rejected.any():
-        problem = replace(problem, rejected=rejected)
-    if datum == "priors":
+    problem = _without_images_of(make_problem(block, additional=additional), images.block)
+    if datum != "free":
         # a prior rejected without control stays so
         problem = with_priors_of(problem, images.block.problem)
     control = block_gross_errors(
@@ -131,14 +125,55 @@ def _without_control(
     as_given: bool,
     watch: Watch | None,
 ) -> tuple[BlockFindings, str]:
-    """Clean in the datum of the priors, or free where they do not hold one."""
+    """Clean in the datum of the priors, or free as far as they do not hold one."""
+
+    def cleaned(begin: Problem | AdjustedBlock, how: str) -> BlockFindings:
+        try:
+            return block_gross_errors(begin, strategy, settings, as_given=as_given, watch=watch)
+        except NotComputableError as error:
+            raise NotComputableError(f"without control, {how}: {error}") from error
+
     problem = make_problem(bare, additional=additional)
-    datum, how = "priors", "in the datum of the priors"
-    if not priors_hold(problem):
-        problem = make_problem(bare, datum="free", additional=additional)
-        datum, how = "free", "as a free network"
-    try:
-        found = block_gross_errors(problem, strategy, settings, as_given=as_given, watch=watch)
-    except NotComputableError as error:
-        raise NotComputableError(f"without control, {how}: {error}") from error
-    return found, datum
+    if priors_hold(problem):
+        return cleaned(problem, "in the datum of the priors"), "priors"
+    network = cleaned(make_problem(bare, datum="free", additional=additional), "as a free network")
+    if problem.given is None and not np.isfinite(problem.expected_sigma).any():
+        return network, "free"
+    begin = _onto_priors(problem, network.block, watch)
+    datum = "priors" if begin.problem.left_open is None else "partly free"
+    return cleaned(begin, "held by the priors as far as they go"), datum
+
+
+def _onto_priors(problem: Problem, network: AdjustedBlock, watch: Watch | None) -> AdjustedBlock:
+    """Adjust a clean free network anew, with the priors and free in what they leave open.
+
+    Parameters
+    ----------
+    problem
+        The bundle in the datum of its priors.
+    network
+        The free network, without what is rejected.
+    watch
+        As `block_gross_errors` has it.
+    """
+    free = network.problem
+    state = laid_onto_control(problem, free, network.state, some=True)
+    if state is None:
+        raise NotComputableError(
+            f"without control: block {problem.block.name}: what priors know of points cannot be "
+            "joined to the free network"
+        )
+    kept = _without_images_of(with_priors_kept(problem, state), network)
+    return adjust_bundle(kept, with_additional(problem, state), progress=watch)
+
+
+def _without_images_of(problem: Problem, cleaned: AdjustedBlock) -> Problem:
+    """Return a bundle without the image coordinates that another one of its block lacks."""
+    source = cleaned.problem.source
+    out = {(int(source[ray]), axis) for ray, axis in np.argwhere(cleaned.rejected).tolist()}
+    rejected = np.array(
+        [[(row, axis) in out for axis in (0, 1)] for row in problem.source.tolist()]
+    )
+    if problem.off is not None:
+        rejected |= problem.off
+    return replace(problem, rejected=rejected) if rejected.any() else problem

@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import qr
 from scipy.sparse.csgraph import connected_components
 
-from anaplot.aliases import Array, Index
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.conditionscale import ScaleOfConditions
 from anaplot.bundle.solve.imaging import BlockState
-from anaplot.bundle.solve.linearised import Linearised
+from anaplot.bundle.solve.linearised import Linearised, linearise
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.solve.reliability import DatumChange
 from anaplot.errors import NotComputableError
@@ -35,6 +36,7 @@ __all__ = [
     "relocate",
     "rescaled",
     "scale_of",
+    "with_priors_kept",
 ]
 
 
@@ -50,6 +52,7 @@ _NAMES = (
 _SCALINGS = 2  # misclosures are linear in the scale: the second time is for rounding
 _SCALE = 0.01  # by which approximate values differ from control that they were laid onto
 _LOOSE = 0.1  # of the extent, or rad: standard deviation with which priors hold no datum
+_OPEN = 1e-5  # the same of a movement that priors leave open, or hold by the rounding of a line
 _RANK = 1e-7  # singular value over the largest, in the block's own measure
 
 
@@ -61,7 +64,7 @@ class Anchor(NamedTuple):
     weights
         (n, d) weights relative to the diagonal of the normal equations.
     unknowns
-        (photo, index) of the seven.
+        (photo, index) of the seven, or of as many as are open.
     """
 
     weights: Array
@@ -96,7 +99,6 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
     """Raise NotComputableError when a part of the block hangs in the air; names its photos."""
     labels = components(problem)
     count = int(labels.max()) + 1
-    photo_null, point_null = null_space(problem, state)
     point_part = np.empty(len(problem.points), dtype=np.intp)
     point_part[problem.point] = labels[problem.photo]
     for part in range(count):
@@ -111,31 +113,11 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
             return
         # coordinates of fixed points belong to every part that sees them
         seen = np.unique(problem.point[labels[problem.photo] == part])
-        held = problem.fixed[seen] | (linear.point_weight[:, seen] > 0.0).any(axis=0)
-        rows = linear.photo_rows[mine]
-        if linear.given is not None:
-            held |= linear.given.held_points(state.points.shape)[seen] > 0.0
-            rows = np.concatenate((rows, linear.given.photo_rows(problem.per_photo)[mine]), axis=1)
-        priors = np.matmul(rows, photo_null[mine])
-        present = np.any(rows != 0.0, axis=2)
-        # in the block's own measure: metres over its extent, rotations in radians
-        extent = float(np.ptp(state.centres[mine], axis=0).max(initial=0.0))
-        extent = max(extent, float(np.ptp(state.points[seen], axis=0).max(initial=0.0)), 1e-9)
-        stack = np.concatenate((point_null[seen][held], priors[present]))
-        stack = stack * np.array([extent] * 3 + [1.0] * 4)
-        length = np.linalg.norm(stack, axis=1, keepdims=True)
-        stack = stack / np.where(length > 0.0, length, 1.0)
-        middle = state.points[seen].mean(axis=0) / extent
-        # shifts refer to the middle of the part, so that they do not mix with the rotations
-        base = np.eye(7)
-        base[:3, 3:6] = [[0, -middle[2], middle[1]], [middle[2], 0, -middle[0]],
-                         [-middle[1], middle[0], 0]]  # fmt: skip
-        base[:3, 6] = -middle
-        stack = stack @ base
-        _, singular, right = np.linalg.svd(np.vstack((stack, np.zeros((7, 7)))))
-        weak = singular < _RANK * max(1.0, float(singular[0]))
+        known = _held(problem, state, linear, mine, seen)
+        weak = known.singular < _RANK * max(1.0, float(known.singular[0]))
         if weak.any():
-            share = np.abs(right[weak]).max(axis=0)
+            held = known.coordinates
+            share = np.abs(known.right[weak]).max(axis=0)
             what = [name for name, s in zip(_NAMES, share, strict=True) if s > 0.3 * share.max()]
             count_control = int(held.any(axis=1).sum())
             scales = any(
@@ -145,7 +127,7 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
             hint = (
                 "there is no control and no prior orientation (a free datum needs none"
                 + (" and takes the scale from the distances)" if scales else ")")
-                if len(stack) == 0
+                if known.rows == 0
                 else f"{count_control} control points{' or priors of points' * some_priors}"
                 + " or given ones" * (linear.given is not None)
                 + (f" ({listed([problem.points[k] for k in seen[held.any(axis=1)]])})"
@@ -157,6 +139,88 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
                 f"block {problem.block.name}: not determined: {', '.join(what)}; {hint}"
                 + (f"; {where}" if where else "")
             )
+
+
+class _Held(NamedTuple):
+    """How well each movement of a part of a block is held: shift, rotation and scale.
+
+    Attributes
+    ----------
+    singular, right
+        (7,) and (7, 7) of the movements, which stand in the rows of `right`.
+    movements
+        (7, 7) what the columns of `null_space` are made up of for them: shifts over the extent,
+        rotations and scale about the middle of the part.
+    coordinates
+        (k, 3) which coordinates of its points are held.
+    rows
+        How much is stated.
+    """
+
+    singular: Array
+    right: Array
+    movements: Array
+    coordinates: Bools
+    rows: int
+
+
+def _held(
+    problem: Problem, state: BlockState, linear: Linearised, mine: Index, seen: Index
+) -> _Held:
+    """Return how control, priors and given coordinates hold some photos and points."""
+    photo_null, point_null = null_space(problem, state)
+    held = problem.fixed[seen] | (linear.point_weight[:, seen] > 0.0).any(axis=0)
+    rows = linear.photo_rows[mine]
+    if linear.given is not None:
+        held |= linear.given.held_points(state.points.shape)[seen] > 0.0
+        rows = np.concatenate((rows, linear.given.photo_rows(problem.per_photo)[mine]), axis=1)
+    priors = np.matmul(rows, photo_null[mine])
+    present = np.any(rows != 0.0, axis=2)
+    # in the block's own measure: metres over its extent, rotations in radians
+    extent = float(np.ptp(state.centres[mine], axis=0).max(initial=0.0))
+    extent = max(extent, float(np.ptp(state.points[seen], axis=0).max(initial=0.0)), 1e-9)
+    size = np.array([extent] * 3 + [1.0] * 4)
+    stack = np.concatenate((point_null[seen][held], priors[present])) * size
+    length = np.linalg.norm(stack, axis=1, keepdims=True)
+    stack = stack / np.where(length > 0.0, length, 1.0)
+    middle = state.points[seen].mean(axis=0) / extent
+    # shifts refer to the middle of the part, so that they do not mix with the rotations
+    base = np.eye(7)
+    base[:3, 3:6] = [[0, -middle[2], middle[1]], [middle[2], 0, -middle[0]],
+                     [-middle[1], middle[0], 0]]  # fmt: skip
+    base[:3, 6] = -middle
+    _, singular, right = np.linalg.svd(np.vstack((stack @ base, np.zeros((7, 7)))))
+    return _Held(singular, right, size[:, None] * base, held, len(stack))
+
+
+def _held_whole(problem: Problem, state: BlockState) -> _Held:
+    everything = np.arange(len(problem.photos)), np.arange(len(problem.points))
+    return _held(problem, state, linearise(problem, state), *everything)
+
+
+def with_priors_kept(problem: Problem, state: BlockState) -> Problem:
+    """Return a bundle whose priors stay observations, as a free network in what they leave open.
+
+    Parameters
+    ----------
+    problem
+        The bundle in the datum of its priors, without conditions between points.
+    state
+        Where it lies, about.
+    """
+    singular = _held_whole(problem, state).singular
+    left_open = int((singular < _OPEN * max(1.0, float(singular[0]))).sum())
+    return replace(problem, datum="free", left_open=left_open) if left_open else problem
+
+
+def _open_movements(problem: Problem, state: BlockState) -> tuple[Array, Array]:
+    """Return (n, d, k) and (p, 3, k): effect of the movements that nothing stated holds."""
+    photos, points = null_space(problem, state)
+    if problem.left_open is None:
+        return photos, points
+    known = _held_whole(problem, state)
+    basis = known.movements @ known.right[7 - problem.left_open :].T
+    return photos @ basis, points @ basis
 
 
 def priors_hold(problem: Problem) -> bool:
@@ -226,8 +290,20 @@ def _named_part(problem: Problem, mine: Index, count: int) -> str:
 
 
 def anchor(problem: Problem, state: BlockState) -> Anchor:
-    """Choose a photo with many rays and a coordinate of the photo farthest from it."""
+    """Choose a photo with many rays and a coordinate of the photo farthest from it.
+
+    Where priors leave only some movements open, the unknowns of photos that take most part in
+    them, one after the other.
+    """
     n, d = len(problem.photos), problem.per_photo
+    if problem.left_open is not None:
+        size = np.array([float(np.ptp(state.points, axis=0).max())] * 3 + [1.0] * 3)
+        moved = _open_movements(problem, state)[0][:, :6] / size[:, None]
+        chosen = qr(moved.reshape(6 * n, -1).T, mode="r", pivoting=True)[1][: problem.left_open]
+        unknowns = tuple((int(k) // 6, int(k) % 6) for k in chosen)
+        weights = np.zeros((n, d))
+        weights[tuple(np.array(unknowns).T)] = 1.0
+        return Anchor(weights, unknowns)
     rays = np.bincount(problem.photo, minlength=n)
     first = int(np.argmax(rays))
     away = np.abs(state.centres - state.centres[first])
@@ -241,18 +317,20 @@ def anchor(problem: Problem, state: BlockState) -> Anchor:
 def datum_change(problem: Problem, state: BlockState, used: Anchor) -> DatumChange:
     """Return the change from the anchor to inner constraints over the points, or to minimal ones.
 
-    Inner constraints are six where distances give the scale.
+    Inner constraints are six where distances give the scale, and as many as priors leave movements
+    open where those stay.
 
     Minimal: both full control points farthest apart and the height of the control point farthest
     from their line; without such control, the anchor's photo and coordinate.
     """
-    null_photos, null_points = null_space(problem, state)
+    null_photos, null_points = _open_movements(problem, state)
     held_photos, held_points = np.zeros_like(null_photos), np.zeros_like(null_points)
     if problem.datum == "free":
         held_points = null_points.copy()
         scale = scale_of(problem, state)
         if scale is None:
-            return DatumChange(null_photos, null_points, held_photos, held_points)
+            nothing = np.zeros(null_points.shape[2])
+            return DatumChange(null_photos, null_points, held_photos, held_points, nothing)
         held_points[:, :, 6] = scale.points
         variance = np.array([0.0] * 6 + [scale.variance])
         return DatumChange(null_photos, null_points, held_photos, held_points, variance, scale.rows)
@@ -315,8 +393,10 @@ def relocate(problem: Problem, start: BlockState, state: BlockState) -> BlockSta
     """Lay a solution without datum onto control, or onto the approximate points without it.
 
     A free solution goes onto all of them in the mean, a minimal one meets its seven coordinates.
-    The scale that distances give stays.
+    The scale that distances give stays. Where priors hold what they can, all stays.
     """
+    if problem.left_open is not None:
+        return state
     source, known = state.points, problem.known - state.origin
     chosen = _minimal_control(problem) if problem.datum == "minimal" else None
     full = np.isfinite(problem.known).all(axis=1)

@@ -129,6 +129,9 @@ class Problem:
         Conditions between points that take part, and those that are compared only or off, or None.
     given
         Coordinates that an earlier adjustment leaves as a prior, or None.
+    left_open
+        How many of the seven movements priors leave open that stay observations of a free network;
+        None where they do not.
     """
 
     block: Block = field(repr=False)
@@ -171,6 +174,7 @@ class Problem:
     conditions: Conditions | None = field(default=None, repr=False)
     compared: Conditions | None = field(default=None, repr=False)
     given: GivenPrior | None = field(default=None, repr=False)
+    left_open: int | None = None
 
     @property
     def bare(self) -> Problem:
@@ -293,6 +297,8 @@ class Problem:
         """Rank defect that the datum takes care of."""
         if self.datum == "control":
             return 0
+        if self.left_open is not None:
+            return self.left_open
         return 6 if self.conditions is not None and self.conditions.gives_scale else 7
 
     @property

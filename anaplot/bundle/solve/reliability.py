@@ -36,11 +36,12 @@ class DatumChange:
     Attributes
     ----------
     null_photos, null_points
-        (n, d, 7) and (p, 3, 7): what the seven changes of datum do to the unknowns (G).
+        (n, d, k) and (p, 3, k): what the changes of datum do to the unknowns (G): seven, or those
+        that priors leave open.
     held_photos, held_points
         The combinations D held to zero, of the same shapes.
     variance
-        (7,) of what the combinations are held to: zeros, but for a scale that distances give.
+        (k,) of what the combinations are held to: zeros, but for a scale that distances give.
     by_conditions
         (n,) what an error of one standard deviation in each row of the conditions changes that
         scale by; empty where they give none.
@@ -66,7 +67,7 @@ class DatumChange:
         return out
 
     def held(self, photos: Array, points: Array) -> Array:
-        """Return (7, k) what the held combinations make of k changes of the unknowns."""
+        """Return (d, k) what the held combinations make of k changes of the unknowns."""
         out: Array = np.einsum("nil,nik->lk", self.held_photos, photos)
         out += np.einsum("nil,nik->lk", self.held_points, points)
         return out
@@ -96,7 +97,7 @@ class DatumChange:
 
     @property
     def defect(self) -> Array:
-        """(7, 7) D'G."""
+        """(k, k) D'G."""
         return self.held(self.null_photos, self.null_points)
 
 
@@ -409,7 +410,7 @@ def _changed(
     their rows of G are zero.
     """
     problem = normal.problem
-    shared = np.zeros((len(normal.corner), 7))
+    shared = np.zeros((len(normal.corner), change.held_points.shape[2]))
     e_photo, e_point, e_shared = normal.solve(
         factor, change.held_photos, change.held_points, shared
     )

@@ -11,7 +11,7 @@ from anaplot.photogrammetry.collinearity import project, turns
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.similarity import Similarity, fit_to_partial, robust_similarity
 
-__all__ = ["give_nominal_place", "to_ground"]
+__all__ = ["give_nominal_place", "to_ground", "to_some_ground"]
 
 
 def to_ground(problem: Problem, subblock: SubBlock) -> bool:
@@ -20,10 +20,7 @@ def to_ground(problem: Problem, subblock: SubBlock) -> bool:
     A similarity that most full points agree on, refined with all single coordinates; False when
     they do not suffice, the sub-block then stays as it is.
     """
-    placed = subblock.placed & np.isfinite(problem.near).any(axis=1)
-    stated = subblock.oriented & np.isfinite(problem.position[:, 0])
-    source = np.concatenate((subblock.points[placed], subblock.centres[stated]))
-    target = np.concatenate((problem.near[placed], problem.position[stated]))
+    source, target = _both_places(problem, subblock)
     if len(source) == 0:
         return False
     full = np.isfinite(target).all(axis=1)
@@ -58,6 +55,37 @@ def to_ground(problem: Problem, subblock: SubBlock) -> bool:
         return False
     subblock.transform(best)
     return True
+
+
+def to_some_ground(problem: Problem, subblock: SubBlock) -> None:
+    """Lay a sub-block onto what is known where that leaves some of a similarity open.
+
+    What is open stays as it is.
+    """
+    source, target = _both_places(problem, subblock)
+    if len(source) == 0:
+        return
+    lean = next(iter(_known_turns(problem, subblock)), np.eye(3))
+    fitted = fit_to_partial(source, target, Similarity(1.0, lean, np.zeros(3)), some=True)
+    if fitted is not None:
+        subblock.transform(fitted)
+
+
+def _both_places(problem: Problem, subblock: SubBlock) -> tuple[Array, Array]:
+    """Return places in the sub-block, (n, 3), and what is known of them; NaN where nothing is."""
+    placed = subblock.placed & np.isfinite(problem.near).any(axis=1)
+    stated = subblock.oriented & np.isfinite(problem.position[:, 0])
+    source = np.concatenate((subblock.points[placed], subblock.centres[stated]))
+    return source, np.concatenate((problem.near[placed], problem.position[stated]))
+
+
+def _known_turns(problem: Problem, subblock: SubBlock) -> list[Array]:
+    """Return rotations from the sub-block to the ground by photos whose angles are stated."""
+    stated = subblock.oriented & np.isfinite(problem.rotation[:, 0])
+    return [
+        rotation_matrix(*problem.rotation[k].tolist()) @ subblock.rotations[k].T
+        for k in np.nonzero(stated)[0].tolist()[:5]
+    ]
 
 
 def _about_the_line(
@@ -148,10 +176,7 @@ def _level_starts(
     """Similarities of a sub-block that stands upright, or whose photos have known angles."""
     starts: list[Similarity] = []
     plan = np.isfinite(target[:, :2]).all(axis=1)
-    rotations = [
-        rotation_matrix(*problem.rotation[k].tolist()) @ subblock.rotations[k].T
-        for k in np.nonzero(subblock.oriented & np.isfinite(problem.rotation[:, 0]))[0].tolist()[:5]
-    ]
+    rotations = _known_turns(problem, subblock)
     if plan.sum() >= 2:
         s, t = source[plan], target[plan]
         for lean in rotations or [np.eye(3)]:

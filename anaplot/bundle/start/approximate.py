@@ -17,7 +17,7 @@ from scipy import sparse
 from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, listed
-from anaplot.bundle.start.absolute import give_nominal_place, to_ground
+from anaplot.bundle.start.absolute import give_nominal_place, to_ground, to_some_ground
 from anaplot.bundle.start.bridging import bridged_parts
 from anaplot.bundle.start.relative import orient_pair
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
@@ -151,7 +151,9 @@ def extended_state(problem: Problem, last: Problem, state: BlockState) -> BlockS
     return found
 
 
-def laid_onto_control(problem: Problem, free: Problem, state: BlockState) -> BlockState | None:
+def laid_onto_control(
+    problem: Problem, free: Problem, state: BlockState, *, some: bool = False
+) -> BlockState | None:
     """Return a solution without datum laid onto control and stated positions.
 
     Parameters
@@ -160,6 +162,8 @@ def laid_onto_control(problem: Problem, free: Problem, state: BlockState) -> Blo
         The bundle with its datum.
     free, state
         A bundle of the same block without, which may lack some points and photos, and its solution.
+    some
+        Lay it on also where that does not determine all of a datum.
 
     Returns
     -------
@@ -169,7 +173,9 @@ def laid_onto_control(problem: Problem, free: Problem, state: BlockState) -> Blo
     rays, by_photo = unit_rays(problem), rays_of_photos(problem)
     subblock = _taken_over(problem, free, state)
     if not to_ground(problem, subblock):
-        return None
+        if not some:
+            return None
+        to_some_ground(problem, subblock)
     _grow(problem, subblock, rays, by_photo, [], None)
     if not subblock.oriented.all():
         return None
