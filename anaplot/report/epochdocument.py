@@ -14,6 +14,8 @@ from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
 from anaplot.report.document import BLANK, Answer, Block, Document, Line, named, say
 from anaplot.report.epochaside import Aside
 from anaplot.report.epochtables import (
+    against_answer,
+    against_table,
     pair_answer,
     pair_table,
     pairs_table,
@@ -87,6 +89,10 @@ def series_document(found: SeriesTests, aside: Aside = _NOTHING) -> Document:
         first, second = pair.differences.numbers
         page.append(_line(f"  from {first} to {second}", pair.everything))
         page += _explained(pair.located, "  ")
+    for one in found.against:
+        page.append(_line(f"  epoch {one.epoch} against the others", one.verdict))
+        if one.explains:
+            page.append(say("    explains it: without epoch {} the rest is accepted", one.epoch))
     each = found.pairs[0].alpha if found.pairs else found.alpha
     page += [
         BLANK,
@@ -99,7 +105,8 @@ def series_document(found: SeriesTests, aside: Aside = _NOTHING) -> Document:
         *_legend(len(points), found.alpha, expected, single=False),
         *_conclusion(found.overall, expected),
     ]  # fmt: skip
-    return Document(_series_answer(found) | aside.answer(), tuple(page), (pairs, points))
+    tables = (pairs, points, against_table(found))
+    return Document(_series_answer(found) | aside.answer(), tuple(page), tables)
 
 
 # --- for programs ---------------------------------------------------------------------------
@@ -157,6 +164,7 @@ def _series_answer(found: SeriesTests) -> Answer:
         "located": [step._asdict() for step in found.located],
         "points": [series_answer(p) for p in found.points],
         "pairs": [pair_answer(pair) for pair in found.pairs],
+        "against_others": [against_answer(one) for one in found.against],
         "only": [list(names) for names in series.alone_in],
         "located_stable": [step._asdict() for step in found.located_stable],
         "flagged": list(series.flagged),

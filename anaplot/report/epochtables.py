@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+from anaplot.bundle.epochs.againstall import AgainstAll
 from anaplot.bundle.epochs.displacementtests import CoordinateMove, EpochTests, PointMove
 from anaplot.bundle.epochs.seriestests import PointSeries, SeriesTests
 from anaplot.bundle.hypotheses.verdict import Verdict
@@ -23,6 +24,8 @@ from anaplot.report.document import (
 from anaplot.report.verdicts import probability, verdict_json
 
 __all__ = [
+    "against_answer",
+    "against_table",
     "pair_answer",
     "pair_table",
     "pairs_table",
@@ -123,6 +126,28 @@ def series_table(found: SeriesTests) -> Table:
     return table("points", columns, rows)
 
 
+def against_table(found: SeriesTests) -> Table:
+    """Return every epoch against all the others, for programs."""
+    keys = ("epoch", "points", "dimension", "statistic", "critical", "P", "rejected", "explains")
+
+    def rows() -> Iterator[Sequence[Any]]:
+        for one in found.against:
+            test = one.verdict.decisive
+            yield (
+                one.epoch,
+                one.points,
+                *(
+                    (None,) * 5
+                    if test is None
+                    else (test.dimension, test.statistic, test.critical, test.significance,
+                          test.rejected)
+                ),
+                one.explains,
+            )  # fmt: skip
+
+    return table("epochs", for_programs(*keys), rows)
+
+
 def _letters(bonferroni: bool | None, scheffe: bool | None, orthogonal: bool | None) -> str:
     return "".join(
         letter for letter, found in (("B", bonferroni), ("S", scheffe), ("O", orthogonal)) if found
@@ -158,6 +183,17 @@ def pair_answer(found: EpochTests) -> Answer:
         "all": verdict_json(found.everything),
         "located": [step._asdict() for step in found.located],
         "points": [point_answer(p) for p in found.points],
+    }
+
+
+def against_answer(one: AgainstAll) -> Answer:
+    """Return what programs read of an epoch against all the others."""
+    return {
+        "epoch": one.epoch,
+        "points": one.points,
+        "all": verdict_json(one.verdict),
+        "rest": one.rest,
+        "explains": one.explains,
     }
 
 

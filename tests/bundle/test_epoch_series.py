@@ -7,6 +7,7 @@ import json
 from collections import Counter
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -271,6 +272,7 @@ def test_without_movement_the_level_is_kept(by_known) -> None:
         found["overall"] += tested.any_moved
         found["points"] += any(p.verdict.rejected for p in tested.points)
         found["pairs"] += any(pairs)
+        found["against"] += any(one.verdict.rejected for one in tested.against)
         found["components"] += any(p.orthogonal.rejected for p in tested.points)
         assert all(bool(p.moved) == bool(p.verdict.rejected) for p in tested.points)
     # binomial, within 3.3 deviations: exact for one test, and for components that are independent
@@ -279,7 +281,7 @@ def test_without_movement_the_level_is_kept(by_known) -> None:
     if by_known:
         assert abs(found["components"] - alpha * runs) < room
     # Bonferroni: at most
-    for family in ("overall", "points", "pairs", "components"):
+    for family in ("overall", "points", "pairs", "components", "against"):
         assert found[family] < alpha * runs + room
 
 
@@ -303,6 +305,57 @@ def test_power_is_that_of_the_noncentral_distribution() -> None:
     assert abs(rejected - power * runs) < 3.3 * np.sqrt(runs * power * (1.0 - power))
     # where a movement is seen, it is seen when it was
     assert right > 0.9 * rejected
+
+
+def test_an_epoch_against_the_others_is_the_freed_adjustment() -> None:
+    """Its R is what R falls by when the differences of the others alone are tested."""
+    blocks = [heights_only(epoch(seed), "p13") for seed in (1, 2, 3, 4)]
+    blocks[1] = replace(blocks[1], control=tuple(c for c in blocks[1].control if c.point != "p1"))
+    blocks = [without(blocks[0], "p7"), without(blocks[1], "p9"), *blocks[2:]]
+    series = compare_series(blocks, points=("p1", "p7", "p8", "p9", "p13"))
+    tested = series_tests(series)
+    # p1 is control in the others, the height of p13 in all
+    assert [(one.epoch, one.points) for one in tested.against] == [(1, 3), (2, 4), (3, 4), (4, 4)]
+    assert [one.verdict.known.dimension for one in tested.against] == [8, 11, 11, 11]
+    total = tested.everything.known.square
+    for one in tested.against:
+        # the rest by itself, from the pairs of epochs that are neighbours without this one
+        left = [k for k in range(4) if k != one.epoch - 1]
+        rows, seen = [], {}
+        for row, move in enumerate(series.moves):
+            seen.setdefault(move.point, np.zeros((4, len(series.moves))))
+            seen[move.point][move.second] = seen[move.point][move.first]
+            seen[move.point][move.second, row] = 1.0
+        for point, places in seen.items():
+            there = [k for k in left if point in series.names[k]]
+            for j, k in pairwise(there):
+                # control gives p1 in all but the second: it is one there, and comes back
+                one_place = point == "p1" and (1 not in (j, k) or (j == 1 and 0 in left))
+                for axis in range(3):
+                    if not one_place and (point, axis) != ("p13", 2):
+                        rows.append(np.kron(places[k] - places[j], np.eye(3)[axis]))
+        b = np.array(rows)
+        d = b @ series.d
+        rest = d @ np.linalg.solve(b @ series.cofactors @ b.T, d)
+        assert one.rest == pytest.approx(rest, rel=1e-6)
+        assert one.verdict.known.square == pytest.approx(total - rest, rel=1e-6)
+        assert len(rows) == tested.everything.known.dimension - one.verdict.known.dimension
+
+
+def test_the_odd_epoch_is_found() -> None:
+    one, two, three, four_th = four()
+    for made, odd in (((one, three, two), 2), ((three, one, two), 1), ((one, two, three), 3)):
+        tested = series_tests(compare_series(made, points=("p7", "p8", "p13")))
+        assert [each.epoch for each in tested.against if each.explains] == [odd]
+        best = max(tested.against, key=lambda each: each.verdict.decisive.statistic)
+        assert best.epoch == odd
+        assert best.verdict.rejected
+    # two against two: none of them is
+    halves = series_tests(compare_series((one, two, three, four_th), points=("p7", "p8", "p13")))
+    assert halves.everything.rejected
+    assert not any(each.explains for each in halves.against)
+    still = series_tests(compare_series((one, two), points=("p7", "p8")))
+    assert not any(each.explains for each in still.against)
 
 
 # --- a given movement -----------------------------------------------------------------------
@@ -499,11 +552,23 @@ def test_the_command(tmp_path, capsys) -> None:
     )
     assert [(pair["from"], pair["to"]) for pair in found["pairs"]] == [(1, 2), (1, 3), (2, 3)]
     assert found["pairs"][0]["alpha"] == pytest.approx(0.05 / 3)
-    assert found["overall"]["families"] == ["all points", "points", "pairs of epochs"]
+    assert found["overall"]["families"] == [
+        "all points",
+        "points",
+        "pairs of epochs",
+        "single epochs",
+    ]
     assert found["given_movement"] is False
+    with (all_tables / "epochs.csv").open(encoding="utf-8", newline="") as file:
+        epochs = list(csv.DictReader(file))
+    assert [(r["epoch"], r["explains"]) for r in epochs] == [("1", "0"), ("2", "0"), ("3", "1")]
+    assert "    explains it: without epoch 3 the rest is accepted" in lines
+    for one, row in zip(found["against_others"], epochs, strict=True):
+        assert one["all"]["estimated"]["alpha"] == pytest.approx(0.05 / 3)
+        assert one["all"]["estimated"]["statistic"] == pytest.approx(float(row["statistic"]))
     called = anaplot.compare(*folders)
     assert called.to_dict() == found
-    assert called.tables == ("displacements", "points")
+    assert called.tables == ("displacements", "points", "epochs")
     assert main(["compare", *folders, "--given-movement", str(tmp_path / "w.csv")]) == 2
     said = capsys.readouterr()
     assert said.out == ""

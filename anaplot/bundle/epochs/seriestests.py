@@ -18,6 +18,7 @@ import numpy as np
 
 from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.aliases import Bools, Index
+from anaplot.bundle.epochs.againstall import AgainstAll, against_all
 from anaplot.bundle.epochs.displacementtests import EpochTests, pair_tests
 from anaplot.bundle.epochs.located import Located
 from anaplot.bundle.epochs.overall import Overall, overall
@@ -111,6 +112,8 @@ class SeriesTests:
         Every point.
     pairs
         Any two epochs that have points to compare; all pairs together at alpha.
+    against
+        Every epoch against all the others; all epochs together at alpha.
     located
         Points that explain most of R, as `EpochTests` has them: each with all its movements.
     located_stable
@@ -126,6 +129,7 @@ class SeriesTests:
     agreement: Verdict | None
     points: tuple[PointSeries, ...] = field(repr=False)
     pairs: tuple[EpochTests, ...] = field(repr=False)
+    against: tuple[AgainstAll, ...]
     located: tuple[Located, ...]
     located_stable: tuple[Located, ...]
     remarks: tuple[str, ...]
@@ -139,6 +143,7 @@ class SeriesTests:
                 "stable points": [self.agreement],
                 "points": [p.verdict for p in self.points],
                 "pairs of epochs": [pair.everything for pair in self.pairs],
+                "single epochs": [one.verdict for one in self.against],
             },
             self.alpha,
         )
@@ -157,9 +162,9 @@ def series_tests(series: EpochSeries, *, alpha: float = 0.05) -> SeriesTests:
     series
         Displacements and their covariance matrix.
     alpha
-        Significance of the global test, of all points together, of all pairs of epochs together,
-        and of all these families in `SeriesTests.overall`; also of the test of sigma0 of each epoch
-        by itself.
+        Significance of the global test, of all points together, of all pairs of epochs together, of
+        all epochs against the others together, and of all these families in `SeriesTests.overall`;
+        also of the test of sigma0 of each epoch by itself.
 
     Raises
     ------
@@ -207,6 +212,7 @@ def series_tests(series: EpochSeries, *, alpha: float = 0.05) -> SeriesTests:
         agreement,
         points,
         tuple(pair_tests(pair, alpha=each) for pair in compared),
+        against_all(series, test, limits.square, alpha),
         located,
         stable,
         tuple(remarks),
