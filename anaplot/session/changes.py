@@ -71,10 +71,11 @@ class Change:
         Where: "left/right", photo, point or fiducial, coordinate; "" where it is not one.
     old, new
         Coordinates before and after [mm]: of a point in the image, of a fiducial on the plate;
-        None where there were none, or none changed.
+        None where there were none, or none changed. What is renamed stays where it is: both are
+        its place.
     w_before, w_after
-        abs(w) of the row, or the largest of the point's or fiducial's, before and after; None
-        while there is none, and where the row is off.
+        abs(w) of the row, or the largest of the point's or fiducial's, before and after; of what is
+        renamed, by the name that it has then. None while there is none, and where the row is off.
     reason
         Why: "pointing", "identification", "transfer", "instrument", a strategy for gross errors
         that `anaplot adjust --apply` had, or "" where nobody said so.
@@ -192,7 +193,7 @@ def _told(
                 out.append(change(what, photo=photo, point=point, old=old, new=new, **w))
             return out
         case PointRenamed():
-            return list(_renamed(event, before, after, change))
+            return list(_renamed(event, before, after, change, undone=undone))
         case RowSwitched(point, axis, on):
             photo = "" if model is None else model.right
             w = {
@@ -258,20 +259,27 @@ def _told(
 
 
 def _renamed(
-    event: PointRenamed, before: SessionState, after: SessionState, change: Callable[..., Change]
+    event: PointRenamed,
+    before: SessionState,
+    after: SessionState,
+    change: Callable[..., Change],
+    *,
+    undone: bool,
 ) -> Iterator[Change]:
     """Yield what got another name in each photo: the point itself, then what it is exchanged with.
 
-    Taken back, it is told as it was done.
+    Taken back, it is told as it was done: with the name that it had, and the one that it got.
     """
+    former = (after if undone else before).current
+    assert former is not None  # it is measured there
     photos: tuple[tuple[Side, str], ...] = (("left", event.left), ("right", event.right))
     for point, name in ((event.point, event.name), (event.name, event.point)):
-        w = {"w_before": _largest(before, point), "w_after": _largest(after, point)}
+        first, then = (name, point) if undone else (point, name)
+        w = {"w_before": _largest(before, first), "w_after": _largest(after, then)}
         for side, photo in photos:
-            old, new = (m and m.place_of(side, point) for m in (before.current, after.current))
-            told = (old or new) if point == event.point else (old and new)
-            if event.side in (None, side) and told:
-                yield change("renamed", photo=photo, point=point, old=old, new=new, name=name, **w)
+            at = former.place_of(side, point)
+            if event.side in (None, side) and at is not None:
+                yield change("renamed", photo=photo, point=point, old=at, new=at, name=name, **w)
 
 
 def _largest_of(state: SessionState, row: DecidedRow) -> float | None:

@@ -12,7 +12,10 @@ from deskscene import DRIVEN, MONO, Bench
 from journaltools import append_event
 from sessionscene import Scene
 from test_changes import told
+from test_mono_fold import SCENE
 from test_mono_fold import chosen as mono_chosen
+from test_mono_fold import laid as mono_laid
+from test_mono_fold import seen as mono_seen
 from test_mono_fold import whole as mono_whole
 
 from anaplot.cli import main
@@ -20,9 +23,17 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_image_points, write_new_block
 from anaplot.exchange.journal import Journal
 from anaplot.session.accidents import Accident
+from anaplot.session.changes import Happened, changes
 from anaplot.session.commands import Accept, Drive, NextModel, Rename, ReturnTo, Switch, Undo
 from anaplot.session.desk import Desk
-from anaplot.session.events import Event, ModelAccepted, PointMeasured, PointRenamed, Undone
+from anaplot.session.events import (
+    Event,
+    ModelAccepted,
+    PhotoLaid,
+    PointMeasured,
+    PointRenamed,
+    Undone,
+)
 from anaplot.session.models import solve
 from anaplot.session.modelstate import ModelState
 from anaplot.session.othernames import OtherName
@@ -272,12 +283,58 @@ def test_the_log_says_what_is_called_what(scene: Scene) -> None:
         one.point,
         other.point,
     )
-    assert (first.old, first.new) == ((one.xr, one.yr), (other.xr, other.yr))
+    # a measurement stays where it is
+    assert (first.old, first.new) == ((one.xr, one.yr), (one.xr, one.yr))
     assert (second.point, second.name) == (other.point, one.point)
+    assert (second.old, second.new) == ((other.xr, other.yr), (other.xr, other.yr))
     assert (new_left.photo, new_right.photo, new_left.name) == ("101", "102", "7")
-    assert (new_left.old, new_left.new) == ((one.xl, one.yl), None)
+    assert (new_left.old, new_left.new) == ((one.xl, one.yl), (one.xl, one.yl))
     assert {back_left.what, back_right.what} == {"undone"}
-    assert (back_left.old, back_left.new) == (None, (one.xl, one.yl))
+    assert (back_left.point, back_left.name) == (one.point, "7")
+    assert (back_left.old, back_left.new) == ((one.xl, one.yl), (one.xl, one.yl))
+
+
+def test_the_log_says_how_a_measurement_fits_by_either_name(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.whole_model()
+    state = bench.desk.state
+    one, other = (m.point for m in current(state).measured[2:4])
+    table = solve(state, current(state)).table
+    w, w_other = (max(row.size for row in table if row.point == p) for p in (one, other))
+    bench.give(Rename(one, "7"))
+    bench.give(Undo())
+    bench.give(Rename(one, other))
+    *found, first, _, partner, _ = told(bench)
+    new, _, back, _ = found[-4:]
+    for change, size in ((new, w), (back, w), (first, w), (partner, w_other)):
+        assert change.w_before == pytest.approx(size)
+        assert change.w_after == pytest.approx(size)
+
+
+def test_the_log_tells_a_name_of_a_photo_where_there_is_a_measurement() -> None:
+    state = mono_laid(mono_chosen(SCENE.start), "left")
+    one, other = names(current(state))[:2]
+    events = [
+        mono_seen(state, one, "left"),
+        mono_seen(state, other, "left"),
+        PhotoLaid("102"),
+        mono_seen(state, other, "right"),
+        PointRenamed(*HERE, one, other),
+        Undone(),
+    ]
+    found = changes(
+        SCENE.block,
+        [
+            Happened("2026-01-01T10:00:00Z", "me", event)
+            for event in (replace(SCENE.choice(SCENE.start, 0), mono=True), PhotoLaid("101"))
+        ]
+        + [Happened("2026-01-01T10:00:00Z", "me", event) for event in events],
+    )
+    # the point itself was seen in the left photo alone
+    told_of = [(c.what, c.photo, c.point, c.name) for c in found[-6:]]
+    once = [("101", one, other), ("101", other, one), ("102", other, one)]
+    assert told_of == [(what, *c) for what in ("renamed", "undone") for c in once]
+    assert all(c.old == c.new is not None for c in found[-6:])
 
 
 def test_files_journal_replay_and_log_agree(
