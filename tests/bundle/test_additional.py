@@ -94,6 +94,8 @@ def test_names_of_sets_and_scopes() -> None:
             additional_parameters(text)
     with pytest.raises(InputError):
         additional_parameters("ebner", 0.0)
+    with pytest.raises(InputError, match="too large for a weight"):
+        additional_parameters("ebner", 1e200)
 
 
 def test_some_parameters_of_a_set() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bundleblocks import aerial
@@ -15,6 +17,7 @@ from anaplot.bundle.solve.linearised import move
 from anaplot.bundle.solve.parameterpriors import ParameterPrior, parameter_priors
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import InputError
+from anaplot.photogrammetry.block import PointPrior
 
 pytestmark = pytest.mark.slow
 
@@ -35,6 +38,24 @@ def same(one, two, rtol: float = 1e-6) -> None:
         one.state.points + one.state.origin, two.state.points + two.state.origin, atol=2e-5
     )
     np.testing.assert_allclose(one.cofactors.points, two.cofactors.points, rtol=rtol, atol=1e-9)
+
+
+def stated(scene, what: str, sigma: float):
+    """Return the block with one thing stated, and priors of parameters."""
+    block, sigmas = scene.block, (sigma,) * 3
+    if what == "parameter":
+        return block, [ParameterPrior("b3", 4.0, sigma)]
+    if what == "control":
+        control = (replace(block.control[0], sigma=sigmas), *block.control[1:])
+        return replace(block, control=control), []
+    if what == "photo":
+        at = tuple(map(float, scene.centres["101"]))
+        photo = replace(block.photos[0], position=at, position_sigma=sigmas)
+        return replace(block, photos=(photo, *block.photos[1:])), []
+    given = {row.point for row in block.control}
+    name = next(row.point for row in block.image_points if row.point not in given)
+    at = tuple(map(float, scene.points[name]))
+    return replace(block, priors=(PointPrior(name, at, sigmas),)), []
 
 
 @pytest.mark.parametrize("text", ["ebner:b3,b5,b9", "physical:k1,b1,c"])
@@ -82,6 +103,38 @@ def test_every_prior_is_an_observation(scene, scope: str) -> None:
         expected = block.sigma * sigma * np.sqrt(row.r)
         assert row.w == pytest.approx(row.residual / expected, rel=1e-6)
         assert row.mdb == pytest.approx(4.132 * sigma / np.sqrt(row.r), rel=1e-3)
+
+
+@pytest.mark.parametrize("sigma", [1e-100, 1e-12, 1e12, 1e100])
+@pytest.mark.parametrize("what", ["parameter", "control", "point", "photo"])
+def test_all_that_counts_is_an_observation_whatever_its_sigma(scene, what: str, sigma) -> None:
+    block, known = stated(scene, what, sigma)
+    chosen = additional_parameters("ebner:b3,b5", None, known)
+    found = adjust_block(block, additional=chosen)
+    assert found.problem.observations == found.observations.count
+    assert found.tested.r.sum() == pytest.approx(found.redundancy, abs=1e-6)
+
+
+@pytest.mark.parametrize("sigma", [1e-200, 1e200])
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("parameter", "the prior of 'b3'"),
+        ("control", "control point {}: X"),
+        ("point", "prior of point {}: X"),
+        ("photo", "photo 101: position"),
+    ],
+)
+def test_a_sigma_without_a_weight_is_refused(scene, what: str, said: str, sigma) -> None:
+    block, known = stated(scene, what, sigma)
+    point = block.priors[0].point if block.priors else block.control[0].point
+    with pytest.raises(InputError) as refused:
+        make_problem(block, additional=additional_parameters("ebner:b3,b5", None, known))
+    size = "large" if sigma > 1.0 else "small"
+    assert str(refused.value).startswith(f"{said.format(point)}: the sigma {sigma:g} is too {size}")
+    # where nothing is observed, a sigma is as good as another
+    free = additional_parameters("ebner:b3,b5")
+    assert make_problem(block, datum="free", additional=free).observations > 0
 
 
 def test_priors_of_groups(scene) -> None:
@@ -181,6 +234,8 @@ def test_parameters_are_tested_against_given_values(scene) -> None:
         ("b3=1,b3=2", "stands twice"),
         ("b33=1", "which takes no part (did you mean 'b3'?)"),
         ("b4=1", "which takes no part"),
+        ("b3=4+-1e-200", "the prior of 'b3': the sigma 1e-200 is too small for a weight"),
+        ("b3=4+-1e200", "the prior of 'b3': the sigma 1e+200 is too large for a weight"),
     ],
 )
 def test_a_wrong_prior_is_told(text: str, said: str) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.bundle.solve.parameterpriors import ParameterPrior, checked_priors
 from anaplot.bundle.solve.polynomialterms import EBNER, GRUEN, GRUEN50, polynomial_basis
+from anaplot.bundle.solve.weightrange import check_weighted
 from anaplot.errors import InputError
 from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 from anaplot.textfiles.wording import hint, quoted
@@ -255,6 +256,8 @@ def additional_parameters(
             raise InputError(f"{about}: a second {what}")
     if sigma_um is not None and not 0.0 < sigma_um < float("inf"):
         raise InputError(f"additional parameters: the sigma {sigma_um:g} um must be positive")
+    if sigma_um is not None:
+        check_weighted("additional parameters", sigma_um)
     if selected is not None:
         chosen = _selected(chosen, selected, about)
     known = checked_priors(priors)

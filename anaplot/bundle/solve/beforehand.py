@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from anaplot.aliases import Array, Bools
+from anaplot.bundle.solve.weightrange import check_weighted
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block, ControlPoint, PointPrior
 
@@ -53,6 +54,11 @@ def known_coordinates(
     """Return (n, 3) control coordinates, their standard deviations, and which are free of error.
 
     NaN where there are none; without a datum that control holds no coordinate is observed.
+
+    Raises
+    ------
+    InputError
+        A standard deviation without a weight.
     """
     n = len(names)
     known, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
@@ -68,6 +74,7 @@ def known_coordinates(
             if held and stated == 0.0:
                 fixed[k, axis] = True
             elif held:
+                check_weighted(f"control point {name}: {_AXES[axis]}", stated)
                 sigma[k, axis] = stated
     return known, sigma, fixed
 
@@ -125,6 +132,7 @@ def expected_coordinates(
                 continue
             values[k, axis] = value
             if held:
+                check_weighted(f"prior of point {row.point}: {_AXES[axis]}", stated)
                 sigma[k, axis] = stated
         if needless:
             what = ", ".join(needless)
@@ -157,5 +165,7 @@ def stated_orientations(block: Block, held: bool) -> tuple[Array, Array, Array, 
             if not all(0.0 < s < float("inf") for s in sigmas):
                 raise InputError(f"photo {photo.id}: {what}_sigma must be positive")
             if held:
+                for sigma in sigmas:
+                    check_weighted(f"photo {photo.id}: {what}", sigma)
                 out[at + 1][k] = sigmas
     return out  # type: ignore[return-value]

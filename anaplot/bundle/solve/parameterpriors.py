@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from math import isfinite
 from typing import NamedTuple
 
+from anaplot.bundle.solve.weightrange import check_weighted
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import quoted
 
@@ -75,7 +76,7 @@ def checked_priors(priors: Iterable[ParameterPrior]) -> tuple[ParameterPrior, ..
     Raises
     ------
     InputError
-        A parameter of a group stands twice, or numbers are none.
+        A parameter of a group stands twice, numbers are none, or a sigma has no weight.
     """
     out = tuple(priors)
     seen = set()
@@ -84,6 +85,8 @@ def checked_priors(priors: Iterable[ParameterPrior]) -> tuple[ParameterPrior, ..
         about = f"the prior of {quoted(prior.parameter)}{whose}"
         if not _numbers(prior):
             raise InputError(f"{about}: value and sigma must be finite, the sigma not negative")
+        if prior.sigma:  # neither held nor without a weight
+            check_weighted(about, prior.sigma)
         key = prior.parameter, prior.group
         if key in seen:
             raise InputError(f"{about} stands twice")
