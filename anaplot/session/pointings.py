@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeVar
 
+from anaplot.aliases import Side
 from anaplot.session.changes import Happened
 from anaplot.session.events import (
     Event,
@@ -32,6 +33,18 @@ __all__ = ["Pointed", "Pointings", "Run", "pointings_of"]
 Named = tuple[str, str, str]
 """(left, right, point), or (photo, side, fiducial)."""
 _Known = TypeVar("_Known")
+
+
+class _Lies(NamedTuple):
+    """What belongs to one run: one thing, as it lies in the instrument, and who points at it."""
+
+    layings: int
+    model: str
+    name: str
+    fiducial: bool
+    side: Side
+    at: tuple[tuple[float, float], ...]
+    who: str
 
 
 class Pointed(NamedTuple):
@@ -114,7 +127,7 @@ def pointings_of(start: SessionState, history: Iterable[Happened]) -> Pointings:
             done.append((happened, before.current))
     measured: dict[Named, Pointed] = {}
     here: dict[Named, str] = {}  # by whom, since photos were laid in
-    runs: dict[object, Run] = {}
+    runs: dict[_Lies, Run] = {}
     layings = 0
     for (time, who, event), model in done:
         if isinstance(event, ModelChosen | ModelReopened | ModelAccepted | PhotoLaid):
@@ -124,8 +137,10 @@ def pointings_of(start: SessionState, history: Iterable[Happened]) -> Pointings:
             assert model is not None  # or the event would have been refused
             _repeated(runs, layings, event, model, who, here)
         elif isinstance(event, PointRenamed):
+            assert model is not None
             _rename(measured, event)
             _rename(here, event)
+            runs = _renamed_runs(runs, event, model)
         elif (named := _named(event)) is not None:
             measured[named] = Pointed(who, time)
             here[named] = who
@@ -147,6 +162,28 @@ def _rename(found: dict[Named, _Known], event: PointRenamed) -> None:
         found[one] = of_other
 
 
+def _renamed_runs(
+    runs: dict[_Lies, Run], event: PointRenamed, model: ModelState
+) -> dict[_Lies, Run]:
+    """Return the runs with the names of now: pointings after it belong to those before.
+
+    Photo by photo those in the photo have another name; what was pointed at in both photos
+    together keeps its own when in one of them alone the names are exchanged.
+    """
+    other = {event.point: event.name, event.name: event.point}
+    out: dict[_Lies, Run] = {}
+    for lies, run in runs.items():
+        here = event.side is None or (model.mono and lies.side == event.side)
+        if here and lies.model == model.name and not lies.fiducial and lies.name in other:
+            name = other[lies.name]
+            planned = model.planned(name)
+            role = event.role if planned is None else planned.role
+            out[lies._replace(name=name)] = replace(run, name=name, role=role)
+        else:
+            out[lies] = run
+    return out
+
+
 def _named(event: Event) -> Named | None:
     match event:
         case PointMeasured() | MonoMeasured():
@@ -158,7 +195,7 @@ def _named(event: Event) -> Named | None:
 
 
 def _repeated(
-    runs: dict[object, Run],
+    runs: dict[_Lies, Run],
     layings: int,
     event: PointRepeated,
     model: ModelState,
@@ -173,8 +210,8 @@ def _repeated(
     at = measured_at(model, event)
     assert at is not None
     name = f"{event.left}/{event.right}"
-    key = (layings, name, event.name, event.fiducial, event.places[0].side, at, who)
-    if key not in runs:
+    lies = _Lies(layings, name, event.name, event.fiducial, event.places[0].side, at, who)
+    if lies not in runs:
         place = event.places[0]
         named = (event.left, event.right, event.name)
         if event.fiducial:
@@ -182,8 +219,8 @@ def _repeated(
         planned = None if event.fiducial else model.planned(event.name)
         role = "" if planned is None else planned.role
         own = here.get(named) == who
-        runs[key] = Run(name, event.name, event.fiducial, role, who, [at] if own else [])
+        runs[lies] = Run(name, event.name, event.fiducial, role, who, [at] if own else [])
     if event.moved:
-        runs[key].places.append(tuple((place.x, place.y) for place in event.places))
+        runs[lies].places.append(tuple((place.x, place.y) for place in event.places))
     else:
-        runs[key].unmoved += 1
+        runs[lies].unmoved += 1

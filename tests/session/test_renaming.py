@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,6 +37,8 @@ from anaplot.session.events import (
 from anaplot.session.models import solve
 from anaplot.session.modelstate import ModelState
 from anaplot.session.othernames import OtherName
+from anaplot.session.pointings import Run, pointings_of
+from anaplot.session.repeating import repetition
 from anaplot.session.state import EventRefusedError, SessionState, apply
 from anaplot.session.undone import undone
 from anaplot.session.workflow import outlook
@@ -335,6 +337,80 @@ def test_the_log_tells_a_name_of_a_photo_where_there_is_a_measurement() -> None:
     once = [("101", one, other), ("101", other, one), ("102", other, one)]
     assert told_of == [(what, *c) for what in ("renamed", "undone") for c in once]
     assert all(c.old == c.new is not None for c in found[-6:])
+
+
+def pointed_again(state: SessionState, start: SessionState, events: Sequence[Event]) -> list[Run]:
+    """The runs of events that lead from one state to another."""
+    happened = [Happened("2026-01-01T10:00:00Z", "me", event) for event in events]
+    found = pointings_of(start, happened)
+    assert found.state == state
+    return list(found.runs)
+
+
+def test_what_was_pointed_at_before_a_name_was_corrected_goes_on_after_it(scene: Scene) -> None:
+    start = scene.chosen(1)
+    model = current(start)
+    tie = next(p.point for p in model.plan if p.role == "tie")
+    new = next(p.point for p in model.plan if p.role == "new")
+    measured = {name: scene.measurement(start, name) for name in (tie, new)}
+
+    def again(state: SessionState, name: str, of: str, dy: float) -> Event:
+        event = replace(measured[of], point=name, yr=measured[of].yr + dy)
+        return repetition(current(state), event, moved=True)
+
+    state, events = start, list[Event]()
+
+    def happen(event: Event) -> None:
+        nonlocal state
+        state = apply(state, event)
+        events.append(event)
+
+    for event in measured.values():
+        happen(event)
+    happen(again(state, tie, tie, 0.001))
+    happen(again(state, new, new, 0.002))
+    happen(PointRenamed("102", "103", tie, "7"))
+    happen(again(state, "7", tie, 0.003))
+    at = {name: ((m.xl, m.yl), (m.xr, m.yr)) for name, m in measured.items()}
+    seven, other = pointed_again(state, start, events)
+    assert (seven.name, seven.role) == ("7", "new")
+    assert [place[1][1] - at[tie][1][1] for place in seven.places] == pytest.approx(
+        [0.0, 0.001, 0.003]
+    )
+    assert (other.name, other.role, len(other.places)) == (new, "new", 2)
+    # exchanged, each goes on under the other's name
+    happen(PointRenamed("102", "103", new, "7"))
+    happen(again(state, "7", new, 0.004))
+    first, second = pointed_again(state, start, events)
+    assert [(run.name, len(run.places)) for run in (first, second)] == [(new, 3), ("7", 3)]
+    # taken back, as before
+    happen(Undone())
+    happen(Undone())
+    assert pointed_again(state, start, events) == [seven, other]
+    # what was pointed at in both photos keeps its name when the rays in one are exchanged
+    happen(PointRenamed("102", "103", new, "7", "left"))
+    assert pointed_again(state, start, events) == [seven, other]
+
+
+def test_photo_by_photo_what_was_pointed_at_has_the_name_of_its_photo() -> None:
+    state = mono_laid(mono_chosen(SCENE.start), "left")
+    start = state
+    one, other = names(current(state))[:2]
+    events: list[Event] = []
+
+    def happen(event: Event) -> None:
+        nonlocal state
+        state = apply(state, event)
+        events.append(event)
+
+    for name in (one, other):
+        happen(mono_seen(state, name, "left"))
+        happen(repetition(current(state), mono_seen(state, name, "left", 0.001), moved=True))
+    assert [run.name for run in pointed_again(state, start, events)] == [one, other]
+    happen(PointRenamed(*HERE, one, other, "left"))
+    assert [run.name for run in pointed_again(state, start, events)] == [other, one]
+    happen(repetition(current(state), mono_seen(state, one, "left", 0.002), moved=True))
+    assert [len(run.places) for run in pointed_again(state, start, events)] == [2, 3]
 
 
 def test_files_journal_replay_and_log_agree(
