@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from anaplot.aliases import Side
@@ -30,9 +31,10 @@ from anaplot.session.heard import Seen
 from anaplot.session.innerwork import InnerOutlook, acceptance
 from anaplot.session.layinganew import laid_anew, return_to
 from anaplot.session.modes import Fiducials, Pairs, Singles
-from anaplot.session.othernames import where_elsewhere
+from anaplot.session.othernames import still_called, where_elsewhere
 from anaplot.session.plans import plan_of
 from anaplot.session.plates import image_of, plates_of
+from anaplot.session.renaming import names_after
 from anaplot.session.repeating import begin_repeating
 from anaplot.session.requests import StopDrive, TakeRecord, WarmUp, WritePoints
 from anaplot.session.state import SessionState
@@ -164,24 +166,43 @@ def _rename(draft: Draft, point: str, name: str, side: Side | None) -> None:
     where = "" if side is None else f" in photo {before.photo(side)}"
     what = f"{point} and {name} exchanged" if exchanged else f"{point} is {name} now"
     draft.tell("info", f"{what}{where}")
+    believed = sorted(before.off - draft.model().off) if side is not None else []
+    if believed:
+        draft.tell("info", f"on again: {', '.join(' '.join(row) for row in believed)}")
+    names = names_after(before, draft.model())
+    for words in still_called(draft.desk.state, before, names):
+        draft.tell("warning", words)
     for one in (name, point):
         elsewhere = where_elsewhere(draft.desk.state, known, one)
         if elsewhere is not None:
             draft.tell("info" if elsewhere.agrees else "warning", elsewhere.text)
-    last = draft.desk.last_measured
-    if side is None and last in (point, name):
-        draft.change(last_measured=name if last == point else point if exchanged else None)
-    if {point, name} & set(draft.desk.checks):
-        draft.begin_checks(check_points(draft.desk.state))
+    if side is None and draft.desk.last_measured == name and not exchanged:
+        draft.change(last_measured=None)
+    _called(draft, names)
     if draft.desk.target in (point, name):
         draft.go_nowhere()
         draft.advance()
+
+
+def _called(draft: Draft, names: Mapping[str, str]) -> None:
+    """Let what the desk remembers of points be known by their names of now."""
+    desk = draft.desk
+    last = desk.last_measured
+    draft.change(
+        last_measured=None if last is None else names.get(last, last),
+        checks=tuple(names.get(name, name) for name in desk.checks),
+    )
 
 
 def _undo(draft: Draft) -> None:
     before = draft.desk.state
     draft.happen(Undone())
     after = draft.desk.state
+    if before.current is not None and after.current is not None:
+        names = names_after(before.current, after.current)
+        _called(draft, names)
+        if draft.desk.target in {*names, *names.values()}:
+            draft.go_nowhere()
     if before.models != after.models:
         draft.ask(WritePoints())
     if _photos(before) != _photos(after):
@@ -315,6 +336,8 @@ def _pointing_mode(draft: Draft) -> Pairs | Singles:
 def _check_name(name: str) -> None:
     if not name.strip() or not name.isprintable() or len(name) > _LONGEST_NAME:
         raise InputError(f"a point needs a printable name of at most {_LONGEST_NAME} characters")
+    if name != name.strip():
+        raise InputError("a point's name begins and ends without a blank")
 
 
 def _photos(state: SessionState) -> tuple[str, str] | None:

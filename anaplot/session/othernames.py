@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from math import hypot
+from math import dist, hypot
 from typing import NamedTuple
 
 from anaplot.aliases import Side
@@ -12,7 +12,7 @@ from anaplot.session.accidents import Accident
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState
 
-__all__ = ["Elsewhere", "OtherName", "other_names", "where_elsewhere"]
+__all__ = ["Elsewhere", "OtherName", "other_names", "still_called", "where_elsewhere"]
 
 _SIDES: tuple[Side, ...] = ("left", "right")
 _SIGMAS = 4.0  # of an expected place: farther off, it is another point
@@ -167,3 +167,62 @@ def _known(
         limit = max(_POINTING, _SIGMAS * sigma)
         yield "left", (xl, yl), "what is known of it", limit
         yield "right", (xr, yr), "what is known of it", limit
+
+
+def still_called(
+    state: SessionState, before: ModelState, names: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Return in words which other models of the strip have what was renamed as it was called.
+
+    Parameters
+    ----------
+    state
+        The session's state, with the model in work as it is now.
+    before
+        That model as it was.
+    names
+        The names of now by the former ones.
+    """
+    model = state.current
+    assert model is not None
+    parked = None if state.returned is None else state.returned.parked
+    others = (*state.models, *((parked,) if parked else ()))
+    strip = tuple(m for m in others if m.strip == model.strip and m.photos != model.photos)
+    found: dict[str, list[str]] = {}
+    for point, name in names.items():
+        for other in _with_it(strip, model, name, point):
+            found.setdefault(other.name, []).append(f"{name} as {point}")
+    return tuple(
+        f"model {other.name} still has {' and '.join(found[other.name])}"
+        + _ties_left(before, model, other)
+        for other in strip
+        if other.name in found
+    )
+
+
+def _with_it(
+    strip: tuple[ModelState, ...], model: ModelState, name: str, point: str
+) -> Iterator[ModelState]:
+    """Yield models, one after the other on either side of one, that have its point as another."""
+    for near, far in (_SIDES, _SIDES[::-1]):
+        at, photo = model.place_of(far, name), model.photo(far)
+        while at is not None:
+            here = next((m for m in strip if m.photo(near) == photo), None)
+            there = None if here is None else here.place_of(near, point)
+            if here is None or there is None or dist(at, there) > _POINTING:
+                break
+            yield here
+            at, photo = here.place_of(far, point), here.photo(far)
+
+
+def _ties_left(before: ModelState, model: ModelState, other: ModelState) -> str:
+    """Return how many points tie another model to one that was renamed in, where fewer do now."""
+    if other.left != model.right:
+        return ""
+    there = {m.point for m in other.used}
+    were, are = (len(there & {m.point for m in one.used}) for one in (before, model))
+    if are >= were:
+        return ""
+    if are == 0:
+        return ": nothing ties it, and it cannot be computed before it has these names, too"
+    return f": {are} of {were} points tie it"

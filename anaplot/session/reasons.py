@@ -19,6 +19,7 @@ from anaplot.session.events import (
     Undone,
 )
 from anaplot.session.modelstate import ModelState
+from anaplot.session.renaming import names_after
 
 __all__ = [
     "REASONS",
@@ -109,12 +110,25 @@ def _measurements(model: ModelState) -> tuple[object, ...]:
 
 
 def after_change(
-    reasons: tuple[RowReason, ...], changed: LastChange, before: ModelState | None
+    reasons: tuple[RowReason, ...],
+    changed: LastChange,
+    before: ModelState | None,
+    after: ModelState | None,
 ) -> tuple[RowReason, ...]:
     """Return the reasons of rows after a change: what is switched off anew has its still to come.
 
-    `before`: the model before the change.
+    Those of a point that has got another name go with it.
+
+    `before`, `after`: the model in the instrument.
     """
+    if changed.what in ("renamed", "undone") and before is not None and after is not None:
+        names = names_after(before, after)
+        # both ways, so that an undo brings all of them back
+        names |= {name: point for point, name in names.items() if name not in names}
+        return tuple(
+            r._replace(point=names.get(r.point, r.point)) if r.model == changed.model else r
+            for r in reasons
+        )
     if changed.what != "off" or changed.fiducial or before is None:
         return reasons
     off = before.off

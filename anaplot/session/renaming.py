@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
-from anaplot.aliases import Side
+from anaplot.aliases import Axis, Side
 from anaplot.session.events import PlannedPoint, PointRenamed
 from anaplot.session.modelstate import Measured, ModelState
 from anaplot.session.refusal import EventRefusedError
 
-__all__ = ["renamed"]
+__all__ = ["names_after", "renamed"]
 
 _BOTH: tuple[Side, ...] = ("left", "right")
 
@@ -24,7 +24,8 @@ def renamed(model: ModelState, event: PointRenamed, known: Collection[str]) -> M
 
     What has that name in the model already gets the name of the first: the two are exchanged. A
     name that is new in the model takes the place of the former one in the plan; a tie stays in the
-    plan beside it, for it is still to be measured. Rows of both are believed again.
+    plan beside it, for it is still to be measured. What was switched off stays off under its new
+    name; where one photo alone is concerned, both points are others, and believed again.
 
     Parameters
     ----------
@@ -60,9 +61,39 @@ def renamed(model: ModelState, event: PointRenamed, known: Collection[str]) -> M
         )
     if model.planned(name) is None:
         model = _with_name(model, event, known)
-    off = frozenset(key for key in model.off if key[0] not in (point, name))
-    model = replace(model, off=off)
-    return _mono(model, event, sides) if model.mono else _pair(model, event)
+    before = model
+    after = _mono(model, event, sides) if model.mono else _pair(model, event)
+    off = {key for key in before.off if key[0] not in (point, name)}
+    if event.side is None:
+        off |= _off_as(before, point, after, name) | _off_as(before, name, after, point)
+    return replace(after, off=frozenset(off))
+
+
+def names_after(before: ModelState, after: ModelState) -> dict[str, str]:
+    """Return what points have been renamed to between two states of a model.
+
+    A point is where it was measured, in both photos alike.
+    """
+    if before.photos != after.photos:
+        return {}
+    was, now = _places(before), _places(after)
+    called = {at: name for name, at in now.items()}
+    return {point: called[at] for point, at in was.items() if at in called and now.get(point) != at}
+
+
+def _places(model: ModelState) -> dict[str, tuple[tuple[float, float] | None, ...]]:
+    """Return where points were measured in the left and the right photo."""
+    places = {p.point: tuple(model.place_of(side, p.point) for side in _BOTH) for p in model.plan}
+    return {point: at for point, at in places.items() if any(at)}
+
+
+def _off_as(before: ModelState, point: str, after: ModelState, name: str) -> set[tuple[str, Axis]]:
+    """Return the rows of what was measured as a point that are off when it has another name."""
+    if before.measurement(point) is None:
+        return set()
+    # a point of which nothing counts may get a row more, and one less
+    whole = before.is_off(point)
+    return {(name, axis) for axis in after.axes(name) if whole or (point, axis) in before.off}
 
 
 def _has(model: ModelState, name: str) -> bool:

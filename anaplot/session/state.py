@@ -191,7 +191,7 @@ def apply(state: SessionState, event: Event) -> SessionState:
         return after
     changed = last_change(state.current, event, after.current)
     if changed is not None:
-        reasons = after_change(state.reasons, changed, state.current)
+        reasons = after_change(state.reasons, changed, state.current, after.current)
         return replace(after, last_change=changed, reasons=reasons)
     if state.last_change is None or not state.last_change.latest:
         return after

@@ -507,6 +507,8 @@ REFUSED: list[tuple[Callable[[Bench], None], Command, str]] = [
     (chosen, AddPoint(" "), "a point needs a printable name of at most 100 characters"),
     (chosen, AddPoint("\x1b[31m"), "a point needs a printable name"),
     (chosen, AddPoint("x" * 101), "a point needs a printable name"),
+    (chosen, AddPoint(" 9"), "a point's name begins and ends without a blank"),
+    (chosen, AddPoint("9\xa0"), "a point"),
     (chosen, AddPoint("new"), "there is no read-out: drive the plates to the new point first"),
     (suspended, Drive("101-1"), "work is suspended: resume first"),
     (suspended, RecordPoint(), "work is suspended: resume first"),

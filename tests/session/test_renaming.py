@@ -24,7 +24,16 @@ from anaplot.exchange.blockfolder import read_block, write_image_points, write_n
 from anaplot.exchange.journal import Journal
 from anaplot.session.accidents import Accident
 from anaplot.session.changes import Happened, changes
-from anaplot.session.commands import Accept, Drive, NextModel, Rename, ReturnTo, Switch, Undo
+from anaplot.session.commands import (
+    Accept,
+    Drive,
+    NextModel,
+    PointAgain,
+    Rename,
+    ReturnTo,
+    Switch,
+    Undo,
+)
 from anaplot.session.desk import Desk
 from anaplot.session.events import (
     Event,
@@ -32,14 +41,17 @@ from anaplot.session.events import (
     PhotoLaid,
     PointMeasured,
     PointRenamed,
+    ReasonGiven,
+    RowSwitched,
     Undone,
 )
 from anaplot.session.models import solve
 from anaplot.session.modelstate import ModelState
 from anaplot.session.othernames import OtherName
 from anaplot.session.pointings import Run, pointings_of
+from anaplot.session.reasons import reason_of
 from anaplot.session.repeating import repetition
-from anaplot.session.state import EventRefusedError, SessionState, apply
+from anaplot.session.state import EventRefusedError, SessionState, apply, fold
 from anaplot.session.undone import undone
 from anaplot.session.workflow import outlook
 from anaplot.station.edited import check_unedited
@@ -82,7 +94,7 @@ def test_a_new_name_takes_the_place_of_the_old_one(scene: Scene) -> None:
     was, now = before.measurement(point), after.measurement("7")
     assert was is not None
     assert now == replace(was, point="7")
-    assert (after.measurement(point), after.off) == (None, frozenset())
+    assert (after.measurement(point), after.off) == (None, frozenset({("7", "y")}))
 
 
 def test_two_names_are_exchanged_in_both_photos_or_in_one(scene: Scene) -> None:
@@ -235,6 +247,71 @@ def test_names_that_are_none_and_fiducials_to_come(scene: Scene) -> None:
     for name in ("", " ", "a\nb", "p" * 101):
         with pytest.raises(InputError, match="printable name"):
             bench.give(Rename(point, name))
+    for name in (" 9 ", "9 ", " 9"):
+        with pytest.raises(InputError, match="begins and ends without a blank"):
+            bench.give(Rename(point, name))
+
+
+def test_what_is_off_stays_off_under_its_new_name_for_the_same_reason(scene: Scene) -> None:
+    state = scene.whole(scene.chosen(1))
+    tie, other = (next(p.point for p in current(state).plan if p.role == r) for r in ("tie", "new"))
+    third = [p.point for p in current(state).plan if p.role == "new"][1]
+    rows: list[Event] = [
+        RowSwitched(tie, "x", False),
+        ReasonGiven("pointing"),
+        RowSwitched(other, None, False),
+        ReasonGiven("identification"),
+    ]
+    before = fold(state, rows)
+    photos = current(before).photos
+    new = apply(before, PointRenamed(*photos, other, "7"))
+    assert current(new).off == {(tie, "x"), ("7", "y")}
+    assert reason_of(new.reasons, current(new), "7") == "identification"
+    exchanged = apply(before, PointRenamed(*photos, tie, other))
+    # nothing of the one counts, whatever rows it has; x is no row of the other
+    assert current(exchanged).off == {(tie, "x"), (tie, "y")}
+    assert reason_of(exchanged.reasons, current(exchanged), tie) == "identification"
+    beside = apply(before, PointRenamed(*photos, tie, third))
+    assert current(beside).off == {(other, "y")}
+    for renamed in (new, exchanged, beside):
+        assert apply(renamed, Undone()) == before
+    # the rays are others: both points are believed again, and the operator is told
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.whole_model()
+    first, second = names(current(bench.desk.state))[2:4]
+    bench.give(Switch(second, "y", False))
+    bench.give(Rename(first, second, "right"))
+    assert current(bench.desk.state).off == frozenset()
+    assert f"on again: {second} y" in bench.told
+
+
+def test_other_models_that_have_the_former_name_are_named(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    for _ in range(2):
+        bench.whole_model()
+        bench.give(Accept())
+    ties = [p.point for p in current_of(bench, "102", "103").plan if p.role == "tie"]
+    alone = next(m.point for m in current_of(bench, "101", "102").measured if m.point not in ties)
+    bench.give(ReturnTo("101", "102"))
+    told = []
+    for point in (alone, *ties):
+        bench.give(Rename(point, f"{point}x"))
+        told += [one for one in bench.told if "still has" in one and one not in told]
+    count = len(ties)
+    assert told == [
+        f"model 102/103 still has {tie}x as {tie}"
+        + (
+            f": {count - k} of {count - k + 1} points tie it"
+            if k < count
+            else ": nothing ties it, and it cannot be computed before it has these names, too"
+        )
+        for k, tie in enumerate(ties, 1)
+    ]
+    bench.give(Undo())
+    # what two are exchanged ties no less, but wrongly
+    first, second = ties[-1], f"{ties[0]}x"
+    bench.give(Rename(first, second))
+    assert f"model 102/103 still has {second} as {first}" in bench.told
 
 
 def test_the_mark_is_at_the_point_by_its_name_of_now(scene: Scene) -> None:
@@ -247,6 +324,43 @@ def test_the_mark_is_at_the_point_by_its_name_of_now(scene: Scene) -> None:
     assert (bench.desk.last_measured, bench.desk.target) == (second, first)
     bench.measure_all()
     assert not current(bench.desk.state).pending
+
+
+def test_an_undone_name_is_that_of_what_was_measured_last(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.give(NextModel())
+    bench.measure_all()
+    last, first = bench.desk.last_measured, names(current(bench.desk.state))[0]
+    for name in ("7", first):
+        bench.give(Rename(last, name))
+        assert bench.desk.last_measured == name
+        bench.give(Undo())
+        assert (bench.desk.last_measured, bench.desk.target) == (last, None)
+        bench.give(PointAgain(None, 1))
+        assert bench.desk.repeating.name == last
+        bench.arrive()
+    # the mark stands at a point that has its former name again
+    bench.give(Rename(last, first))
+    bench.give(Drive(first))
+    bench.give(Undo())
+    assert bench.desk.target is None
+
+
+def test_a_check_point_that_is_renamed_is_still_the_only_one_to_go(scene: Scene) -> None:
+    bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
+    bench.whole_model()
+    bench.give(Accept())
+    bench.give(ReturnTo("101", "102"))
+    first, second = bench.desk.checks
+    bench.arrive()
+    bench.press()
+    assert bench.desk.checks == (second,)
+    bench.give(Rename(second, "7"))
+    assert bench.desk.checks == ("7",)
+    bench.give(Rename("7", first))
+    assert bench.desk.checks == (first,)
+    bench.give(Undo())
+    assert bench.desk.checks == ("7",)
 
 
 def test_in_a_model_returned_to_the_check_points_follow(scene: Scene) -> None:
