@@ -422,7 +422,7 @@ def _measured(state: SessionState, event: PointMeasured) -> ModelState:
 
 
 def _renamed(state: SessionState, event: PointRenamed) -> ModelState:
-    model = _current(state)
+    model = _oriented(state)
     preceding = state.preceding(model.strip, model.left)
     after = renamed(model, event, _points_of(preceding))
     if not model.mono or preceding is None:

@@ -17,8 +17,10 @@ from anaplot.session.events import (
     FiducialMeasured,
     FiducialSwitched,
     ModelAccepted,
+    ModelReopened,
     PlannedPoint,
     PointAdded,
+    PointRenamed,
     Resumed,
     RowSwitched,
     Suspended,
@@ -44,6 +46,18 @@ def test_a_model_begins_with_the_inner_orientation_of_both_photos() -> None:
     inner = inner_of(state)
     assert inner.fiducials == inner.pending == tuple("12345678")
     assert (inner.name, inner.accepted) == ("photo 101 (left)", None)
+
+
+def test_a_point_gets_another_name_when_the_photos_are_oriented() -> None:
+    state = apply(SCENE.chosen(1), Undone())  # the first model is accepted, nothing in work
+    state = apply(state, ModelReopened("101", "102"))
+    assert state.current is not None
+    name = state.current.measured[0].point
+    refused(state, PointRenamed("101", "102", name, "7"), "photo 101 (left): inner orientation")
+    state = SCENE.oriented(state)
+    after = apply(state, PointRenamed("101", "102", name, "7"))
+    assert after.current is not None
+    assert after.current.measurement("7") is not None
 
 
 def test_a_photo_laid_anew_is_oriented_anew() -> None:
