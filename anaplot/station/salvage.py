@@ -8,7 +8,7 @@ lost becomes a new point; an undo that may have taken back something lost takes 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -243,13 +243,14 @@ class _Fold:
             before = ahead.preceding(event.strip, event.left)
             known = set() if before is None else {m.point for m in before.used}
             plan = tuple(_as_known(point, known) for point in event.plan)
-            changed = [p.point for p, q in zip(event.plan, plan, strict=True) if p != q]
-            if changed:
-                names = plain(", ".join(changed))
-                words.append(f"model {event.left}/{event.right}: no ties, but new points: {names}")
-                event = replace(event, plan=plan)
-        elif isinstance(event, PointRenamed) and here is not None:
-            event = self._as_named(event, events)
+            changed = [q for p, q in zip(event.plan, plan, strict=True) if p != q]
+            words += _roles_told(event, {point.point: point.role for point in changed})
+            event = replace(event, plan=plan)
+        elif isinstance(event, PointRenamed):
+            as_named = self._as_named(event, events)
+            if as_named != event:
+                words += _roles_told(event, {event.name: as_named.role})
+            event = as_named
         elif isinstance(event, PointMeasured) and current is not None and not current.mono:
             mine = here == current.photos
             if mine and current.planned(event.point) is None:
@@ -266,7 +267,9 @@ class _Fold:
         with contextlib.suppress(EventRefusedError):
             ahead = fold(ahead, before)
         model = ahead.current
-        preceding = None if model is None else ahead.preceding(model.strip, model.left)
+        if model is None or model.planned(event.name) is not None:
+            return event  # the name has a role
+        preceding = ahead.preceding(model.strip, model.left)
         known = set() if preceding is None else {m.point for m in preceding.used}
         return replace(event, role=_role_as_known(event.name, event.role, known))
 
@@ -342,6 +345,14 @@ def _fallen(before: Event, after: Event) -> str:
     kept = set(after.rows)
     rows = [row for row in before.rows if row not in kept]
     return ", ".join(f"{row.left}/{row.right} {row.point} {row.axis}" for row in rows)
+
+
+def _roles_told(event: ModelChosen | PointRenamed, roles: Mapping[str, Role]) -> Iterator[str]:
+    """Yield which points of a model have another role than was recorded, and which."""
+    for ties, what in ((False, "no ties, but new points"), (True, "ties, of the model before")):
+        names = [point for point, role in roles.items() if (role == "tie") == ties]
+        if names:
+            yield f"model {event.left}/{event.right}: {what}: {plain(', '.join(names))}"
 
 
 def _as_known(point: PlannedPoint, known: set[str]) -> PlannedPoint:

@@ -289,6 +289,41 @@ def test_a_name_given_after_something_lost_is_given_still(tmp_path):
     assert out.state.current is not None
     assert [(p.point, p.role) for p in out.state.current.plan] == [("2", "tie"), ("3", "new")]
     assert out.left_out == ()
+    assert [words.partition("line ")[2] for words in out.assumed] == [
+        "8: model 101/102 was accepted",
+        "10: model 102/103: no ties, but new points: 3",
+    ]
+
+
+def test_a_name_that_is_a_tie_since_something_is_lost_is_told_so(tmp_path):
+    points = [measured("101", "102", name) for name in "123"]
+    off = RowSwitched("3", None, False)
+    second = chosen("102", "103", planned("2", "tie"), planned("5"), planned("6"))
+    five, six = (measured("102", "103", name) for name in "56")
+    session = Session(
+        tmp_path,
+        FIRST,
+        *points,
+        off,
+        ACCEPTED,
+        second,
+        five,
+        PointRenamed("102", "103", "5", "3", None, "new"),
+        six,
+        PointRenamed("102", "103", "6", "3", None, "new"),
+    )
+    session.damage(4)
+    out = session.salvaged()
+    assert out.state.current is not None
+    assert [(p.point, p.role) for p in out.state.current.plan] == [
+        ("2", "tie"),
+        ("3", "tie"),
+        ("6", "new"),
+    ]
+    # exchanged then with what has a role there already
+    assert [words.partition("line ")[2] for words in out.assumed] == [
+        "10: model 102/103: ties, of the model before: 3"
+    ]
 
 
 def test_decisions_taken_over_while_work_is_suspended_resume_nothing(tmp_path):
