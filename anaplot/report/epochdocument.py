@@ -16,6 +16,7 @@ from anaplot.report.epochaside import Aside
 from anaplot.report.epochtables import (
     against_answer,
     against_table,
+    is_marked,
     pair_answer,
     pair_table,
     pairs_table,
@@ -73,7 +74,7 @@ def series_document(found: SeriesTests, aside: Aside = _NOTHING) -> Document:
         What takes no part.
     """
     of = found.series
-    points, pairs = series_table(found), pairs_table(found)
+    points, pairs = series_table(found), pairs_table(found, found.pairs)
     expected = of.expected is not None
     page: list[Block] = [
         *_head(of),
@@ -96,7 +97,7 @@ def series_document(found: SeriesTests, aside: Aside = _NOTHING) -> Document:
     each = found.pairs[0].alpha if found.pairs else found.alpha
     page += [
         BLANK,
-        pairs,
+        *_pairs(found),
         say("  each pair of epochs at alpha {:.2g}, all points or all coordinates together;", each),
         say("  all pairs together at {:g}", found.alpha),
         BLANK,
@@ -251,6 +252,17 @@ def _by_themselves(of: EpochSeries) -> Line:
         sigma = VarianceFactor(vtpv, redundancy, by_known=False).sigma
         parts.append(say("{:.3f||none} ({})", sigma, number))
     return say("  sigma0 of each epoch by itself: {}", named(parts, _LISTED))
+
+
+def _pairs(found: SeriesTests) -> list[Block]:
+    """Return the pairs in which something is marked; every pair has its line among the tests."""
+    marked = [pair for pair in found.pairs if is_marked(pair)]
+    out: list[Block] = [pairs_table(found, marked)] if marked else []
+    left = len(found.pairs) - len(marked)
+    if left:
+        which = "the pair" if left == 1 else f"the {left} pairs"
+        out.append(say("  {} of epochs with nothing marked: --csv and --json have them all", which))
+    return out
 
 
 def _ratio_line(numbers: tuple[int, int], ratio: VarianceRatio, alpha: float) -> Line:

@@ -26,6 +26,7 @@ from anaplot.report.verdicts import probability, verdict_json
 __all__ = [
     "against_answer",
     "against_table",
+    "is_marked",
     "pair_answer",
     "pair_table",
     "pairs_table",
@@ -80,10 +81,23 @@ def pair_table(found: EpochTests) -> Table:
     return table("displacements", _columns(expected), rows)
 
 
-def pairs_table(found: SeriesTests) -> Table:
-    """Return the displacements between any two of several epochs, pair by pair."""
+def is_marked(found: EpochTests) -> bool:
+    """Whether a test of two epochs is rejected: of all points, of one, or of a coordinate."""
+    return bool(_moved(found.everything)) or any(_marks(p, False) for p in found.points)
+
+
+def pairs_table(found: SeriesTests, pairs: Sequence[EpochTests]) -> Table:
+    """Return the displacements between any two of several epochs, pair by pair.
+
+    Parameters
+    ----------
+    found
+        All tests.
+    pairs
+        Which of its pairs.
+    """
     parts = []
-    for pair in found.pairs:
+    for pair in pairs:
         first, second = pair.differences.numbers
         parts.append(((first, second, f"{first}-{second}"), pair_table(pair)))
     columns = _columns(found.series.expected is not None)

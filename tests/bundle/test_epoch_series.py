@@ -17,8 +17,10 @@ from wild import text_of, wild, words
 
 import anaplot
 from anaplot.adjustment.hypothesis import f_power
+from anaplot.bundle.epochs.common import stable_points
 from anaplot.bundle.epochs.displacements import compare_epochs, compare_series
 from anaplot.bundle.epochs.displacementtests import epoch_tests, pair_tests
+from anaplot.bundle.epochs.moves import chosen_points
 from anaplot.bundle.epochs.seriestests import series_tests
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.cli import main
@@ -520,6 +522,18 @@ def test_refusals() -> None:
         compare_series((one, two, three), points=("p8",)).as_two()
 
 
+def test_more_displacements_than_can_be_compared_are_refused() -> None:
+    names = [f"q{k}" for k in range(22)]
+    common = stable_points((), 46)
+    assert len(chosen_points([names] * 46, common, names[:15])) == 15
+    said = "22770 displacements .* of 46 epochs; 20000 can .*--points.*, or compare fewer epochs"
+    with pytest.raises(InputError, match=said):
+        chosen_points([names] * 46, common, names)
+    # a point counts in the epochs that it is in
+    gaps = [names if k % 2 else names[:10] for k in range(46)]
+    assert len(chosen_points(gaps, common, ())) == 22
+
+
 # --- the command ----------------------------------------------------------------------------
 
 
@@ -530,7 +544,11 @@ def test_the_command(tmp_path, capsys) -> None:
     text = capsys.readouterr().out
     lines = text.splitlines()
     assert [line.split()[1:2] for line in lines if line.startswith("  p13 ")][-1] == ["2-3"]
-    assert {"1-2", "1-3", "2-3"} <= set(lines)
+    # a pair without a mark has its line among the tests alone
+    assert {"1-3", "2-3"} <= set(lines)
+    assert "1-2" not in lines
+    assert sum(line.startswith("    from 1 to 2 ") for line in lines) == 1
+    assert "  the pair of epochs with nothing marked: --csv and --json have them all" in lines
     assert lines[-1].startswith("  ANYTHING MOVED: yes")
     with table.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -538,6 +556,7 @@ def test_the_command(tmp_path, capsys) -> None:
         (r["from"], r["to"]) for r in rows if r["point"] == "p13" and r["moved_bonferroni"] == "1"
     }
     assert moved == {("1", "3"), ("2", "3")}
+    assert {(r["from"], r["to"]) for r in rows} == {("1", "2"), ("1", "3"), ("2", "3")}
     with (all_tables / "points.csv").open(encoding="utf-8", newline="") as file:
         points = {r["point"]: r for r in csv.DictReader(file)}
     assert points["p13"]["moved"] == "2-3"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from anaplot.errors import InputError
 
 __all__ = [
     "MOST_MOVES",
+    "MOST_PAIRED",
     "Move",
     "bound_coordinates",
     "chosen_points",
@@ -25,6 +27,9 @@ __all__ = [
 
 MOST_MOVES = 1000
 """Movements that are computed at once: their covariance matrix is dense."""
+
+MOST_PAIRED = 20_000
+"""Displacements of points between any two epochs: each has tests of its own, some 30 kB."""
 
 
 class Move(NamedTuple):
@@ -84,6 +89,12 @@ def chosen_points(
     if len(moving) > MOST_MOVES:
         what = f"{len(free)} common points" if two else f"{len(moving)} movements of common points"
         raise InputError(f"{what}; {MOST_MOVES} can be compared at once: choose (--points)")
+    paired = sum(comb(sum(name in each for each in there), 2) for name in free)
+    if paired > MOST_PAIRED:
+        raise InputError(
+            f"{paired} displacements of points between two of {len(names)} epochs; {MOST_PAIRED} "
+            "can be compared at once: choose (--points), or compare fewer epochs"
+        )
     return tuple(free)
 
 
