@@ -24,6 +24,7 @@ from anaplot.bundle.hypotheses.priorknowledge import BlockPrior, PriorEstimator,
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.posteriors import coordinates_meant
 from anaplot.bundle.solve.posteriors import posterior_of as posterior_of_block
 from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import InputError
@@ -253,6 +254,10 @@ def adjust(
     chosen = None
     if not tried:
         chosen = parameters_of(additional, additional_sigma_um, additional_prior)
+    if posterior is not None:
+        # what cannot be written is told before hours of adjusting
+        problem = make_problem(measured, datum=datum, additional=chosen)
+        coordinates_meant(problem, names_in(posterior_of or "points"))
     settings = HypothesisSettings(hypothesis_alpha, measured.test.power)
     asked = functions_of(function or ())
     watch = progress if isinstance(progress, Watch) else Watch(progress)

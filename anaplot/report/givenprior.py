@@ -60,10 +60,14 @@ def given_document(found: GivenTests, *, cleaned: bool = False) -> Document:
     owners, rows = _owners(found), _rows(found)
     bad = found.contradicted
     page: list[Block] = [
-        say("GIVEN  {} as a prior, with their covariance", _counted(found)).of("heading"),
+        say("GIVEN  {} as a prior, with their covariance", _counted(found)).of("heading")
+        if found.coordinates
+        else say("GIVEN  {} free of error, held so", counted(found.exact, "coordinate")).of(
+            "heading"
+        ),
         say("  from {}", found.source),
     ]
-    if found.exact:
+    if found.exact and found.coordinates:
         page.append(say("  {} more free of error, held so", counted(found.exact, "coordinate")))
     if found.unknown:
         page.append(
@@ -73,8 +77,18 @@ def given_document(found: GivenTests, *, cleaned: bool = False) -> Document:
                 "is" if found.unknown == 1 else "are",
             )
         )
-    page.append((labelled("PRIOR AND OBSERVATIONS", _WIDTH) + TEST_HEAD).of("heading"))
-    page += _whole(found)
+    if found.doubled:
+        page.append(
+            say(
+                "  note: {} weighted control here and given as well: of one survey it counts twice "
+                "(--given-without, or control that is left out): {}",
+                counted(len(found.doubled), "point is", "points are"),
+                named(found.doubled, 6),
+            ).of("remark")
+        )
+    if found.coordinates:
+        page.append((labelled("PRIOR AND OBSERVATIONS", _WIDTH) + TEST_HEAD).of("heading"))
+        page += _whole(found)
     if bad:
         listed = named([say("{} {}", one.kind, one.name) for one in bad], 6)
         page.append(
@@ -84,22 +98,24 @@ def given_document(found: GivenTests, *, cleaned: bool = False) -> Document:
                 listed,
             ).of("look")
         )
-    elif len(owners):
+    elif found.owners:
         page.append(say("  no point and no photo by itself contradicts the prior"))
-    if cleaned:
+    if cleaned and found.coordinates:
         page.append(
             say(
                 "  note: what is given is never rejected, the rays of a point that has moved are: "
                 "look without --errors, and leave it out with --given-without"
             ).of("remark")
         )
-    page += [owners, rows]
+    tables = (owners, rows) if found.coordinates else ()
+    page += tables
     answer = {
         "source": found.source,
         "coordinates": len(found.coordinates),
         "exact": found.exact,
         "unknown": found.unknown,
         "conditions": found.conditions,
+        "control_as_well": list(found.doubled),
         "verdict": verdict_json(found.verdict),
         "contradicted": [{"kind": one.kind, "name": one.name} for one in bad],
         "owners": [_owner_json(one) for one in found.owners],
@@ -119,7 +135,7 @@ def given_document(found: GivenTests, *, cleaned: bool = False) -> Document:
             for one in found.coordinates
         ],
     }
-    return Document(answer, tuple(page), (owners, rows))
+    return Document(answer, tuple(page), tables)
 
 
 def posterior_document(left: Posterior) -> Document:

@@ -147,6 +147,9 @@ def _array(path: Path, archive: zipfile.ZipFile, key: str) -> NDArray[Any]:
             f"{place(path)}: {quoted(key)} says that it has {members[0].file_size} bytes: at most "
             f"{MOST_COORDINATES} coordinates"
         )
+    if members[0].compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        # other methods fail in ways of their own, and numpy uses none of them
+        raise InputError(f"{place(path)}: {quoted(key)} is compressed by a method not known here")
     with archive.open(members[0]) as member:
         data = member.read(_LARGEST[key] + 1)
     stream = io.BytesIO(data)

@@ -370,6 +370,58 @@ def test_what_is_given_is_counted(shaken):
     assert problem.fixed.sum() == problem.given.exact
 
 
+def test_all_of_it_free_of_error_is_counted_and_held():
+    halves = campaigns()
+    control = halves.first.control[0]
+    names = tuple(CoordinateName("point", one, axis)
+                  for one in (control.point, "nobody") for axis in "XYZ")  # fmt: skip
+    firm = Posterior(names, np.array([*control.xyz] * 2), np.zeros((6, 6)))
+    block = adjust_block(replace(halves.first, control=halves.first.control[1:], given=firm))
+    assert block.problem.given is None
+    found = given_tests(block)
+    assert (found.exact, found.unknown, found.coordinates, found.verdict) == (3, 3, (), None)
+    assert not found.flagged
+    assert given_tests(adjust_block(halves.first)) is None
+
+
+def test_points_given_and_weighted_control_as_well(shaken):
+    halves, after = shaken
+    left = posterior_of(adjust_block(halves.first))
+    assert given_tests(after).doubled == (halves.both.control[-1].point,)
+    away = left.without(given_tests(after).doubled)
+    assert given_tests(adjust_block(replace(halves.second, given=away))).doubled == ()
+
+
+def test_what_nothing_checks_has_no_w_and_no_smallest_error():
+    """A datum of a thousand metres: seven combinations, and rounding must not make more of it."""
+    halves = campaigns()
+    second = replace(halves.second, control=())
+    left = posterior_of(adjust_block(halves.first))
+    # a point of its own, which one ray sees: its height has nothing that checks it
+    lone = "p7"
+    rows = [row for row in second.image_points if row.point != lone]
+    rows.append(next(row for row in second.image_points if row.point == lone))
+    given = replace(left, covariance=left.covariance + np.diag([
+        1e8 if (name.owner, name.unknown) == (lone, "Z") else 0.0 for name in left.names
+    ]))  # fmt: skip
+    found = given_tests(adjust_block(replace(second, image_points=tuple(rows), given=given)))
+    row = next(one for one in found.coordinates if one.name == CoordinateName("point", lone, "Z"))
+    assert (row.w is None, row.mdb is None) == (row.r < 1e-6, row.r < 1e-6)
+    owners = {one.name: one.conditions for one in found.owners}
+    for one in found.coordinates:
+        assert (one.w is None) == (one.mdb is None)
+        if one.w is not None:
+            assert owners[one.name.owner] > 0
+
+
+def test_a_photo_free_of_error_is_refused(shaken):
+    halves, _ = shaken
+    photo = halves.second.photos[0].id
+    firm = posterior([("photo", photo, "omega"), ("point", "p7", "X")], np.diag([0.0, 1.0]))
+    with pytest.raises(InputError, match=f"omega of photo {photo} is free of error: only points"):
+        make_problem(replace(halves.second, given=firm))
+
+
 def posterior(names, covariance, x=None):
     names = tuple(CoordinateName(*name) for name in names)
     x = np.zeros(len(names)) if x is None else np.asarray(x, dtype=float)

@@ -94,6 +94,59 @@ def test_a_block_without_control_stands_on_the_last_campaign(campaigns, left, ca
     assert "no point and no photo by itself contradicts the prior" in text
 
 
+def test_a_campaign_with_control_free_of_error_is_carried_on(campaigns, tmp_path, capsys) -> None:
+    """All control of the next block is free of error by what is given: none of it is tested."""
+    spring, autumn = campaigns
+    firm, path = tmp_path / "firm", tmp_path / "firm.npz"
+    shutil.copytree(spring, firm)
+    rows = (firm / "control.csv").read_text(encoding="utf-8").splitlines()
+    head = rows[0].split(",")
+    sigmas = [k for k, name in enumerate(head) if name in ("sX", "sY", "sZ")]
+    assert sigmas
+
+    def written(folder: Path, use: str) -> None:
+        out = [",".join(head if "use" in head else [*head, "use"])]
+        for row in rows[1:]:
+            cells = row.split(",")
+            for k in sigmas:
+                cells[k] = "0"
+            if "use" in head:
+                cells[head.index("use")] = use
+            else:
+                cells.append(use)
+            out.append(",".join(cells))
+        (folder / "control.csv").write_text("\n".join(out) + "\n", encoding="utf-8")
+
+    written(firm, "control")
+    left = answer(capsys, str(firm), "--posterior", str(path))["posterior"]
+    assert left["exact"] > 0
+    found = answer(capsys, str(autumn), "--given", str(path))
+    assert found["given"]["exact"] == left["exact"]
+    assert found["hypotheses"]["control"] is None
+    # check points of the next block that what is given holds are no control either
+    checked = tmp_path / "checked"
+    shutil.copytree(autumn, checked)
+    written(checked, "check")
+    assert answer(capsys, str(checked), "--given", str(path))["hypotheses"]["control"] is None
+    # only what is free of error is given
+    of = read_posterior(path)
+    exact = np.diag(of.covariance) == 0.0
+    np.savez(path, names=[n.text for n, one in zip(of.names, exact, strict=True) if one],
+             x=of.x[exact], C=np.zeros((exact.sum(), exact.sum())))  # fmt: skip
+    given = answer(capsys, str(autumn), "--given", str(path))["given"]
+    assert (given["exact"], given["coordinates"], given["verdict"]) == (left["exact"], 0, None)
+    assert main(["adjust", str(autumn), "--given", str(path)]) == 0
+    assert f"GIVEN  {left['exact']} coordinates free of error, held so" in capsys.readouterr().out
+
+
+def test_control_of_both_campaigns_is_told_of(campaigns, left, capsys) -> None:
+    spring, _ = campaigns
+    given = answer(capsys, str(spring), "--given", str(left))["given"]
+    assert len(given["control_as_well"]) > 3
+    assert main(["adjust", str(spring), "--given", str(left)]) == 0
+    assert "weighted control here and given as well" in capsys.readouterr().out
+
+
 def test_photos_and_single_points_can_be_chosen(campaigns, tmp_path, capsys) -> None:
     spring, autumn = campaigns
     path = tmp_path / "some.npz"

@@ -31,8 +31,8 @@ def npy(array, **options) -> bytes:
     return out.getvalue()
 
 
-def archive(path: Path, *members: tuple[str, bytes]) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as out:
+def archive(path: Path, *members: tuple[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> Path:
+    with zipfile.ZipFile(path, "w", method) as out:
         for name, data in members:
             out.writestr(name, data)
     return path
@@ -154,6 +154,20 @@ def test_hostile_archives(tmp_path):
     refused("0 names with x")
     archive(path, ("names.npy", claimed("(3,)", "<U2", b"\xff" * 24)), *WHOLE[1:])
     refused("'names' holds what is no text")
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_methods_that_numpy_does_not_use(tmp_path, method):
+    """What is damaged in them is told by errors of their own."""
+    path = archive(tmp_path / "bad.npz", *WHOLE, method=method)
+    data = bytearray(path.read_bytes())
+    for whole in (True, False):
+        if not whole:
+            at = data.index(b"names.npy") + 9
+            data[at + 4 : at + 24] = bytes(20)
+            path.write_bytes(bytes(data))
+        with pytest.raises(InputError, match="'names' is compressed by a method not known here"):
+            read_posterior(path)
 
 
 def test_an_archive_that_unpacks_to_much_is_not_unpacked(tmp_path, monkeypatch):

@@ -178,17 +178,17 @@ def control_tests(
     problem = block.problem
     if problem.datum != "control":
         return _network_tests(block, settings)
-    present = problem.fixed | np.isfinite(problem.known_sigma)
-    if not present.any():
-        return None
     names = {name: k for k, name in enumerate(problem.points)}
+    # an earlier adjustment may hold other coordinates free of error, of check points, too
     places = [
         (names[name], axis)
-        for name in problem.control_rows
-        if name in names
-        for axis in range(3)
-        if present[names[name], axis]
+        for name, row in problem.control_rows.items()
+        if name in names and row.use == "control"
+        for axis, value in enumerate(row.xyz)
+        if value is not None
     ]
+    if not places:
+        return None
     together = len(places) <= _MOST
     remarks = []
     if not together:

@@ -21,17 +21,19 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.adjustment.hypothesis import bonferroni_alpha
-from anaplot.adjustment.significance import TESTABLE
 from anaplot.aliases import Array
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
+from anaplot.bundle.solve.givenprior import locate
+from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.posterior import CoordinateName
 
 __all__ = ["GivenCoordinateTest", "GivenOwnerTest", "GivenTests", "given_tests"]
 
 
 _WEAK = 1e-6  # redundancy below which new observations hardly tell, and rounding might
+_ROUNDING = 100.0  # of the fineness of what redundancies are the difference of: it may be that
 
 
 class GivenCoordinateTest(NamedTuple):
@@ -104,6 +106,8 @@ class GivenTests:
         How many combinations of the coordinates the new observations check.
     verdict
         Of all together; None without conditions.
+    doubled
+        Points of which a coordinate is given and weighted control as well.
     """
 
     source: str
@@ -113,6 +117,7 @@ class GivenTests:
     owners: tuple[GivenOwnerTest, ...]
     conditions: int
     verdict: Verdict | None
+    doubled: tuple[str, ...] = ()
 
     @property
     def contradicted(self) -> tuple[GivenOwnerTest, ...]:
@@ -122,8 +127,11 @@ class GivenTests:
 
     @property
     def flagged(self) -> bool:
-        """Whether a coordinate exceeds the critical value."""
-        return any(one.flagged for one in self.coordinates)
+        """Whether anything contradicts: all together, a point or photo, or a coordinate."""
+        rejected = self.verdict is not None and self.verdict.rejected
+        return (
+            rejected or len(self.contradicted) > 0 or any(one.flagged for one in self.coordinates)
+        )
 
 
 def given_tests(
@@ -140,7 +148,7 @@ def given_tests(
     """
     prior = block.problem.given
     if prior is None:
-        return None
+        return _without_covariance(block.problem)
     settings = settings or HypothesisSettings()
     equations = block.cofactors.normal.linear.given
     assert equations is not None  # of every block with a prior
@@ -156,13 +164,16 @@ def given_tests(
     adjusted = side_products(block, len(prior), sides)
     # in the measure that makes the prior's covariance one
     left = np.eye(len(prior)) - prior.root @ adjusted @ prior.root.T
+    size = np.abs(prior.root)
+    fineness = float(np.einsum("ij,ij->i", size @ np.abs(adjusted), size).max())
+    weak = max(_WEAK, _ROUNDING * np.finfo(float).eps * fineness)
     information = prior.root.T @ left @ prior.root
     score = prior.weight @ v
     variance = VarianceFactor.of(block)
-    whole = _given_up(left, prior.root @ v)
+    whole = _given_up(left, prior.root @ v, weak)
     weight = np.diag(prior.weight)
     share = np.diag(information) / weight
-    testable = share >= TESTABLE
+    testable = share > weak
     deviation = np.sqrt(np.where(testable, np.diag(information), np.nan))
     sigma = block.sigma
     w = np.full(len(prior), np.nan) if not sigma else score / deviation / sigma
@@ -181,10 +192,30 @@ def given_tests(
         prior.exact,
         prior.unknown,
         coordinates,
-        _owners(prior.names, information, weight, score, variance, settings),
+        _owners(_Scores(prior.names, information, weight, score, weak), variance, settings),
         whole.conditions,
         _verdict(variance, whole, settings.alpha),
+        _doubled(block.problem),
     )
+
+
+def _without_covariance(problem: Problem) -> GivenTests | None:
+    """Return what is said of a prior that is free of error as far as the block knows it."""
+    given = problem.block.given
+    if given is None or problem.datum != "control":
+        return None
+    known = len(locate(given, problem.points, problem.photos).row)
+    return GivenTests(given.source, known, len(given.x) - known, (), (), 0, None)
+
+
+def _doubled(problem: Problem) -> tuple[str, ...]:
+    """Return the points of which a coordinate is given and weighted control as well."""
+    prior = problem.given
+    assert prior is not None
+    at = np.zeros(problem.known_sigma.shape, dtype=bool)
+    at[prior.owner[prior.of_point], prior.axis[prior.of_point]] = True
+    both = (at & np.isfinite(problem.known_sigma)).any(axis=1)
+    return tuple(problem.points[k] for k in np.flatnonzero(both).tolist())
 
 
 class _GivenUp(NamedTuple):
@@ -195,34 +226,43 @@ class _GivenUp(NamedTuple):
     off: Array
 
 
-def _given_up(information: Array, score: Array) -> _GivenUp:
+class _Scores(NamedTuple):
+    """Of (q,) coordinates M, the diagonal of P, P v, and the redundancy that tells nothing."""
+
+    names: tuple[CoordinateName, ...]
+    information: Array
+    weight: Array
+    score: Array
+    weak: float
+
+
+def _given_up(information: Array, score: Array, weak: float) -> _GivenUp:
     """Give coordinates up whose information is at most one in their measure."""
     values, vectors = np.linalg.eigh(0.5 * (information + information.T))
-    good = values > _WEAK
+    good = values > weak
     along = vectors[:, good].T @ score
     off = vectors[:, good] @ (along / values[good])
     # a combination that nothing else determines is unknown when it is given up
-    open_here = (vectors[:, ~good] ** 2).sum(axis=1) > _WEAK
+    open_here = (vectors[:, ~good] ** 2).sum(axis=1) > weak
     return _GivenUp(
         float(along @ (along / values[good])), int(good.sum()), np.where(open_here, np.nan, off)
     )
 
 
 def _owners(
-    names: tuple[CoordinateName, ...],
-    information: Array,
-    weight: Array,
-    score: Array,
-    variance: VarianceFactor,
-    settings: HypothesisSettings,
+    of: _Scores, variance: VarianceFactor, settings: HypothesisSettings
 ) -> tuple[GivenOwnerTest, ...]:
     members: dict[tuple[str, str], list[int]] = {}
-    for k, name in enumerate(names):
+    for k, name in enumerate(of.names):
         members.setdefault((name.kind, name.owner), []).append(k)
     found = []
     for rows in members.values():
-        size = np.sqrt(weight[rows])
-        own = _given_up(information[np.ix_(rows, rows)] / size[:, None] / size, score[rows] / size)
+        size = np.sqrt(of.weight[rows])
+        own = _given_up(
+            of.information[np.ix_(rows, rows)] / size[:, None] / size,
+            of.score[rows] / size,
+            of.weak,
+        )
         found.append(own._replace(off=own.off / size))
     family = max(sum(one.conditions > 0 for one in found), 1)
     alpha = bonferroni_alpha(settings.alpha, family)
@@ -230,7 +270,7 @@ def _owners(
         GivenOwnerTest(
             kind,
             owner,
-            tuple(names[k].unknown for k in rows),
+            tuple(of.names[k].unknown for k in rows),
             tuple(_number(value) for value in own.off),
             own.conditions,
             _verdict(variance, own, alpha),

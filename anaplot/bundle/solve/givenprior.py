@@ -151,9 +151,16 @@ class Located:
         Raises
         ------
         InputError
-            Control says something else of what is free of error.
+            Control says something else of what is free of error, or that is of a photo.
         """
         given, exact = self.given, self.exact
+        photo = np.flatnonzero(exact & ~self.of_point)
+        if len(photo):
+            name = given.names[int(self.row[photo[0]])]
+            raise InputError(
+                f"{given.source}: {name.unknown} of photo {name.owner} is free of error: only "
+                f"points are held so; leave the photo out (--given-without photo:{name.owner})"
+            )
         for k in np.flatnonzero(self.of_point).tolist():
             at, value = (int(self.owner[k]), int(self.axis[k])), float(given.x[self.row[k]])
             if exact[k]:

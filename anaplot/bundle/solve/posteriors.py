@@ -10,21 +10,27 @@ from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
 from anaplot.bundle.solve.observations import ORIENTATION
+from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import InputError
 from anaplot.photogrammetry.posterior import MOST_COORDINATES, CoordinateName, Posterior
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 from anaplot.textfiles.wording import hint, quoted
 
-__all__ = ["posterior_names", "posterior_of"]
+__all__ = ["coordinates_meant", "posterior_names", "posterior_of"]
 
 
 def posterior_names(block: AdjustedBlock, wanted: Sequence[str]) -> tuple[CoordinateName, ...]:
+    """Return the coordinates of an adjusted block that are meant, as `coordinates_meant` has it."""
+    return coordinates_meant(block.problem, wanted)
+
+
+def coordinates_meant(problem: Problem, wanted: Sequence[str]) -> tuple[CoordinateName, ...]:
     """Return the coordinates that are meant.
 
     Parameters
     ----------
-    block
-        The adjusted block.
+    problem
+        The bundle.
     wanted
         "points" and "photos" for all of them, or names of points, then of photos; "point:NAME" and
         "photo:NAME" where a name is both, or one of these words.
@@ -34,7 +40,6 @@ def posterior_names(block: AdjustedBlock, wanted: Sequence[str]) -> tuple[Coordi
     InputError
         A name that the block does not have, or two of a point and a photo; too many.
     """
-    problem = block.problem
     owners = {"point": problem.points, "photo": problem.photos}
     there = {kind: set(names) for kind, names in owners.items()}
     chosen: dict[tuple[str, str], None] = {}
@@ -81,7 +86,7 @@ def posterior_of(block: AdjustedBlock, wanted: Sequence[str] = ("points",)) -> P
     block
         The adjusted block; its datum is that of control and priors.
     wanted
-        As `posterior_names` has it.
+        As `coordinates_meant` has it.
 
     Returns
     -------
