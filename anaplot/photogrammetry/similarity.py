@@ -17,6 +17,7 @@ __all__ = [
     "moved_similarity",
     "robust_similarity",
     "similarity_effects",
+    "without_scale",
 ]
 
 
@@ -102,6 +103,12 @@ def robust_similarity(source: Array, target: Array) -> tuple[Similarity, Bools] 
     inliers = distance[best] <= limit
     inliers[index[best]] = True
     return fit_similarity(source[inliers], target[inliers]), inliers
+
+
+def without_scale(fitted: Similarity, source: Array) -> Similarity:
+    """Return the rotation of a similarity, and the shift that takes the middle of points along."""
+    shift = fitted.apply(source).mean(axis=0) - fitted.rotation @ source.mean(axis=0)
+    return Similarity(1.0, fitted.rotation, shift)
 
 
 def similarity_effects(at: Array) -> Array:

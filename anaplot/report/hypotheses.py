@@ -372,7 +372,8 @@ def _control(found: ControlTests) -> list[Block]:
     network = found.against == "network"
     page: list[Block] = [_head("GIVEN COORDINATES" if network else "CONTROL", _WIDTH)]
     if network:
-        page.append(say("  against the network, up to a similarity; what is right agrees with it"))
+        left = "shift and rotation, distances give its scale" if found.scaled else "a similarity"
+        page.append(say("  against the network, up to {}; what is right agrees with it", left))
     for group in found.groups:
         page += _global(
             _RIGHT[group.what],

@@ -10,9 +10,12 @@ import pytest
 from conditionblocks import condition, dense_conditions, every_kind, flat_scene, with_conditions
 from denseblock import dense
 from scipy.linalg import null_space
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.hypotheses.controltests import control_tests
 from anaplot.bundle.hypotheses.coordinatefunctions import CoordinateFunction, evaluate_functions
 from anaplot.bundle.live import LiveBlock
 from anaplot.bundle.solve.comparedconditions import compared_conditions
@@ -232,3 +235,73 @@ def test_what_depends_on_the_datum_is_no_function_of_a_free_network() -> None:
     block = with_conditions(scene, bars(scene, [0.05]), datum="free")
     with pytest.raises(InputError, match="not free, but for distances"):
         evaluate_functions(block, [CoordinateFunction("height", ("p1", "p16"))])
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "wrong"), [([0.02], 0.0), ([0.02, 0.03], 0.0), ([0.02, 0.03], 2.0), ([0.02], 50.0)]
+)
+def test_control_tells_of_the_scale_that_distances_give(sigmas, wrong) -> None:
+    scene = flat_scene()
+    rows = list(scene.block.control)
+    rows[0] = replace(rows[0], xyz=(*rows[0].xyz[:2], None))
+    scene = replace(scene, block=replace(scene.block, control=tuple(rows)))
+    block = adjust_block(
+        replace(scene.block, conditions=bars(scene, sigmas, off=[wrong, wrong])),
+        datum="free",
+    )
+    found = control_tests(block)
+    free = control_tests(adjust_block(scene.block, datum="free"))
+    all_of, without = found.groups[0], free.groups[0]
+    assert (found.scaled, free.scaled) == (True, False)
+    assert all_of.conditions == without.conditions + 1
+    # the rigid movement that agrees best, by the covariances of an own dense adjustment
+    names, places = block.problem.points, block.state.points
+    at = [
+        (names.index(row.point), axis, value, row.sigma[axis])
+        for row in rows
+        for axis, value in enumerate(row.xyz)
+        if value is not None
+    ]
+    index, axes = np.array([one[:2] for one in at]).T
+    given = np.array([value for *_, value, _ in at]) - block.state.origin[axes]
+    first = block.problem.per_photo * len(block.problem.photos)
+    pick = first + 3 * np.repeat(index, 3) + np.tile(np.arange(3), len(index))
+    _, q, _, _ = dense_free(block)
+    own = q[np.ix_(pick, pick)]
+
+    def movement(x):
+        turn = Rotation.from_rotvec(x[3:] * 1e-3).as_matrix()
+        return turn, (places[index] @ turn.T)[np.arange(len(at)), axes] + x[axes]
+
+    # its covariances turn along with it: at first those of no turn
+    solved = np.zeros(6)
+    for _ in range(3):
+        turn, _ = movement(solved)
+        part = np.kron(np.eye(len(at)), turn) @ own @ np.kron(np.eye(len(at)), turn).T
+        mine = 3 * np.arange(len(at)) + axes
+        covariance = part[np.ix_(mine, mine)] + np.diag([sigma**2 for *_, sigma in at])
+        root = np.linalg.inv(np.linalg.cholesky(covariance))
+        best = least_squares(
+            lambda x, root=root: root @ (movement(x)[1] - given), solved, xtol=1e-12
+        )
+        solved = best.x
+    square = all_of.verdict.known.square
+    assert square == pytest.approx(2.0 * best.cost, rel=1e-2)
+    assert all_of.verdict.rejected == (wrong > 0.0)
+    if wrong:
+        assert square > 10.0 * without.verdict.known.square
+    elif len(sigmas) == 1:
+        # the same network, and one condition more
+        assert square >= without.verdict.known.square * (1.0 - 1e-3)
+
+
+def test_two_control_points_check_nothing_but_the_scale_of_distances() -> None:
+    scene = flat_scene()
+    few = replace(scene.block, control=scene.block.control[:2])
+    (bar,) = bars(scene, [0.02])
+    for off in (0.0, 5.0):
+        conditions = (replace(bar, value=bar.value + off),)
+        block = adjust_block(replace(few, conditions=conditions), datum="free")
+        (group,) = (one for one in control_tests(block).groups if one.what == "all")
+        assert group.conditions == 1
+        assert group.verdict.rejected == (off > 0.0)

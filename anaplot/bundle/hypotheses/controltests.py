@@ -15,8 +15,9 @@ X = (J'C)'G M_c^-1 D: finite for conditions free of error, too. The residuals of
 variance factor are those that remain when the coordinates are given up.
 
 A free or minimal datum uses no control. There the given coordinates are tested against the network
-up to a similarity: with C the covariances of both together and G what a change of datum does to
-the coordinates, M = C^-1 - C^-1 G (G'C^-1 G)^-1 G'C^-1 and g = -M (adjusted - given).
+up to a similarity, or to shift and rotation where distances give it its scale: with C the
+covariances of both together and G what a change of datum does to the coordinates,
+M = C^-1 - C^-1 G (G'C^-1 G)^-1 G'C^-1 and g = -M (adjusted - given).
 """
 
 from __future__ import annotations
@@ -41,7 +42,12 @@ from anaplot.bundle.solve.crosscofactors import (
     side_products,
 )
 from anaplot.bundle.solve.imaging import imaged_with_derivatives
-from anaplot.photogrammetry.similarity import Similarity, fit_to_partial, similarity_effects
+from anaplot.photogrammetry.similarity import (
+    Similarity,
+    fit_to_partial,
+    similarity_effects,
+    without_scale,
+)
 
 __all__ = [
     "ControlCoordinateTest",
@@ -136,6 +142,9 @@ class ControlTests:
     against
         "photographs": control that holds the datum; "network": control and check points against a
         network with a datum of its own.
+    scaled
+        Whether that network has its scale from distances, which are tested against the given
+        coordinates, too.
     groups
         All control, plan and heights; empty when it is too much to be tested together.
     points, coordinates
@@ -145,6 +154,7 @@ class ControlTests:
     """
 
     against: Literal["photographs", "network"]
+    scaled: bool
     groups: tuple[ControlGroupTest, ...]
     points: tuple[ControlPointTest, ...]
     coordinates: tuple[ControlCoordinateTest, ...]
@@ -154,7 +164,7 @@ class ControlTests:
 class _Control(NamedTuple):
     """Control coordinates: where they are, g, M and the diagonal of C'C.
 
-    `apart`: the residuals of the adjustment have no part in g.
+    `apart`: the residuals of the adjustment have no part in g; `scaled`: distances give the scale.
     """
 
     at: list[tuple[int, int]]
@@ -163,6 +173,7 @@ class _Control(NamedTuple):
     information: Array
     size: Array
     apart: bool = False
+    scaled: bool = False
 
 
 def control_tests(
@@ -171,7 +182,7 @@ def control_tests(
     """Test the given coordinates of control points; None when there are none.
 
     With datum "control" those that hold it, otherwise all of control and check points, as far as
-    they say more than a similarity. Single tests are Bonferroni's, for each leaves a variance
+    they say more than a change of datum. Single tests are Bonferroni's, for each leaves a variance
     factor of its own.
     """
     settings = settings or HypothesisSettings()
@@ -219,7 +230,7 @@ def _network_tests(block: AdjustedBlock, settings: HypothesisSettings) -> Contro
         return None
     if len(wanted) > _MOST:
         remark = f"{len(wanted)} given coordinates are not tested (that is done up to {_MOST})"
-        return ControlTests("network", (), (), (), (remark,))
+        return ControlTests("network", False, (), (), (), (remark,))
     places = [(point, axis) for point, axis, _, _ in wanted]
     given = np.array([value for _, _, value, _ in wanted])
     spread = np.array([sigma for *_, sigma in wanted])
@@ -232,13 +243,17 @@ def _network_tests(block: AdjustedBlock, settings: HypothesisSettings) -> Contro
     origin = block.state.origin
     source = block.state.points[used]
     start = Similarity(1.0, np.eye(3), np.zeros(3))
-    laid = fit_to_partial(source, target - origin, start) or start
+    change = block.cofactors.change
+    scaled = change is not None and change.gives_scale
+    laid = fit_to_partial(source, target - origin, start, some=scaled) or start
+    if scaled:
+        laid = without_scale(laid, source)
     at = laid.apply(source)
     difference = at.reshape(-1)[pick] - (target - origin).reshape(-1)[pick]
     turn = np.kron(np.eye(len(used)), laid.scale * laid.rotation)
     own = coordinate_cofactors(block, [(int(k), axis) for k in used for axis in range(3)])
     covariance = (turn @ own @ turn.T)[np.ix_(pick, pick)] + np.diag(spread**2)
-    null = similarity_effects(at).reshape(-1, 7)[pick]
+    null = similarity_effects(at).reshape(-1, 7)[pick, : 6 if scaled else 7]
     root = np.linalg.cholesky(covariance)
     whitened = np.linalg.solve(root, null / np.linalg.norm(null, axis=0).clip(min=1e-300))
     left, singular, _ = np.linalg.svd(whitened, full_matrices=False)
@@ -253,6 +268,7 @@ def _network_tests(block: AdjustedBlock, settings: HypothesisSettings) -> Contro
         information,
         np.einsum("ij,ij->j", inverse, inverse),
         apart=True,
+        scaled=scaled,
     )
     return _tests(block, control, settings, [])
 
@@ -285,6 +301,7 @@ def _tests(
         tested = _groups(control, together, variance, settings)
     return ControlTests(
         "network" if control.apart else "photographs",
+        control.scaled,
         tested,
         _points(block, control, variance, settings),
         coordinates,

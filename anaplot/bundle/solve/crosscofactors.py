@@ -70,17 +70,25 @@ def coordinate_cofactors(block: AdjustedBlock, coordinates: Sequence[tuple[int, 
     """Return (k, k) cofactors [m^2] of k adjusted coordinates (point, axis), each with each.
 
     In the datum that the equations were solved in; that is the reported one with datum "control".
-    Coordinates free of error have zeros.
+    Where distances give a free network its scale, in the reported one, too. Coordinates free of
+    error have zeros.
     """
+    change = block.cofactors.change
+    scaled = change if change is not None and change.gives_scale else None
 
     def sides(mine: range) -> Sides:
         photos, points, shared = empty_sides(block, len(mine))
         for column, k in enumerate(mine):
             point, axis = coordinates[k]
             points[point, axis, column] = 0.0 if block.problem.fixed[point, axis] else 1.0
-        return photos, points, shared
+        return photos, points if scaled is None else scaled.of_functions(points)[0], shared
 
-    return side_products(block, len(coordinates), sides)
+    found = side_products(block, len(coordinates), sides)
+    if scaled is not None:
+        at = np.array(coordinates, dtype=np.intp).reshape(-1, 2)
+        moves = scaled.null_points[at[:, 0], at[:, 1]] @ np.linalg.inv(scaled.defect)
+        found += (moves * scaled.variance) @ moves.T
+    return found
 
 
 def own_parameter_cofactors(block: AdjustedBlock) -> Array:

@@ -22,6 +22,7 @@ from anaplot.photogrammetry.similarity import (
     fit_similarity,
     fit_to_partial,
     similarity_effects,
+    without_scale,
 )
 
 __all__ = [
@@ -407,8 +408,7 @@ def relocate(problem: Problem, start: BlockState, state: BlockState) -> BlockSta
     else:
         fitted = fit_similarity(source, start.points + (start.origin - state.origin))
     if problem.defect < len(_NAMES):
-        shift = fitted.apply(source).mean(axis=0) - fitted.rotation @ source.mean(axis=0)
-        fitted = Similarity(1.0, fitted.rotation, shift)
+        fitted = without_scale(fitted, source)
     if chosen is not None:
         seven = np.full_like(known, np.nan)
         for point, axis in chosen:
