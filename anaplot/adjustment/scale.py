@@ -48,8 +48,7 @@ class AprioriSigma(NamedTuple):
     name, value, unit
         How it is called, and its value: "image_um", 5.0, "um".
     rows
-        How many rows, the first ones, have it: what is known beforehand says nothing of it. None:
-        all.
+        How many rows, the first ones, have it: what others measure says nothing of it. None: all.
     """
 
     of: str
@@ -122,12 +121,15 @@ def check_scale(
     Raises
     ------
     ScaleError
-        The scale is above 5 (with a redundancy of 6 or more) or below 0.2 (10 or more); not where
-        there is no noise at all.
+        The scale is above 5 (where its rows have a redundancy of 6 or more) or below 0.2 (10 or
+        more); not where there is no noise at all.
     """
-    if system.redundancy < LEAST_REDUNDANCY:
-        return
     r = np.asarray(system.r, dtype=float)
+    redundancy: float = system.redundancy
+    if apriori.rows is not None:
+        redundancy = min(redundancy, float(r[: apriori.rows].sum()))
+    if redundancy < LEAST_REDUNDANCY:
+        return
     w = np.full(len(r), np.nan)
     good = r > WEAK
     if apriori.rows is not None:
@@ -135,7 +137,7 @@ def check_scale(
     w[good] = np.asarray(system.e, dtype=float)[good] / np.sqrt(r[good])
     if found is None:
         scale = robust_scale(w, r)
-        many = system.redundancy >= _LEAST_OF_SMALL
+        many = redundancy >= _LEAST_OF_SMALL
         if scale is not None and many and _NO_NOISE < scale < SMALLEST:
             raise scale_error(apriori, scale, scale)
         return

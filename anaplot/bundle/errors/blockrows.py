@@ -51,8 +51,8 @@ class BlockRows:
         self._watch, self._control_only = watch, control_only
         self._system: BlockResiduals | None = None
         block = problem.block
-        # priors may be far better, or worse, than they say
-        rows = 2 * len(problem.photo) if np.isfinite(problem.expected_sigma).any() else None
+        # control, priors and conditions may be far better, or worse, than they say
+        rows = 2 * len(problem.photo)
         self.apriori = AprioriSigma.image_um(f"block {block.name}", block.precision.image_um, rows)
 
     def residuals(self, at: BlockPlace, number: int) -> BlockResiduals:

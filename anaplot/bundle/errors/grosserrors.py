@@ -250,11 +250,12 @@ def _check_scale_at(
         They are; see `adjustment.scale`.
     """
     problem = subject.problem
-    if problem.redundancy < LEAST_REDUNDANCY:
+    out = problem.redundancy - first.redundancy
+    if out + float(first.cofactors.r.sum()) < LEAST_REDUNDANCY:
         return
     e = np.abs(linearise(problem, state).e)
     e = e.ravel() if problem.off is None else e[~problem.off]
-    # about what a row of the block keeps of its error
+    # about what a row of the block keeps of its error; other rows say nothing of image coordinates
     root = sqrt(problem.redundancy / problem.observations)
     scale = robust_scale(e / root, np.ones(len(e)))
     if scale is not None and scale > LARGEST:
