@@ -254,6 +254,46 @@ def test_priors_have_a_variance_of_their_own() -> None:
     assert prior_estimate(adjust_block(with_priors(control=None)), "common").control is None
 
 
+def test_few_image_coordinates_that_are_checked_do_not_judge_their_sigma() -> None:
+    for seed in (3, 11, 14, 18, 19, 20, 22, 34, 40):
+        scene = aerial(1, 2, seed=seed, noise_um=5.0)
+        rays: dict[str, int] = {}
+        for row in scene.block.image_points:
+            rays[row.point] = rays.get(row.point, 0) + 1
+        pairs = [name for name, count in rays.items() if count == 2][:6]
+        rng = np.random.default_rng(seed)
+        places = {name: scene.points[name] + 20.0 * rng.normal(size=3) for name in pairs}
+        block = replace(
+            scene.block,
+            image_points=tuple(row for row in scene.block.image_points if row.point in places),
+            control=(),
+            priors=tuple(
+                PointPrior(p, tuple(at.tolist()), (20.0,) * 3) for p, at in places.items()
+            ),
+        )
+        found = block_gross_errors(block, "baarda").block
+        # twelve of redundancy, of which the image coordinates have one
+        assert found.redundancy == 12
+        assert found.cofactors.r.sum() < 2.0
+
+
+@pytest.mark.parametrize("sigma", [1e6, 5000.0])
+def test_approximate_values_are_not_laid_onto_priors_that_lie_anywhere(sigma: float) -> None:
+    scene = aerial(2, 4, seed=4, noise_um=5.0, control_sigma=0.05)
+    first, second, third, *_, last = scene.block.control
+    heights = tuple(
+        replace(row, xyz=(None, None, row.xyz[2]), sigma=(None, None, row.sigma[2]))
+        for row in (second, third)
+    )
+    block = replace(scene.block, control=(first, last, *heights))
+    bare = adjust_block(block)
+    middle = (0.0,) * 3 if sigma > 1e5 else tuple(np.mean(list(scene.points.values()), axis=0))
+    priors = tuple(PointPrior(name, middle, (sigma,) * 3) for name in scene.points)
+    found = adjust_block(replace(block, priors=priors))
+    moved = found.state.points + found.state.origin - bare.state.points - bare.state.origin
+    np.testing.assert_allclose(moved, 0.0, atol=1e-4)
+
+
 def test_leaving_priors_out() -> None:
     block = adjust_block(with_priors())
     system = residuals_of(block)

@@ -31,6 +31,8 @@ __all__ = ["Datum", "Group", "LeftOut", "Problem", "listed", "make_problem"]
 
 Datum = Literal["control", "minimal", "free"]
 
+_WIDE = 0.1  # of the distance of control: standard deviation of a prior that places nothing
+_SEVEN = 7  # coordinates that a datum needs
 _FULL_CONTROL = 3
 
 
@@ -226,11 +228,17 @@ class Problem:
     def near(self) -> Array:
         """(points, 3) what approximate values are laid onto [m]: control, else also priors.
 
-        Three full control points do without priors, which may be as wide as anything.
+        Three full control points do without priors, which may be as wide as anything. So do two
+        and a single coordinate, but for narrow ones: a wide one may lie anywhere.
         """
-        if int(np.isfinite(self.known).all(axis=1).sum()) >= _FULL_CONTROL:
+        full = np.isfinite(self.known).all(axis=1)
+        if int(full.sum()) >= _FULL_CONTROL:
             return self.known
-        return np.where(np.isfinite(self.known), self.known, self.expected)
+        expected = self.expected
+        if int(full.sum()) == _FULL_CONTROL - 1 and int(np.isfinite(self.known).sum()) >= _SEVEN:
+            extent = float(np.ptp(self.known[full], axis=0).max())
+            expected = np.where(self.expected_sigma < _WIDE * extent, expected, np.nan)
+        return np.where(np.isfinite(self.known), self.known, expected)
 
     @property
     def sigma_xy(self) -> Array:
