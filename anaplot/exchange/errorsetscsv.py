@@ -25,14 +25,16 @@ class SetRow(NamedTuple):
     photo, point
         Names; control has no photo, a prior no point.
     axis
-        "x" or "y" of an image point, "X", "Y" or "Z" of control and priors, an angle of a prior, or
-        what a row of a condition is.
+        "x" or "y" of an image point, "X", "Y" or "Z" of control or of a prior of a point, an angle
+        of that of a photo, or what a row of a condition is.
     condition
         Where a condition between points stands, as "conditions.csv:3".
     share
         How large its errors are against those of the other rows.
     where
         File and line.
+    prior
+        Whether what is known of a point beforehand is meant, and not its control.
     """
 
     set: str
@@ -42,6 +44,7 @@ class SetRow(NamedTuple):
     condition: str | None
     share: float | None
     where: str
+    prior: bool = False
 
 
 def read_error_sets(path: Path) -> tuple[SetRow, ...]:
@@ -50,7 +53,7 @@ def read_error_sets(path: Path) -> tuple[SetRow, ...]:
     Parameters
     ----------
     path
-        The file: column set, and of photo, point, axis, condition and share what is needed.
+        The file: column set, and of photo, point, axis, use, condition and share what is needed.
 
     Returns
     -------
@@ -69,25 +72,31 @@ def read_error_sets(path: Path) -> tuple[SetRow, ...]:
             "photo": Blank(PHOTO),
             "point": Blank(Text(255)),
             "axis": Blank(Word(*_AXES)),
+            "use": Blank(Word("prior")),
             "condition": Blank(Text(255)),
             "share": Blank(NUMBER),
         },
     )
     if not len(table):
         raise table.fail(None, None, "no rows")
-    names = ("set", "photo", "point", "axis", "condition", "share")
+    names = ("set", "photo", "point", "axis", "use", "condition", "share")
     shared: dict[str, bool] = {}
     out = []
-    for row, (of, photo, point, axis, condition, share) in enumerate(
+    for row, (of, photo, point, axis, use, condition, share) in enumerate(
         zip(*(table[name] for name in names), strict=True)
     ):
-        one = SetRow(of, photo, point, axis, condition, share, place(path, table.line(row)))
+        prior, where = use is not None, place(path, table.line(row))
+        one = SetRow(of, photo, point, axis, condition, share, where, prior)
         if one.photo is None and one.point is None and one.condition is None:
             raise table.fail(row, None, "neither a photo nor a point nor a condition")
         if one.condition is not None and one.photo is not None:
             raise table.fail(row, "photo", "not with a condition")
         if one.condition is None and one.axis in _OF_CONDITIONS:
             raise table.fail(row, "axis", f"{one.axis} is of a condition, and none is given")
+        if prior and (one.point is None or one.photo or one.condition):
+            raise table.fail(row, "use", "a prior has a point, and neither photo nor condition")
+        if prior and one.axis not in (None, *"XYZ"):
+            raise table.fail(row, "axis", f"{one.axis} is none of a prior: X, Y or Z")
         with_share = one.share is not None
         if shared.setdefault(one.set, with_share) != with_share:
             raise table.fail(row, "share", f"set {one.set}: in some rows only")

@@ -107,10 +107,12 @@ def _fits(row: SetRow, one: ObservationName) -> bool:
     if row.condition is not None:
         fits = kind == "condition" and one[1] == row.condition
         return fits and row.point in (None, one[2]) and row.axis in (None, axis)
-    if row.axis is None or row.axis in "xy":
+    if row.prior:
+        fits = kind == "point prior" and row.point == one[1]
+    elif row.axis is None or row.axis in "xy":
         fits = kind == "image" and row.photo in (None, one[1]) and row.point in (None, one[2])
     elif row.photo is None:
-        fits = kind in ("control", "point prior") and row.point == one[1]
+        fits = kind == "control" and row.point == one[1]
     else:
         fits = kind == "prior" and row.photo == one[1] and row.point is None
     return fits and row.axis in (None, axis)

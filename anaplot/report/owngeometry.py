@@ -253,6 +253,8 @@ def _row_name(name: ObservationName) -> RowName:
     kind, first, *_ = name
     if kind == "image":
         return RowName(str(first), str(name[2]), str(name[-1]))
-    if kind in ("control", "point prior"):
+    if kind == "control":
         return RowName(None, str(first), str(name[-1]))
+    if kind == "point prior":
+        return RowName(None, str(first), f"prior-{name[-1]}")
     return RowName(str(first), None, str(name[-1]))

@@ -17,9 +17,22 @@ def test_rows_are_read_with_their_lines(tmp_path) -> None:
     assert rows[2][1:6] == (None, "7", "Z", None, None)
 
 
+def test_a_prior_of_a_point_has_a_word_of_its_own(tmp_path) -> None:
+    path = tmp_path / "sets.csv"
+    path.write_text("set,point,axis,use\nA,7,Z,prior\nA,7,,prior\nB,7,Z,\n")
+    assert [(row.axis, row.prior) for row in read_error_sets(path)] == [
+        ("Z", True),
+        (None, True),
+        ("Z", False),
+    ]
+
+
 @pytest.mark.parametrize(
     ("text", "what"),
     [
+        ("set,photo,point,axis,use\nA,101,7,X,prior\n", "line 2.*use: a prior has a point, and"),
+        ("set,point,axis,use\nA,7,x,prior\n", "line 2.*axis: x is none of a prior"),
+        ("set,point,axis,use\nA,7,X,control\n", "line 2.*use"),
         ("set,photo\n", "no rows"),
         ("set,photo\nA,\n", "line 2: neither a photo nor a point nor a condition"),
         ("photo\n101\n", "set"),

@@ -29,6 +29,22 @@ def folder(tmp_path_factory):
     return folder
 
 
+def test_control_and_prior_of_a_point_are_tested_each_by_itself(folder, tmp_path, capsys) -> None:
+    block = shutil.copytree(folder, tmp_path / "block")
+    control = (block / "control.csv").read_text()
+    first = next(line for line in control.splitlines() if line.startswith("p0,"))
+    x, y, z = first.split(",")[1:4]
+    (block / "control.csv").write_text(control + f"p0,{x},{y},{z},0.5,0.5,0.5,prior\n")
+    (block / "sets.csv").write_text(
+        "set,point,axis,use\nground,p0,X,\nbefore,p0,X,prior\nall,p0,,prior\n"
+    )
+    assert main(["adjust", str(block), "--test-set", str(block / "sets.csv"), "--json"]) == 0
+    sets = {one["set"]: one for one in json.loads(capsys.readouterr().out)["test_sets"]}
+    assert [sets[name]["dimension"] for name in ("ground", "before", "all")] == [1, 1, 3]
+    kinds = [{row["kind"] for row in sets[name]["observations"]} for name in ("ground", "before")]
+    assert kinds == [{"control"}, {"point prior"}]
+
+
 def test_sets_and_functions_are_told(folder, capsys) -> None:
     arguments = ["adjust", str(folder), "--test-set", "ray:11:p8", "--test-set", "point:p7"]
     arguments += ["--test-set", "photo:13", "--test-set", str(folder / "sets.csv")]
