@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 from collections.abc import Iterable
@@ -47,6 +48,7 @@ __all__ = [
     "image_points_identity",
     "read_block",
     "with_image_points",
+    "write_block",
     "write_control",
     "write_image_points",
     "write_new_block",
@@ -238,6 +240,43 @@ def write_new_block(
         create_whole(folder / name, points.encode())
     parse_block_toml(text, path)  # now with the camera files, those named by absolute paths too
     create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
+
+
+def write_block(folder: Path, block: Block) -> None:
+    """Write a whole new block: image_points.csv, control.csv where there is any, and block.toml.
+
+    block.toml is the last file: without it there is no block.
+
+    Parameters
+    ----------
+    folder
+        The block folder, made when it does not exist.
+    block
+        The block, without conditions between points.
+
+    Raises
+    ------
+    InputError
+        One of the files is there already, or they cannot be written; no part of them is left.
+    """
+    _, points, control = block_files(folder)
+    there = next((path for path in block_files(folder) if os.path.lexists(path)), None)
+    if there is not None:
+        raise InputError(f"{place(there)}: exists already and is not overwritten")
+    new = not os.path.lexists(folder)
+    make_folder(folder)
+    try:
+        write_image_points(folder, block.image_points)
+        if block.control or block.priors:
+            write_control(folder, block.control, block.priors)
+        write_new_block(folder, block)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            points.unlink(missing_ok=True)
+            control.unlink(missing_ok=True)
+            if new:
+                folder.rmdir()
+        raise
 
 
 def _pattern_text(folder: Path, block: Block) -> dict[str, str]:

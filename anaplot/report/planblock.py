@@ -12,12 +12,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import Datum
 from anaplot.bundle.solve.rulesofthumb import rules_of_thumb
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import (
-    block_files,
-    write_control,
-    write_image_points,
-    write_new_block,
-)
+from anaplot.exchange.blockfolder import block_files, write_block
 from anaplot.planning.blockplan import (
     Accuracy,
     BlockPlan,
@@ -236,23 +231,10 @@ def run_planned(
     output.check({"is read": reads, "is written": outputs}, options.to)
     found = computed(options, compute)
     if options.to is not None:
-        write_planned(options.to, found.result.made)
+        # its image coordinates are free of error
+        write_block(options.to, found.result.made.block)
     output.show(found.document)
     return 0
-
-
-def write_planned(folder: Path, made: IdealBlock) -> None:
-    """Write a planned block, its image coordinates free of error, as a new block folder.
-
-    Raises
-    ------
-    InputError
-        There is a block already, or it cannot be written.
-    """
-    write_new_block(folder, made.block)
-    write_image_points(folder, made.block.image_points)
-    if made.block.control:
-        write_control(folder, made.block.control)
 
 
 _CLASSES = (

@@ -6,12 +6,7 @@ import argparse
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.blockfolder import (
-    block_files,
-    write_control,
-    write_image_points,
-    write_new_block,
-)
+from anaplot.exchange.blockfolder import block_files, write_block
 from anaplot.planning.bayesscenarios import BayesRun, bayes_run
 from anaplot.planning.scenarios import scenarios
 from anaplot.report.columns import counted
@@ -22,7 +17,8 @@ from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["run_to_block"]
 
-_ALONE = ("errors", "size", "place", "alpha", "runs", "to", "csv")
+_ALONE = ("errors", "size", "place", "alpha", "runs", "to", "csv", "list", "processes", "base",
+          "d", "c", "tie_variance")  # fmt: skip
 
 
 def run_to_block(options: argparse.Namespace) -> int:
@@ -35,14 +31,15 @@ def run_to_block(options: argparse.Namespace) -> int:
     """
     folder: Path = options.to_block
     output = Output.of(options)
-    given = next((name for name in _ALONE if getattr(options, name, None) is not None), None)
+    given = next(
+        (name for name in _ALONE if getattr(options, name, None) not in (None, False)), None
+    )
     if given is not None:
-        raise InputError(f"--{given} goes without --to-block: that writes one run of a scenario")
+        option = f"--{given.replace('_', '-')}"
+        raise InputError(f"{option} goes without --to-block: that writes one run of a scenario")
     output.check({"is written": block_files(folder)})
     found = _run(options.scenario, options.seed, options.strategy)
-    write_new_block(folder, found.block)
-    write_image_points(folder, found.block.image_points)
-    write_control(folder, found.block.control, found.block.priors)
+    write_block(folder, found.block)
     output.show(_document(found, options.seed, folder))
     return 0
 
@@ -50,7 +47,11 @@ def run_to_block(options: argparse.Namespace) -> int:
 def _run(name: str | None, seed: int, strategy: str | None) -> BayesRun:
     known = scenarios()
     scenario = known.get(name or "")
-    mine = [one for one in known if one.startswith("bayes-")]
+    mine = [
+        one.name
+        for one in known.values()
+        if one.name.startswith("bayes-") and bayes_run(one, seed=0, methods=()) is not None
+    ]
     found = None
     if scenario is not None:
         methods = scenario.methods if strategy is None else names_in(strategy)
@@ -61,9 +62,10 @@ def _run(name: str | None, seed: int, strategy: str | None) -> BayesRun:
             )
         found = bayes_run(scenario, seed=seed, methods=tuple(methods))
     if found is None:
+        meant = "" if scenario is not None else hint(name or "", mine)
         raise InputError(
             f"--to-block: {quoted(name or '')} is no block of the Bayesian paper "
-            f"({mine[0]} to {mine[-1]}){hint(name or '', mine)}"
+            f"({mine[0]} to {mine[-1]}){meant}"
         )
     return found
 

@@ -9,7 +9,12 @@ import pytest
 
 from anaplot.errors import InputError
 from anaplot.exchange import blockfolder
-from anaplot.exchange.blockfolder import clear_image_points, read_block, write_new_block
+from anaplot.exchange.blockfolder import (
+    clear_image_points,
+    read_block,
+    write_block,
+    write_new_block,
+)
 from anaplot.exchange.blocktoml import camera_texts, format_block_toml, parse_block_toml
 from anaplot.exchange.camerafile import write_camera
 from anaplot.exchange.newblock import NewBlock, choose_camera, strip_of, write_new
@@ -156,3 +161,27 @@ def test_what_cannot_be_written_whole_leaves_no_part_of_a_block(
     monkeypatch.undo()
     # and nothing stands in the way of the next try
     assert write_new(folder, new).control == read_block(folder).control
+
+
+@pytest.mark.parametrize("fails", ["block.toml", "control.csv"])
+def test_a_block_that_cannot_be_written_whole_leaves_no_part_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: Block, fails: str
+) -> None:
+    whole = replace(
+        block,
+        control=(ControlPoint("7", (1.0, 2.0, 3.0)),),
+        cameras=tuple(replace(c, calibration=None, file=None) for c in block.cameras),
+    )
+
+    def full(path: Path, data: bytes) -> None:
+        if path.name == fails:
+            raise InputError(f"{path.name}: no space left")
+        create_whole(path, data)
+
+    monkeypatch.setattr(blockfolder, "create_whole", full)
+    with pytest.raises(InputError, match="no space left"):
+        write_block(tmp_path / "b", whole)
+    assert not (tmp_path / "b").exists()
+    monkeypatch.undo()
+    write_block(tmp_path / "b", whole)
+    assert read_block(tmp_path / "b") == whole

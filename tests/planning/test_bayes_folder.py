@@ -16,6 +16,7 @@ from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block
 from anaplot.planning import tiltedscenarios
 from anaplot.planning.bayesblock import bayes_block
+from anaplot.planning.bayesfolder import bayes_folder
 from anaplot.planning.bayesscenarios import bayes_run, scenarios
 from anaplot.planning.montecarlo import simulate
 
@@ -44,10 +45,31 @@ def test_the_first_run_is_that_of_the_simulation() -> None:
     scenario = GROUPS["bayes-G3B"]
     run = bayes_run(scenario, seed=7, methods=("baarda",))
     assert run is not None
-    tally = simulate(scenario, runs=scenario.chunk, seed=7, methods=("baarda",))
-    right = tally[scenario.cases[0].name, "baarda", "right"]
-    assert right.runs == scenario.chunk
-    assert right.total >= len(set(run.planted) & set(run.rejected["baarda"]))
+    drawn = []
+
+    class Listening:
+        """A geometry of which one hears what the simulation draws and finds."""
+
+        def __init__(self) -> None:
+            self._geometry = scenario.geometry()
+            self.near = self._geometry.near
+
+        def planted(self, rng, runs, case):
+            drawn.append(self._geometry.planted(rng, runs, case))
+            return drawn[-1]
+
+        def rejected(self, errors, methods, alpha):
+            drawn.append(dict(self._geometry.rejected(errors, methods, alpha)))
+            return drawn[-1].items()
+
+    simulated = replace(scenario, geometry=Listening)
+    simulate(simulated, runs=3 * scenario.chunk, seed=7, methods=("baarda",))
+    (errors, planted), found, *later = drawn
+    assert len(errors) == scenario.chunk
+    assert len(later) == 4
+    assert run.planted == tuple(np.flatnonzero(planted[0]).tolist())
+    assert run.rejected["baarda"] == tuple(np.flatnonzero(found["baarda"][0]).tolist())
+    assert run.block.image_points == bayes_folder("bayes-G3B", 100.0, errors[0]).image_points
     other = tiltedscenarios.scenarios()[0]
     assert bayes_run(other, seed=7, methods=()) is None
 
@@ -92,11 +114,37 @@ def test_the_command_writes_a_block(tmp_path: Path, capsys) -> None:
     assert "exists already" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", ["block.toml", "image_points.csv", "control.csv"])
+@pytest.mark.parametrize(
+    "call",
+    [
+        ["simulate", "bayes-G0A", "--strategy", "baarda", "--to-block"],
+        ["block", "--strips", "1", "--photos", "3", "--stabilize", "0", "--to"],
+    ],
+)
+def test_a_file_that_is_there_stays_and_no_half_block_is_left(
+    tmp_path: Path, capsys, name: str, call: list[str]
+) -> None:
+    (tmp_path / name).write_text("mine\n")
+    assert main(["plan", *call, str(tmp_path)]) == 2
+    assert f"{name}: exists already and is not overwritten" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == "mine\n"
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [
         (["network-nothing"], "is no block of the Bayesian paper"),
+        (
+            ["bayes-tables"],
+            "'bayes-tables' is no block of the Bayesian paper (bayes-G0A to bayes-G4C)\n",
+        ),
         (["bayes-G3A", "--runs", "3"], "--runs goes without --to-block"),
+        (["bayes-G3A", "--list"], "--list goes without --to-block"),
+        (["bayes-G3A", "--processes", "2"], "--processes goes without --to-block"),
+        (["bayes-G3A", "--tie-variance", "paper"], "--tie-variance goes without --to-block"),
+        (["bayes-G3A", "--base", "80"], "--base goes without --to-block"),
         (["bayes-G3A", "--strategy", "bard"], "has no method"),
     ],
 )

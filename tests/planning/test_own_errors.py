@@ -112,7 +112,8 @@ def test_the_commands_of_the_document(tmp_path: Path, capsys, monkeypatch) -> No
     ]
     assert len(calls) >= 3
     for call in calls:
-        quick = [] if "--list" in call else ["--runs", "2", "--processes", "1"]
+        whole = "--list" in call or "--to-block" in call
+        quick = [] if whole else ["--runs", "2", "--processes", "1"]
         assert main([*call, *quick]) == 0, capsys.readouterr().err
 
 
