@@ -66,4 +66,4 @@ def asking_name(
         if answer is not None:
             do(commands.Rename(*answer))
 
-    return AskOtherName(asked.proposed, asked.photos, asked.measured), answered
+    return AskOtherName(asked), answered

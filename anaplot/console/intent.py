@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from anaplot.aliases import Side
 from anaplot.console.inwork import in_work
 from anaplot.console.situation import Situation
 from anaplot.console.stationlike import ControlsLike
@@ -59,11 +60,15 @@ class OtherPointName:
     """Ask what a measured point is in truth.
 
     `proposed`: its probable name, or "". `photos`: left and right. `measured`: what the model has.
+    `seen`: in which photos the point is measured. `alone`: the points with which it can be
+    exchanged in one photo alone.
     """
 
     proposed: OtherName
     photos: tuple[str, str]
     measured: tuple[str, ...]
+    seen: tuple[Side, ...]
+    alone: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,11 +301,18 @@ def _renamed(point: str, now: Situation) -> Intent:
     snapshot = now.snapshot
     if snapshot.inner is not None:
         return Say("hint", "fiducials keep their names: the inner orientation comes first")
-    measured = tuple(view.point for view in snapshot.points if view.times or view.seen)
+    measured = {view.point: view for view in snapshot.points if view.times or view.seen}
     if point not in measured:
         return Say("hint", f"{point} is not measured yet")
+    seen: tuple[Side, ...] = ("left", "right")
+    alone = tuple(measured)
+    if snapshot.mono:
+        # what is planned has a place in each photo, measured there or not
+        seen = measured[point].seen
+        alone = tuple(view.point for view in snapshot.points if not view.offered)
     proposed = now.other_name or OtherName(point, "")
-    return OtherPointName(proposed, (snapshot.left, snapshot.right), measured)
+    photos = (snapshot.left, snapshot.right)
+    return OtherPointName(proposed, photos, tuple(measured), seen, alone)
 
 
 def _accept(snapshot: Snapshot) -> Intent:

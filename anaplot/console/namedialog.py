@@ -13,13 +13,13 @@ from textual.widgets import Input, Static
 
 from anaplot.aliases import Side
 from anaplot.console.dialogs import clickable
+from anaplot.console.intent import OtherPointName
 from anaplot.session.othernames import OtherName
 from anaplot.textfiles.wording import plain
 
 __all__ = ["AskOtherName"]
 
 _LONGEST_NAME = 100
-_SIDES: tuple[Side | None, ...] = (None, "left", "right")
 
 
 class AskOtherName(ModalScreen[OtherName | None]):
@@ -27,13 +27,9 @@ class AskOtherName(ModalScreen[OtherName | None]):
 
     Parameters
     ----------
-    proposed
+    asked
         The name that it has, the one that it probably has, "" where nothing is known, and in which
-        photo.
-    photos
-        Left and right.
-    measured
-        The points that the model has: with one of these it is an exchange.
+        photo; the photos, and the points with which it is an exchange.
     """
 
     DEFAULT_CSS = """
@@ -49,13 +45,11 @@ class AskOtherName(ModalScreen[OtherName | None]):
         Binding("tab", "where", "In which photo", priority=True),
     ]
 
-    def __init__(
-        self, proposed: OtherName, photos: tuple[str, str], measured: tuple[str, ...]
-    ) -> None:
+    def __init__(self, asked: OtherPointName) -> None:
         super().__init__()
-        self._point, self._proposed = proposed.point, proposed
-        self._photos, self._measured = photos, frozenset(measured)
-        self._side = proposed.side
+        self._asked = asked
+        self._point, self._proposed = asked.proposed.point, asked.proposed
+        self._side = asked.proposed.side  # where the name is one that can be exchanged there
 
     def compose(self) -> ComposeResult:
         """Lay the prompt out."""
@@ -83,25 +77,44 @@ class AskOtherName(ModalScreen[OtherName | None]):
         """Say what Enter would do now."""
         self._say()
 
+    @property
+    def _typed(self) -> str:
+        return self.query_one(Input).value.strip()
+
+    @property
+    def _sides(self) -> tuple[Side | None, ...]:
+        """In which photos it can get the name, None for both: in one alone only by an exchange."""
+        alone = self._typed in self._asked.alone
+        return (None, *(side for side in self._asked.seen if alone))
+
+    @property
+    def _where(self) -> Side | None:
+        return self._side if self._side in self._sides else None
+
     def _say(self) -> None:
-        name = self.query_one(Input).value.strip()
-        left, right = map(plain, self._photos)
+        name = self._typed
+        left, right = map(plain, self._asked.photos)
         where = {None: "in both photos", "left": f"in {left} alone", "right": f"in {right} alone"}
         what = "another name"
         if name and name != self._point:
             point, other = plain(self._point), plain(name)
-            exchange = name in self._measured
+            exchange = name in self._asked.measured
             what = f"{point} and {other} exchanged" if exchange else f"{point} named {other}"
-        self.query_one("#where", Static).update(Content(f"{what} {where[self._side]}"))
+        line = f"{what} {where[self._where]}"
+        if name and len(self._sides) == 1:
+            line += ": in one alone it can only be exchanged with a point of the model"
+        self.query_one("#where", Static).update(Content(line))
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
+    def on_input_submitted(self) -> None:
         """Close with the name."""
-        name = event.value.strip()
-        self.dismiss(OtherName(self._point, name, self._side) if name else None)
+        name = self._typed
+        self.dismiss(OtherName(self._point, name, self._where) if name else None)
 
     def action_where(self) -> None:
         """Go on to the next choice: both photos, the left one, the right one."""
-        self._side = _SIDES[(_SIDES.index(self._side) + 1) % len(_SIDES)]
+        sides = self._sides
+        if len(sides) > 1:
+            self._side = sides[(sides.index(self._where) + 1) % len(sides)]
         self._say()
 
     def action_cancel(self) -> None:

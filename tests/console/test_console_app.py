@@ -11,6 +11,7 @@ from consolefake import FakeStation, console, diagnosis, picture
 from idealmodel import ideal_pair, spoiled
 from rich.cells import cell_len
 from screenreading import came, lines, selected, text, until
+from sessionscene import Scene
 from testedrows import with_rows
 
 from anaplot.adjustment.strategies import STRATEGIES
@@ -23,10 +24,13 @@ from anaplot.errors import InputError, LinkError
 from anaplot.orientation.diagnosis import diagnose
 from anaplot.orientation.model import orient
 from anaplot.photogrammetry.block import Precision, TestSettings
+from anaplot.session.commanding import decide
+from anaplot.session.desk import Desk
+from anaplot.session.heard import Abilities, Seen
 from anaplot.session.nextstep import Agenda, Step
 from anaplot.session.othernames import OtherName
 from anaplot.session.plates import ReadOut
-from anaplot.station.snapshot import LinkView
+from anaplot.station.snapshot import LinkView, snapshot_of
 from anaplot.textfiles.wording import plain
 
 SIZES = [(80, 24), (120, 40), (160, 50)]
@@ -354,10 +358,68 @@ async def test_one_key_and_enter_take_the_name_that_is_proposed():
         await pilot.press("N", "tab", "tab", "end", *["backspace"] * 9, "7")
         await until(pilot, lambda: f"{first} named 7 in " in text(app))
         await pilot.press("enter")
-        await came(station, "rename", first, "7", "left")
+        await came(station, "rename", first, "7", None)
         await pilot.press("N", "escape")
         await until(pilot, lambda: len(app.screen_stack) == 1)
     assert len(station.calls) == 2
+
+
+class AtDesk(FakeStation):
+    """A station at a desk: what the console gives is decided there."""
+
+    def __init__(self, desk):
+        self.desk = desk
+        super().__init__(snapshot_of(desk, 1, LinkView("live")))
+
+    def give(self, command):
+        self.desk = decide(self.desk, command, Seen(line="live")).after
+        super().give(command)
+        self.tell(snapshot_of(self.desk, self.current.serial + 1, self.current.link))
+
+
+async def test_what_the_prompt_for_a_name_promises_is_what_the_desk_does():
+    scene = Scene()
+    station = AtDesk(Desk.at(scene.whole(scene.chosen()), Abilities()))
+    first, second, third = (p.point for p in station.desk.state.current.plan[:3])
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        while selected(app).point != first:
+            await pilot.press("j")
+        # a name that the model does not have: nothing to exchange in one photo alone
+        await pilot.press("N", "7")
+        await until(pilot, lambda: f"{first} named 7 in both photos: in one alone" in text(app))
+        await pilot.press("tab")
+        await until(pilot, lambda: f"{first} named 7 in both photos: in one alone" in text(app))
+        await pilot.press("enter")
+        await came(station, "rename", first, "7", None)
+        while selected(app).point != second:
+            await pilot.press("j")
+        await pilot.press("N", *third, "tab", "tab")
+        await until(pilot, lambda: f"{second} and {third} exchanged in 102 alone" in text(app))
+        before = station.desk.state.current
+        await pilot.press("enter")
+        await came(station, "rename", second, third, "right")
+    after = station.desk.state.current
+    assert after.place_of("right", second) == before.place_of("right", third)
+    assert after.place_of("left", second) == before.place_of("left", second)
+    assert after.measurement("7") is not None
+
+
+async def test_photo_by_photo_a_name_is_of_the_photos_in_which_the_point_was_measured():
+    shown = picture(mono=True)
+    first, second = shown.points[:2]
+    seen = (replace(first, seen=("left",)), *shown.points[1:])
+    station = FakeStation(replace(shown, points=seen))
+    app = console(station)
+    async with app.run_test(size=(80, 24)) as pilot:
+        while selected(app).point != first.point:
+            await pilot.press("j")
+        await pilot.press("N", *second.point)
+        for where in ("in both photos", "in 102 alone", "in both photos"):
+            await until(pilot, lambda where=where: f"{second.point} exchanged {where}" in text(app))
+            await pilot.press("tab")
+        await pilot.press("escape")
+    assert station.calls == []
 
 
 async def test_a_point_that_is_not_measured_has_no_other_name():
