@@ -17,7 +17,10 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.photogrammetry.block import ImagePoint
 
-__all__ = ["LaidOut", "Overlap", "laid_out", "overlap"]
+__all__ = ["LOOSE", "Overlap", "PhotoPlace", "laid_out", "overlap"]
+
+LOOSE = 0.35
+"""Misfit of an overlap, times the spread of its points, above which it says nothing."""
 
 _FEWEST = 4  # common points: fewer say nothing of a turn
 _MOST_RAYS = 30  # of a point: in more photos, not every pair of them is looked at
@@ -37,16 +40,24 @@ class Overlap(NamedTuple):
         Whether one of them is mirrored.
     misfit
         Root mean square of what a turn and a shift leave [mm]: relief, and wrong points.
+    spread
+        Root mean square distance of the points from their mean [mm].
     """
 
     points: int
     angle: float
     mirrored: bool
     misfit: float
+    spread: float
+
+    @property
+    def loose(self) -> bool:
+        """Whether the photographs do not lie like prints on a table: convergent, or nonsense."""
+        return self.misfit > LOOSE * self.spread
 
 
 @dataclass(frozen=True, slots=True)
-class LaidOut:
+class PhotoPlace:
     """A photograph among the others.
 
     Attributes
@@ -57,12 +68,18 @@ class LaidOut:
         By which it is turned [rad].
     mirrored
         Whether it is, against most others.
+    spread
+        Mean distance of its points from their mean [mm].
+    contradicted
+        Share of the points in its overlaps, 0 to 1, that have it the other way round.
     """
 
     x: float
     y: float
     angle: float
     mirrored: bool
+    spread: float
+    contradicted: float
 
 
 def overlap(first: Array, second: Array) -> Overlap:
@@ -83,11 +100,14 @@ def overlap(first: Array, second: Array) -> Overlap:
     mirrored = left_mirror < _MIRRORED**2 * left_turn
     best = mirror if mirrored else turn
     misfit = (min(left_turn, left_mirror) / len(a)) ** 0.5
-    return Overlap(len(a), atan2(best.imag, best.real), mirrored, misfit)
+    spread = (size / (2.0 * len(a))) ** 0.5
+    return Overlap(len(a), atan2(best.imag, best.real), mirrored, misfit, spread)
 
 
-def laid_out(image_points: Iterable[ImagePoint]) -> dict[str, LaidOut]:
+def laid_out(image_points: Iterable[ImagePoint]) -> dict[str, PhotoPlace]:
     """Return how photographs lie to each other, those that hang together with the most others.
+
+    Overlaps of convergent photographs do not fit a plane similarity, and are left out.
 
     Parameters
     ----------
@@ -111,26 +131,41 @@ def laid_out(image_points: Iterable[ImagePoint]) -> dict[str, LaidOut]:
         for (i, j), points in common.items()
         if len(points) >= _FEWEST
     }
-    return _placed(pairs)
+    return _placed(pairs, {photo: _spread(here) for photo, here in places.items()})
+
+
+def _spread(places: Mapping[str, tuple[float, float]]) -> float:
+    at = np.array(list(places.values()))
+    return float(np.hypot(*(at - at.mean(axis=0)).T).mean())
 
 
 def _of(places: Mapping[str, tuple[float, float]], points: list[str]) -> Array:
     return np.array([places[p] for p in points])
 
 
-def _placed(pairs: Mapping[tuple[str, str], tuple[Array, Array]]) -> dict[str, LaidOut]:
+def _placed(
+    pairs: Mapping[tuple[str, str], tuple[Array, Array]], spread: Mapping[str, float]
+) -> dict[str, PhotoPlace]:
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
 
-    overlaps = {key: overlap(*both) for key, both in pairs.items()}
+    every = {key: overlap(*both) for key, both in pairs.items()}
+    overlaps = {key: one for key, one in every.items() if not one.loose}
     angle, flip = _along_tree(overlaps)
     names = {photo: k for k, photo in enumerate(angle)}
     # points on a line fit mirrored as well: what contradicts the others says nothing
-    edges = [
-        (i, j)
-        for (i, j), one in overlaps.items()
-        if i in names and one.mirrored == (flip[i] != flip[j])
-    ]
+    edges = []
+    seen: dict[str, int] = defaultdict(int)
+    against: dict[str, int] = defaultdict(int)
+    for (first, second), one in overlaps.items():
+        if first not in names:
+            continue
+        agrees = one.mirrored == (flip[first] != flip[second])
+        if agrees:
+            edges.append((first, second))
+        for photo in (first, second):
+            seen[photo] += one.points
+            against[photo] += 0 if agrees else one.points
     if not edges:
         return {}
     i, j = (np.array([names[key[end]] for key in edges]) for end in (0, 1))
@@ -169,7 +204,14 @@ def _placed(pairs: Mapping[tuple[str, str], tuple[Array, Array]]) -> dict[str, L
     x, y = solved(shifts[:, 0]), solved(shifts[:, 1])
     usual = np.count_nonzero(sign < 0.0) > len(sign) / 2
     return {
-        photo: LaidOut(float(x[k]), float(y[k]), float(turned[k]), bool((sign[k] < 0.0) != usual))
+        photo: PhotoPlace(
+            float(x[k]),
+            float(y[k]),
+            float(turned[k]),
+            bool((sign[k] < 0.0) != usual),
+            spread[photo],
+            against[photo] / seen[photo],
+        )
         for photo, k in names.items()
     }
 

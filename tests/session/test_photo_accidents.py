@@ -17,7 +17,7 @@ from sessionscene import Scene
 
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
-from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.block import Block, ImagePoint, Strip
 from anaplot.photogrammetry.photolayout import laid_out, overlap
 from anaplot.planning.syntheticblock import synthetic_block
 from anaplot.session.accidents import accidents
@@ -110,6 +110,117 @@ def test_overlaps_that_vary_and_a_gap_are_no_accident() -> None:
     assert photo_accidents(replace(block, strips=(strip,), image_points=rows)) == ()
     assert photo_accidents(replace(block, strips=())) == ()
     assert photo_accidents(replace(block, image_points=())) == ()
+
+
+def renamed(block: Block, names: dict[str, str]) -> Block:
+    rows = tuple(replace(r, photo=names.get(r.photo, r.photo)) for r in block.image_points)
+    return replace(block, image_points=rows)
+
+
+@pytest.mark.parametrize("declared", [True, False])
+@pytest.mark.parametrize(("strips", "photos"), [(1, 6), (1, 8), (2, 5), (2, 6)])
+def test_a_photo_that_is_missing_accuses_no_other(strips: int, photos: int, declared: bool) -> None:
+    block = measured(strips, photos)
+    for missing in block.strips[0].photos:
+        rows = tuple(r for r in block.image_points if r.photo != missing)
+        order = block.strips
+        if not declared:
+            order = tuple(
+                replace(s, photos=tuple(p for p in s.photos if p != missing)) for s in order
+            )
+        assert photo_accidents(replace(block, strips=order, image_points=rows)) == ()
+
+
+def ring(photos: int, tilt: float) -> Block:
+    """Photographs around an object of which every one has all points."""
+    points = np.random.default_rng(3).normal(0.0, 3.0, (60, 3))
+    rows = []
+    for k in range(photos):
+        along = 2.0 * np.pi * k / photos
+        place = 20.0 * np.array([np.cos(along), np.sin(along), np.tan(tilt)])
+        back = place / np.linalg.norm(place)
+        right = np.array([-np.sin(along), np.cos(along), 0.0])
+        x, y, z = np.array([right, np.cross(back, right), back]) @ (points - place).T
+        for i, at in enumerate(zip(-150.0 * x / z, -150.0 * y / z, strict=True)):
+            rows.append(ImagePoint(f"{101 + k}", f"p{i}", *map(float, at)))
+    strip = Strip("1", tuple(f"{101 + k}" for k in range(photos)))
+    return replace(measured(1, 4), strips=(strip,), image_points=tuple(rows))
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("photos", [8, 12, 24])
+def test_convergent_photos_are_not_accused(photos: int, tilt: float) -> None:
+    assert photo_accidents(ring(photos, tilt)) == ()
+
+
+def turned_by(block: Block, photos: set[str], angle: float) -> Block:
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    rows = tuple(
+        replace(r, x=float(c * r.x - s * r.y), y=float(s * r.x + c * r.y))
+        if r.photo in photos
+        else r
+        for r in block.image_points
+    )
+    return replace(block, image_points=rows)
+
+
+def test_cameras_that_are_rolled_on_purpose_are_not_accused() -> None:
+    block = measured(1, 8)
+    for rolled in ({"102", "104", "106", "108"}, {"101", "105", "106", "107"}):
+        assert photo_accidents(turned_by(block, rolled, 90.0)) == ()
+
+
+def test_what_every_model_is_promised_for_is_not_turned_and_the_angle_is_told() -> None:
+    block = measured(1, 6)
+    assert photo_accidents(turned_by(block, {"103"}, 50.0)) == ()
+    (one,) = photo_accidents(turned_by(block, {"103"}, 74.0))
+    said = int(one.text.split(" degrees")[0].split()[-1])
+    assert abs(said - 74) < 8  # tilts and relief turn the others, too
+
+
+@pytest.mark.parametrize(("strips", "photos"), [(1, 8), (2, 8), (1, 12)])
+def test_two_exchanges_in_a_strip_are_two_and_not_alternatives(strips: int, photos: int) -> None:
+    names = {"102": "103", "103": "102", "106": "107", "107": "106"}
+    found = photo_accidents(renamed(measured(strips, photos), names))
+    assert [(one.kind, one.photos, one.alternatives) for one in found] == [
+        ("exchanged", ("102", "103"), ()),
+        ("exchanged", ("106", "107"), ()),
+    ]
+
+
+def test_of_a_strip_alone_both_pairs_are_there_for_programs() -> None:
+    (one,) = photo_accidents(with_photos_exchanged(measured(1, 4), "102", "103"))
+    assert sorted(one.pairs) == [("101", "104"), ("102", "103")]
+
+
+@pytest.mark.parametrize(("strips", "photos"), [(1, 6), (2, 5)])
+def test_three_names_in_a_circle_give_the_order_of_the_points(strips: int, photos: int) -> None:
+    names = {"102": "103", "103": "104", "104": "102"}
+    (one,) = photo_accidents(renamed(measured(strips, photos), names))
+    assert (one.kind, one.photos, one.strips) == ("order", ("102", "103", "104"), ("1",))
+    assert "strip 1 does not run straight on" in one.text
+    assert "follow as 101 103 104 102 105" in one.text
+
+
+def test_an_exchange_keeps_the_models_that_the_strip_has_and_every_row() -> None:
+    block = measured(1, 5)
+    order = block.strips[0].photos
+    rows = tuple(
+        replace(r, model=f"{order[k]}/{order[k + 1]}")
+        for r in block.image_points
+        for k in (order.index(r.photo) - 1, order.index(r.photo))
+        if 0 <= k < 4
+    )
+    block = replace(block, image_points=rows)
+    for first, second in combinations(order, 2):
+        right = with_photos_exchanged(block, first, second).image_points
+        assert len({(r.photo, r.point, r.model) for r in right}) == len(right) == len(rows)
+        assert all(r.model is None or r.photo in r.model.split("/") for r in right)
+        if (first, second) == ("101", "103"):
+            # 101/102 and 102/103 have become each other
+            assert sum(r.model == "102/103" for r in right) >= sum(
+                r.model == "101/102" for r in rows
+            )
 
 
 places = st.lists(
