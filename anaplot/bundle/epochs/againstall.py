@@ -42,7 +42,7 @@ class AgainstAll(NamedTuple):
         R of the others among themselves.
     explains
         Whether "no point has moved" is rejected, and what is left without this epoch is within its
-        limit: this epoch is the odd one.
+        limit: it is the odd one, or one of several that may be.
     """
 
     epoch: int
