@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from bundleblocks import make_scene
 from epochblocks import epoch, heights_only, layout, stable_names, written
 from scipy.optimize import least_squares
 from wild import text_of, wild, words
@@ -181,6 +182,56 @@ def test_pairs_are_those_of_two_epochs(options, near) -> None:
         assert pair.alone == (series.alone[first], series.alone[second])
     if "stable" in options:
         assert series.agreement.dimension == 2 * (3 * len(stable_names()) - 7)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"separate": True}, {"stable": stable_names()}, {"additional": "ebner"}]
+)
+def test_photos_may_be_numbered_and_named_otherwise(options) -> None:
+    if "additional" in options:
+        options = {"additional": additional_parameters(options["additional"])}
+    one, two, three, _ = four()
+    numbers = [photo.id for photo in three.photos]
+    to = dict(zip(numbers, numbers[::-1], strict=True))
+    camera = three.cameras[0]
+    other = replace(
+        three,
+        photos=tuple(replace(p, id=to[p.id]) for p in three.photos[::-1]),
+        strips=tuple(replace(s, photos=tuple(to[p] for p in s.photos)) for s in three.strips),
+        image_points=tuple(replace(r, photo=to[r.photo]) for r in three.image_points),
+    )
+    if "additional" not in options:
+        other = replace(
+            other,
+            cameras=(replace(camera, id="another"),),
+            photos=tuple(replace(p, camera="another") for p in other.photos),
+        )
+    plain, named = (compare_series((one, two, last), **options) for last in (three, other))
+    assert plain.moves == named.moves
+    np.testing.assert_allclose(named.d, plain.d, atol=1e-6)
+    np.testing.assert_allclose(named.cofactors, plain.cofactors, rtol=1e-4, atol=1e-8)
+    assert named.redundancy == plain.redundancy
+
+
+@pytest.mark.parametrize("options", [{}, {"separate": True}, {"stable": stable_names()}])
+def test_photos_may_be_laid_out_otherwise(options) -> None:
+    one, two, _, _ = four()
+    base = layout()
+    places = {n: p + np.array(MOVED.get(n, (0.0, 0.0, 0.0))) for n, p in base.points.items()}
+    # across the others, more of them, turned
+    across = {
+        f"r{i}{j}": (np.array([400.0 * i, 350.0 * j - 50.0, 1010.0]),
+                     rotation_matrix(0.01 * i, -0.01 * j, np.pi / 2))
+        for i in range(4)
+        for j in range(3)
+    }  # fmt: skip
+    made = make_scene(across, places, control=one.control, noise_um=5.0, seed=5).block
+    tested = series_tests(compare_series((one, two, made), points=("p7", "p8", "p13"), **options))
+    assert {p.point: p.moved for p in tested.points} == {"p7": (), "p8": (), "p13": ((2, 3),)}
+    assert [each.epoch for each in tested.against if each.explains] == [3]
+    [p13] = [p for p in tested.points if p.point == "p13"]
+    for d, s, true in zip(p13.steps[1].d, p13.steps[1].s, MOVED["p13"], strict=True):
+        assert abs(d - true) < 4.0 * s
 
 
 def test_separate_movements_share_the_epoch_between_them() -> None:
