@@ -116,7 +116,7 @@ def series_document(found: SeriesTests, aside: Aside = _NOTHING) -> Document:
 def _setting_answer(of: EpochDifferences | EpochSeries) -> Answer:
     """Return how epochs were adjusted: lengths in metres, what does not exist is None."""
     common = of.common.points() if isinstance(of, EpochSeries) else of.common
-    partly = _partly_of(of) if isinstance(of, EpochSeries) else of.partly
+    partly = of.common.lettered() if isinstance(of, EpochSeries) else of.partly
     redundancy = of.redundancy
     return {
         "epochs": list(of.epochs),
@@ -225,12 +225,6 @@ def _setting(
     return [*out, *aside.lines(len(of.epochs))]
 
 
-def _partly_of(of: EpochSeries) -> tuple[tuple[str, str], ...]:
-    return tuple(
-        (name, "".join("XYZ"[k] for k in axes)) for name, axes in of.common.partly().items()
-    )
-
-
 def _common_of(of: EpochSeries) -> list[str]:
     """Return what is common, and to which epochs where not to all."""
     every = len(of.epochs)
@@ -240,7 +234,7 @@ def _common_of(of: EpochSeries) -> list[str]:
         return "" if len(epochs) == every else f" in epochs {numbers}"
 
     out = [name + where(of.common.whole(name)) for name in of.common.points()]
-    for name, axes in _partly_of(of):
+    for name, axes in of.common.lettered():
         epochs = of.common.axes[name]["XYZ".index(axes[0])]
         out.append(f"{name} in {' and '.join(axes)}{where(epochs)}")
     return out

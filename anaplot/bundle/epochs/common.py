@@ -64,6 +64,11 @@ class Common:
                 out[name] = mine
         return out
 
+    def lettered(self, among: Collection[int] | None = None) -> tuple[tuple[str, str], ...]:
+        """Return `partly` with the axes as letters: ("p1", "XY")."""
+        several = self.partly(among).items()
+        return tuple((name, "".join(_AXES[k] for k in axes)) for name, axes in several)
+
     def same(self, point: str, axis: int, first: int, second: int) -> bool:
         """Whether a coordinate is one in two epochs."""
         epochs = self.axes.get(point)

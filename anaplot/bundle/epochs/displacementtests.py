@@ -17,9 +17,16 @@ from anaplot.aliases import Index
 from anaplot.bundle.epochs.located import Located
 from anaplot.bundle.epochs.overall import Overall, overall
 from anaplot.bundle.epochs.series import EpochDifferences
-from anaplot.bundle.epochs.stabletests import agreement_test, located_stable, refuted_datum
-from anaplot.bundle.epochs.undertest import Limits, Orthogonal, UnderTest, limits_of, under_test
-from anaplot.bundle.epochs.variances import VarianceRatio, doubtful_epochs, variance_ratio
+from anaplot.bundle.epochs.stabletests import datum_tests
+from anaplot.bundle.epochs.undertest import (
+    Limits,
+    Orthogonal,
+    UnderTest,
+    length_of,
+    limits_of,
+    under_test,
+)
+from anaplot.bundle.epochs.variances import VarianceRatio, variance_ratio
 from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
 
 __all__ = ["CoordinateMove", "EpochTests", "PointMove", "epoch_tests", "pair_tests"]
@@ -181,14 +188,7 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05) -> EpochTests:
     """
     tested = pair_tests(found, alpha=alpha)
     variance = VarianceFactor(found.vtpv, found.redundancy, found.by_known)
-    agreement = agreement_test(found.agreement, variance, alpha, joint=found.joint)
-    without = found.joint and found.own_parameters is not None
-    remarks = [*found.remarks, *doubtful_epochs(found.alone, alpha, without=without)]
-    stable: tuple[Located, ...] = ()
-    if found.agreement is not None and agreement is not None and agreement.rejected:
-        stable = located_stable(found.agreement, agreement, found.common)
-        remarks.append(refuted_datum(stable))
-    return replace(tested, agreement=agreement, located_stable=stable, remarks=tuple(remarks))
+    return replace(tested, **datum_tests(found, found.common, variance, alpha)._asdict())
 
 
 def pair_tests(found: EpochDifferences, *, alpha: float) -> EpochTests:
@@ -242,11 +242,7 @@ def _point_move(
         if limits.square is not None:
             beyond = whole > limits.square
     free = np.where(found.given[k], 0.0, found.d[rows])
-    length = float(np.linalg.norm(free))
-    s_length = None
-    if limits.sigma is not None and length > 0.0:
-        square = float(free @ found.cofactors[rows, rows] @ free)
-        s_length = limits.sigma * sqrt(max(square, 0.0)) / length
+    length, s_length = length_of(free, found.cofactors[rows, rows], limits.sigma)
     x, y, z = found.places[k].tolist()
     first, second, third = (
         _coordinate_move(found, k, axis, test, limits, parts, alpha) for axis in range(3)

@@ -227,10 +227,7 @@ class EpochSeries:
             joint=self.joint,
             datum=self.datum,
             common=self.common.points(pair),
-            partly=tuple(
-                (name, "".join("XYZ"[k] for k in axes))
-                for name, axes in self.common.partly(pair).items()
-            ),
+            partly=self.common.lettered(pair),
             own_parameters=self.own_parameters,
             points=tuple(points),
             places=places[starts],

@@ -23,9 +23,15 @@ from anaplot.bundle.epochs.displacementtests import EpochTests, pair_tests
 from anaplot.bundle.epochs.located import Located
 from anaplot.bundle.epochs.overall import Overall, overall
 from anaplot.bundle.epochs.series import EpochSeries
-from anaplot.bundle.epochs.stabletests import agreement_test, located_stable, refuted_datum
-from anaplot.bundle.epochs.undertest import Limits, Orthogonal, UnderTest, limits_of, under_test
-from anaplot.bundle.epochs.variances import doubtful_epochs
+from anaplot.bundle.epochs.stabletests import datum_tests
+from anaplot.bundle.epochs.undertest import (
+    Limits,
+    Orthogonal,
+    UnderTest,
+    length_of,
+    limits_of,
+    under_test,
+)
 from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
 
 __all__ = ["PointSeries", "SeriesTests", "StepMove", "series_tests"]
@@ -197,25 +203,19 @@ def series_tests(series: EpochSeries, *, alpha: float = 0.05) -> SeriesTests:
     between = [series.between(*pair) for pair in combinations(range(len(series.epochs)), 2)]
     compared = [pair for pair in between if pair.points]
     each = bonferroni_alpha(alpha, len(compared))
-    agreement = agreement_test(series.agreement, variance, alpha, joint=series.joint)
-    without = series.joint and series.own_parameters is not None
-    remarks = [*series.remarks, *doubtful_epochs(series.alone, alpha, without=without)]
-    stable: tuple[Located, ...] = ()
-    if series.agreement is not None and agreement is not None and agreement.rejected:
-        stable = located_stable(series.agreement, agreement, series.common.points())
-        remarks.append(refuted_datum(stable))
+    datum = datum_tests(series, series.common.points(), variance, alpha)
     return SeriesTests(
         series,
         alpha,
         series.power,
         everything,
-        agreement,
+        datum.agreement,
         points,
         tuple(pair_tests(pair, alpha=each) for pair in compared),
         against_all(series, test, limits.square, alpha),
         located,
-        stable,
-        tuple(remarks),
+        datum.located_stable,
+        datum.remarks,
     )
 
 
@@ -293,11 +293,7 @@ def _coming_back(
 def _step_move(series: EpochSeries, row: int, free: Bools, sigma: float | None) -> StepMove:
     rows = slice(3 * row, 3 * row + 3)
     d, q = series.d[rows], series.cofactors[rows, rows]
-    movement = np.where(free, d, 0.0)
-    length = float(np.linalg.norm(movement))
-    s_length = None
-    if sigma is not None and length > 0.0:
-        s_length = sigma * sqrt(max(float(movement @ q @ movement), 0.0)) / length
+    length, s_length = length_of(np.where(free, d, 0.0), q, sigma)
     x, y, z = d.tolist()
     sx, sy, sz = (
         sigma * sqrt(max(float(q[k, k]), 0.0)) if sigma is not None and free[k] else None

@@ -1,14 +1,63 @@
-"""Tests of the points that hold the datum: whether they have moved."""
+"""Tests of what displacements hang on: the points that hold the datum, and each epoch's sigma0."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from anaplot.bundle.epochs.apart import Agreement
 from anaplot.bundle.epochs.located import Located, free_one_by_one
+from anaplot.bundle.epochs.series import EpochDifferences, EpochSeries
+from anaplot.bundle.epochs.variances import doubtful_epochs
 from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
 
-__all__ = ["agreement_test", "located_stable", "refuted_datum"]
+__all__ = ["DatumTests", "agreement_test", "datum_tests", "located_stable", "refuted_datum"]
+
+
+class DatumTests(NamedTuple):
+    """What displacements hang on.
+
+    Attributes
+    ----------
+    agreement, located_stable
+        As `EpochTests` has them.
+    remarks
+        Sentences for a person: those of the displacements, epochs whose sigma0 is too large, and a
+        refuted datum.
+    """
+
+    agreement: Verdict | None
+    located_stable: tuple[Located, ...]
+    remarks: tuple[str, ...]
+
+
+def datum_tests(
+    found: EpochDifferences | EpochSeries,
+    stable: Sequence[str],
+    variance: VarianceFactor,
+    alpha: float,
+) -> DatumTests:
+    """Test the points that hold the datum, and sigma0 of each epoch by itself.
+
+    Parameters
+    ----------
+    found
+        The displacements.
+    stable
+        The points that hold the datum, where no control does.
+    variance
+        Of the adjustment that displacements are tested by.
+    alpha
+        Significance of each test.
+    """
+    agreement = agreement_test(found.agreement, variance, alpha, joint=found.joint)
+    without = found.joint and found.own_parameters is not None
+    remarks = [*found.remarks, *doubtful_epochs(found.alone, alpha, without=without)]
+    located: tuple[Located, ...] = ()
+    if found.agreement is not None and agreement is not None and agreement.rejected:
+        located = located_stable(found.agreement, agreement, stable)
+        remarks.append(refuted_datum(located))
+    return DatumTests(agreement, located, tuple(remarks))
 
 
 def agreement_test(

@@ -23,7 +23,7 @@ from anaplot.bundle.epochs.located import Freed, free_one_by_one
 from anaplot.bundle.hypotheses.verdict import VarianceFactor, Verdict
 from anaplot.errors import NotComputableError
 
-__all__ = ["Limits", "Orthogonal", "UnderTest", "limits_of", "under_test"]
+__all__ = ["Limits", "Orthogonal", "UnderTest", "length_of", "limits_of", "under_test"]
 
 
 class Limits(NamedTuple):
@@ -160,6 +160,18 @@ class UnderTest:
             return None
         square = float(np.sum(parts.values[rows] ** 2))
         return self.variance.test(square, len(rows), sidak_alpha(alpha, tests))
+
+
+def length_of(movement: Array, cofactors: Array, sigma: float | None) -> tuple[float, float | None]:
+    """Return the length [m] of a (3,) movement and its standard deviation along its own direction.
+
+    None without sigma, and of a movement of zero.
+    """
+    length = float(np.linalg.norm(movement))
+    if sigma is None or not length > 0.0:
+        return length, None
+    square = float(movement @ cofactors @ movement)
+    return length, sigma * sqrt(max(square, 0.0)) / length
 
 
 def under_test(d: Array, cofactors: Array, free: Bools, variance: VarianceFactor) -> UnderTest:
