@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 from collections.abc import Iterable
@@ -31,6 +30,7 @@ from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, PointP
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.inputfile import read_bytes, read_text
 from anaplot.textfiles.wholefile import (
+    all_or_nothing,
     clear_left_over,
     create_whole,
     make_folder,
@@ -166,7 +166,7 @@ def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> str:
         A row that could not be read again, or the file could not be written; the old one stays.
     """
     path = folder / IMAGE_POINTS_CSV
-    data = _bounded(path, format_image_points(points).encode(), MAX_CSV_BYTES)
+    data = _image_points_data(path, points)
     replace_whole(path, data)
     return _digest(data)
 
@@ -174,6 +174,10 @@ def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> str:
 def clear_image_points(folder: Path) -> None:
     """Remove what a killed session left beside image_points.csv; only under the block's lock."""
     clear_left_over(folder / IMAGE_POINTS_CSV)
+
+
+def _image_points_data(path: Path, points: Iterable[ImagePoint]) -> bytes:
+    return _bounded(path, format_image_points(points).encode(), MAX_CSV_BYTES)
 
 
 def write_control(
@@ -217,7 +221,7 @@ def write_new_block(
     ------
     InputError
         The block could not be read again, there is a block.toml already, or a file of that name
-        that says something else, or it cannot be written.
+        that says something else, or it cannot be written: then no part of it is there.
     """
     path = folder / BLOCK_TOML
     if os.path.lexists(path):
@@ -225,21 +229,22 @@ def write_new_block(
     text = format_block_toml(block) if text is None else text
     parse_block_toml(text, path, camera_texts(block))
     pattern = _pattern_text(folder, block)
-    make_folder(folder)
-    for camera in block.cameras:
-        if camera.file is None or camera.calibration is None or Path(camera.file).is_absolute():
-            continue
-        target = folder / camera.file
-        if not os.path.lexists(target):
-            make_folder(target.parent)
-            write_camera(target, camera.calibration, remark)
-        elif read_camera(target) != camera.calibration:
-            raise InputError(f"{place(target)}: exists already and says something else")
-    for name, points in pattern.items():
-        make_folder((folder / name).parent)
-        create_whole(folder / name, points.encode())
-    parse_block_toml(text, path)  # now with the camera files, those named by absolute paths too
-    create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
+    with all_or_nothing():
+        make_folder(folder)
+        for camera in block.cameras:
+            if camera.file is None or camera.calibration is None or Path(camera.file).is_absolute():
+                continue
+            target = folder / camera.file
+            if not os.path.lexists(target):
+                make_folder(target.parent)
+                write_camera(target, camera.calibration, remark)
+            elif read_camera(target) != camera.calibration:
+                raise InputError(f"{place(target)}: exists already and says something else")
+        for name, points in pattern.items():
+            make_folder((folder / name).parent)
+            create_whole(folder / name, points.encode())
+        parse_block_toml(text, path)  # now with the camera files, those named by absolute paths too
+        create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
 
 
 def write_block(folder: Path, block: Block) -> None:
@@ -259,24 +264,16 @@ def write_block(folder: Path, block: Block) -> None:
     InputError
         One of the files is there already, or they cannot be written; no part of them is left.
     """
-    _, points, control = block_files(folder)
+    _, points, _ = block_files(folder)
     there = next((path for path in block_files(folder) if os.path.lexists(path)), None)
     if there is not None:
         raise InputError(f"{place(there)}: exists already and is not overwritten")
-    new = not os.path.lexists(folder)
-    make_folder(folder)
-    try:
-        write_image_points(folder, block.image_points)
+    with all_or_nothing():
+        make_folder(folder)
+        create_whole(points, _image_points_data(points, block.image_points))
         if block.control or block.priors:
             write_control(folder, block.control, block.priors)
         write_new_block(folder, block)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            points.unlink(missing_ok=True)
-            control.unlink(missing_ok=True)
-            if new:
-                folder.rmdir()
-        raise
 
 
 def _pattern_text(folder: Path, block: Block) -> dict[str, str]:

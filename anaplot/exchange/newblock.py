@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,7 +37,7 @@ from anaplot.photogrammetry.nominalcameras import NOMINAL_CAMERAS
 from anaplot.photogrammetry.photorange import photo_range, split_range
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
-from anaplot.textfiles.wholefile import make_folder
+from anaplot.textfiles.wholefile import all_or_nothing, make_folder
 from anaplot.textfiles.wording import hint, place, plain, quoted
 
 __all__ = ["ChosenCamera", "NewBlock", "choose_camera", "strip_of", "strips_of_models", "write_new"]
@@ -237,7 +236,7 @@ def write_new(folder: Path, new: NewBlock) -> Block:
     ------
     InputError
         There is a block already, a file there says something else, there is no photo at all, or
-        it cannot be written.
+        it cannot be written: then no part of it is there.
     """
     path, points, control = block_files(folder)
     if os.path.lexists(path):
@@ -267,17 +266,12 @@ def write_new(folder: Path, new: NewBlock) -> Block:
     known = bool(new.control or new.priors)
     if known and os.path.lexists(control):
         raise InputError(f"{place(control)}: exists already and is not overwritten")
-    if known:
+    with all_or_nothing():
         make_folder(folder)
-        write_control(folder, new.control, new.priors)
-    try:
+        if known:
+            write_control(folder, new.control, new.priors)
         # block.toml is the last file: without it there is no block
         write_new_block(folder, block, text=text, remark=new.camera.remark)
-    except BaseException:
-        if known:
-            with contextlib.suppress(OSError):
-                control.unlink()
-        raise
     return replace(block, control=new.control, priors=new.priors)
 
 

@@ -9,12 +9,15 @@ import re
 import secrets
 import stat
 import sys
+from collections.abc import Iterator
+from contextvars import ContextVar
 from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import place, reason
 
 __all__ = [
+    "all_or_nothing",
     "clear_left_over",
     "create_whole",
     "make_folder",
@@ -24,6 +27,39 @@ __all__ = [
 ]
 
 _RANDOM_BYTES = 6
+
+_MADE: ContextVar[list[Path] | None] = ContextVar("made", default=None)
+
+
+@contextlib.contextmanager
+def all_or_nothing() -> Iterator[None]:
+    """Take away again what `create_whole` and `make_folder` made within, should the rest fail.
+
+    The last first, so that a folder is empty by then; one in which something else was put stays.
+    """
+    around, made = _MADE.get(), list[Path]()
+    token = _MADE.set(made)
+    try:
+        yield
+    except BaseException:
+        for path in reversed(made):
+            with contextlib.suppress(OSError):
+                if path.is_dir():
+                    path.rmdir()
+                else:
+                    path.unlink()
+        raise
+    else:
+        if around is not None:
+            around += made
+    finally:
+        _MADE.reset(token)
+
+
+def _was_made(path: Path) -> None:
+    made = _MADE.get()
+    if made is not None:
+        made.append(path)
 
 
 def replace_whole(path: Path, data: bytes) -> None:
@@ -53,6 +89,7 @@ def create_whole(path: Path, data: bytes) -> None:
         It exists already or could not be written.
     """
     _write_aside(path, data, may_replace=False)
+    _was_made(path)
 
 
 def clear_left_over(path: Path) -> None:
@@ -86,7 +123,13 @@ def make_folder(folder: Path) -> None:
                 break
             at = at.parent
         for path in reversed(missing):
-            path.mkdir(exist_ok=True)
+            try:
+                path.mkdir()
+            except FileExistsError:
+                if not path.is_dir():
+                    raise
+            else:
+                _was_made(path)
             sync_folder(path.parent)
     except (OSError, ValueError) as error:
         raise InputError(f"{place(folder)}: cannot be made: {reason(error)}") from error
@@ -115,18 +158,25 @@ def sync_folder(folder: Path) -> None:
 
 def _write_aside(path: Path, data: bytes, *, may_replace: bool) -> None:
     aside = path.with_name(f".{path.name}.{secrets.token_hex(_RANDOM_BYTES)}.tmp")
+    own = None
     try:
         try:
             _write_synced(aside, data, like=path if may_replace else None)
+            own = aside.lstat()
             if may_replace:
                 aside.replace(path)
             else:
                 _rename_to_new(aside, path)
+            sync_folder(path.parent)
         except BaseException:
             with contextlib.suppress(OSError):
                 aside.unlink()
+            if own is not None and not may_replace:
+                # it may have its name already; one that another wrote is not touched
+                with contextlib.suppress(OSError):
+                    if os.path.samestat(own, path.lstat()):
+                        path.unlink()
             raise
-        sync_folder(path.parent)
     except FileExistsError:
         raise InputError(f"{place(path)}: exists already and is not overwritten") from None
     except (OSError, ValueError) as error:

@@ -140,24 +140,45 @@ def test_ranges_with_commas_are_not_taken_for_names():
     assert "\n" not in str(said.value)
 
 
-@pytest.mark.parametrize("fails", ["block.toml", "control.csv"])
+@pytest.mark.parametrize("there", [False, True])
+@pytest.mark.parametrize("how", [OSError, KeyboardInterrupt])
+@pytest.mark.parametrize("fails", ["write", "sync"])
+@pytest.mark.parametrize("after", range(6))
 def test_what_cannot_be_written_whole_leaves_no_part_of_a_block(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    fails: str,
+    how: type[BaseException],
+    after: int,
+    there: bool,
 ) -> None:
     new = NewBlock(
         "b", choose_camera("rmk15"), (strip_of("101-103", 1),), (ControlPoint("7", (1, 2, 3)),)
     )
+    folder = tmp_path / "a" / "b"
+    if there:
+        folder.mkdir(parents=True)
+        (folder / "notes.txt").write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+    calls = []
 
-    def full(path: Path, data: bytes) -> None:
-        if path.name == fails:
-            raise InputError(f"{path.name}: no space left")
-        create_whole(path, data)
+    def failing(*arguments: object) -> None:
+        calls.append(arguments)
+        if len(calls) == after + 1:
+            raise how(28, "no space left")
+        usual(*arguments)
 
-    monkeypatch.setattr(blockfolder, "create_whole", full)
-    folder = tmp_path / "b"
-    with pytest.raises(InputError, match="no space left"):
+    usual = getattr(wholefile, "write_all" if fails == "write" else "sync_folder")
+    monkeypatch.setattr(wholefile, usual.__name__, failing)
+    # three files, and two folders where there are none
+    steps = 3 + (2 if fails == "sync" and not there else 0)
+    if after >= steps:
+        assert write_new(folder, new).control
+        assert len(calls) == steps
+        return
+    with pytest.raises(KeyboardInterrupt if how is KeyboardInterrupt else InputError):
         write_new(folder, new)
-    assert not any((folder / name).exists() for name in ("block.toml", "control.csv"))
+    assert sorted(tmp_path.rglob("*")) == before
     monkeypatch.undo()
     # and nothing stands in the way of the next try
     assert write_new(folder, new).control == read_block(folder).control
@@ -170,7 +191,6 @@ def test_a_block_that_cannot_be_written_whole_leaves_no_part_of_it(
     whole = replace(
         block,
         control=(ControlPoint("7", (1.0, 2.0, 3.0)),),
-        cameras=tuple(replace(c, calibration=None, file=None) for c in block.cameras),
     )
 
     def full(path: Path, data: bytes) -> None:
@@ -185,3 +205,20 @@ def test_a_block_that_cannot_be_written_whole_leaves_no_part_of_it(
     monkeypatch.undo()
     write_block(tmp_path / "b", whole)
     assert read_block(tmp_path / "b") == whole
+
+
+def test_a_file_that_another_wrote_first_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    new = NewBlock("b", choose_camera("rmk15"), (strip_of("101-103", 1),))
+
+    def overtaken(path: Path, data: bytes) -> None:
+        if path.name == "block.toml":
+            path.write_text("another's")
+        create_whole(path, data)
+
+    monkeypatch.setattr(blockfolder, "create_whole", overtaken)
+    with pytest.raises(InputError, match="exists already"):
+        write_new(tmp_path / "b", new)
+    assert [path.name for path in (tmp_path / "b").iterdir()] == ["block.toml"]
+    assert (tmp_path / "b" / "block.toml").read_text() == "another's"
