@@ -62,11 +62,6 @@ class WrongPointsError(NotComputableError):
             + (what if interchange is None else interchange.text)
         )
 
-    @property
-    def interchanged(self) -> tuple[str, ...]:
-        """The two points whose records are exchanged, or ()."""
-        return () if self.interchange is None else self.interchange.points
-
 
 def warm_up() -> None:
     """Load what the first model needs, so that it is as quick as the others."""

@@ -189,8 +189,3 @@ class Diagnosis:
     advice: tuple[str, ...]
     suspects: tuple[Row, ...]
     interchange: Interchange | None = None
-
-    @property
-    def interchanged(self) -> tuple[str, ...]:
-        """The two points whose records are exchanged, or ()."""
-        return () if self.interchange is None else self.interchange.points

@@ -43,10 +43,15 @@ def told(pair, precision=PAPER):
     try:
         solution = orient(pair, precision, TAU)
     except WrongPointsError as error:
-        return error.interchanged, str(error)
+        return points_of(error.interchange), str(error)
     else:
         found = diagnose(solution)
-        return found.interchanged, found.advice[0]
+        return points_of(found.interchange), found.advice[0]
+
+
+def points_of(interchange):
+    """Return the two points that are exchanged, or ()."""
+    return () if interchange is None else interchange.points
 
 
 def exchanged(pair, i, j, photos):
@@ -96,7 +101,7 @@ def test_the_pair_is_suspected_first():
     pair = scene(1, 13, later=True)
     ties = [pair.points.index(point) for point in pair.points if point in pair.ties]
     found = diagnose(orient(exchanged(pair, ties[0], ties[-1], "lr"), PAPER, TAU))
-    assert {point for point, _ in found.suspects[:2]} == set(found.interchanged)
+    assert {point for point, _ in found.suspects[:2]} == set(found.interchange.points)
 
 
 @pytest.mark.slow

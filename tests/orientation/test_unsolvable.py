@@ -210,12 +210,12 @@ def test_two_points_so_wrong_that_no_solution_exists_are_named():
     right = dict(f.images[1])
     right["0a"], right["0d"] = right["0d"], right["0a"]
     error = refused(pair_of(f, 0, right=right), "0a and 0d interchanged", WrongPointsError)
-    assert error.suspects == error.interchanged == ("0a", "0d")
+    assert error.suspects == error.interchange.points == ("0a", "0d")
     x, y = f.images[1]["0a"]
     wrong = f.images[1] | {"0a": (x + 70.0, 20.0 - y), "0d": right["0d"]}
     error = refused(pair_of(f, 0, right=wrong), "the other points agree", WrongPointsError)
     assert sorted(error.suspects) == ["0a", "0d"]
-    assert not error.interchanged
+    assert error.interchange is None
     assert f"remeasure {error.suspects[0]}" in str(error)
 
 
