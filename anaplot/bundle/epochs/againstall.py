@@ -69,7 +69,7 @@ def against_all(
     Returns
     -------
     tuple
-        The epochs that have something for themselves; none where the cofactors are singular.
+        The epochs that have something for themselves, but where the cofactors are singular.
     """
     live = test.rows
     d, cofactors = test.d[live], test.cofactors[np.ix_(live, live)]
@@ -90,7 +90,10 @@ def against_all(
     for epoch, (into, away, points) in enumerate(own):
         if not len(into):
             continue
-        square = min(_drop(information, gradient, into, away), total)
+        try:
+            square = min(_drop(information, gradient, into, away), total)
+        except DependentConditionsError:
+            continue
         rest = total - square
         explains = limit is not None and total > limit >= rest
         verdict = test.variance.test(square, len(into), each)

@@ -188,7 +188,13 @@ def epoch_tests(found: EpochDifferences, *, alpha: float = 0.05) -> EpochTests:
     """
     tested = pair_tests(found, alpha=alpha)
     variance = VarianceFactor(found.vtpv, found.redundancy, found.by_known)
-    return replace(tested, **datum_tests(found, found.common, variance, alpha)._asdict())
+    datum = datum_tests(found, found.common, variance, alpha)
+    return replace(
+        tested,
+        agreement=datum.agreement,
+        located_stable=datum.located_stable,
+        remarks=datum.remarks,
+    )
 
 
 def pair_tests(found: EpochDifferences, *, alpha: float) -> EpochTests:
