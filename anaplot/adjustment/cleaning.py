@@ -279,6 +279,7 @@ class Cleaning(Generic[S, K, R]):
             models=self.subject.model_values(system, place) if modified else None,
             suspects=suspects,
             left_out=_rows(system, held),
+            measured=self.subject.apriori.rows,
             watch=self.watch,
         )
 

@@ -41,12 +41,15 @@ Rule = Callable[[Elimination], _Test]
 """Sizes and limits of all rows in a strategy, given those that are out."""
 
 
-def rule_of(strategy: str, alpha: float) -> Rule:
-    """Return the rule of a strategy, w with the a-priori sigma but for "tau" and "rms"."""
+def rule_of(strategy: str, alpha: float, measured: int | None = None) -> Rule:
+    """Return the rule of a strategy, w with the a-priori sigma but for "tau" and "rms".
+
+    With `measured`, "rms" counts that many rows, the first ones: the others are known beforehand.
+    """
     if strategy == "tau":
         return _Tau(alpha)
     if strategy == "rms":
-        return _Rms(alpha)
+        return _Rms(alpha, measured)
     return _Normal(critical_normal(alpha))
 
 
@@ -93,15 +96,25 @@ class _Tau:
 
 
 class _Rms:
-    """abs(v) / rms(v) of all remaining rows; a rejected row as if it alone were back."""
+    """abs(v) / rms(v) of all remaining rows; a rejected row as if it alone were back.
 
-    def __init__(self, alpha: float) -> None:
-        self._alpha = alpha
+    What is known beforehand is in v'Pv, but neither in the n nor in the n - u of the Bayesian paper
+    (eq. 4); where so much of it is known that n - u is nothing, it counts like the others.
+    """
+
+    def __init__(self, alpha: float, measured: int | None) -> None:
+        self._alpha, self._measured = alpha, measured
 
     def __call__(self, state: Elimination) -> _Test:
         e = np.abs(state.e)
         out = list(state.rows)
         n, f = len(e) - len(out), state.redundancy
+        counted = np.ones(len(out), dtype=int)
+        if self._measured is not None:
+            known = len(e) - self._measured - sum(row >= self._measured for row in out)
+            if f > known:
+                n, f = n - known, f - known
+                counted[np.array(out, dtype=int) >= self._measured] = 0
         rms = sqrt(state.vtpv / n) if n > 0 else 0.0
         size = np.full(len(e), np.nan)
         testable = state.testable_rows
@@ -111,9 +124,9 @@ class _Rms:
         if out:
             error, sigma = state.estimates()
             gain = (error / sigma) ** 2
-            back = np.sqrt((state.vtpv + gain) / (n + 1))
+            back = np.sqrt((state.vtpv + gain) / (n + counted))
             size[out] = np.abs(error) / sigma**2 / np.maximum(back, NO_SIGMA)
-            limit[out] = _or_none(critical_tau(self._alpha, f + 1))
+            limit[np.array(out)[counted > 0]] = _or_none(critical_tau(self._alpha, f + 1))
         return _Test(size, limit)
 
 

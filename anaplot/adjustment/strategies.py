@@ -5,7 +5,8 @@ baarda
 tau
     The same with the estimated sigma and Pope's critical value for the redundancy of the step.
 rms
-    abs(v) / rms(v) against that critical value, all beyond it at once (the Bayesian paper, eq. 4).
+    abs(v) / rms(v) against that critical value, all beyond it at once (the Bayesian paper, eq. 4);
+    of rows that are known beforehand, v'Pv is counted and neither n nor n - u.
 modified
     As baarda, with model values of sqrt(q_vv), exact ones only in doubt (Gruen 1980, eq. 9-11).
 huber, danish
@@ -103,6 +104,7 @@ def find_gross_errors(
     tolerance: float = MODEL_TOLERANCE,
     suspects: Bools | None = None,
     left_out: Collection[int] = (),
+    measured: int | None = None,
     watch: Watch | None = None,
 ) -> Findings:
     """Search for gross errors in an adjustment.
@@ -124,6 +126,8 @@ def find_gross_errors(
         (n,) rows that may be rejected; None: all.
     left_out
         Rows that are out for good: neither tested nor weighed.
+    measured
+        How many rows, the first ones, "rms" takes its root mean square and n - u of; None: all.
     watch
         Told how far it is; where it asks for the end, the best so far is returned.
 
@@ -165,7 +169,7 @@ def find_gross_errors(
         counts = ModelRule(used.alpha, np.asarray(models, dtype=float), tolerance, n)
         end = _End(*task.stepwise(counts), values=counts.values())
     else:
-        rule = rule_of(strategy, used.alpha)
+        rule = rule_of(strategy, used.alpha, measured)
         end = _End(*task.stepwise(rule, together=strategy == "rms"))
     return _findings(
         end._replace(remarks=(*end.remarks, *task.limited(end.state, used.most))),

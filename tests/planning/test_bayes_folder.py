@@ -28,9 +28,9 @@ def names_of(run, numbers):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "seed"), [("bayes-G1A", 1), ("bayes-G4B", 5)])
+@pytest.mark.parametrize(("name", "seed"), [("bayes-G1A", 1), ("bayes-G4B", 5), ("bayes-G3B", 1)])
 def test_adjust_rejects_without_control_what_the_simulation_does(name: str, seed: int) -> None:
-    run = bayes_run(GROUPS[name], seed=seed, methods=("baarda", "search"))
+    run = bayes_run(GROUPS[name], seed=seed, methods=("baarda", "search", "rms"))
     assert run is not None
     assert len(run.planted) == {"A": 2, "B": 6}[name[-1]]
     for strategy, rows in run.rejected.items():
