@@ -69,8 +69,18 @@ def run_adjust(options: argparse.Namespace) -> int:
         counted(count, "image point is", "image points are"),
         options.errors,
     )
-    answer = {**document.answer, "applied": count}
-    output.show(Document(answer, (*document.page, BLANK, said), document.tables))
+    others = sum(row.name[0] != "image" for row in found.result.rejected)
+    answer = {**document.answer, "applied": count, "not_applied": others}
+    page = (*document.page, BLANK, said)
+    if others:
+        page += (
+            say(
+                "{} of control, priors or conditions: nothing is written of them; use = off "
+                "switches a row off",
+                counted(others, "rejected row is", "rejected rows are"),
+            ),
+        )
+    output.show(Document(answer, page, document.tables))
     return 1 if found.flagged and options.fail_on_flag else 0
 
 

@@ -71,6 +71,26 @@ def test_the_text_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert last.startswith("1 image point is switched off in image_points.csv")
 
 
+def test_what_has_no_row_among_the_image_points_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = make()
+    first, *others = block.control
+    x, y, z = first.xyz
+    wrong = replace(first, xyz=(x, y, z + 30.0), sigma=(0.05,) * 3)
+    whole = replace(block, control=(wrong, *(replace(c, sigma=(0.05,) * 3) for c in others)))
+    folder = written(whole, tmp_path / "block")
+    answer = run(capsys, folder, "--errors", "search", "--apply")
+    kinds = [row["kind"] for row in answer["errors"]["rejected"]]  # type: ignore[index]
+    assert kinds.count("control") == answer["not_applied"] == 1
+    assert answer["applied"] == 1
+    run(capsys, folder, "--apply-undo")
+    assert cli.main(["adjust", str(folder), "--errors", "search", "--apply"]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("1 rejected row is of control, priors or conditions: nothing is written")
+    assert read_block(folder).control == whole.control
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
