@@ -54,7 +54,7 @@ def parse_control(path: Path) -> GroundPoints:
     GroundPoints
         The rows in file order. A blank coordinate is not known (None), a blank standard
         deviation the block's default (None), 0 is free of error; those of a prior are positive.
-        A point may have a prior beside its other row.
+        A point may have a prior beside its control, and any rows that are off.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def parse_control(path: Path) -> GroundPoints:
     priors: list[PointPrior] = []
     first: dict[tuple[str, bool], int] = {}
     for row, (point, x, y, z, sx, sy, sz, use) in enumerate(zip(*columns, strict=True)):
-        other = first.setdefault((point, use == "prior"), row)
+        other = row if use == "off" else first.setdefault((point, use == "prior"), row)
         if other != row:
             lines = f"(lines {table.line(other)} and {table.line(row)})"
             raise table.fail(row, None, f"point {quoted(point)} twice {lines}")
@@ -86,7 +86,10 @@ def parse_control(path: Path) -> GroundPoints:
 
 
 def format_control(control: Iterable[ControlPoint], priors: Iterable[PointPrior] = ()) -> str:
-    """Return control points, then priors, as the text of a control.csv: digits that read back."""
+    """Return control points, then priors, as the text of a control.csv: digits that read back.
+
+    Both keep their order, but a file in which they stood mixed has another one.
+    """
     rows = [(point.point, *point.xyz, *point.sigma, point.use) for point in control]
     expected = [(point.point, *point.xyz, *point.sigma, "prior") for point in priors]
     return csv_text(("point", *_XYZ, *_SIGMAS, "use"), (*rows, *expected))

@@ -76,7 +76,8 @@ def read_control_list(path: Path) -> GroundPoints:
     Returns
     -------
     GroundPoints
-        The rows in file order; a point may have a prior beside its other row.
+        The rows in file order; a point may have a prior beside its control, and any rows that are
+        off.
 
     Raises
     ------
@@ -86,18 +87,21 @@ def read_control_list(path: Path) -> GroundPoints:
     lines = _lines(path, read_text(path, _MAX_BYTES))
     number, header = next(lines, (1, []))
     columns = _columns(path, number, header)
-    found: dict[tuple[str, bool], tuple[int, ControlPoint | PointPrior]] = {}
+    rows: list[ControlPoint | PointPrior] = []
+    found: dict[tuple[str, bool], int] = {}
     for number, fields in lines:
         point = _point(path, number, columns, fields)
-        key = (point.point, isinstance(point, PointPrior))
-        first = found.setdefault(key, (number, point))[0]
+        rows.append(point)
+        prior = isinstance(point, PointPrior)
+        if isinstance(point, ControlPoint) and point.use == "off":
+            continue
+        first = found.setdefault((point.point, prior), number)
         if first != number:
             raise InputError(
                 f"{place(path, number)}: point {quoted(point.point)} twice (first in line {first})"
             )
-    if not found:
+    if not rows:
         raise InputError(f"{place(path)}: no control point")
-    rows = [row for _, row in found.values()]
     return GroundPoints(
         tuple(row for row in rows if isinstance(row, ControlPoint)),
         tuple(row for row in rows if isinstance(row, PointPrior)),

@@ -19,7 +19,7 @@ from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.externalreliability import external_reliability
 from anaplot.bundle.solve.residuals import residuals_of
 from anaplot.errors import InputError
-from anaplot.photogrammetry.block import Block, PointPrior
+from anaplot.photogrammetry.block import Block, ControlPoint, PointPrior
 
 _SIGMA = 0.4
 
@@ -292,6 +292,22 @@ def test_approximate_values_are_not_laid_onto_priors_that_lie_anywhere(sigma: fl
     found = adjust_block(replace(block, priors=priors))
     moved = found.state.points + found.state.origin - bare.state.points - bare.state.origin
     np.testing.assert_allclose(moved, 0.0, atol=1e-4)
+
+
+def test_a_prior_is_switched_off_beside_the_control_of_its_point() -> None:
+    block = with_priors(some=1)
+    held = block.control[0]
+    rows = tuple(row for row in block.priors if row.point != held.point)
+    gone = next(row for row in block.priors if row.point == held.point)
+    off = ControlPoint(gone.point, gone.xyz, gone.sigma, "off")
+    found = adjust_block(replace(block, priors=rows, control=(off, *block.control, off)))
+    bare = adjust_block(replace(block, priors=rows))
+    assert found.redundancy == bare.redundancy
+    np.testing.assert_allclose(found.state.points, bare.state.points, atol=1e-9)
+    assert [name for name, *_ in found.off_control()] == [held.point] * 6
+    assert ("point prior", held.point, "X") not in {row.key for row in found.point_prior_rows()}
+    with pytest.raises(InputError, match="stands twice"):
+        adjust_block(replace(block, control=(*block.control, held)))
 
 
 def test_leaving_priors_out() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
-from anaplot.exchange.controlcsv import GroundPoints
+from anaplot.exchange.controlcsv import GroundPoints, format_control, parse_control
 from anaplot.exchange.controllist import read_control_list
 from anaplot.photogrammetry.block import ControlPoint, PointPrior
 
@@ -60,6 +60,26 @@ def test_priors_stand_beside_control(tmp_path: Path) -> None:
     found = listed(tmp_path, "name,E,N,H,s,use\n1,5,6,7,3.2,prior\n1,5,6,7,,check\n2,1,2,3,,off\n")
     assert found.priors == (PointPrior("1", (5.0, 6.0, 7.0), (3.2, 3.2, 3.2)),)
     assert [(one.point, one.use) for one in found.control] == [("1", "check"), ("2", "off")]
+
+
+def test_any_number_of_rows_that_are_off_stand_beside_the_others(tmp_path: Path) -> None:
+    text = (
+        "point,X,Y,Z,sX,sY,sZ,use\n1,5,6,7,1,1,1,off\n1,5,6,7,,,,control\n1,5,6,7,2,2,2,prior\n"
+        "1,5,6,7,3,3,3,off\n1,5,6,8,3,3,3,off\n"
+    )
+    path = tmp_path / "control.csv"
+    path.write_text(text)
+    found = parse_control(path)
+    assert [row.use for row in found.control] == ["off", "control", "off", "off"]
+    assert [row.sigma for row in found.priors] == [(2.0, 2.0, 2.0)]
+    assert listed(tmp_path, text) == found
+    # what is written reads back as the same, control first
+    path.write_text(format_control(found.control, found.priors))
+    assert parse_control(path) == found
+    for again in ("control", "check", "prior"):
+        path.write_text(text + f"1,5,6,7,1,1,1,{again}\n")
+        with pytest.raises(InputError, match="point '1' twice"):
+            parse_control(path)
 
 
 @pytest.mark.parametrize(

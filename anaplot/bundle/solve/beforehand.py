@@ -31,11 +31,12 @@ def control_points(block: Block) -> dict[str, ControlPoint]:
     """
     control: dict[str, ControlPoint] = {}
     for row in block.control:
+        _check(f"control point {row.point}", row)
+        if row.use == "off":
+            continue
         if row.point in control:
             raise InputError(f"control point {row.point}: stands twice")
-        _check(f"control point {row.point}", row)
-        if row.use != "off":
-            control[row.point] = row
+        control[row.point] = row
     return control
 
 
