@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 from anaplot.report.document import Answer, Document, Line, say
+from anaplot.report.photocures import PhotoCures, cure_words
 from anaplot.session.blockaccidents import MOST_MEASUREMENTS, BlockAccidents
 from anaplot.session.photoaccidents import PhotoAccident
 
@@ -36,17 +37,34 @@ def accidents_answer(accidents: BlockAccidents) -> list[Answer]:
     ]
 
 
-def photos_answer(accidents: Iterable[PhotoAccident]) -> Answer:
-    """Return what programs read of wrong photographs, under a key that is there where any is."""
-    rows = [
-        {"kind": one.kind, "photos": one.photos, "strips": one.strips, "text": one.text}
-        for one in accidents
-    ]
-    return {"photo_accidents": rows} if rows else {}
+def photos_answer(accidents: Iterable[PhotoAccident], cures: PhotoCures | None = None) -> Answer:
+    """Return what programs read of wrong photographs.
+
+    A pair that may be exchanged has `exchanged`, what its strips give with it put right, where that
+    was computed; `alternatives` are pairs of which the same may be true instead.
+    """
+    known = cures or {}
+
+    def put_right(pair: tuple[str, str]) -> Answer:
+        return {"exchanged": known[pair]._asdict()} if pair in known else {}
+
+    return {
+        "photo_accidents": [
+            {
+                "kind": one.kind,
+                "photos": one.photos,
+                "strips": one.strips,
+                "text": one.text,
+                "alternatives": [{"photos": two, **put_right(two)} for two in one.alternatives],
+                **(put_right(one.pairs[0]) if one.pairs else {}),
+            }
+            for one in accidents
+        ]
+    }
 
 
 def with_photo_accidents(
-    document: Document, accidents: Iterable[PhotoAccident], cures: Mapping[str, str] | None = None
+    document: Document, accidents: Iterable[PhotoAccident], cures: PhotoCures | None = None
 ) -> Document:
     """Return a document that ends with what is wrong with photographs, where anything is.
 
@@ -57,23 +75,20 @@ def with_photo_accidents(
     accidents
         Of its photographs.
     cures
-        What putting one right would give, by its text.
+        What putting them right would give.
     """
     accidents = tuple(accidents)
-    lines = []
-    for one in accidents:
-        cure = (cures or {}).get(one.text, "")
-        lines.append(say("{}{}", one.text, f": {cure}" if cure else "").of("look"))
-    answer = document.answer | photos_answer(accidents)
+    lines = [say("{}", cure_words(one, cures or {})).of("look") for one in accidents]
+    answer = document.answer | photos_answer(accidents, cures)
     return replace(document, answer=answer, page=(*document.page, *lines))
 
 
 def with_accidents(
-    document: Document, accidents: BlockAccidents, cures: Mapping[str, str] | None = None
+    document: Document, accidents: BlockAccidents, cures: PhotoCures | None = None
 ) -> Document:
     """Return a document that ends with the accidents of its block, where there are any.
 
-    `cures`: what putting wrong photographs right would give, by the accident's text.
+    `cures`: what putting wrong photographs right would give.
     """
     lines = [
         say("model {}: {}", one.model, one.accident.text).of("look") for one in accidents.found

@@ -53,14 +53,17 @@ from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import names_in, takes_options
 from anaplot.report.parameters import Known, automatic_choice, parameters_of
+from anaplot.report.photocures import naming_wrong_photos
 from anaplot.report.posteriorfile import check_posterior_path, with_given, write_posterior
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
 from anaplot.report.snooping import SnoopedBlock, snoop_block, snooping_document
-from anaplot.session.photoaccidents import photo_accidents
+from anaplot.session.photoaccidents import PhotoAccidentKind, photo_accidents
 
 __all__ = ["BlockAdjustment", "adjust", "find_gross_errors"]
+
+_NO_ACCIDENT: tuple[PhotoAccidentKind, ...] = ("turned",)  # a bundle finds it as well
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -262,30 +265,31 @@ def adjust(
     asked = functions_of(function or ())
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     cleaned = earlier = choice = None
-    if errors is None:
-        adjusted = adjust_block(measured, datum=datum, additional=chosen, progress=watch)
-        if tried:
-            choice = choose_parameters(adjusted, tried, settings, progress=watch)
-            adjusted = choice.block
-    elif control_last:
-        with watch.searching():
-            earlier = clean_step_by_step(
-                measured,
-                errors,
-                partner,
-                pairs=pairs,
-                additional=chosen,
-                as_given=as_given,
-                watch=watch,
-            )
-        cleaned, adjusted = earlier.control, earlier.block
-    else:
-        problem = make_problem(measured, datum=datum, additional=chosen)
-        with watch.searching():
-            cleaned = clean_block(
-                problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch
-            )
-        adjusted = cleaned.block
+    with naming_wrong_photos(measured, _NO_ACCIDENT):
+        if errors is None:
+            adjusted = adjust_block(measured, datum=datum, additional=chosen, progress=watch)
+            if tried:
+                choice = choose_parameters(adjusted, tried, settings, progress=watch)
+                adjusted = choice.block
+        elif control_last:
+            with watch.searching():
+                earlier = clean_step_by_step(
+                    measured,
+                    errors,
+                    partner,
+                    pairs=pairs,
+                    additional=chosen,
+                    as_given=as_given,
+                    watch=watch,
+                )
+            cleaned, adjusted = earlier.control, earlier.block
+        else:
+            problem = make_problem(measured, datum=datum, additional=chosen)
+            with watch.searching():
+                cleaned = clean_block(
+                    problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch
+                )
+            adjusted = cleaned.block
     estimated = None
     if prior is not None:
         estimated = prior_estimate(adjusted, prior, progress=watch)
@@ -328,7 +332,8 @@ def adjust(
     if left is not None and posterior is not None:
         write_posterior(Path(posterior), left)
     document = planting.with_planting(_document(found, snooping, correlations), planted)
-    document = with_photo_accidents(document, photo_accidents(measured))
+    wrong = [one for one in photo_accidents(measured) if one.kind not in _NO_ACCIDENT]
+    document = with_photo_accidents(document, wrong)
     if prior is None:  # which weights a second adjustment would take anew
         document = with_double_names(document, double_names(adjusted, watch))
     return Computed(found, with_journal_notes(document, note), flagged)
@@ -382,7 +387,7 @@ def find_gross_errors(
     chosen = parameters_of(additional, additional_sigma_um, additional_prior)
     problem = make_problem(measured, datum=datum, additional=chosen)
     watch = progress if isinstance(progress, Watch) else Watch(progress)
-    with watch.searching():
+    with naming_wrong_photos(measured, _NO_ACCIDENT), watch.searching():
         found = clean_block(problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch)
     document = with_journal_notes(errors_document(found), note)
     return Computed(found, document, len(found.rejected) > 0)

@@ -32,11 +32,11 @@ from anaplot.report.keywords import takes_options
 from anaplot.report.modeldocument import model_document, model_tables
 from anaplot.report.modelerrors import model_errors_document, rejected_table
 from anaplot.report.output import Output
+from anaplot.report.photocures import naming_wrong_photos, photo_cures
 from anaplot.report.running import BlockOrFolder, block_of, computed
 from anaplot.report.searchoptions import search_settings
 from anaplot.report.streams import complain
 from anaplot.session.blockaccidents import block_accidents
-from anaplot.session.photoaccidents import PhotoAccident, photo_accidents, with_photos_exchanged
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = [
@@ -142,11 +142,8 @@ def bridge(
         raise InputError("--partner, --pairs and --as-given go with --errors")
     given, _ = block_of(block)
     note = journal_note(block, given)
-    try:
+    with naming_wrong_photos(given):
         check_for_bridge(given)
-    except InputError as error:
-        words = "; ".join(one.text for one in photo_accidents(given))
-        raise InputError(f"{error}; {words}") if words else error from None
     given, planted = planting.plant(given, plant)
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     with watch.searching() if errors is not None else nullcontext():
@@ -161,23 +158,10 @@ def bridge(
         tuple(strip for strip in strips if isinstance(strip, CleanedStrip)) if errors else None,
     )
     accidents = block_accidents(given)
-    cures = {one.text: _cured(given, one) for one in accidents.photos}
+    cures = photo_cures(given, accidents.photos)
     document = with_accidents(bridge_document(given, strips, matrix=matrix), accidents, cures)
     document = planting.with_planting(document, planted)
     return Computed(found, with_journal_notes(document, note), flagged)
-
-
-def _cured(block: photogrammetry.Block, accident: PhotoAccident) -> str:
-    """Return what the strips of two exchanged photographs give with the two put right."""
-    if accident.kind != "exchanged":
-        return ""
-    right = with_photos_exchanged(block, *accident.photos)
-    strips = [strip for strip in bridge_strips(right) if strip.strip in accident.strips]
-    models = sum(len(strip.models) for strip in strips)
-    wanted = sum(len(s.models()) for s in right.strips if s.id in accident.strips)
-    sigma0 = pooled_sigma_um(tuple(model for strip in strips for model in strip.models))
-    fit = "" if sigma0 is None else f", sigma0 {sigma0:.2f} um"
-    return f"with the two exchanged {models} of {wanted} models are computed{fit}"
 
 
 def orient(

@@ -303,3 +303,50 @@ def test_a_wrong_photo_in_the_instrument_is_told_while_one_measures(seen, words:
         if len(state.current.measured) < 5 or not words:
             assert told == []
     assert [one.startswith(words) for one in told] == ([True] if words else [])
+
+
+def written(folder: Path, block: Block) -> None:
+    write_new_block(folder, block)
+    write_image_points(folder, block.image_points)
+    write_control(folder, block.control)
+
+
+@pytest.mark.slow
+def test_bridge_says_what_every_pair_would_give(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written(tmp_path / "one", with_photos_exchanged(measured(1, 4), "102", "103"))
+    main(["bridge", str(tmp_path / "one"), "--json"])
+    (one,) = json.loads(capsys.readouterr().out)["photo_accidents"]
+    (other,) = one["alternatives"]
+    assert {*one["photos"], *other["photos"]} == {"101", "102", "103", "104"}
+    for pair in (one, other):
+        assert (pair["exchanged"]["models"], pair["exchanged"]["of"]) == (3, 3)
+        assert 2.0 < pair["exchanged"]["sigma0_um"] < 10.0  # of 5 um
+    main(["bridge", str(tmp_path / "one")])
+    said = capsys.readouterr().out
+    assert "with 101 and 104 exchanged 3 of 3" in said
+    assert "with 102 and 103 exchanged 3 of 3" in said
+    # what cannot be begun has the cure in its error
+    written(tmp_path / "far", with_photos_exchanged(measured(2, 5), "101", "105"))
+    assert main(["bridge", str(tmp_path / "far")]) == 2
+    assert "with 101 and 105 exchanged 4 of 4 models are computed" in capsys.readouterr().err
+    # and one that is sound says so
+    written(tmp_path / "sound", measured(2, 4))
+    for command in ("bridge", "status", "adjust"):
+        main([command, str(tmp_path / "sound"), "--json"])
+        assert json.loads(capsys.readouterr().out)["photo_accidents"] == []
+
+
+@pytest.mark.slow
+def test_adjust_names_what_keeps_it_from_a_solution_and_no_turned_photo(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = measured(2, 4)
+    mirrored = changed(block, "203", lambda r: replace(r, x=-r.x))
+    written(tmp_path / "mirrored", mirrored)
+    assert main(["adjust", str(tmp_path / "mirrored")]) == 4
+    assert "; photo 203 is mirrored against the others of strip 2" in capsys.readouterr().err
+    written(tmp_path / "turned", turned_by(block, {"203"}, 180.0))
+    assert main(["adjust", str(tmp_path / "turned"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["photo_accidents"] == []
