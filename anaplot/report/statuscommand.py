@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import time
+from collections.abc import Container
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,10 +38,8 @@ from anaplot.textfiles.wording import plain
 
 __all__ = ["block_status", "run_status", "status_document"]
 
-PATIENCE, PATIENCE_PER_PHOTO = 10.0, 0.1
-"""Processor time [s] that the search for approximate values of a block takes at most."""
-SEARCHES = "bridging strips", "orienting pairs", "orienting photos"
-"""What that search says of its progress."""
+PATIENCE, PATIENCE_PER_PHOTO = 200, 10
+"""Strips, pairs and rounds of photos that the search for approximate values tries at most."""
 
 _MODELS = (
     name("strip", "STRIP", 5, gap=0),
@@ -96,10 +94,11 @@ def _view(block: Block) -> BlockView | None:
     if not block.image_points:
         return None
     from anaplot.bundle.live import LiveBlock
+    from anaplot.bundle.start.approximate import SEARCHES
     from anaplot.station.blockanswer import view_of
 
     empty = BlockView("", 0, False)
-    patience = _Patience(PATIENCE + PATIENCE_PER_PHOTO * len(block.photos))
+    patience = _Patience(SEARCHES, PATIENCE + PATIENCE_PER_PHOTO * len(block.photos))
     try:
         found = LiveBlock(block).update(block, progress=patience.progress)
     except AnaplotError as error:
@@ -110,15 +109,20 @@ def _view(block: Block) -> BlockView | None:
 class _Patience:
     """Ends a search for approximate values that takes too long: no status waits for nonsense.
 
+    It counts what was tried, not time: the answer is the same on every machine.
+
     Parameters
     ----------
+    searches
+        What the search says of its progress.
     most
-        Processor time [s] after which it does not go on.
+        How often it may say it.
     """
 
-    def __init__(self, most: float) -> None:
-        self._end = time.process_time() + most
+    def __init__(self, searches: Container[str], most: int) -> None:
+        self._searches = searches
         self._most = most
+        self._tried = 0
         self.remark = ""
 
     def progress(self, what: str, _: float) -> None:
@@ -129,9 +133,12 @@ class _Patience:
         NotComputableError
             It was searched long enough.
         """
-        if what in SEARCHES and time.process_time() > self._end:
+        if what not in self._searches:
+            return
+        self._tried += 1
+        if self._tried > self._most:
             self.remark = (
-                f"no approximate values found within {self._most:.0f} s: the measurements may"
+                f"no approximate values found in {self._most} steps: the measurements may"
                 " contradict each other; anaplot adjust searches on"
             )
             raise NotComputableError(self.remark)
@@ -175,7 +182,7 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
         "control": {"points": seen.control, "seen": seen.control_seen},
         "accidents": accidents_answer(status.accidents),
         "next": {key: value or None for key, value in status.next._asdict().items()},
-        "remarks": remarks,
+        "remarks": remarks + _unsolved(status.block),
     }
     answer |= photos_answer(status.accidents.photos)
     if note is not None:
@@ -200,6 +207,11 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
     page += [say("remark: {}", remark).of("remark") for remark in remarks]
     page.append(_next_line(status.next).of("heading"))
     return Document(answer, tuple(page), (models, suspects))
+
+
+def _unsolved(view: BlockView | None) -> list[str]:
+    """Return why there is no adjusted block; in the text its line says so."""
+    return [] if view is None or view.solved or not view.remark else [view.remark]
 
 
 def _suspects(view: BlockView | None) -> list[tuple[str, str, str, str | None, float]]:

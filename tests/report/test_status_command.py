@@ -176,15 +176,25 @@ def test_a_block_of_nonsense_is_not_searched_for_long(
 ) -> None:
     folder = tmp_path / "b"
     write_measured(folder, models=2, measured=2)
+    good = status(folder, capsys)
+    assert good["block"]["sigma0"] > 0.0
+    assert good["remarks"] == []
     rng = np.random.default_rng(0)
     rows = read_block(folder).image_points
     wrong = rng.uniform(-100.0, 100.0, (len(rows), 2)).round(3).tolist()
     write_image_points(
         folder, tuple(replace(r, x=x, y=y) for r, (x, y) in zip(rows, wrong, strict=True))
     )
-    monkeypatch.setattr(statuscommand, "PATIENCE", 0.0)
-    monkeypatch.setattr(statuscommand, "PATIENCE_PER_PHOTO", 0.0)
-    assert status(folder, capsys)["block"] is None
+    monkeypatch.setattr(statuscommand, "PATIENCE", 3)
+    monkeypatch.setattr(statuscommand, "PATIENCE_PER_PHOTO", 0)
+    found = status(folder, capsys)
+    assert found["block"] is None
+    (remark,) = found["remarks"]
+    assert remark.startswith("no approximate values found in 3 steps")
     assert main(["status", str(folder)]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "the measurements may contradict each other; anaplot adjust searches on" in said
+    assert said.count("no approximate values found") == 1
+    # what is right takes fewer steps than that
+    write_image_points(folder, rows)
+    assert status(folder, capsys)["block"] == good["block"]

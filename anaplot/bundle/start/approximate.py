@@ -18,7 +18,7 @@ from anaplot.aliases import Array, Bools, Index, Progress
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.start.absolute import give_nominal_place, to_ground, to_some_ground
-from anaplot.bundle.start.bridging import bridged_parts
+from anaplot.bundle.start.bridging import BRIDGING, bridged_parts
 from anaplot.bundle.start.relative import orient_pair
 from anaplot.bundle.start.subblock import SubBlock, intersect_rays, rays_of_photos, unit_rays
 from anaplot.bundle.start.vertical import vertical_subblock
@@ -26,12 +26,17 @@ from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = [
+    "SEARCHES",
     "approximate_ways",
     "extended_state",
     "laid_onto_control",
     "restricted",
     "state_of",
 ]
+
+_PAIRS, _PHOTOS = "orienting pairs", "orienting photos"
+SEARCHES = BRIDGING, _PAIRS, _PHOTOS
+"""What the search for approximate values says of its progress."""
 
 Way = Callable[[Progress | None], BlockState | None]
 
@@ -264,7 +269,7 @@ def _seed_pairs(
     best_score = (-1, 0.0)
     for count, (_, i, j) in enumerate(candidates[:4]):
         if progress is not None:
-            progress("orienting pairs", count / min(4, len(candidates)))
+            progress(_PAIRS, count / min(4, len(candidates)))
         both = np.array(sorted(sets[i] & sets[j]))
         index = [{int(problem.point[r]): int(r) for r in by_photo[k][::-1]} for k in (i, j)]
         first = rays[[index[0][int(p)] for p in both]]
@@ -311,7 +316,7 @@ def _spread(
     """Add photos and points until nothing more can be added; all points from all rays."""
     while True:
         if progress is not None:
-            progress("orienting photos", float(subblock.oriented.mean()))
+            progress(_PHOTOS, float(subblock.oriented.mean()))
         added = 0
         for fewest in (6, 5, 4):
             added = subblock.add_photos(problem, by_photo, fewest)
@@ -337,7 +342,7 @@ def _grow(
     waiting = [c for c in others if c is not ground and (c.oriented & ~ground.oriented).any()]
     while True:
         if progress is not None:
-            progress("orienting photos", float(ground.oriented.mean()))
+            progress(_PHOTOS, float(ground.oriented.mean()))
         ground.place(problem, rays)
         joined = [c for c in waiting if ground.join(c)]
         waiting = [c for c in waiting if c not in joined]

@@ -17,7 +17,10 @@ from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.selection import model_name, points_of, rows_by_photo, rows_off
 
-__all__ = ["bridged_parts"]
+__all__ = ["BRIDGING", "bridged_parts"]
+
+BRIDGING = "bridging strips"
+"""What this says of its progress."""
 
 
 def bridged_parts(
@@ -45,7 +48,7 @@ def bridged_parts(
     rows = rows_by_photo(row for k, row in enumerate(block.image_points) if k not in unused)
     for count, strip in enumerate(block.strips):
         if progress is not None:
-            progress("bridging strips", count / len(block.strips))
+            progress(BRIDGING, count / len(block.strips))
         parts += _bridged(problem, strip, rows)
     parts.sort(key=lambda part: -int(part.oriented.sum()))
     joined: list[SubBlock] = []
