@@ -146,34 +146,36 @@ def snapshots_of(paths: Sequence[Path], max_bytes: int) -> Iterator[Snapshot]:
     OSError, InputError
         A file cannot be read.
     """
+    sums: list[list[int]] = []
     for count in range(len(paths), 0, -1):
-        yield from _of_last(paths[:count], max_bytes)
+        yield from _of_last(paths[:count], max_bytes, sums)
 
 
-def _of_last(paths: Sequence[Path], max_bytes: int) -> Iterator[Snapshot]:
-    """Yield those of the last of some files."""
+def _of_last(paths: Sequence[Path], max_bytes: int, sums: list[list[int]]) -> Iterator[Snapshot]:
+    """Yield those of the last of some files; `sums` are those of files, made when first needed."""
     data = read_bytes(paths[-1], max_bytes)
-    earlier: list[list[int]] | None = None
     end = len(data)
     while (at := data.rfind(_MARK, 0, end)) >= 0:
         begin = end = data.rfind(b"\n", 0, at) + 1
         stop = data.find(b"\n", at) + 1
         record = _record(data[begin : stop - 1]) if 0 < stop - begin <= MAX_LINE else None
-        if record is None or record.kind != SNAPSHOT:
+        if record is None or record.kind != SNAPSHOT or not _of_this_form(record):
             continue
-        if earlier is None:
-            earlier = [_summed(path, max_bytes) for path in paths[:-1]]
-        found = _trusted(record, data, begin, stop, earlier)
+        sums += [_summed(path, max_bytes) for path in paths[len(sums) : -1]]
+        found = _trusted(record, data, begin, stop, sums[: len(paths) - 1])
         if found is not None:
             yield found
+
+
+def _of_this_form(record: JournalRecord) -> bool:
+    said = record.payload
+    return bool(said.get("version") == VERSION and said.get("format") == JOURNAL_FORMAT)
 
 
 def _trusted(
     record: JournalRecord, data: bytes, begin: int, stop: int, earlier: list[list[int]]
 ) -> Snapshot | None:
     said = record.payload
-    if said.get("version") != VERSION or said.get("format") != JOURNAL_FORMAT:
-        return None
     numbers = [said.get(key) for key in ("events", "parts", "part_bytes", "lines")]
     events, parts, length, lines = (n if type(n) is int and n >= 0 else -1 for n in numbers)
     block = said.get("block")

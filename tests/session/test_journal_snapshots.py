@@ -19,6 +19,7 @@ from test_going_back import mono, three
 from test_session_fold import Draft, drafts, played
 
 from anaplot.errors import InputError
+from anaplot.exchange import journalsnapshot
 from anaplot.exchange.blockfolder import read_block, write_new_block
 from anaplot.exchange.eventcodec import event_to_payload
 from anaplot.exchange.journal import Journal, JournalError, read_journal
@@ -301,6 +302,30 @@ def test_opening_begins_at_a_snapshot_of_an_earlier_file_where_the_last_has_none
             open_session(day.folder, day.block, {})
         file.write_bytes(data)
     day.check(by_snapshot=True)
+
+
+@OFTEN
+def test_every_file_is_summed_once_and_only_for_snapshots_of_this_form(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day = Day(tmp_path / "b", roll_bytes=2_500)
+    day.journal.close()
+    files = sorted((day.folder / "sessions").glob("*.jsonl"))
+    with_some = [k for k, f in enumerate(files) if b'"kind":"snapshot",' in f.read_bytes()]
+    summed: list[Path] = []
+    usual = journalsnapshot._summed
+
+    def counted(path: Path, max_bytes: int) -> list[int]:
+        summed.append(path)
+        return usual(path, max_bytes)
+
+    monkeypatch.setattr(journalsnapshot, "_summed", counted)
+    assert len(list(snapshots_of(files, MAX_FILE_BYTES))) >= len(with_some) > 1
+    assert summed == files[: with_some[-1]]
+    summed.clear()
+    monkeypatch.setattr(journalsnapshot, "VERSION", journalsnapshot.VERSION + 1)
+    assert list(snapshots_of(files, MAX_FILE_BYTES)) == []
+    assert summed == []
 
 
 @OFTEN
