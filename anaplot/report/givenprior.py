@@ -8,6 +8,7 @@ import numpy as np
 
 from anaplot.bundle.hypotheses.giventests import GivenOwnerTest, GivenTests
 from anaplot.bundle.solve.givenprior import is_regular
+from anaplot.bundle.solve.priorbending import MOST_BENT
 from anaplot.photogrammetry.posterior import Posterior
 from anaplot.report.columns import counted
 from anaplot.report.document import (
@@ -77,6 +78,15 @@ def given_document(found: GivenTests, *, cleaned: bool = False) -> Document:
                 "is" if found.unknown == 1 else "are",
             )
         )
+    if found.bending > MOST_BENT:
+        page.append(
+            say(
+                "  note: its datum is weak: movements as likely as its covariance says bend the "
+                "shape of what is given by {:.2g} of its standard deviations; coordinates and "
+                "standard deviations are only about right, of both blocks together they are",
+                found.bending,
+            ).of("look")
+        )
     if found.doubled:
         page.append(
             say(
@@ -116,6 +126,7 @@ def given_document(found: GivenTests, *, cleaned: bool = False) -> Document:
         "unknown": found.unknown,
         "conditions": found.conditions,
         "control_as_well": list(found.doubled),
+        "bending": found.bending,
         "verdict": verdict_json(found.verdict),
         "contradicted": [{"kind": one.kind, "name": one.name} for one in bad],
         "owners": [_owner_json(one) for one in found.owners],

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bundleblocks import aerial
 from denseblock import dense
-from givenblocks import beside, campaigns, of_rays, one_after_the_other, parted
+from givenblocks import Halves, beside, campaigns, of_rays, one_after_the_other, parted
 from scipy.special import chdtrc
 
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
@@ -140,6 +140,41 @@ def test_points_of_two_rays_and_of_one():
     assert max(beside(after, once)) < LINEAR
     # by themselves they are not determined
     assert len(after.problem.points) > len(make_problem(second).points)
+
+
+def weakly_held(sigma):
+    halves = campaigns(5.0, sigma)
+    rng = np.random.default_rng(7)
+    control = tuple(
+        replace(row, xyz=tuple(v + rng.normal() * sigma for v in row.xyz))
+        for row in halves.both.control
+    )
+    return Halves(
+        replace(halves.first, control=control[:-1]),
+        replace(halves.second, control=control[-1:]),
+        replace(halves.both, control=control),
+    )
+
+
+@pytest.mark.parametrize("sigma", [1.0, 2.0])
+def test_a_datum_of_metres_with_noise(sigma):
+    """To .04 of the standard deviations, as README has it."""
+    halves = weakly_held(sigma)
+    after, once = one_after_the_other(halves), adjust_block(halves.both)
+    bending = given_tests(after).bending
+    assert bending < 0.2
+    apart, cofactors = beside(after, once)
+    assert apart < 0.04
+    assert cofactors < 0.04
+    # of the square of the datum's standard deviation
+    tenth = given_tests(one_after_the_other(weakly_held(sigma / 10.0))).bending
+    assert bending == pytest.approx(100.0 * tenth, rel=0.1)
+
+
+@pytest.mark.parametrize("sigma", [10.0, 20.0, 150.0])
+def test_a_datum_too_weak_to_be_carried_on_is_refused(sigma):
+    with pytest.raises(InputError, match="its datum is too weak to be carried on: movements as"):
+        one_after_the_other(weakly_held(sigma))
 
 
 # --- against a dense adjustment -------------------------------------------------------------

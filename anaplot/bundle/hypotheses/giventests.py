@@ -26,6 +26,7 @@ from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import Sides, empty_sides, side_products
 from anaplot.bundle.solve.givenprior import locate
+from anaplot.bundle.solve.priorbending import prior_bending
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.posterior import CoordinateName
 
@@ -108,6 +109,8 @@ class GivenTests:
         Of all together; None without conditions.
     doubled
         Points of which a coordinate is given and weighted control as well.
+    bending
+        As `prior_bending` has it.
     """
 
     source: str
@@ -118,6 +121,7 @@ class GivenTests:
     conditions: int
     verdict: Verdict | None
     doubled: tuple[str, ...] = ()
+    bending: float = 0.0
 
     @property
     def contradicted(self) -> tuple[GivenOwnerTest, ...]:
@@ -196,6 +200,7 @@ def given_tests(
         whole.conditions,
         _verdict(variance, whole, settings.alpha),
         _doubled(block.problem),
+        prior_bending(prior),
     )
 
 

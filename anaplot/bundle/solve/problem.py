@@ -23,6 +23,7 @@ from anaplot.bundle.solve.beforehand import (
 from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
 from anaplot.bundle.solve.givenprior import GivenPrior, locate
 from anaplot.bundle.solve.laidparameters import lay_out_parameters
+from anaplot.bundle.solve.priorbending import check_linear
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
@@ -467,6 +468,8 @@ def make_problem(
     )
     if located is not None:
         given = located.among(new_point, new_photo, problem.per_photo, block.name)
+        if given is not None:
+            check_linear(given)
         problem = replace(problem, given=given)
     return _parted(problem, count_of_rays, ~counted[ray])
 
