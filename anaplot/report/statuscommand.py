@@ -253,6 +253,7 @@ def _block(view: BlockView | None, suspects: object) -> Answer | None:
         "suspects": suspects,
         "weak_photos": list(view.weak),
         "stabilizing": stabilizing_json(view.stabilizing),
+        "stabilizing_left_out": _left_out(view),
     }
 
 
@@ -261,7 +262,15 @@ def _weak_lines(view: BlockView | None) -> list[Part]:
         return []
     count = say("weak: {} of {} photos have few redundant observations beside the others",
                 len(view.weak), view.photos)  # fmt: skip
-    return [count, *stabilizing_lines(view.stabilizing)]
+    lines = [count, *stabilizing_lines(view.stabilizing)]
+    if _left_out(view):
+        lines.append(say("and {} more, for which nothing was looked for", _left_out(view)))
+    return lines
+
+
+def _left_out(view: BlockView) -> int:
+    """Return for how many weak photos no points were looked for."""
+    return max(len(view.weak) - _MOST_WEAK, 0)
 
 
 def _block_line(view: BlockView | None) -> Line:

@@ -161,6 +161,7 @@ def test_weak_photos_get_the_points_that_a_plan_gives_them(
     assert main(["status", str(folder)]) == 0
     text = capsys.readouterr().out
     assert "weak: 4 of 8 photos have few redundant observations beside the others" in text
+    assert found["stabilizing_left_out"] == 0
     assert "  101    mean r 0.230, 0.309 with 1, 0.364 with 2, 0.419 with 4 points" in text
     # a photo waits until its models are measured
     rows = (folder / "image_points.csv").read_text(encoding="utf-8").splitlines(keepends=True)
@@ -169,6 +170,19 @@ def test_weak_photos_get_the_points_that_a_plan_gives_them(
     waiting = status(folder, capsys)["block"]
     assert {"103", "104"}.isdisjoint(waiting["weak_photos"])
     assert "101" in waiting["weak_photos"]
+
+
+def test_weak_photos_that_are_left_out_are_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "planned"
+    main(["plan", "block", "--strips", "2", "--photos", "4", "--to", str(folder)])
+    capsys.readouterr()
+    monkeypatch.setattr(statuscommand, "_MOST_WEAK", 1)
+    found = status(folder, capsys)["block"]
+    assert (len(found["weak_photos"]), found["stabilizing_left_out"]) == (4, 3)
+    assert main(["status", str(folder)]) == 0
+    assert "and 3 more, for which nothing was looked for" in capsys.readouterr().out
 
 
 def test_a_block_of_nonsense_is_not_searched_for_long(
