@@ -125,7 +125,9 @@ class NextStep(NamedTuple):
             "adjust": "adjust the block",
         }[self.do]
         where = f" model {self.model}" if self.model else ""
-        return f"{what}{where}" + (f", point {self.point}" if self.point else "")
+        if self.point:
+            return f"{what}{where}, point {self.point}"
+        return f"{what}{where}" + (f", photo {self.photo}" if self.photo else "")
 
 
 class WeakSpot(NamedTuple):
@@ -278,12 +280,27 @@ def status_of(
     measured = bool(block.image_points)
     if state is not None and ahead is not None:
         step = following(opened, measured, view, folder, state, ahead)
+    elif (photo := _wrong_photo(block, accidents)) is not None:
+        step = NextStep("return", f"anaplot open {folder}", *photo)
     elif accidents.surest is not None:
         wrong = accidents.surest
         step = NextStep("return", f"anaplot open {folder}", wrong.model, point=wrong.accident.point)
     else:
         step = following(opened, measured, view, folder)
     return BlockStatus(strips, recomputed, view, coverage_of(block), step, accidents)
+
+
+def _wrong_photo(block: Block, accidents: BlockAccidents) -> tuple[str, str] | None:
+    """Return the first wrong photograph's first model, and its name; None where none is wrong.
+
+    Until it is put right, what follows from its points is of little use.
+    """
+    for one in accidents.photos:
+        for left, right in (model for strip in block.strips for model in strip.models()):
+            for photo in one.photos:
+                if photo in (left, right):
+                    return f"{left}/{right}", photo
+    return None
 
 
 def waiting(state: SessionState) -> tuple[str, str] | None:

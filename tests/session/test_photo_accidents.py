@@ -16,10 +16,12 @@ from hypothesis import strategies as st
 from sessionscene import Scene
 
 from anaplot.cli import main
+from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
 from anaplot.photogrammetry.block import Block, ImagePoint, Strip
 from anaplot.photogrammetry.photolayout import laid_out, overlap
 from anaplot.planning.syntheticblock import synthetic_block
+from anaplot.report import adjustcommand
 from anaplot.session.accidents import accidents
 from anaplot.session.modelstate import Measured
 from anaplot.session.photoaccidents import photo_accidents, with_photos_exchanged
@@ -338,15 +340,32 @@ def test_bridge_says_what_every_pair_would_give(
         assert json.loads(capsys.readouterr().out)["photo_accidents"] == []
 
 
-@pytest.mark.slow
 def test_adjust_names_what_keeps_it_from_a_solution_and_no_turned_photo(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     block = measured(2, 4)
-    mirrored = changed(block, "203", lambda r: replace(r, x=-r.x))
-    written(tmp_path / "mirrored", mirrored)
-    assert main(["adjust", str(tmp_path / "mirrored")]) == 4
-    assert "; photo 203 is mirrored against the others of strip 2" in capsys.readouterr().err
     written(tmp_path / "turned", turned_by(block, {"203"}, 180.0))
     assert main(["adjust", str(tmp_path / "turned"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["photo_accidents"] == []
+
+    def unsolved(*_: object, **__: object) -> None:
+        raise NotComputableError("no minimum")  # which takes a minute to find out
+
+    monkeypatch.setattr(adjustcommand, "adjust_block", unsolved)
+    written(tmp_path / "mirrored", changed(block, "203", lambda r: replace(r, x=-r.x)))
+    assert main(["adjust", str(tmp_path / "mirrored")]) == 4
+    said = capsys.readouterr().err
+    assert "no minimum; photo 203 is mirrored against the others of strip 2" in said
+    assert main(["adjust", str(tmp_path / "turned")]) == 4
+    assert capsys.readouterr().err.strip().endswith("no minimum")
+
+
+def test_status_goes_to_the_photos_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written(tmp_path / "b", with_photos_exchanged(measured(2, 5), "203", "204"))
+    main(["status", str(tmp_path / "b"), "--json"])
+    step = json.loads(capsys.readouterr().out)["next"]
+    assert (step["do"], step["model"], step["photo"]) == ("return", "202/203", "203")
+    main(["status", str(tmp_path / "b")])
+    assert "NEXT: return to model 202/203, photo 203: anaplot open " in capsys.readouterr().out
