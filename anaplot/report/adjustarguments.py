@@ -244,6 +244,13 @@ def _add_prior(parser: argparse.ArgumentParser) -> None:
         "lens the coefficients): b1=12+-3,b2=5 (sigma 0: held, none: only tested against), or a "
         "file (parameter,value,sigma,group); may stand several times",
     )
+    parser.add_argument(
+        "--additional-reference-mm",
+        type=positive,
+        metavar="B",
+        help="the length b of the terms in x/b, y/b: values of another block belong to its b "
+        "(otherwise half the format, without one the largest coordinate measured)",
+    )
 
 
 def add_apply_arguments(adjust: argparse.ArgumentParser) -> None:

@@ -128,6 +128,7 @@ def adjust(
     additional: str | None = None,
     additional_sigma_um: float | None = None,
     additional_prior: Known | None = None,
+    additional_reference_mm: float | None = None,
     snooping: bool = False,
     snooping_tolerance: float = 25.0,
     snooping_model: str | os.PathLike[str] = "sampled",
@@ -167,6 +168,9 @@ def adjust(
         Their a-priori standard deviation as effect in the image [um]; None: free.
     additional_prior
         An a-priori calibration: "b1=12+-3,b2=5", or a file; or several of these.
+    additional_reference_mm
+        The length b of the terms in x/b, y/b [mm], of a calibration that of its own block; None:
+        half a camera's format, without one the largest coordinate measured.
     snooping
         Add the modified data snooping of 1980 beside the exact test.
     snooping_tolerance
@@ -249,14 +253,18 @@ def adjust(
     who = None
     if operators is not None:
         who = read_operators(Path(operators), [photo.id for photo in measured.photos])
-    tried = automatic_choice(additional, additional_sigma_um, additional_prior)
+    tried = automatic_choice(
+        additional, additional_sigma_um, additional_prior, additional_reference_mm
+    )
     if tried and errors is not None:
         raise InputError(
             "--additional auto goes without --errors: choose parameters first, and clean with those"
         )
     chosen = None
     if not tried:
-        chosen = parameters_of(additional, additional_sigma_um, additional_prior)
+        chosen = parameters_of(
+            additional, additional_sigma_um, additional_prior, additional_reference_mm
+        )
     if posterior is not None:
         # what cannot be written is told before hours of adjusting
         problem = make_problem(measured, datum=datum, additional=chosen)
@@ -348,6 +356,7 @@ def find_gross_errors(
     additional: str | None = None,
     additional_sigma_um: float | None = None,
     additional_prior: Known | None = None,
+    additional_reference_mm: float | None = None,
     partner: float | None = None,
     as_given: bool = False,
     pairs: bool = False,
@@ -363,8 +372,8 @@ def find_gross_errors(
         A block, or its folder; it is only read.
     errors
         Name of the strategy.
-    datum, additional, additional_sigma_um, additional_prior, partner, as_given, pairs, given,
-    given_without, progress
+    datum, additional, additional_sigma_um, additional_prior, additional_reference_mm, partner,
+    as_given, pairs, given, given_without, progress
         As `adjust` has them.
 
     Returns
@@ -384,7 +393,9 @@ def find_gross_errors(
     note = journal_note(block, measured)
     refuse_unknown_points(measured)
     measured = with_given(measured, given, names_in(given_without or ()))
-    chosen = parameters_of(additional, additional_sigma_um, additional_prior)
+    chosen = parameters_of(
+        additional, additional_sigma_um, additional_prior, additional_reference_mm
+    )
     problem = make_problem(measured, datum=datum, additional=chosen)
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     with naming_wrong_photos(measured, _NO_ACCIDENT), watch.searching():

@@ -42,7 +42,7 @@ from anaplot.report.document import (
     named,
     say,
 )
-from anaplot.report.parameters import given_json, held_line
+from anaplot.report.parameters import given_json, held_line, reference_lengths, reference_lines
 from anaplot.report.rules import rules_json, rules_lines
 
 __all__ = ["adjust_document"]
@@ -120,6 +120,7 @@ def adjust_document(
             "set": additional.set.name,
             "scope": additional.scope,
             "given": given_json(additional),
+            "reference": [one._asdict() for one in reference_lengths(block.problem)],
             "parameters": parameters,
             "correlations": [
                 {"first": first, "second": second, "correlation": rho}
@@ -137,7 +138,8 @@ def adjust_document(
         page += [parameters, *_parameters(answer["additional"])]
     if additional is not None:
         line = held_line(additional)
-        page += [*([] if line is None else [line]), *([BLANK] if len(parameters) or line else [])]
+        page += [] if line is None else [line]
+        page += [*reference_lines(block.problem), BLANK]
     page += [points, BLANK, rays, BLANK, *_legend(block)]
     tables = (points, photos, image_points, all_control, check, all_priors)
     more = tuple(one for one in (parameters, conditions, all_expected) if len(one))

@@ -32,6 +32,7 @@ class _Options(TypedDict, total=False):
     additional: str | None
     additional_sigma_um: float | None
     additional_prior: Known | None
+    additional_reference_mm: float | None
     common_parameters: bool | None
     stable: str | Sequence[str] | None
     points: str | Sequence[str] | None
@@ -66,6 +67,7 @@ def compare(
     additional: str | None = None,
     additional_sigma_um: float | None = None,
     additional_prior: Known | None = None,
+    additional_reference_mm: float | None = None,
     common_parameters: bool | None = None,
     stable: str | Sequence[str] | None = None,
     points: str | Sequence[str] | None = None,
@@ -87,6 +89,8 @@ def compare(
         Their a-priori standard deviation as effect in the image [um]; None: free.
     additional_prior
         An a-priori calibration, as `adjust` has it.
+    additional_reference_mm
+        The length b of the terms, as `adjust` has it.
     common_parameters
         Whether all epochs have the same ones; None: jointly, of block and camera, they have.
     stable
@@ -118,7 +122,9 @@ def compare(
     for option, text in (("--stable", stable), ("--points", points)):
         if text is not None and not names_in(text):
             raise InputError(f"{option}: no point is named")
-    chosen = parameters_of(additional, additional_sigma_um, additional_prior)
+    chosen = parameters_of(
+        additional, additional_sigma_um, additional_prior, additional_reference_mm
+    )
     epochs = (first, second, *more)
     blocks, places = zip(*map(block_of, epochs), strict=True)
     notes = [journal_note(epoch, block) for epoch, block in zip(epochs, blocks, strict=True)]

@@ -665,6 +665,7 @@ def test_given_coordinates_are_shown_as_such(tmp_path, capsys) -> None:
         (["--common-parameters"], 2),
         (["--stable", ","], 2),
         (["--additional-sigma-um", "3"], 2),
+        (["--additional-reference-mm", "90"], 2),
         (["--stable", "p1,p2"], 2),
     ],
 )

@@ -11,7 +11,7 @@ from denseblock import dense, dense_inverse
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.hypotheses.parametertests import parameter_tests
-from anaplot.bundle.solve.additional import additional_parameters
+from anaplot.bundle.solve.additional import additional_parameters, ebner
 from anaplot.bundle.solve.imaging import imaged, imaged_with_derivatives
 from anaplot.bundle.solve.linearised import move
 from anaplot.bundle.solve.parameterpriors import ParameterPrior, parameter_priors
@@ -185,6 +185,98 @@ def test_a_value_without_a_sigma_has_no_weight(scene, sigma_um, known, free) -> 
     weighted = int(np.isfinite(found).sum())
     bare = make_problem(scene.block)
     assert block.observations == bare.observations + weighted
+
+
+def without_the_edge(block):
+    """Return the block without the rays near the largest coordinate."""
+    largest = max(max(abs(row.x), abs(row.y)) for row in block.image_points)
+    kept = [row for row in block.image_points if max(abs(row.x), abs(row.y)) < 0.9 * largest]
+    assert len(kept) < len(block.image_points)
+    return replace(block, image_points=tuple(kept))
+
+
+def with_format(block):
+    """Return the block with the format of its camera: 230 mm x 200 mm."""
+    return replace(block, cameras=tuple(replace(c, format=(230.0, 200.0)) for c in block.cameras))
+
+
+def effects(block, **options) -> dict[tuple[str, str], np.ndarray]:
+    """Return what b3, b9 of 1 mm do at each ray."""
+    problem = make_problem(block, additional=additional_parameters("ebner:b3,b9", **options))
+    rays = zip(problem.photo, problem.point, strict=True)
+    return {
+        (problem.photos[photo], problem.points[point]): problem.basis[k]
+        for k, (photo, point) in enumerate(rays)
+    }
+
+
+@pytest.mark.parametrize("options", [{}, {"reference_mm": 90.0}])
+def test_a_parameter_is_the_same_function_whatever_is_measured(scene, options) -> None:
+    block = scene.block if options else with_format(scene.block)
+    whole, inner = effects(block, **options), effects(without_the_edge(block), **options)
+    assert 0 < len(inner) < len(whole)
+    for ray, effect in inner.items():
+        np.testing.assert_array_equal(effect, whole[ray])
+    b = 90.0 if options else 115.0
+    row = block.image_points[0]
+    at = np.array([row.x]), np.array([row.y])
+    term = ebner.only(["b3", "b9"]).terms(*at, b, np.array([150.0]))[0]
+    np.testing.assert_allclose(whole[row.photo, row.point], term, rtol=1e-12)
+
+
+def test_without_a_format_the_length_is_the_largest_coordinate_measured(scene) -> None:
+    largest = max(max(abs(row.x), abs(row.y)) for row in scene.block.image_points)
+    as_stated = effects(scene.block, reference_mm=largest)
+    for ray, effect in effects(scene.block).items():
+        np.testing.assert_array_equal(effect, as_stated[ray])
+
+
+@pytest.mark.parametrize("how", ["format", "stated", "neither"])
+def test_a_calibration_is_carried_to_another_block(how: str) -> None:
+    planted = {"b3": 0.25, "b5": -0.2, "b9": 0.3}
+    made = ebner.only(planted)
+    values = np.array([planted[name] for name in made.names])
+
+    def distort(x: float, y: float) -> tuple[float, float]:
+        at = np.array([x]), np.array([y])
+        dx, dy = (made.terms(*at, 115.0, np.array([150.0]))[0] @ values).tolist()
+        return dx, dy
+
+    # another place, another noise, and rays at the edge that it has not
+    first = aerial(
+        3, 3, per_base=2, noise_um=5.0, seed=1, control_sigma=0.05, distort=distort
+    ).block
+    other = aerial(
+        2, 4, per_base=2, noise_um=5.0, seed=2, control_sigma=0.05, distort=distort
+    ).block
+    other = without_the_edge(other)
+    reference = None
+    if how == "format":
+        first, other = with_format(first), with_format(other)
+    elif how == "stated":
+        reference = 115.0
+    text = "ebner:b3,b5,b9"
+    calibration = adjust_block(
+        first, additional=additional_parameters(text, reference_mm=reference)
+    )
+    held = [ParameterPrior(row.name, row.value * 1e3, 0.0) for row in calibration.parameter_rows()]
+    carried = adjust_block(
+        other, additional=additional_parameters(text, None, held, reference_mm=reference)
+    )
+    bound = 1.0 + 3.0 / np.sqrt(2.0 * carried.redundancy)
+    if how == "neither":  # other functions: they are no calibration of this block
+        assert carried.sigma0 > bound
+    else:
+        assert carried.sigma0 < bound
+        assert adjust_block(other).sigma0 > 2.0 * bound
+        for row in calibration.parameter_rows():
+            assert abs(row.value - planted[row.name]) < 4.0 * row.s
+
+
+@pytest.mark.parametrize("reference", [0.0, -3.0, 1e9, float("nan")])
+def test_a_reference_length_beyond_any_image_is_refused(reference: float) -> None:
+    with pytest.raises(InputError, match="the reference length"):
+        additional_parameters("ebner", reference_mm=reference)
 
 
 @pytest.mark.parametrize("text", ["ebner:b3,b5,b9:camera", "physical:k1,b1,c:photo"])

@@ -284,6 +284,30 @@ def test_given_values_of_parameters_reach_the_page_and_programs(tmp_path: Path) 
     assert [row["owner"] for row in answer["priors"]] == ["block"]
 
 
+@pytest.mark.parametrize("origin", ["measured", "format", "stated"])
+def test_values_of_parameters_tell_what_length_they_belong_to(tmp_path: Path, origin: str) -> None:
+    block = strip(planted=0.02)
+    largest = max(max(abs(row.x), abs(row.y)) for row in block.image_points)
+    asked, b, said = {}, largest, "the largest coordinate measured"
+    folder = write(tmp_path / "block", block)
+    if origin == "format":
+        b, said, declared = 200.0, "half the format", folder / "block.toml"
+        text = declared.read_text(encoding="utf-8")
+        with_format = text.replace("c = 150.0\n", "c = 150.0\nformat = [400.0, 300.0]\n")
+        declared.write_text(with_format, encoding="utf-8")
+    if origin == "stated":
+        asked, b, said = {"additional_reference_mm": 90.0}, 90.0, "as stated"
+    # held values belong to it, too
+    for text in ("ebner:b3,b5", "ebner:b3"):
+        options = {"additional": text, "additional_prior": "b3=1+-0", **asked}
+        assert f"  values belong to b {b:.3f} mm: {said}\n" in report(folder, **options)
+        answer = json.loads(run_adjust(folder, as_json=True, **options)[1])
+        [found] = answer["additional"]["reference"]
+        assert found == {
+            "camera": "c", "b_mm": pytest.approx(b, abs=1e-3), "origin": origin
+        }  # fmt: skip
+
+
 def test_a_calibration_is_a_file_of_any_name_or_text(tmp_path: Path) -> None:
     folder = write(tmp_path / "block", strip(planted=0.02))
     known = tmp_path / "c=150.csv"
@@ -295,11 +319,13 @@ def test_a_calibration_is_a_file_of_any_name_or_text(tmp_path: Path) -> None:
         assert run_adjust(folder, additional_prior=given, **asked)[1] == wanted
 
 
-@pytest.mark.parametrize("option", ["additional_sigma_um", "additional_prior"])
+@pytest.mark.parametrize(
+    "option", ["additional_sigma_um", "additional_prior", "additional_reference_mm"]
+)
 @pytest.mark.parametrize("errors", [None, "baarda"])
 def test_weights_of_no_parameters_are_refused(tmp_path: Path, option: str, errors) -> None:
     folder = write(tmp_path / "block", strip())
-    value = 5.0 if option == "additional_sigma_um" else ["b3=1"]
+    value = ["b3=1"] if option == "additional_prior" else 5.0
     with pytest.raises(InputError, match=rf"--{option.replace('_', '-')} goes with --additional"):
         run_adjust(folder, errors=errors, **{option: value})
 
@@ -337,6 +363,7 @@ def test_nothing_is_taken_of_a_block_without_systematic_errors(tmp_path: Path) -
         ({"errors": "baarda"}, "without --errors"),
         ({"additional_sigma_um": 5.0}, "not with auto"),
         ({"additional_prior": ["b1=3"]}, "not with auto"),
+        ({"additional_reference_mm": 90.0}, "not with auto"),
     ],
 )
 def test_what_does_not_go_with_the_choice_is_told(tmp_path: Path, more, said: str) -> None:

@@ -143,6 +143,10 @@ class AdditionalParameters:
         What is known of some beforehand.
     held
         Parameters that are held at the value of their priors (sigma 0), beside `set`; None: none.
+    reference_mm
+        The length b of the terms in x/b, y/b [mm]: the values of another block are those of this
+        one only with the same b. None: half the longer side of a camera's format, without one the
+        largest coordinate measured in the block.
     """
 
     set: ParameterSet
@@ -150,6 +154,7 @@ class AdditionalParameters:
     sigma_um: float | None = None
     priors: tuple[ParameterPrior, ...] = ()
     held: ParameterSet | None = None
+    reference_mm: float | None = None
 
 
 def _ebner_basis(x: Array, y: Array, b: float, c: Array) -> Array:
@@ -217,7 +222,10 @@ _SETS: dict[str, ParameterSet] = {one.name: one for one in (ebner, gruen, gruen5
 
 
 def additional_parameters(
-    text: str, sigma_um: float | None = None, priors: Iterable[ParameterPrior] = ()
+    text: str,
+    sigma_um: float | None = None,
+    priors: Iterable[ParameterPrior] = (),
+    reference_mm: float | None = None,
 ) -> AdditionalParameters:
     """Return the parameters that "set", "set:scope", "set:names" or "set:names:scope" says.
 
@@ -226,14 +234,14 @@ def additional_parameters(
     text
         A set; a scope (block, strip, camera, photo); names with commas between, these alone, or
         each with a minus before it, all but these: "ebner:b1,b2", "gruen:-a43:camera".
-    sigma_um, priors
+    sigma_um, priors, reference_mm
         See `AdditionalParameters`.
 
     Raises
     ------
     InputError
-        No such set, scope or parameter, a standard deviation that is not positive, or the prior of
-        a parameter that does not take part.
+        No such set, scope or parameter, a standard deviation that is not positive, the prior of a
+        parameter that does not take part, or a reference length beyond any image.
     """
     name, *parts = text.split(":")
     about = f"additional parameters {quoted(text)}"
@@ -258,6 +266,10 @@ def additional_parameters(
         raise InputError(f"additional parameters: the sigma {sigma_um:g} um must be positive")
     if sigma_um is not None:
         check_weighted("additional parameters", sigma_um)
+    if reference_mm is not None and not 1e-3 <= reference_mm <= 1e6:
+        raise InputError(
+            f"additional parameters: the reference length {reference_mm:g} mm must be 0.001 to 1e6"
+        )
     if selected is not None:
         chosen = _selected(chosen, selected, about)
     known = checked_priors(priors)
@@ -266,10 +278,8 @@ def additional_parameters(
         near = hint(stray, chosen.names, listing=False)
         raise InputError(f"{about}: a prior of {quoted(stray)}, which takes no part{near}")
     held = {one.parameter for one in known if one.sigma == 0.0}
-    if not held:
-        return AdditionalParameters(chosen, scope or "block", sigma_um, known)
-    free, fixed = chosen.parted(held)
-    return AdditionalParameters(free, scope or "block", sigma_um, known, fixed)
+    free, fixed = chosen.parted(held) if held else (chosen, None)
+    return AdditionalParameters(free, scope or "block", sigma_um, known, fixed, reference_mm)
 
 
 def automatic_sets(text: str) -> tuple[AdditionalParameters, ...] | None:

@@ -36,6 +36,9 @@ class LaidParameters(NamedTuple):
         belong to a lens.
     lens_held
         (groups, 10) parameters of a lens that are held; None: none is.
+    reference
+        (cameras,) lengths b [mm] in which image coordinates are measured for the parameters, of
+        every camera of the block; 0 without rays. None without parameters.
     """
 
     basis: Array
@@ -46,6 +49,7 @@ class LaidParameters(NamedTuple):
     sigma: Array
     shift: Array | None = None
     lens_held: Array | None = None
+    reference: Array | None = None
 
 
 def groups_of_photos(block: Block, scope: Scope, photos: Sequence[str]) -> list[str]:
@@ -104,14 +108,13 @@ def lay_out_parameters(
     of_photo = np.array([numbers[label] for label in labels], dtype=np.intp)
     # a lens is one thing for its group, whatever the cameras; other terms belong to the format
     of_ray = of_photo[photo] if additional.set.lens else cameras[photo]
-    reach = np.zeros(len(block.cameras))
-    np.maximum.at(reach, cameras[photo[:count]], np.abs(xy[:count]).max(axis=1))
+    reference = _reference(block, additional, cameras[photo[:count]], xy[:count])
     basis = np.empty((n, 2, len(additional.set.names)))
     held = None if additional.held is None else np.empty((n, 2, len(additional.held.names)))
     units = []
     for part in np.unique(of_ray):
         mine = of_ray == part
-        b = float(reach[cameras[photo[mine]]].max()) or 1.0
+        b = float(reference[cameras[photo[mine]]].max()) or 1.0
         cs = c[photo[mine]]
         basis[mine] = additional.set.terms(xy[mine, 0], xy[mine, 1], b, cs)
         if held is not None and additional.held is not None:
@@ -126,9 +129,8 @@ def lay_out_parameters(
         sigma[:] = additional.sigma_um * 1e-3 / np.where(largest > 0.0, largest, 1.0)
     given = _known(additional, names, lens, sigma)
     group = of_photo[photo]
-    laid = LaidParameters(
-        basis, lens, group, names, given, sigma if np.isfinite(sigma).any() else sigma[:0]
-    )
+    weights = sigma if np.isfinite(sigma).any() else sigma[:0]
+    laid = LaidParameters(basis, lens, group, names, given, weights, reference=reference)
     if held is None or additional.held is None:
         return laid
     values = _held(additional, additional.held, names)
@@ -137,6 +139,22 @@ def lay_out_parameters(
     whole = np.zeros((len(names), len(LENS_PARAMETERS)))
     whole[:, list(additional.held.columns)] = values
     return laid._replace(lens_held=whole)
+
+
+def _reference(block: Block, additional: AdditionalParameters, camera: Index, xy: Array) -> Array:
+    """Return (cameras,) reference lengths [mm], from (m,) cameras and (m, 2) places of rays.
+
+    What is stated, else half the longer side of the format: both are the same for every block of
+    the camera. Only without a format it is the largest coordinate measured in this one.
+    """
+    out = np.zeros(len(block.cameras))
+    np.maximum.at(out, camera, np.abs(xy).max(axis=1))
+    for k in np.unique(camera).tolist():
+        if additional.reference_mm is not None:
+            out[k] = additional.reference_mm
+        elif block.cameras[k].format is not None:
+            out[k] = max(block.cameras[k].reach())
+    return out
 
 
 def _known(

@@ -125,6 +125,8 @@ class Problem:
         were its own; or None.
     axis_factor
         (m, 2) factors of `sigma` for x and y, where they are not both 1, or None.
+    additional_reference
+        (cameras,) lengths b [mm] of the parameters' terms, of every camera of the block, or None.
     image_shift, lens_held
         (m, 2) what additional parameters do that are held at given values [mm], and (groups, 10)
         those of a lens; or None.
@@ -172,6 +174,7 @@ class Problem:
     axis_factor: Array | None = field(default=None, repr=False)
     off: Bools | None = field(default=None, repr=False)
     aside: Problem | None = field(default=None, repr=False)
+    additional_reference: Array | None = field(default=None, repr=False)
     image_shift: Array | None = field(default=None, repr=False)
     lens_held: Array | None = field(default=None, repr=False)
     conditions: Conditions | None = field(default=None, repr=False)
@@ -194,6 +197,7 @@ class Problem:
             additional_groups=(),
             additional_given=np.empty((0, 0)),
             additional_sigma=np.empty((0, 0)),
+            additional_reference=None,
             image_shift=None,
             lens_held=None,
             aside=None if self.aside is None else self.aside.bare,
@@ -458,6 +462,7 @@ def make_problem(
         additional_groups=parameters.groups,
         additional_given=parameters.given,
         additional_sigma=parameters.sigma,
+        additional_reference=parameters.reference,
         image_shift=parameters.shift,
         lens_held=parameters.lens_held,
         left_out=(*left_out, *(LeftOut("condition", *one) for one in laid.left_out)),
