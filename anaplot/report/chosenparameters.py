@@ -143,7 +143,11 @@ def _cells(of: str, step: ParameterStep) -> tuple[Any, ...]:
         step.stage,
         " ".join(step.parameters),
         shown,
-        *((None,) * 4 if test is None else test[1:2] + test[4:5] + test[6:]),
+        *(
+            (None,) * 4
+            if test is None
+            else (test.dimension, test.statistic, test.critical, test.significance)
+        ),
         step.noncentrality,
         step.power,
         None if change is None else change.change,

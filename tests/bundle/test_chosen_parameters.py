@@ -97,6 +97,17 @@ def test_three_sets_share_the_significance() -> None:
     assert found.block is found.without
 
 
+@pytest.mark.parametrize(
+    ("planted", "outcome"), [({"b3": 0.02}, "back"), ({"b9": 0.015, "b10": 0.02}, "significant")]
+)
+def test_what_is_significant_says_what_it_does_to_the_ground(planted, outcome) -> None:
+    """A group, and what comes back, as every other step."""
+    steps = chosen(block_of(2, planted), "auto:physical").sets[0].steps
+    mine = [one for one in steps if one.stage != "all" and one.outcome == outcome]
+    assert mine
+    assert all(step.change is not None and step.change.change != 0.0 for step in steps)
+
+
 def test_what_a_step_does_to_the_ground_is_what_an_adjustment_without_it_says() -> None:
     block = block_of(3, {"b3": 0.015, "b9": 0.01})
     found = chosen(block, "auto:ebner")

@@ -8,8 +8,8 @@ A set is added to the block as a whole. What the geometry does not determine is 
    rejected;
 3. for the others one by one "after orthogonalization": each with those that are rejected already
    held at zero and all others free, the one that is worst separated from the others first. The
-   order depends on the geometry alone, so that the tests are independent of each other as long as
-   nothing is kept;
+   order depends on the geometry alone, so that with sigma0 known the tests are independent of each
+   other as long as nothing is kept;
 4. for all that are rejected, together. Are they significant in sum, those come back that cannot be
    left out together.
 
@@ -284,7 +284,8 @@ def _steps(
             continue
         test = thinning.test(members, len(entry.members), entry.verdict.decisive.alpha)
         if test[0].rejected:
-            steps.append(ParameterStep("group", members, *test, "significant", None))
+            change = thinning.effect(members)
+            steps.append(ParameterStep("group", members, *test, "significant", change))
         else:
             steps.append(ParameterStep("group", members, *test, "rejected", thinning.hold(members)))
     alone = sidak_alpha(settings.alpha, max(len(thinning.free), 1))
@@ -311,8 +312,9 @@ def _steps(
             ParameterStep("rejected", gone, *test, "significant" if back else "rejected", change)
         )
         if back:
-            test = _Thinning(whole, settings).test(back, len(back) * fresh.groups, settings.alpha)
-            steps.append(ParameterStep("single", back, *test, "back", None))
+            fresh = _Thinning(whole, settings)
+            test = fresh.test(back, len(back) * fresh.groups, settings.alpha)
+            steps.append(ParameterStep("single", back, *test, "back", fresh.effect(back)))
     return steps, tuple(name for name in names if name in thinning.free or name in back)
 
 
