@@ -201,6 +201,20 @@ def test_where_control_is_missing_it_is_said_that_distances_give_the_scale() -> 
     assert LiveBlock(block).update(block).adjusted.problem.defect == 6
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_the_scale_is_exceeded_by_what_the_points_were_enlarged(name) -> None:
+    scene = flat_scene()
+    problem = make_problem(replace(scene.block, conditions=tuple(CASES[name](scene))), datum="free")
+    points = 1.001 * np.array([scene.points[one] for one in problem.points])
+    conditions = problem.conditions
+    excess = conditions.scale_excess(points, problem.fixed)
+    # in the scale that it has now
+    assert excess == pytest.approx(0.001 / 1.001, rel=1e-6)
+    # and once it is gone, all contrasts are met
+    again = points * (1.0 - excess)
+    assert conditions.scale_excess(again, problem.fixed) == pytest.approx(0.0, abs=1e-5)
+
+
 def test_a_minimal_datum_keeps_the_scale_of_its_coordinates() -> None:
     scene = flat_scene()
     block = adjust_block(replace(scene.block, conditions=bars(scene, [0.02])), datum="minimal")

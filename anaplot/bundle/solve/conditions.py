@@ -239,6 +239,20 @@ class Conditions:
         NotComputableError
             Points that coincide, or lie on a line where a plane is asked for.
         """
+        found = self._stated(points, fixed)
+        return self._scaled(found, points) if self.gives_scale else found
+
+    def scale_excess(self, points: Array, fixed: Bools) -> float:
+        """Return by how much the scale that distances give is exceeded, relatively.
+
+        With the parameters and errors of `equations`; it needs none of their combinations.
+        """
+        found = self._stated(points, fixed)
+        along = self._along_scale(found, points)
+        return float(along @ found.e / (along @ along))
+
+    def _stated(self, points: Array, fixed: Bools) -> ConditionEquations:
+        """Return the equations as if the datum had a scale."""
         extent = float(np.ptp(points, axis=0).max(initial=0.0))
         parts = []
         for k, (one, at) in enumerate(zip(self.conditions, self.points, strict=True)):
@@ -258,7 +272,7 @@ class Conditions:
         derivatives = csr_array((values, (rows, columns)), shape=(len(misclosure), 3 * len(points)))
         # the rows of a contrast are of one condition: any of them tells which
         by_column = csc_array(contrasts)
-        found = ConditionEquations(
+        return ConditionEquations(
             misclosure,
             sigma,
             contrasts,
@@ -267,29 +281,26 @@ class Conditions:
             by_column.indices[by_column.indptr[:-1]].astype(np.intp),
             contrasts.T @ (misclosure / sigma),
         )
-        return self._scaled(found, points) if self.gives_scale else found
 
-    def _scaled(self, found: ConditionEquations, points: Array) -> ConditionEquations:
-        """Return the contrasts that say nothing of the scale, and apart from them what does."""
+    def _along_scale(self, found: ConditionEquations, points: Array) -> Array:
+        """Return (q,) what a relative change of scale does to the contrasts."""
         larger = (points - points.mean(axis=0)).ravel()
         # what is free of error is met: but for distances, it says the same at every scale
         tells = self._distances | ~self.firm
         effect = np.where(tells, found.derivatives @ larger, 0.0) / found.sigma
-        along = found.contrasts.T @ effect
+        out: Array = found.contrasts.T @ effect
+        return out
+
+    def _scaled(self, found: ConditionEquations, points: Array) -> ConditionEquations:
+        """Return the contrasts that say nothing of the scale, and apart from them what does."""
+        along = self._along_scale(found, points)
         combinations, others, direction = parted(along)
-        size = float(direction @ along)
-        scale = ScaleOfConditions(
-            found.contrasts @ (direction / size),
-            (found.whitened.T @ (direction / size)).reshape(points.shape),
-            float(direction @ found.e) / size,
-            1.0 / size**2,
-        )
         return replace(
             found,
             contrasts=csr_array(found.contrasts @ combinations),
             owner=found.owner[others],
             e=combinations.T @ found.e,
-            scale=scale,
+            scale=ScaleOfConditions.of(found.contrasts, found.whitened, along, direction),
         )
 
     def check_firm(self, equations: ConditionEquations, spread: Array) -> None:

@@ -29,16 +29,25 @@ class ScaleOfConditions(NamedTuple):
         (n,) relative change of scale by an error of one standard deviation in each row.
     points
         (p, 3) relative change of scale that a change of the points means.
-    excess
-        By how much the scale is too large, relatively.
     variance
         Of the relative scale.
     """
 
     rows: Array
     points: Array
-    excess: float
     variance: float
+
+    @classmethod
+    def of(
+        cls, contrasts: csr_array, whitened: csr_array, effect: Array, direction: Array
+    ) -> ScaleOfConditions:
+        """Return it from the contrasts, their derivatives by points, and what `parted` has."""
+        size = float(direction @ effect)
+        return cls(
+            contrasts @ (direction / size),
+            (whitened.T @ (direction / size)).reshape(-1, 3),
+            1.0 / size**2,
+        )
 
 
 def parted(effect: Array) -> tuple[csr_array, Index, Array]:

@@ -376,12 +376,12 @@ def scale_of(problem: Problem, state: BlockState) -> ScaleOfConditions | None:
 
 def rescaled(problem: Problem, state: BlockState) -> BlockState:
     """Return a free network in the scale that distances give it, if they do."""
+    conditions = problem.conditions
+    if conditions is None or not conditions.gives_scale:
+        return state
     for _ in range(_SCALINGS):
-        scale = scale_of(problem, state)
-        if scale is None:
-            return state
         middle = state.points.mean(axis=0)
-        factor = 1.0 - scale.excess
+        factor = 1.0 - conditions.scale_excess(state.points, problem.fixed)
         state = replace(
             state,
             centres=middle + factor * (state.centres - middle),
