@@ -10,6 +10,7 @@ weighed of the movements.
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from anaplot.aliases import Array
 from anaplot.bundle.solve.givenprior import GivenPrior
@@ -58,7 +59,7 @@ def prior_bending(prior: GivenPrior) -> float:
     lower = np.linalg.cholesky(covariance / size[:, None] / size)
 
     def whitened(values: Array) -> Array:
-        out: Array = np.linalg.solve(lower, values / size[:, None])
+        out: Array = solve_triangular(lower, values / size[:, None], lower=True)
         return out
 
     moved = whitened(effects)
