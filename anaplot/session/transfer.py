@@ -106,7 +106,9 @@ class Transfer:
         What points known from elsewhere are.
     places
         Where they are expected in both photos [mm] by what is known of the others, with the
-        standard deviation where it is largest; marked ones not among them.
+        standard deviation where it is largest; marked ones not among them. By
+        `transfer_of_strip` the strips place none that is measured in the model: it is no longer in
+        work, and a place by its own measurements would say nothing of them.
     strayed
         Points of the model that an earlier model of the strip, not the one before, has elsewhere:
         name, how far away [mm], and that model.
