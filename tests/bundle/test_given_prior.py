@@ -156,6 +156,7 @@ def weakly_held(sigma):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [1.0, 2.0])
 def test_a_datum_of_metres_with_noise(sigma):
     """To .04 of the standard deviations, as README has it."""

@@ -254,6 +254,7 @@ def test_priors_have_a_variance_of_their_own() -> None:
     assert prior_estimate(adjust_block(with_priors(control=None)), "common").control is None
 
 
+@pytest.mark.slow
 def test_few_image_coordinates_that_are_checked_do_not_judge_their_sigma() -> None:
     for seed in (3, 11, 14, 18, 19, 20, 22, 34, 40):
         scene = aerial(1, 2, seed=seed, noise_um=5.0)

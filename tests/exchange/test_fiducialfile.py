@@ -132,6 +132,7 @@ def test_no_photo_and_no_camera(folder):
         read_fiducials(folder / "missing.toml")
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(st.integers(0, len(FILE)), st.integers(0, 8), st.text(max_size=6))
 def test_damage_is_an_input_error_or_a_file(folder, at, length, put):

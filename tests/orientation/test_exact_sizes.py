@@ -99,6 +99,7 @@ def test_residuals_of_both_axes_are_as_large_as_expected(name, once, axis):
     assert np.mean(size**2) == pytest.approx(1.0, abs=bound)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "once"), CASES)
 @pytest.mark.parametrize("kind", ["baarda", "tau"])
 def test_as_many_rows_are_flagged_as_alpha_says(name, once, kind):

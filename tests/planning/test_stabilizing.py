@@ -71,6 +71,7 @@ def test_the_best_point_is_the_best_of_all() -> None:
             assert of.mean_r < best.after + 0.01
 
 
+@pytest.mark.slow
 def test_a_recorded_block_is_measured_in_its_models() -> None:
     plan = PLANS[0]
     made = plan_block(plan)

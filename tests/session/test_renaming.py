@@ -385,6 +385,7 @@ def test_in_a_model_returned_to_the_check_points_follow(scene: Scene) -> None:
     assert current_of(bench, "101", "102").measurement(f"{first}-x") is not None
 
 
+@pytest.mark.slow
 def test_the_log_says_what_is_called_what(scene: Scene) -> None:
     bench = Bench.of(scene.block, DRIVEN, truth=scene.made.truth)
     bench.whole_model()
@@ -573,6 +574,7 @@ def test_what_an_undo_of_a_name_says(scene: Scene) -> None:
     assert undone(apply(state, PointRenamed(*HERE, point, "7")), state) == f"7 is {point} again"
 
 
+@pytest.mark.slow
 def test_photo_by_photo_the_desk_renames_as_well(scene: Scene) -> None:
     bench = Bench.of(scene.block, MONO, truth=scene.made.truth)
     bench.whole_model()
