@@ -8,7 +8,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 
-__all__ = ["rotation_angles", "rotation_axes", "rotation_matrix", "turn"]
+__all__ = ["angle_derivatives", "rotation_angles", "rotation_axes", "rotation_matrix", "turn"]
 
 
 def rotation_matrix(omega: float, phi: float, kappa: float) -> Array:
@@ -56,6 +56,15 @@ def rotation_axes(omega: float, phi: float) -> Array:
     so, co = sin(omega), cos(omega)
     sp, cp = sin(phi), cos(phi)
     return np.array([[1.0, 0.0, sp], [0.0, co, -so * cp], [0.0, so, co * cp]])
+
+
+def angle_derivatives(rotation: Array) -> Array:
+    """Return (3, 3): derivatives of omega, phi, kappa (rows) by small rotations about X, Y, Z.
+
+    The inverse of `rotation_axes`; at phi = +-90 degrees that of what is left of it.
+    """
+    omega, phi, _ = rotation_angles(rotation)
+    return np.asarray(np.linalg.pinv(rotation_axes(omega, phi), rcond=1e-9), dtype=np.float64)
 
 
 def turn(x: float, y: float, z: float) -> Array:

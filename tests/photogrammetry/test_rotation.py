@@ -4,10 +4,11 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from anaplot.photogrammetry.rotation import (
+    angle_derivatives,
     rotation_angles,
     rotation_axes,
     rotation_matrix,
@@ -68,6 +69,19 @@ def test_axes_against_numerical_derivatives(a, which):
     axis = rotation_axes(a[0], a[1])[:, which]
     cross = np.array([np.cross(axis, column) for column in rotation_matrix(*a).T]).T
     assert cross == pytest.approx(numerical, abs=1e-8)
+
+
+@given(angles, st.integers(0, 2))
+def test_derivatives_of_angles_against_differences(a, which):
+    assume(abs(cos(a[1])) > 0.1)
+    h = 1e-6
+    small = np.eye(3)[which] * h
+    up, down = (
+        rotation_angles(turn(*(s * small).tolist()) @ rotation_matrix(*a)) for s in (1.0, -1.0)
+    )
+    difference = (np.subtract(up, down) + pi) % (2.0 * pi) - pi
+    found = angle_derivatives(rotation_matrix(*a))[:, which]
+    assert found == pytest.approx(difference / (2.0 * h), abs=1e-6)
 
 
 @given(st.tuples(*[st.floats(-2.0, 2.0)] * 3), st.floats(0.0, 1.0))

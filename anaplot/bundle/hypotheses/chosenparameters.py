@@ -395,28 +395,29 @@ class _Thinning:
         left = {int(k) % len(self.names) for n, k in enumerate(at.tolist()) if n not in gone}
         return tuple(name for name in names if self.names.index(name) in left)
 
-    def _held(self, names: Sequence[str]) -> tuple[Index, Array, Array]:
-        at = self._at(names)
-        inverse = np.linalg.inv(self._q[np.ix_(at, at)])
-        moved = -self._beside[:, :, at] @ (inverse @ self._z[at])
-        taken = np.einsum("pai,ij,paj->pa", self._beside[:, :, at], inverse, self._beside[:, :, at])
-        return at, moved, taken
+    def _inverse(self, at: Index) -> Array:
+        return np.asarray(np.linalg.inv(self._q[np.ix_(at, at)]), dtype=np.float64)
+
+    def _effect(self, at: Index, inverse: Array) -> tuple[PointChange | None, Array]:
+        """Return what holding parameters does to the points, and the variances they keep (p, 3)."""
+        beside = self._beside[:, :, at]
+        moved = -beside @ (inverse @ self._z[at])
+        taken = np.einsum("pai,ij,paj->pa", beside, inverse, beside)
+        spread = np.maximum(self._spread - taken, 0.0)
+        sigmas = np.sqrt(self._spread), np.sqrt(spread)
+        return point_change(self._points, np.zeros_like(moved), moved, sigmas), spread
 
     def effect(self, names: Sequence[str]) -> PointChange | None:
         """Return what holding parameters at zero does to the points."""
-        _, moved, taken = self._held(names)
-        after = np.sqrt(np.maximum(self._spread - taken, 0.0))
-        return point_change(
-            self._points, np.zeros_like(moved), moved, (np.sqrt(self._spread), after)
-        )
+        at = self._at(names)
+        return self._effect(at, self._inverse(at))[0]
 
     def hold(self, names: Sequence[str]) -> PointChange | None:
         """Hold parameters at zero; return what that does to the points."""
-        change = self.effect(names)
-        at, _, taken = self._held(names)
-        inverse = np.linalg.inv(self._q[np.ix_(at, at)])
+        at = self._at(names)
+        inverse = self._inverse(at)
+        change, self._spread = self._effect(at, inverse)
         self._z = self._z - self._q[:, at] @ (inverse @ self._z[at])
-        self._spread = np.maximum(self._spread - taken, 0.0)
         self._beside = self._beside - self._beside[:, :, at] @ (inverse @ self._q[at])
         self._q = self._q - self._q[:, at] @ inverse @ self._q[at]
         self.free = [name for name in self.free if name not in names]

@@ -24,7 +24,7 @@ from anaplot.aliases import Array, Bools
 from anaplot.bundle.solve.givenprior import GivenPrior
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
+from anaplot.photogrammetry.rotation import angle_derivatives, rotation_angles
 
 __all__ = ["GivenEquations", "GivenUpdate", "given_equations", "prior_rounding"]
 
@@ -191,13 +191,12 @@ def given_equations(
     at, along = photo[placed], unknown[placed]
     d[row[placed]] = state.centres[at, along] - (prior.value[row[placed]] - origin[along])
     jacobian[np.flatnonzero(placed), along] = 1.0
-    for i in np.flatnonzero(~placed).tolist():
-        angles = rotation_angles(state.rotations[photo[i]])
-        off = angles[unknown[i] - 3] - prior.value[row[i]]
+    for turned in np.unique(photo[~placed]):
+        i = np.flatnonzero(~placed & (photo == turned))
+        rotation, angle = state.rotations[turned], unknown[i] - 3
+        off = np.array(rotation_angles(rotation))[angle] - prior.value[row[i]]
         d[row[i]] = (off + np.pi) % (2.0 * np.pi) - np.pi
-        # d angles = axes^-1 d(small rotation)
-        axes = np.linalg.pinv(rotation_axes(angles[0], angles[1]), rcond=1e-9)
-        jacobian[i, 3:] = axes[unknown[i] - 3]
+        jacobian[i, 3:] = angle_derivatives(rotation)[angle]
     columns = width * photo[:, None] + np.arange(6)
     photos = csr_array(
         (jacobian.ravel(), (row.repeat(6), columns.ravel())),

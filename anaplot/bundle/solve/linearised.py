@@ -13,7 +13,7 @@ from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivat
 from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.collinearity import turns
-from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
+from anaplot.photogrammetry.rotation import angle_derivatives, rotation_angles
 
 __all__ = [
     "Linearised",
@@ -193,10 +193,7 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
             with_position[:, axis], 1.0 / problem.position_sigma[:, axis], 0.0
         )
     for k in np.nonzero(np.isfinite(problem.rotation_sigma).any(axis=1))[0]:
-        omega, phi, _ = rotation_angles(state.rotations[k])
-        # d angles = axes^-1 d(small rotation)
-        inverse = np.linalg.pinv(rotation_axes(omega, phi), rcond=1e-9)
-        weighted = inverse / problem.rotation_sigma[k][:, None]
+        weighted = angle_derivatives(state.rotations[k]) / problem.rotation_sigma[k][:, None]
         rows[k, 3:, 3:6] = np.where(np.isfinite(weighted), weighted, 0.0)
     prior = np.zeros((len(problem.additional_groups), seen.parameter.shape[2]))
     if len(problem.additional_sigma):

@@ -13,7 +13,7 @@ from anaplot.bundle.solve.observations import ORIENTATION
 from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import InputError
 from anaplot.photogrammetry.posterior import MOST_COORDINATES, CoordinateName, Posterior
-from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
+from anaplot.photogrammetry.rotation import angle_derivatives, rotation_angles
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["coordinates_meant", "posterior_names", "posterior_of"]
@@ -136,10 +136,8 @@ class _Unit:
             elif name.axis < 3:
                 photos[at, name.axis, column] = 1.0
             else:
-                # d angles = axes^-1 d(small rotation)
-                omega, phi, _ = rotation_angles(self._block.state.rotations[at])
-                inverse = np.linalg.pinv(rotation_axes(omega, phi), rcond=1e-9)
-                photos[at, 3:6, column] = inverse[name.axis - 3]
+                derivatives = angle_derivatives(self._block.state.rotations[at])
+                photos[at, 3:6, column] = derivatives[name.axis - 3]
         return photos, points, shared
 
     def values(self) -> Array:
