@@ -14,6 +14,7 @@ from scipy.special import chdtrc
 from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.errors.controllast import clean_control_last
 from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.errors.snooping import classify
 from anaplot.bundle.hypotheses.giventests import given_tests
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.additional import additional_parameters
@@ -507,3 +508,17 @@ def test_the_test_of_the_block_says_which_sigma(shaken):
     by_known, by_own = given_tests(known), given_tests(after)
     assert by_known.verdict.by_known
     assert by_own.coordinates[4].w * after.sigma0 == pytest.approx(by_known.coordinates[4].w)
+
+
+def test_points_given_with_weights_are_no_control_for_model_values():
+    halves = campaigns()
+    left = posterior_of(adjust_block(halves.first))
+    problem = make_problem(replace(halves.second, given=left))
+    (control,) = (row.point for row in halves.second.control)
+    points = {
+        problem.points[problem.point[ray]]
+        for of, (rays, _) in classify(problem).items()
+        if of.control
+        for ray in rays.tolist()
+    }
+    assert points == {control}

@@ -99,7 +99,7 @@ def regular_block(block: AdjustedBlock) -> PaperModel:
     problem = block.problem
     pairs = np.unique(np.column_stack([problem.photo, problem.point]), axis=0)
     points = float(np.median(np.bincount(pairs[:, 0], minlength=len(problem.photos))))
-    full = block.state.points[np.isfinite(problem.known).all(axis=1), :2]
+    full = block.state.points[problem.controlled.all(axis=1), :2]
     twin = False
     if len(full) > 1 and len(problem.photos) > 1:
         base = float(np.median(_nearest(block.state.centres[:, :2])))

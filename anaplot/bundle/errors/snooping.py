@@ -85,7 +85,7 @@ def classify(problem: Problem) -> dict[ObservationClass, tuple[Index, int]]:
     seen = np.unique(pair) // len(problem.photos)
     photos = np.bincount(seen, minlength=len(problem.points))[problem.point]
     rays = np.minimum(photos, 4)
-    control = np.asarray(np.isfinite(problem.known).any(axis=1))[problem.point]
+    control = np.asarray(problem.controlled.any(axis=1))[problem.point]
     key = rays * 4 + inner * 2 + control
     out: dict[ObservationClass, tuple[Index, int]] = {}
     for value in np.unique(key).tolist():

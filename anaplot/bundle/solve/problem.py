@@ -230,6 +230,12 @@ class Problem:
         return np.stack((self.known_sigma, self.expected_sigma))
 
     @property
+    def controlled(self) -> Bools:
+        """(p, 3) coordinates held or observed as control; not those given with a covariance."""
+        out: Bools = np.isfinite(self.known) & (self.fixed | np.isfinite(self.known_sigma))
+        return out
+
+    @property
     def near(self) -> Array:
         """(points, 3) what approximate values are laid onto [m]: control, else also priors.
 
