@@ -30,3 +30,14 @@ def test_the_known_set_has_the_tools_of_the_extra() -> None:
     known = pins("known.txt")
     assert {tool: known[tool] for tool in tools} == {t: [v] for t, v in tools.items()}
     assert known.keys() >= {"numpy", "scipy", "textual", "pyserial"}
+
+
+def test_what_is_optional_is_tested_within_its_bounds() -> None:
+    known = pins("known.txt")
+    extras = PROJECT["optional-dependencies"]
+    optional = [one.split(">=") for name in extras.keys() - {"test"} for one in extras[name]]
+    assert optional
+    for package, bound in optional:
+        (version,) = known[package]
+        assert [int(part) for part in version.split(".")] >= [int(x) for x in bound.split(".")]
+        assert f"{package}=={version}" in extras["test"]
