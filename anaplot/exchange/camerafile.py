@@ -6,13 +6,12 @@
     c = 152.40                          # mm
     format = [230.0, 230.0]             # mm; left out: not known
     principal_point = [0.012, -0.004]   # mm in the fiducial system; left out: its origin
+    symmetry_point = [0.015, -0.001]    # mm; about it is all distortion; left out: principal_point
     [fiducials]                         # mm
     1 = [-106.003, 106.001]
     2 = [106.000, 105.998]
     [distortion]
-    radial = [0.0, 1.2e-8, 0.0, 0.0]    # K0 K1 K2 K3: dr = K0 r + K1 r^3 + K2 r^5 + K3 r^7 [mm]
-    table = [[20.0, 1.5], [40.0, 2.2]]  # instead: radius [mm], dr [um]
-    decentring = [0.0, 0.0]             # P1 P2 [1/mm]
+    table = [[20.0, 1.5], [40.0, 2.2]]  # radius [mm], dr [um]; see `distortion`
 
 dr is subtracted from the measured radius to give the ideal one. A certificate that states nothing
 but distances between fiducials has, instead of [fiducials],
@@ -27,18 +26,12 @@ out both.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.photogrammetry.camera import (
-    CameraCalibration,
-    Fiducial,
-    FiducialDistance,
-    RadialPolynomial,
-    RadialTable,
-)
+from anaplot.exchange.distortion import distortion_lines, read_distortion
+from anaplot.photogrammetry.camera import CameraCalibration, Fiducial, FiducialDistance
 from anaplot.photogrammetry.refinement import Refinement
 from anaplot.textfiles.inputfile import read_text
 from anaplot.textfiles.kinds import (
@@ -52,7 +45,6 @@ from anaplot.textfiles.kinds import (
     Made,
     MapOf,
     Numbers,
-    WrongValueError,
 )
 from anaplot.textfiles.tomltable import TomlTable, parse_toml
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
@@ -74,7 +66,6 @@ CAMERA_FORMAT = 1
 MAX_CAMERA_BYTES = 1_000_000
 
 _MAX_FIDUCIALS = 400  # a reseau of 19 x 19 crosses and more than any frame
-_MAX_TABLE = 1000
 
 
 def read_camera(path: Path) -> CameraCalibration:
@@ -108,27 +99,26 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
     camera = root.take({"camera": Keys(_CAMERA, _CAMERA_MORE)}, _TABLES, also=("format",))["camera"]
     c = camera["c"]
     size = camera.get("format")
-    x0, y0 = camera.get("principal_point", (0.0, 0.0))
-    if abs(x0) > c or abs(y0) > c:
-        raise root.fail("lies further off than c", "camera", "principal_point")
+    symmetry = camera.get("symmetry_point")
+    for key in ("principal_point", "symmetry_point"):
+        if any(abs(part) > c for part in camera.get(key, ())):
+            raise root.fail("lies further off than c", "camera", key)
     if "fiducials" in root and "distances" in root:
         raise root.fail("[distances] beside [fiducials]: only one of them", "distances")
     fiducials = _fiducials(root.table("fiducials"), size or (4.0 * c, 4.0 * c))
     if "fiducials" in root and not fiducials:
         raise root.fail("is empty", "fiducials")
     distances = _distances(root.table("distances")) if "distances" in root else {}
-    distortion = root.table("distortion").take({}, _DISTORTION)
-    if "radial" in distortion and "table" in distortion:
-        raise root.fail("table beside radial: only one of them", "distortion", "table")
+    distortion = read_distortion(root.table("distortion"), c)
     made = CameraCalibration(
         id=camera["id"],
         c=c,
-        principal_point=(x0, y0),
+        principal_point=camera.get("principal_point", (0.0, 0.0)),
         format=size,
         fiducials=fiducials,
-        radial=distortion.get("radial", distortion.get("table")),
-        decentring=distortion.get("decentring", (0.0, 0.0)),
+        symmetry_point=symmetry,
         **distances,
+        **distortion,
     )
     try:
         Refinement.of(made)
@@ -162,7 +152,6 @@ def camera_path(folder: Path, name: str) -> Path:
 
 def format_camera(calibration: CameraCalibration) -> str:
     """Return the text of a camera file; numbers are written so that they are read back exactly."""
-    x0, y0 = calibration.principal_point
     lines = [
         f"format = {CAMERA_FORMAT}",
         "",
@@ -172,7 +161,9 @@ def format_camera(calibration: CameraCalibration) -> str:
     ]
     if calibration.format is not None:
         lines.append(f"format = {toml_numbers(*calibration.format)}")
-    lines.append(f"principal_point = {toml_numbers(x0, y0)}")
+    lines.append(f"principal_point = {toml_numbers(*calibration.principal_point)}")
+    if calibration.symmetry_point is not None:
+        lines.append(f"symmetry_point = {toml_numbers(*calibration.symmetry_point)}")
     if calibration.fiducials:
         lines += ["", "[fiducials]"]
         lines += [
@@ -191,14 +182,7 @@ def format_camera(calibration: CameraCalibration) -> str:
             for d in calibration.distances
         ]
         lines.append("]")
-    lines += ["", "[distortion]", f"decentring = {toml_numbers(*calibration.decentring)}"]
-    if isinstance(calibration.radial, RadialPolynomial):
-        lines.append(f"radial = {toml_numbers(*calibration.radial.k)}")
-    if isinstance(calibration.radial, RadialTable):
-        pairs = zip(calibration.radial.radius, calibration.radial.dr_um, strict=True)
-        lines.append("table = [")
-        lines += [f"    {toml_numbers(radius, dr)}," for radius, dr in pairs]
-        lines.append("]")
+    lines += ["", *distortion_lines(calibration)]
     return "\n".join(lines) + "\n"
 
 
@@ -262,36 +246,19 @@ def _distances(table: TomlTable) -> dict[str, Any]:
     return {"distances": distances, "distance_sigma_um": found.get("sigma_um", 2.0)}
 
 
-def _radial_table(pairs: tuple[tuple[float, ...], ...]) -> RadialTable:
-    if not pairs:
-        raise WrongValueError("is empty")
-    if len(pairs) > _MAX_TABLE:
-        raise WrongValueError(f"more than {_MAX_TABLE} radii")
-    last = -math.inf
-    for index, (radius, um) in enumerate(pairs):
-        if radius < 0.0 or radius <= last:
-            raise WrongValueError(f"radius {radius:g}: radii must grow from 0 on", index)
-        if radius == 0.0 and um != 0.0:
-            raise WrongValueError("the distortion at radius 0 must be 0", index)
-        last = radius
-    radii, um_of = zip(*pairs, strict=True)
-    return RadialTable(radii, um_of)
-
-
 _DISTANCE = Made(Items(NAME, NAME, POSITIVE), lambda items: FiducialDistance(*items))
 FRAME = Numbers(2, POSITIVE)
 """A camera's format: width and height [mm]."""
 
 _CAMERA: Fields = {"id": NAME, "c": POSITIVE}
-_CAMERA_MORE: Fields = {"format": FRAME, "principal_point": Numbers(2)}
+_CAMERA_MORE: Fields = {
+    "format": FRAME,
+    "principal_point": Numbers(2),
+    "symmetry_point": Numbers(2),
+}
 _TABLES: Fields = {
     "fiducials": MapOf(NAME, Numbers(2)),
     "distances": TABLE,
     "distortion": TABLE,
 }
 _DISTANCES: Fields = {"sigma_um": POSITIVE}
-_DISTORTION: Fields = {
-    "radial": Made(Numbers(4), RadialPolynomial),
-    "table": Made(ListOf(Numbers(2), "pairs [mm, um]"), _radial_table),
-    "decentring": Numbers(2),
-}

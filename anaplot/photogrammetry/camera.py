@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from math import fsum
+from typing import NamedTuple, Self
 
 __all__ = [
     "CameraCalibration",
@@ -53,10 +54,34 @@ class RadialTable:
         Measured radii [mm], increasing, none negative.
     dr_um
         Distortion at each [um]; 0 at radius 0.
+    diagonals_um
+        Distortions of the half-diagonals at each [um], whose mean `dr_um` is; none where a radius
+        has one distortion.
     """
 
     radius: tuple[float, ...]
     dr_um: tuple[float, ...]
+    diagonals_um: tuple[tuple[float, ...], ...] = ()
+
+    @classmethod
+    def of_diagonals(cls, radius: tuple[float, ...], um: tuple[tuple[float, ...], ...]) -> Self:
+        """Return the table of distortions of one or several half-diagonals at each radius."""
+        mean = tuple(fsum(row) / len(row) for row in um)
+        return cls(radius, mean, um if any(len(row) > 1 for row in um) else ())
+
+    def spread(self) -> tuple[float, float] | None:
+        """Return how far half-diagonals are off their mean [um] at most, and at which radius [mm].
+
+        None where there is one half-diagonal only.
+        """
+        if not self.diagonals_um:
+            return None
+        off = [
+            max(abs(one - mean) for one in row)
+            for mean, row in zip(self.dr_um, self.diagonals_um, strict=True)
+        ]
+        most = max(off)
+        return most, self.radius[off.index(most)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +99,7 @@ class CameraCalibration:
     c
         Camera constant [mm].
     principal_point
-        Its coordinates [mm] in the fiducial system; the distortion is symmetrical about it.
+        Its coordinates [mm] in the fiducial system.
     format
         Width along x and height along y [mm], or None.
     fiducials
@@ -89,6 +114,9 @@ class CameraCalibration:
     decentring
         P1, P2 [mm^-1]; dx = P1 (r^2 + 2 x^2) + 2 P2 x y and dy = P2 (r^2 + 2 y^2) + 2 P1 x y are
         subtracted likewise.
+    symmetry_point
+        About which point [mm] of the fiducial system all distortion is, or None: the principal
+        point.
     """
 
     id: str
@@ -100,6 +128,7 @@ class CameraCalibration:
     distance_sigma_um: float = 2.0
     radial: RadialPolynomial | RadialTable | None = None
     decentring: tuple[float, float] = (0.0, 0.0)
+    symmetry_point: tuple[float, float] | None = None
 
     def fiducial_names(self) -> tuple[str, ...]:
         """Return the names of all fiducials, in the order in which the certificate names them."""

@@ -1,9 +1,9 @@
 """Image refinement: from the fiducial system to ideal image coordinates, and back.
 
 ideal = measured - principal point - distortion, the distortion taken at the measured place
-(Brown 1966 for the decentring part). In d = measured - principal point, r = abs(d): radial
-distortion is dr(r) d / r, decentring distortion (P1 (r^2 + 2 x^2) + 2 P2 x y,
-P2 (r^2 + 2 y^2) + 2 P1 x y).
+(Brown 1966 for the decentring part). In d = measured - point of symmetry, which is the principal
+point where a camera states no other, r = abs(d): radial distortion is dr(r) d / r, decentring
+distortion (P1 (r^2 + 2 x^2) + 2 P2 x y, P2 (r^2 + 2 y^2) + 2 P1 x y).
 """
 
 from __future__ import annotations
@@ -41,11 +41,14 @@ class Refinement:
         its last radius the last dr holds.
     decentring
         P1, P2 [mm^-1].
+    symmetry_point
+        [mm] in the fiducial system, or None: the principal point.
     """
 
     principal_point: tuple[float, float] = (0.0, 0.0)
     radial: RadialPolynomial | RadialTable | None = None
     decentring: tuple[float, float] = (0.0, 0.0)
+    symmetry_point: tuple[float, float] | None = None
 
     @classmethod
     def of(cls, calibration: CameraCalibration) -> Self:
@@ -57,7 +60,12 @@ class Refinement:
             The distortion folds the image within the format: two measured places would have the
             same ideal one.
         """
-        made = cls(calibration.principal_point, calibration.radial, calibration.decentring)
+        made = cls(
+            calibration.principal_point,
+            calibration.radial,
+            calibration.decentring,
+            calibration.symmetry_point,
+        )
         made._refuse_fold(calibration)
         return made
 
@@ -74,8 +82,9 @@ class Refinement:
         ndarray
             (n, 2) [mm], origin at the principal point.
         """
-        away = as_points(xy) - np.array(self.principal_point)
-        ideal: Array = away - self._distortion(away)[0]
+        measured = as_points(xy)
+        distortion = self._distortion(measured - self._centre())[0]
+        ideal: Array = measured - np.array(self.principal_point) - distortion
         return ideal
 
     def distort(self, xy: Array) -> Array:
@@ -91,7 +100,7 @@ class Refinement:
         NotComputableError
             A place that no measured one refines to.
         """
-        ideal = as_points(xy)
+        ideal = as_points(xy) + (np.array(self.principal_point) - self._centre())
         away = ideal.copy()
         for _ in range(_STEPS):
             distortion, slope = self._distortion(away)
@@ -103,16 +112,16 @@ class Refinement:
         gap = np.abs(away - self._distortion(away)[0] - ideal).max(axis=1, initial=0.0)
         lost = np.flatnonzero(~(gap <= _CLOSED * (1.0 + np.abs(ideal).max(axis=1, initial=0.0))))
         if lost.size:
-            x, y = ideal[lost[0]].tolist()
+            x, y = as_points(xy)[lost[0]].tolist()
             raise NotComputableError(
                 f"the distortion cannot be inverted at x = {x:.6g}, y = {y:.6g} mm"
             )
-        measured: Array = away + np.array(self.principal_point)
+        measured: Array = away + self._centre()
         return measured
 
     def jacobian(self, xy: Array) -> Array:
         """Return (n, 2, 2) derivatives of `refine` at (n, 2) measured coordinates [mm]."""
-        away = as_points(xy) - np.array(self.principal_point)
+        away = as_points(xy) - self._centre()
         jacobian: Array = np.eye(2) - self._distortion(away)[1]
         return jacobian
 
@@ -127,6 +136,9 @@ class Refinement:
         if isinstance(self.radial, RadialTable):
             return _interpolate(self.radial, radius)
         return np.zeros_like(radius), np.zeros_like(radius)
+
+    def _centre(self) -> Array:
+        return np.array(self.symmetry_point or self.principal_point)
 
     def _distortion(self, away: Array) -> tuple[Array, Array]:
         """(n, 2) distortion and its (n, 2, 2) derivatives at (n, 2) places about the centre."""
@@ -151,7 +163,7 @@ class Refinement:
         if calibration.format is None:
             reach = max([calibration.c, *(hypot(m.x, m.y) for m in calibration.fiducials)])
         else:
-            reach = 0.5 * hypot(*calibration.format) + hypot(*self.principal_point)
+            reach = 0.5 * hypot(*calibration.format) + hypot(*self._centre())
         radius, angle = np.meshgrid(np.linspace(0.0, reach, 200), np.linspace(0.0, 2 * np.pi, 25))
         away = np.column_stack(((radius * np.cos(angle)).ravel(), (radius * np.sin(angle)).ravel()))
         with np.errstate(over="ignore", invalid="ignore"):

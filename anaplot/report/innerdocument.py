@@ -193,13 +193,24 @@ def _camera_remarks(camera: CameraCalibration) -> list[Line]:
     """Return sentences on what a camera's calibration leaves open."""
     if not isinstance(camera.radial, RadialTable):
         return []
+    said = []
+    spread = camera.radial.spread()
+    if spread is not None:
+        said.append(
+            say(
+                "camera {}: the distortion is the mean of its half-diagonals, which differ from "
+                "it by up to {:.1f} um (at radius {:g} mm)",
+                *(camera.id, *spread),
+            ).of("remark")
+        )
     end = camera.radial.radius[-1]
     corner = None if camera.format is None else 0.5 * sum(side**2 for side in camera.format) ** 0.5
-    if corner is not None and end >= corner:
-        return []
-    said = say(
-        "camera {}: the distortion is calibrated up to radius {:g} mm; beyond it, its last value "
-        "is held",
-        *(camera.id, end),
-    )
-    return [said.of("remark")]
+    if corner is None or end < corner:
+        said.append(
+            say(
+                "camera {}: the distortion is calibrated up to radius {:g} mm; beyond it, its "
+                "last value is held",
+                *(camera.id, end),
+            ).of("remark")
+        )
+    return said
