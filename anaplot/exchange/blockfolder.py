@@ -24,7 +24,11 @@ from anaplot.exchange.conditionscsv import (
     parse_distances,
 )
 from anaplot.exchange.controlcsv import GroundPoints, format_control, parse_control
-from anaplot.exchange.imagepointscsv import format_image_points, parse_image_points
+from anaplot.exchange.imagepointscsv import (
+    format_image_points,
+    parse_image_points,
+    points_in_pixels,
+)
 from anaplot.exchange.patternfile import format_pattern, read_pattern
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, PointPrior
 from anaplot.textfiles.csvtable import MAX_CSV_BYTES
@@ -104,11 +108,13 @@ def with_image_points(folder: Path, block: Block) -> Block:
     """
     points = folder / IMAGE_POINTS_CSV
     # A link to nowhere is not an absent file: lexists leaves the complaint to the reader.
-    measured = parse_image_points(points, block) if os.path.lexists(points) else ()
+    there = os.path.lexists(points)
+    measured = parse_image_points(points, block) if there else ()
+    pixels = there and points_in_pixels(points)
     photos = block.photos
     if not block.strips and len(block.cameras) == 1:
         photos = with_photos(photos, (row.photo for row in measured), block.cameras[0].id)
-    return replace(block, photos=photos, image_points=measured)
+    return replace(block, photos=photos, image_points=measured, in_pixels=pixels)
 
 
 def image_points_digest(folder: Path) -> str | None:
@@ -145,7 +151,9 @@ def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> str:
+def write_image_points(
+    folder: Path, points: Iterable[ImagePoint], block: Block | None = None
+) -> str:
     """Write image_points.csv whole and atomically, in place of the one before.
 
     Parameters
@@ -154,6 +162,9 @@ def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> str:
         The block folder.
     points
         Rows in file order; their coordinates are read back exactly.
+    block
+        The block that they belong to: its cameras say what is written where they have pixels or
+        a lens.
 
     Returns
     -------
@@ -166,7 +177,7 @@ def write_image_points(folder: Path, points: Iterable[ImagePoint]) -> str:
         A row that could not be read again, or the file could not be written; the old one stays.
     """
     path = folder / IMAGE_POINTS_CSV
-    data = _image_points_data(path, points)
+    data = _image_points_data(path, points, block)
     replace_whole(path, data)
     return _digest(data)
 
@@ -176,8 +187,8 @@ def clear_image_points(folder: Path) -> None:
     clear_left_over(folder / IMAGE_POINTS_CSV)
 
 
-def _image_points_data(path: Path, points: Iterable[ImagePoint]) -> bytes:
-    return _bounded(path, format_image_points(points).encode(), MAX_CSV_BYTES)
+def _image_points_data(path: Path, points: Iterable[ImagePoint], block: Block | None) -> bytes:
+    return _bounded(path, format_image_points(points, block).encode(), MAX_CSV_BYTES)
 
 
 def write_control(
@@ -270,7 +281,7 @@ def write_block(folder: Path, block: Block) -> None:
         raise InputError(f"{place(there)}: exists already and is not overwritten")
     with all_or_nothing():
         make_folder(folder)
-        create_whole(points, _image_points_data(points, block.image_points))
+        create_whole(points, _image_points_data(points, block.image_points, block))
         if block.control or block.priors:
             write_control(folder, block.control, block.priors)
         write_new_block(folder, block)

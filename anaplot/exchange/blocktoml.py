@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from anaplot.aliases import TestKind
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import (
     FRAME,
+    LENS,
     camera_path,
     format_camera,
+    lens_lines,
     parse_camera,
     read_camera,
 )
@@ -27,8 +30,10 @@ from anaplot.photogrammetry.block import (
     Strip,
     TestSettings,
     TieVariance,
+    in_pixels,
 )
 from anaplot.photogrammetry.photorange import photo_range
+from anaplot.photogrammetry.selection import model_name
 from anaplot.textfiles.kinds import (
     FRACTION,
     NAME,
@@ -36,6 +41,7 @@ from anaplot.textfiles.kinds import (
     PHOTO,
     POSITIVE,
     Fields,
+    Items,
     Keys,
     Kind,
     KnownName,
@@ -44,6 +50,7 @@ from anaplot.textfiles.kinds import (
     Number,
     Numbers,
     Text,
+    Whole,
     Word,
 )
 from anaplot.textfiles.tomltable import TomlTable, parse_toml
@@ -62,6 +69,7 @@ __all__ = [
 ]
 
 BLOCK_FORMAT = 1
+MAX_PIXELS = 1_000_000
 
 _ANGLES = ("omega", "phi", "kappa")
 _UNITS = {"deg": math.pi / 180.0, "gon": math.pi / 200.0, "rad": 1.0}
@@ -84,6 +92,11 @@ _PRECISION: Fields = {
 _TEST: Fields = {"kind": Word(*get_args(TestKind)), "alpha": FRACTION, "power": FRACTION}
 _CAMERA: Fields = {"id": NAME, "c": POSITIVE}
 _SIGMAS: Fields = {"position_sigma": Numbers(3, POSITIVE), "rotation_sigma": _rotation(POSITIVE)}
+_PIXELS: Fields = {
+    "pixels": Made(Items(Whole(1, MAX_PIXELS), Whole(1, MAX_PIXELS)), lambda found: tuple(found)),
+    "pixel_um": POSITIVE,
+    "principal_px": Numbers(2),
+}
 _PHOTO: Fields = {"position": Numbers(3), "rotation": ROTATION, **_SIGMAS}
 
 
@@ -123,6 +136,10 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
         raise root.fail("no photo: with several cameras each photo is declared in a [[photo]]")
     if only is not None:
         photos = with_photos(photos, (name for strip in strips for name in strip.photos), only)
+    models: dict[str, tuple[str, str]] = {}
+    for pair in (pair for strip in strips for pair in strip.models()):
+        if models.setdefault(model_name(*pair), pair) != pair:
+            raise root.fail(f"two models would be called {quoted(model_name(*pair))}", "strip")
     return Block(
         name=name,
         precision=precision,
@@ -176,8 +193,16 @@ def format_block_toml(block: Block) -> str:
             raise InputError(
                 f"camera {quoted(camera.id)} cannot be written: its calibration has no file"
             )
-        if camera.format is not None:
+        if camera.pixels is not None:
+            lines.append(f"pixels = [{camera.pixels[0]}, {camera.pixels[1]}]")
+            if camera.pixel_um is not None:
+                lines.append(f"pixel_um = {toml_number(camera.pixel_um)}")
+            if camera.principal_px is not None:
+                lines.append(f"principal_px = {toml_numbers(*camera.principal_px)}")
+        elif camera.format is not None:
             lines.append(f"format = {toml_numbers(*camera.format)}")
+        if camera.lens is not None and camera.file is None:
+            lines += ["[camera.lens]", *lens_lines(camera.lens)]
     for strip in block.strips:
         photos = ", ".join(toml_text(photo) for photo in strip.photos)
         lines += ["", "[[strip]]", f"id = {toml_text(strip.id)}", f"photos = [{photos}]"]
@@ -228,8 +253,11 @@ def _pattern(folder: Path, name: str) -> str:
 
 def _camera(folder: Path, files: Mapping[str, str], table: TomlTable) -> Camera:
     if "file" not in table:
-        return Camera(**table.take(_CAMERA, {"format": FRAME}, also=("file",)))
-    stated = table.take({"file": Text()}, {**_CAMERA, "format": FRAME})
+        more: Fields = {"format": FRAME, **_PIXELS}
+        stated = table.take(_CAMERA, more, also=("file", "lens"))
+        lens = table.get("lens", LENS) if "lens" in table else None
+        return _with_pixels(table, Camera(stated["id"], stated["c"], lens=lens), stated)
+    stated = table.take({"file": Text()}, {**_CAMERA, "format": FRAME, **_PIXELS}, also=("lens",))
     file = stated["file"]
     path = table.get("file", Made(Text(), partial(camera_path, folder)))
     calibration = parse_camera(files[file], path) if file in files else read_camera(path)
@@ -238,9 +266,22 @@ def _camera(folder: Path, files: Mapping[str, str], table: TomlTable) -> Camera:
         here, there = stated.get(key), getattr(calibration, key)
         if here is not None and there is not None and here != there:
             raise table.fail(f"{_shown(here)}, but {quoted(file)} says {_shown(there)}", key)
-    return Camera(
-        calibration.id, calibration.c, stated.get("format", calibration.format), calibration, file
-    )
+    if "lens" in table:
+        raise table.fail(f"beside file: {quoted(file)} states the lens", "lens")
+    camera = Camera(calibration.id, calibration.c, calibration.format, calibration, file)
+    return _with_pixels(table, replace(camera, lens=calibration.lens), stated)
+
+
+def _with_pixels(table: TomlTable, camera: Camera, stated: Mapping[str, Any]) -> Camera:
+    """Return a camera with its pixels, which are its format."""
+    if "pixels" not in stated:
+        stray = next((key for key in ("pixel_um", "principal_px") if key in stated), None)
+        if stray is not None:
+            raise table.fail(f"{stray} without pixels", stray)
+        return replace(camera, format=stated.get("format", camera.format))
+    if "format" in stated:
+        raise table.fail("beside pixels, which state it: only one of them", "format")
+    return in_pixels(camera, stated["pixels"], stated.get("pixel_um"), stated.get("principal_px"))
 
 
 def _shown(value: object) -> str:

@@ -12,6 +12,9 @@
     2 = [106.000, 105.998]
     [distortion]
     table = [[20.0, 1.5], [40.0, 2.2]]  # radius [mm], dr [um]; see `distortion`
+    [lens]                              # instead of [distortion]: from ideal to measured
+    model = "brown"
+    k1 = -0.05                          # also k2, k3, p1, p2, b1, b2, of coordinates divided by c
 
 dr is subtracted from the measured radius to give the ideal one. A certificate that states nothing
 but distances between fiducials has, instead of [fiducials],
@@ -31,20 +34,28 @@ from typing import Any
 
 from anaplot.errors import InputError
 from anaplot.exchange.distortion import distortion_lines, read_distortion
-from anaplot.photogrammetry.camera import CameraCalibration, Fiducial, FiducialDistance
+from anaplot.photogrammetry.camera import (
+    BrownLens,
+    CameraCalibration,
+    Fiducial,
+    FiducialDistance,
+)
 from anaplot.photogrammetry.refinement import Refinement
 from anaplot.textfiles.inputfile import read_text
 from anaplot.textfiles.kinds import (
     NAME,
+    NUMBER,
     POSITIVE,
     TABLE,
     Fields,
     Items,
     Keys,
+    Kind,
     ListOf,
     Made,
     MapOf,
     Numbers,
+    Word,
 )
 from anaplot.textfiles.tomltable import TomlTable, parse_toml
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
@@ -54,9 +65,11 @@ from anaplot.textfiles.wording import place, plain, quoted
 __all__ = [
     "CAMERA_FORMAT",
     "FRAME",
+    "LENS",
     "MAX_CAMERA_BYTES",
     "camera_path",
     "format_camera",
+    "lens_lines",
     "parse_camera",
     "read_camera",
     "write_camera",
@@ -109,6 +122,11 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
     if "fiducials" in root and not fiducials:
         raise root.fail("is empty", "fiducials")
     distances = _distances(root.table("distances")) if "distances" in root else {}
+    if "lens" in root and "distortion" in root:
+        raise root.fail("[lens] beside [distortion]: only one of them", "lens")
+    lens = root.get("lens", LENS) if "lens" in root else None
+    if lens is not None and "symmetry_point" in camera:
+        raise root.fail("beside [lens], which is about the principal point", *_SYMMETRY)
     distortion = read_distortion(root.table("distortion"), c)
     made = CameraCalibration(
         id=camera["id"],
@@ -117,13 +135,14 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
         format=size,
         fiducials=fiducials,
         symmetry_point=symmetry,
+        lens=lens,
         **distances,
         **distortion,
     )
     try:
         Refinement.of(made)
     except InputError as error:
-        raise root.fail(str(error), "distortion") from None
+        raise root.fail(str(error), "distortion" if lens is None else "lens") from None
     return made
 
 
@@ -182,8 +201,18 @@ def format_camera(calibration: CameraCalibration) -> str:
             for d in calibration.distances
         ]
         lines.append("]")
+    if calibration.lens is not None:
+        lines += ["", "[lens]", *lens_lines(calibration.lens)]
+        return "\n".join(lines) + "\n"
     lines += ["", *distortion_lines(calibration)]
     return "\n".join(lines) + "\n"
+
+
+def lens_lines(lens: BrownLens) -> list[str]:
+    """Return the lines of a [lens] table: every coefficient that is not 0."""
+    pairs = zip(_COEFFICIENTS, lens.coefficients, strict=True)
+    stated = [f"{name} = {toml_number(value)}" for name, value in pairs if value]
+    return ['model = "brown"', *stated]
 
 
 def write_camera(path: Path, calibration: CameraCalibration, remark: str = "") -> None:
@@ -250,6 +279,19 @@ _DISTANCE = Made(Items(NAME, NAME, POSITIVE), lambda items: FiducialDistance(*it
 FRAME = Numbers(2, POSITIVE)
 """A camera's format: width and height [mm]."""
 
+_SYMMETRY = ("camera", "symmetry_point")
+_COEFFICIENTS = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
+
+
+def _lens(found: dict[str, Any]) -> BrownLens:
+    return BrownLens(**{name: found[name] for name in _COEFFICIENTS if name in found})
+
+
+LENS: Kind[BrownLens] = Made(
+    Keys({"model": Word("brown")}, dict.fromkeys(_COEFFICIENTS, NUMBER)), _lens
+)
+"""A lens's table: its model and coefficients, each 0 where it is left out."""
+
 _CAMERA: Fields = {"id": NAME, "c": POSITIVE}
 _CAMERA_MORE: Fields = {
     "format": FRAME,
@@ -260,5 +302,6 @@ _TABLES: Fields = {
     "fiducials": MapOf(NAME, Numbers(2)),
     "distances": TABLE,
     "distortion": TABLE,
+    "lens": TABLE,
 }
 _DISTANCES: Fields = {"sigma_um": POSITIVE}

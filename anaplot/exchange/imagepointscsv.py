@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Strip
-from anaplot.photogrammetry.selection import model_name
-from anaplot.textfiles.csvtable import CsvColumns, csv_text, read_csv
+from anaplot.photogrammetry.measuredimage import (
+    has_lens,
+    ideal_rays,
+    measured_rays,
+    mm_of_pixels,
+    pixels_of_mm,
+)
+from anaplot.photogrammetry.selection import model_name, model_splits
+from anaplot.textfiles.csvtable import MAX_CSV_BYTES, CsvColumns, csv_text, read_csv
+from anaplot.textfiles.inputfile import open_input
 from anaplot.textfiles.kinds import (
     NAME,
     NUMBER,
@@ -25,9 +33,12 @@ from anaplot.textfiles.kinds import (
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import hint, quoted
 
-__all__ = ["format_image_points", "parse_image_points"]
+__all__ = ["format_image_points", "parse_image_points", "points_in_pixels"]
 
 _COLUMNS = ("photo", "point", "x", "y", "sigma_um", "model", "use", "reason")
+_PIXELS = ("x_px", "y_px")
+_HEADER = 10_000  # bytes
+_BESIDE = 0.5  # px that a coordinate may lie outside the image: programs differ by so much
 _USE = Word("xy", "x", "y", "off")
 
 
@@ -76,8 +87,6 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
         {
             "photo": PHOTO if named_here else KnownName("photo", of_photo),
             "point": NAME,
-            "x": NUMBER,
-            "y": NUMBER,
         },
         {
             "sigma_um": Blank(POSITIVE),
@@ -85,18 +94,34 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
             "use": Blank(_USE),
             "reason": Blank(_REASON),
         },
+        [{"x": NUMBER, "y": NUMBER}, dict.fromkeys(_PIXELS, NUMBER)],
     )
     if named_here:
         of_photo.update(dict.fromkeys(table["photo"], block.cameras[0]))
-    _check_inside(table, of_photo)
+    measured = _take_off_lenses(table, of_photo)
     _check_models(table, of_photo, block.strips)
     table.refuse_twice("point", "photo", "model")
     table["use"][:] = [use or "xy" for use in table["use"]]
-    return tuple(map(ImagePoint, *(table[name] for name in _COLUMNS)))
+    columns = [table[name] for name in _COLUMNS]
+    return tuple(map(ImagePoint, *columns, measured))
 
 
-def format_image_points(points: Iterable[ImagePoint]) -> str:
+def points_in_pixels(path: Path) -> bool:
+    """Return whether an image_points.csv that could be read has x_px, y_px instead of x, y."""
+    with open_input(path, MAX_CSV_BYTES) as file:
+        return _PIXELS[0].encode() in file.readline(_HEADER)
+
+
+def format_image_points(points: Iterable[ImagePoint], block: Block | None = None) -> str:
     """Return the text of an image_points.csv.
+
+    Parameters
+    ----------
+    points
+        The rows.
+    block
+        Says which cameras they are seen with, and whether they are written in pixels; None: all
+        are ideal coordinates, in mm.
 
     Coordinates are written with the fewest digits that are read back as the same number; the
     columns sigma_um, use and reason only where a row needs them.
@@ -117,10 +142,104 @@ def format_image_points(points: Iterable[ImagePoint]) -> str:
     usual = {"sigma_um": None, "use": "xy", "reason": None}
     columns = [
         name
-        for name in _COLUMNS
+        for name in _COLUMNS[4:]
         if name not in usual or any(getattr(row, name) != usual[name] for row in rows)
     ]
-    return csv_text(columns, ([getattr(row, name) for name in columns] for row in rows))
+    places = _as_measured(rows, block)
+    xy = _PIXELS if block is not None and block.in_pixels else ("x", "y")
+    return csv_text(
+        ("photo", "point", *xy, *columns),
+        (
+            (row.photo, row.point, *place, *(getattr(row, name) for name in columns))
+            for row, place in zip(rows, places, strict=True)
+        ),
+    )
+
+
+def _as_measured(rows: Sequence[ImagePoint], block: Block | None) -> list[tuple[float, float]]:
+    """Return what is written of rows: what was read, else what their cameras make of x and y."""
+    out = [(row.x, row.y) if row.measured is None else row.measured for row in rows]
+    if block is None:
+        stray = next((row for row in rows if row.measured is not None), None)
+        if stray is not None:
+            raise _unwritable(stray, "it was measured in pixels, or through a lens")
+        return out
+    cameras = {camera.id: camera for camera in block.cameras}
+    of_photo = {photo.id: photo.camera for photo in block.photos}
+    wanting: dict[str, list[int]] = {}
+    for k, row in enumerate(rows):
+        camera = cameras[of_photo[row.photo]]
+        if row.measured is None and (block.in_pixels or has_lens(camera)):
+            wanting.setdefault(camera.id, []).append(k)
+    for name, mine in wanting.items():
+        camera = cameras[name]
+        if block.in_pixels and camera.pixels is None:
+            raise _unwritable(rows[mine[0]], f"camera {quoted(name)} has no pixels")
+        places = measured_rays(camera, [(rows[k].x, rows[k].y) for k in mine])
+        if block.in_pixels:
+            places = pixels_of_mm(camera, places)
+        for k, (x, y) in zip(mine, places.tolist(), strict=True):
+            out[k] = x, y
+    return out
+
+
+def _take_off_lenses(
+    table: CsvColumns, cameras: Mapping[str, Camera]
+) -> list[tuple[float, float] | None]:
+    """Make the columns x and y ideal; return what was measured, where that is something else.
+
+    Raises
+    ------
+    InputError
+        A coordinate that the photo's camera cannot have, or no camera sees.
+    """
+    pixels = _PIXELS[0] in table.header
+    measured: list[tuple[float, float] | None] = [None] * len(table)
+    if not pixels:
+        _check_inside(table, cameras)
+    if not pixels and not any(map(has_lens, cameras.values())):
+        return measured
+    by_camera: dict[str, list[int]] = {}
+    for row, photo in enumerate(table["photo"]):
+        by_camera.setdefault(cameras[photo].id, []).append(row)
+    if pixels:
+        table["x"][:], table["y"][:] = table[_PIXELS[0]], table[_PIXELS[1]]
+    xs, ys = table["x"], table["y"]
+    known = {camera.id: camera for camera in cameras.values()}
+    for name, rows in by_camera.items():
+        camera = known[name]
+        if not pixels and not has_lens(camera):
+            continue
+        if pixels:
+            _check_pixels(table, rows, camera)
+        places = [(xs[row], ys[row]) for row in rows]
+        raw = mm_of_pixels(camera, places) if pixels else places
+        ideal = ideal_rays(camera, raw).tolist()
+        for row, place, (x, y) in zip(rows, places, ideal, strict=True):
+            if math.isnan(x) or math.isnan(y):
+                what = f"the lens of camera {quoted(name)} images nothing there"
+                raise table.fail(row, _PIXELS[0] if pixels else "x", what)
+            measured[row] = place
+            xs[row], ys[row] = x, y
+    return measured
+
+
+def _check_pixels(table: CsvColumns, rows: Sequence[int], camera: Camera) -> None:
+    """Refuse pixels of a camera that has none, and pixels outside the image."""
+    if camera.pixels is None:
+        raise table.fail(
+            rows[0], _PIXELS[0], f"camera {quoted(camera.id)} states no pixels = [width, height]"
+        )
+    for name, most in zip(_PIXELS, camera.pixels, strict=True):
+        column = table[name]
+        for row in rows:
+            if not -_BESIDE <= column[row] <= most + _BESIDE:
+                raise table.fail(
+                    row,
+                    name,
+                    f"{column[row]:g} px lies outside the image of camera {quoted(camera.id)} "
+                    f"(0 to {most} px)",
+                )
 
 
 def _check_inside(table: CsvColumns, cameras: Mapping[str, Camera]) -> None:
@@ -162,9 +281,13 @@ def _check_models(table: CsvColumns, photos: Iterable[str], strips: Collection[S
 def _model_fault(
     photo: str, model: str, known: Mapping[str, Collection[str]], in_strip: bool
 ) -> str | None:
-    left, slash, right = model.partition("/")
-    if not slash or "/" in right or not left or not right:
+    splits = model_splits(model)
+    if not splits:
         return f"{quoted(model)} must be of the form left/right"
+    fits = [split for split in splits if split[0] in known and split[1] in known]
+    if len(fits) > 1 and not in_strip:
+        return f"{quoted(model)}: slashes in names of photos: more than one pair is meant"
+    left, right = fits[0] if fits else splits[0]
     for name in (left, right):
         if name not in known:
             return f"{quoted(model)}: unknown photo {quoted(name)}{hint(name, known)}"
@@ -179,15 +302,15 @@ def _model_fault(
 
 
 def _check_writable(row: ImagePoint) -> None:
-    for what, name, is_photo in (("photo", row.photo, True), ("point", row.point, False)):
-        fault = name_fault(name, photo=is_photo)
+    for what, name in (("photo", row.photo), ("point", row.point)):
+        fault = name_fault(name)
         if fault is not None:
             raise _unwritable(row, f"its {what} name {fault}")
     if row.model is not None:
-        parts = row.model.split("/")
-        if len(parts) != 2 or any(name_fault(part, photo=True) for part in parts):
+        splits = [s for s in model_splits(row.model) if not any(map(name_fault, s))]
+        if not splits:
             raise _unwritable(row, "its model is not of the form left/right")
-        if row.photo not in parts:
+        if not any(row.photo in split for split in splits):
             raise _unwritable(row, "its model does not contain its photo")
     if not (math.isfinite(row.x) and math.isfinite(row.y)):
         raise _unwritable(row, "its coordinates are not finite")

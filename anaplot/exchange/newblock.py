@@ -35,6 +35,7 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.nominalcameras import NOMINAL_CAMERAS
 from anaplot.photogrammetry.photorange import photo_range, split_range
+from anaplot.photogrammetry.selection import model_splits
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
 from anaplot.textfiles.wholefile import all_or_nothing, make_folder
@@ -165,8 +166,8 @@ def strip_of(text: str, number: int) -> Strip:
         raise InputError(
             f"strip {quoted(text)}: fewer than 2 photos (FIRST-LAST, or names with commas)"
         )
-    for what, one, photo in (("strip", name, False), *(("photo", p, True) for p in photos)):
-        fault = name_fault(one, photo=photo)
+    for what, one in (("strip", name), *(("photo", p) for p in photos)):
+        fault = name_fault(one)
         if fault is not None:
             raise InputError(f"strip {quoted(text)}: the {what} name {quoted(one)} {fault}")
     twice = next((photo for photo in photos if photos.count(photo) > 1), None)
@@ -198,8 +199,11 @@ def _several_ranges(parts: Sequence[str]) -> bool:
 def strips_of_models(rows: Iterable[ImagePoint]) -> tuple[Strip, ...]:
     """Return the strips that the models of image points make: each goes on where one ended."""
     chains: list[list[str]] = []
+    rows = tuple(rows)
+    photos = {row.photo for row in rows}
     for name in dict.fromkeys(row.model for row in rows if row.model is not None):
-        left, _, right = name.partition("/")
+        splits = model_splits(name)
+        left, right = next((one for one in splits if photos.issuperset(one)), splits[0])
         after = next((chain for chain in chains if chain[-1] == left), None)
         before = next((chain for chain in chains if chain[0] == right), None)
         if after is not None and after is before:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, cast
 
 from anaplot.aliases import TestKind
-from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.photogrammetry.camera import BrownLens, CameraCalibration
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.photogrammetry.posterior import Posterior
 
@@ -26,6 +26,7 @@ __all__ = [
     "TestSettings",
     "TieVariance",
     "Use",
+    "in_pixels",
 ]
 
 Use = Literal["xy", "x", "y", "off"]
@@ -52,6 +53,15 @@ class Camera:
         Content of the camera's file: fiducials, principal point, distortion; or None.
     file
         Name of that file as block.toml gives it, or None.
+    pixels
+        Width and height of its images [px], or None: then nothing is measured in pixels.
+    pixel_um
+        Size of a pixel [um], or None: not stated. It counts as 1, and lengths are shown in px.
+    principal_px
+        Principal point [px] from the upper left corner of the upper left pixel, y down; None: the
+        middle of the image.
+    lens
+        What stands between ideal image coordinates and measured ones, or None.
     """
 
     id: str
@@ -59,6 +69,21 @@ class Camera:
     format: tuple[float, float] | None = None
     calibration: CameraCalibration | None = None
     file: str | None = None
+    pixels: tuple[int, int] | None = None
+    pixel_um: float | None = None
+    principal_px: tuple[float, float] | None = None
+    lens: BrownLens | None = None
+
+    @property
+    def pixel_mm(self) -> float:
+        """Size of a pixel [mm]; a thousandth where none is stated."""
+        return 1e-3 * (1.0 if self.pixel_um is None else self.pixel_um)
+
+    @property
+    def lens_parameters(self) -> tuple[float, ...]:
+        """(10,) c, x0, y0, k1, k2, k3, p1, p2, b1, b2 as block.toml states them [mm, 1]."""
+        lens = (0.0,) * 7 if self.lens is None else self.lens.coefficients
+        return (self.c, 0.0, 0.0, *lens)
 
     def reach(self) -> tuple[float, float]:
         """Return the largest abs(x) and abs(y) [mm] that a coordinate in this camera can have.
@@ -68,6 +93,17 @@ class Camera:
         if self.format is None:
             return 4.0 * self.c, 4.0 * self.c
         return self.format[0] / 2.0, self.format[1] / 2.0
+
+
+def in_pixels(
+    camera: Camera,
+    pixels: tuple[int, int],
+    pixel_um: float | None = None,
+    principal_px: tuple[float, float] | None = None,
+) -> Camera:
+    """Return a camera whose images have pixels; their size is its format."""
+    made = replace(camera, pixels=pixels, pixel_um=pixel_um, principal_px=principal_px)
+    return replace(made, format=(pixels[0] * made.pixel_mm, pixels[1] * made.pixel_mm))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +161,7 @@ class ImagePoint:
     photo, point
         Names.
     x, y
-        Image coordinates [mm].
+        Image coordinates [mm], ideal ones: where the camera has a lens, it is taken off.
     sigma_um
         A-priori standard deviation [um] of either coordinate, or None for the block's default.
     model
@@ -134,6 +170,9 @@ class ImagePoint:
         Which of its coordinates count: "xy", "x", "y" or "off".
     reason
         Why, in the words of the person who decided; or None.
+    measured
+        What stands in the file instead of x, y, where pixels or a lens are between: it is written
+        again as it was read, and nothing is computed from it.
     """
 
     photo: str
@@ -144,6 +183,7 @@ class ImagePoint:
     model: str | None = None
     use: Use = "xy"
     reason: str | None = None
+    measured: tuple[float, float] | None = field(default=None, compare=False)
 
     def counts(self, axis: str) -> bool:
         """Return whether a coordinate, "x" or "y", counts."""
@@ -297,6 +337,8 @@ class Block:
         With what it is measured.
     given
         What an earlier adjustment says of its points and photos, or None: no part of the folder.
+    in_pixels
+        Whether image_points.csv has x_px, y_px instead of x, y.
     """
 
     name: str
@@ -311,6 +353,7 @@ class Block:
     priors: tuple[PointPrior, ...] = field(default=(), repr=False)
     measuring: Measuring = Measuring()
     given: Posterior | None = field(default=None, repr=False, compare=False)
+    in_pixels: bool = False
     _camera_ids: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

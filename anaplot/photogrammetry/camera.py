@@ -7,6 +7,7 @@ from math import fsum
 from typing import NamedTuple, Self
 
 __all__ = [
+    "BrownLens",
     "CameraCalibration",
     "Fiducial",
     "FiducialDistance",
@@ -29,6 +30,31 @@ class FiducialDistance(NamedTuple):
     first: str
     second: str
     mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class BrownLens:
+    """A lens as computer vision states it: from ideal to measured coordinates (COLMAP's OPENCV).
+
+    Attributes
+    ----------
+    k1, k2, k3, p1, p2, b1, b2
+        On coordinates divided by c, about the principal point; p1 and p2 with y down
+        (`photogrammetry/lens.py`).
+    """
+
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    b1: float = 0.0
+    b2: float = 0.0
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """(7,) k1, k2, k3, p1, p2, b1, b2."""
+        return self.k1, self.k2, self.k3, self.p1, self.p2, self.b1, self.b2
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +143,9 @@ class CameraCalibration:
     symmetry_point
         About which point [mm] of the fiducial system all distortion is, or None: the principal
         point.
+    lens
+        What stands between ideal coordinates and those that are measured about the principal
+        point, instead of `radial` and `decentring`; or None.
     """
 
     id: str
@@ -129,6 +158,7 @@ class CameraCalibration:
     radial: RadialPolynomial | RadialTable | None = None
     decentring: tuple[float, float] = (0.0, 0.0)
     symmetry_point: tuple[float, float] | None = None
+    lens: BrownLens | None = None
 
     def fiducial_names(self) -> tuple[str, ...]:
         """Return the names of all fiducials, in the order in which the certificate names them."""

@@ -3,10 +3,13 @@
 With u = (x, y) / c the ideal coordinates about the principal point, y up as everywhere here, and
 r^2 = u_x^2 + u_y^2, the measured coordinates are
 
-    x = x0 + c (u_x L + 2 p1' u_x u_y + p2 (r^2 + 2 u_x^2)) + b1 c u_x + b2 c u_y
-    y = y0 + c (u_y L + p1' (r^2 + 2 u_y^2) + 2 p2 u_x u_y),   L = 1 + k1 r^2 + k2 r^4 + k3 r^6,
+    d_x = u_x L + 2 p1' u_x u_y + p2 (r^2 + 2 u_x^2),   L = 1 + k1 r^2 + k2 r^4 + k3 r^6,
+    d_y = u_y L + p1' (r^2 + 2 u_y^2) + 2 p2 u_x u_y
+    x = x0 + c (d_x + b1 d_x + b2 d_y)
+    y = y0 + c d_y,
 
-Brown's (1971) model in the sense of COLMAP's OPENCV family. There y is down; p1' = -p1 turns it.
+Brown's (1971) model in the sense of COLMAP's OPENCV family, where f_x = c (1 + b1) and f_y = c, and
+of Metashape's. There y is down; p1' = -p1 turns it, and b2 changes its sign as well in Metashape's.
 Every term is taken about the principal point, and follows it.
 """
 
@@ -17,8 +20,13 @@ from typing import NamedTuple
 import numpy as np
 
 from anaplot.aliases import Array
+from anaplot.photogrammetry.planar import as_points, solve_pairs
 
-__all__ = ["LENS_PARAMETERS", "LensImage", "through_lens"]
+__all__ = ["LENS_PARAMETERS", "LensImage", "through_lens", "without_lens"]
+
+_HALVINGS = 20  # of the interval in which a radius lies; Newton's steps do the rest
+_STEPS = 20
+_CLOSED = 1e-12  # between a place and that of its direction, relative to c
 
 
 LENS_PARAMETERS = ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "b1", "b2")
@@ -62,20 +70,93 @@ def through_lens(direction: Array, parameters: Array) -> LensImage:
     slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))  # d radial / d x = slope x
     xy2 = 2.0 * x * y
     rx, ry = r2 + 2.0 * x * x, r2 + 2.0 * y * y
-    u = x * radial - p1 * xy2 + p2 * rx + b1 * x + b2 * y
-    v = y * radial - p1 * ry + p2 * xy2
+    dx = x * radial - p1 * xy2 + p2 * rx
+    dy = y * radial - p1 * ry + p2 * xy2
+    u, v = dx + b1 * dx + b2 * dy, dy
     by_direction = np.empty((n, 2, 2))
-    by_direction[:, 0, 0] = c * (radial + slope * x * x - 2.0 * p1 * y + 6.0 * p2 * x + b1)
-    by_direction[:, 0, 1] = c * (slope * x * y - 2.0 * p1 * x + 2.0 * p2 * y + b2)
-    by_direction[:, 1, 0] = c * (slope * x * y - 2.0 * p1 * x + 2.0 * p2 * y)
-    by_direction[:, 1, 1] = c * (radial + slope * y * y - 6.0 * p1 * y + 2.0 * p2 * x)
+    across = slope * x * y - 2.0 * p1 * x + 2.0 * p2 * y
+    x_by_x = radial + slope * x * x - 2.0 * p1 * y + 6.0 * p2 * x
+    y_by_y = radial + slope * y * y - 6.0 * p1 * y + 2.0 * p2 * x
+    by_direction[:, 0, 0] = c * ((1.0 + b1) * x_by_x + b2 * across)
+    by_direction[:, 0, 1] = c * ((1.0 + b1) * across + b2 * y_by_y)
+    by_direction[:, 1, 0] = c * across
+    by_direction[:, 1, 1] = c * y_by_y
     by_parameter = np.zeros((n, 2, 10))
     by_parameter[:, :, 0] = np.stack((u, v), axis=1)
     by_parameter[:, 0, 1] = by_parameter[:, 1, 2] = 1.0
+    skewed = (1.0 + b1) * x + b2 * y
     for k in range(3):
-        by_parameter[:, :, 3 + k] = (c * r2 ** (k + 1))[:, None] * direction
-    by_parameter[:, 0, 6], by_parameter[:, 1, 6] = -c * xy2, -c * ry
-    by_parameter[:, 0, 7], by_parameter[:, 1, 7] = c * rx, c * xy2
-    by_parameter[:, 0, 8], by_parameter[:, 0, 9] = c * x, c * y
+        power = c * r2 ** (k + 1)
+        by_parameter[:, 0, 3 + k], by_parameter[:, 1, 3 + k] = power * skewed, power * y
+    by_parameter[:, 0, 6], by_parameter[:, 1, 6] = -c * ((1.0 + b1) * xy2 + b2 * ry), -c * ry
+    by_parameter[:, 0, 7], by_parameter[:, 1, 7] = c * ((1.0 + b1) * rx + b2 * xy2), c * xy2
+    by_parameter[:, 0, 8], by_parameter[:, 0, 9] = c * dx, c * dy
     xy = np.stack((x0 + c * u, y0 + c * v), axis=1)
     return LensImage(xy, by_direction, by_parameter)
+
+
+def without_lens(xy: Array, parameters: Array) -> Array:
+    """Return the directions of rays that are measured through a lens: `through_lens` undone.
+
+    Parameters
+    ----------
+    xy
+        (n, 2) measured coordinates [mm].
+    parameters
+        (10,) `LENS_PARAMETERS` of one lens.
+
+    Returns
+    -------
+    ndarray
+        (n, 2) ideal coordinates divided by c, y up; NaN where no direction within the lens's
+        first fold, beyond which it sees everything twice, is measured there.
+    """
+    measured = as_points(xy)
+    c, x0, y0, k1, k2, k3, _, _, b1, b2 = parameters
+    dy = (measured[:, 1] - y0) / c
+    bent = np.column_stack((((measured[:, 0] - x0) / c - b2 * dy) / (1.0 + b1), dy))
+    if not np.any(parameters[3:8]):
+        return bent
+    fold = _fold(k1, k2, k3)
+    radius = np.hypot(*bent.T)
+    low, high = np.zeros(len(bent)), np.full(len(bent), min(fold, 1e6))
+    if not np.isfinite(fold):
+        # without a fold the measured radius grows with the true one: twice as far until it holds
+        high = np.maximum(2.0 * radius, 1e-9)
+        for _ in range(60):
+            short = _radial(high, k1, k2, k3) < radius
+            if not short.any():
+                break
+            high[short] *= 2.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        short = _radial(middle, k1, k2, k3) < radius
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    scale = np.divide(0.5 * (low + high), radius, out=np.ones_like(radius), where=radius > 0.0)
+    direction = bent * scale[:, None]
+    with np.errstate(all="ignore"):
+        for _ in range(_STEPS):
+            seen = through_lens(direction, parameters)
+            step = solve_pairs(seen.by_direction, seen.xy - measured)
+            direction = direction - step
+            if not (np.abs(step) > 1e-16 * (1.0 + np.abs(direction))).any():
+                break
+        seen = through_lens(direction, parameters)
+        gap = np.abs(seen.xy - measured).max(axis=1, initial=0.0)
+        reach = np.abs(measured).max(axis=1, initial=0.0) + abs(c)
+        upright = np.linalg.det(seen.by_direction) * (1.0 + b1) > 0.0
+        good = (gap <= _CLOSED * reach) & upright & (np.hypot(*direction.T) <= 1.001 * fold)
+    return np.where(good[:, None], direction, np.nan)
+
+
+def _radial(r: Array, k1: float, k2: float, k3: float) -> Array:
+    r2 = r * r
+    out: Array = r * (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)))
+    return out
+
+
+def _fold(k1: float, k2: float, k3: float) -> float:
+    """Return the radius, divided by c, from which on a lens folds the image back; or infinity."""
+    squares = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
+    real = squares.real[(np.abs(squares.imag) < 1e-9 * np.abs(squares)) & (squares.real > 0.0)]
+    return float(np.sqrt(real.min())) if real.size else np.inf

@@ -3,7 +3,9 @@
 ideal = measured - principal point - distortion, the distortion taken at the measured place
 (Brown 1966 for the decentring part). In d = measured - point of symmetry, which is the principal
 point where a camera states no other, r = abs(d): radial distortion is dr(r) d / r, decentring
-distortion (P1 (r^2 + 2 x^2) + 2 P2 x y, P2 (r^2 + 2 y^2) + 2 P1 x y).
+distortion (P1 (r^2 + 2 x^2) + 2 P2 x y, P2 (r^2 + 2 y^2) + 2 P1 x y). A camera whose file states a
+[lens] has that instead, and it goes the other way: from the ideal place to the measured one
+(`photogrammetry/lens.py`).
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.camera import CameraCalibration, RadialPolynomial, RadialTable
+from anaplot.photogrammetry.lens import through_lens, without_lens
 from anaplot.photogrammetry.planar import as_points, solve_pairs
 
 __all__ = ["Refinement"]
@@ -43,12 +46,15 @@ class Refinement:
         P1, P2 [mm^-1].
     symmetry_point
         [mm] in the fiducial system, or None: the principal point.
+    lens
+        (10,) `LENS_PARAMETERS` about the principal point, instead of all this; or None.
     """
 
     principal_point: tuple[float, float] = (0.0, 0.0)
     radial: RadialPolynomial | RadialTable | None = None
     decentring: tuple[float, float] = (0.0, 0.0)
     symmetry_point: tuple[float, float] | None = None
+    lens: tuple[float, ...] | None = None
 
     @classmethod
     def of(cls, calibration: CameraCalibration) -> Self:
@@ -60,11 +66,15 @@ class Refinement:
             The distortion folds the image within the format: two measured places would have the
             same ideal one.
         """
+        lens = None
+        if calibration.lens is not None:
+            lens = (calibration.c, 0.0, 0.0, *calibration.lens.coefficients)
         made = cls(
             calibration.principal_point,
             calibration.radial,
             calibration.decentring,
             calibration.symmetry_point,
+            lens,
         )
         made._refuse_fold(calibration)
         return made
@@ -80,9 +90,13 @@ class Refinement:
         Returns
         -------
         ndarray
-            (n, 2) [mm], origin at the principal point.
+            (n, 2) [mm], origin at the principal point; NaN where a lens images nothing.
         """
         measured = as_points(xy)
+        if self.lens is not None:
+            away = measured - np.array(self.principal_point)
+            direction: Array = without_lens(away, np.array(self.lens))
+            return direction * self.lens[0]
         distortion = self._distortion(measured - self._centre())[0]
         ideal: Array = measured - np.array(self.principal_point) - distortion
         return ideal
@@ -100,6 +114,13 @@ class Refinement:
         NotComputableError
             A place that no measured one refines to.
         """
+        if self.lens is not None:
+            ideal = as_points(xy)
+            seen = through_lens(ideal / self.lens[0], np.array(self.lens)).xy
+            laid: Array = seen + np.array(self.principal_point)
+            if not np.allclose(self.refine(laid), ideal, rtol=0.0, atol=1e-9):
+                raise NotComputableError("the lens folds the image at an ideal place")
+            return laid
         ideal = as_points(xy) + (np.array(self.principal_point) - self._centre())
         away = ideal.copy()
         for _ in range(_STEPS):
@@ -122,6 +143,10 @@ class Refinement:
     def jacobian(self, xy: Array) -> Array:
         """Return (n, 2, 2) derivatives of `refine` at (n, 2) measured coordinates [mm]."""
         away = as_points(xy) - self._centre()
+        if self.lens is not None:
+            seen = through_lens(without_lens(away, np.array(self.lens)), np.array(self.lens))
+            inverse = self.lens[0] * np.linalg.inv(seen.by_direction)
+            return np.asarray(inverse, dtype=np.float64)
         jacobian: Array = np.eye(2) - self._distortion(away)[1]
         return jacobian
 
@@ -166,6 +191,15 @@ class Refinement:
             reach = 0.5 * hypot(*calibration.format) + hypot(*self._centre())
         radius, angle = np.meshgrid(np.linspace(0.0, reach, 200), np.linspace(0.0, 2 * np.pi, 25))
         away = np.column_stack(((radius * np.cos(angle)).ravel(), (radius * np.sin(angle)).ravel()))
+        if self.lens is not None:
+            lost = np.isnan(without_lens(away, np.array(self.lens))).any(axis=1)
+            if lost.any():
+                where = float(np.hypot(*away[lost].T).min())
+                raise InputError(
+                    f"camera {calibration.id!r}: the lens images nothing at radius {where:.4g} mm: "
+                    f"its coefficients refer to coordinates divided by c"
+                )
+            return
         with np.errstate(over="ignore", invalid="ignore"):
             determinant = np.linalg.det(np.eye(2) - self._distortion(away)[1])
         folded = ~(determinant > 0.0)

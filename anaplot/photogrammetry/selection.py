@@ -7,12 +7,18 @@ from collections.abc import Iterable, Mapping
 from anaplot.aliases import RowKey
 from anaplot.photogrammetry.block import ImagePoint
 
-__all__ = ["measured_once", "model_name", "points_of", "rows_by_photo", "rows_off"]
+__all__ = ["measured_once", "model_name", "model_splits", "points_of", "rows_by_photo", "rows_off"]
 
 
 def model_name(left: str, right: str) -> str:
     """Return the name of a model, "left/right"."""
     return f"{left}/{right}"
+
+
+def model_splits(name: str) -> list[tuple[str, str]]:
+    """Return the left and right photos that a model's name can mean: names may hold slashes."""
+    at = [k for k, letter in enumerate(name) if letter == "/"]
+    return [(name[:k], name[k + 1 :]) for k in at if 0 < k < len(name) - 1]
 
 
 def rows_by_photo(image_points: Iterable[ImagePoint]) -> dict[str, list[ImagePoint]]:

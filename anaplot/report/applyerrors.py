@@ -127,11 +127,12 @@ def taken_back(rows: Iterable[ImagePoint], strategies: Iterable[str]) -> tuple[I
 
 
 def _write(folder: Path, before: tuple[ImagePoint, ...], rows: tuple[ImagePoint, ...]) -> None:
-    if read_block(folder).image_points != before:
+    block = read_block(folder)
+    if block.image_points != before:
         path = folder / "image_points.csv"
         raise InputError(f"{place(path)}: has changed meanwhile, nothing is written")
     if rows != before:
-        write_image_points(folder, rows)
+        write_image_points(folder, rows, block)
 
 
 @contextmanager

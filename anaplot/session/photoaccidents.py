@@ -18,6 +18,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.photolayout import PhotoPlace, laid_out, overlap
+from anaplot.photogrammetry.selection import model_name, model_splits
 from anaplot.session.modelstate import ModelState
 
 __all__ = [
@@ -112,14 +113,19 @@ def with_photos_exchanged(block: Block, first: str, second: str) -> Block:
     the photograph, so that every row stays that the block has a place for.
     """
     other = {first: second, second: first}
-    formed = {frozenset(m): "/".join(m) for strip in block.strips for m in strip.models()}
+    photos = {photo.id for photo in block.photos}
+    formed = {frozenset(m): model_name(*m) for strip in block.strips for m in strip.models()}
+    pairs = {name: both for both, name in formed.items()}
     of_photo = {p: [name for both, name in formed.items() if p in both] for p in other}
     kept: list[ImagePoint] = []
     waiting: list[ImagePoint] = []
     for row in block.image_points:
         model = row.model
-        if model is not None and set(model.split("/")) & set(other):
-            model = formed.get(frozenset(other.get(p, p) for p in model.split("/")))
+        if model is not None:
+            splits = (both for both in model_splits(model) if photos.issuperset(both))
+            both = pairs.get(model, next(splits, ()))
+            if not other.keys().isdisjoint(both):
+                model = formed.get(frozenset(other.get(p, p) for p in both))
         one = replace(row, photo=other.get(row.photo, row.photo), model=model)
         (kept if model == row.model or model is not None else waiting).append(one)
     taken = {(row.photo, row.point, row.model) for row in kept}

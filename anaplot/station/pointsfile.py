@@ -115,7 +115,7 @@ class PointsFile:
         self.once |= measured_once(models)
         rows = merged_rows(found, models, self.of_session, reasons, self.once)
         if rows != found:
-            digest = write_image_points(self._folder, rows)
+            digest = write_image_points(self._folder, rows, self.block)
         self.block = replace(self.block, image_points=rows)
         self._digest = digest
         self._written = models, reasons

@@ -35,7 +35,7 @@ def rebuild(replayed: Replayed, folder: Path) -> None:
     write_new_block(folder, _self_contained(replayed.block))
     rows = rows_of(replayed.state.models, replayed.state.reasons)
     if rows:
-        write_image_points(folder, rows)
+        write_image_points(folder, rows, replayed.block)
 
 
 def _self_contained(block: Block) -> Block:

@@ -32,11 +32,18 @@ class CsvColumns:
         Values by the name of the column.
     starts
         (row, line) where the lines begin to differ from the rows by another number.
+    header
+        The columns that the file has, in its order.
     """
 
     def __init__(
-        self, path: Path, columns: Mapping[str, list[Any]], starts: Sequence[tuple[int, int]]
+        self,
+        path: Path,
+        columns: Mapping[str, list[Any]],
+        starts: Sequence[tuple[int, int]],
+        header: Sequence[str],
     ) -> None:
+        self.header = tuple(header)
         self._path = path
         self._columns = columns
         self._starts = starts
@@ -71,7 +78,12 @@ class CsvColumns:
                 raise self.fail(row, None, f"{key[0]} {quoted(values[0])} twice{where} {lines}")
 
 
-def read_csv(path: Path, required: Fields, optional: Fields | None = None) -> CsvColumns:
+def read_csv(
+    path: Path,
+    required: Fields,
+    optional: Fields | None = None,
+    either: Sequence[Fields] = (),
+) -> CsvColumns:
     """Read a CSV file of declared columns, which may stand in any order.
 
     Blanks around fields and blank lines are left out.
@@ -83,6 +95,8 @@ def read_csv(path: Path, required: Fields, optional: Fields | None = None) -> Cs
     required, optional
         Kind of every column that must be there, and that may be: None in every row where it is
         left out.
+    either
+        Groups of columns of which one must be there, whole, and none of the others.
 
     Raises
     ------
@@ -91,12 +105,14 @@ def read_csv(path: Path, required: Fields, optional: Fields | None = None) -> Cs
         than the header, a quote is not closed in its line, or a field is not of its kind.
     """
     kinds = {**required, **(optional or {})}
+    for group in either:
+        kinds |= group
     columns: dict[str, list[Any]] = {name: [] for name in kinds}
     starts: list[tuple[int, int]] = [(0, 2)]
     count = 0
     with io.TextIOWrapper(open_input(path, MAX_CSV_BYTES), encoding="utf-8-sig") as file:
         blocks = _blocks(path, file)
-        header = _header(path, next(blocks, (1, [""]))[1][0], kinds, required)
+        header = _header(path, next(blocks, (1, [""]))[1][0], kinds, required, either)
         for number, block in blocks:
             for first, lines in _between_blank_lines(number, block):
                 starts.append((count, first))
@@ -106,7 +122,7 @@ def read_csv(path: Path, required: Fields, optional: Fields | None = None) -> Cs
                 count += len(lines)
     for name in kinds.keys() - set(header):
         columns[name] = [None] * count
-    return CsvColumns(path, columns, starts)
+    return CsvColumns(path, columns, starts, header)
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -175,7 +191,14 @@ def _fields(path: Path, number: int, line: str) -> list[str]:
         raise _fault(path, number, None, message) from None
 
 
-def _header(path: Path, line: str, known: Fields, required: Fields) -> list[str]:
+def _header(
+    path: Path, line: str, known: Fields, required: Fields, either: Sequence[Fields]
+) -> list[str]:
+    if either:
+        # what is there of the groups says which is meant; nothing: the first
+        there = {field.strip() for field in _fields(path, 1, line)}
+        first = next((group for group in either if there & group.keys()), either[0])
+        required = {**required, **first}
     names = [field.strip() for field in _fields(path, 1, line)]
     message = ""
     if not any(names):
@@ -188,6 +211,11 @@ def _header(path: Path, line: str, known: Fields, required: Fields) -> list[str]
                 message = message or f"unknown column {quoted(name)}{hint(name, known)}"
             elif name in names[:index]:
                 message = message or f"column {quoted(name)} twice"
+        for group in either:
+            stray = next((name for name in names if name in group and name not in required), None)
+            if stray is not None:
+                meant = " or ".join(",".join(one) for one in either)
+                message = message or f"column {quoted(stray)}: either {meant}"
         for name in required:
             if name not in names:
                 message = message or f"no column {quoted(name)}"

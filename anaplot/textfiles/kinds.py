@@ -277,13 +277,10 @@ class KnownName(Kind[str]):
 class Name(Kind[str]):
     """A name, see `anaplot.textfiles.names`."""
 
-    def __init__(self, *, photo: bool = False) -> None:
-        self._photo = photo
-
     def of(self, value: Any) -> str:
         """Return the name."""
         name = _name(value)
-        fault = name_fault(name, photo=self._photo)
+        fault = name_fault(name)
         if fault is not None:
             raise WrongValueError(f"the name {quoted(name)} {fault}")
         return name
@@ -483,5 +480,5 @@ POSITIVE = Number(0.0, inside=True)
 FRACTION = Number(0.0, 1.0, inside=True)
 FLAG = Flag()
 NAME = Name()
-PHOTO = Name(photo=True)
+PHOTO = Name()
 TABLE = AnyTable()

@@ -86,7 +86,6 @@ def test_what_may_be_left_out_has_the_documented_defaults(folder):
         ("alpha", "alfa", 6, ["[test] alfa: unknown key", "did you mean 'alpha'"]),
         ("[photo.101]", "[photos.101]", 7, ["did you mean 'photo'"]),
         ("[photo.101]", "[[photo.101]]", 7, ["must be a table, not a list"]),
-        ("[photo.101]", '[photo."10/1"]', 7, ["'10/1' holds a slash"]),
         ("[photo.101]", r'[photo."\u001b[1m"]', 7, [r"\x1b[1m"]),
         (
             "upper = [",

@@ -88,20 +88,20 @@ def test_a_file_with_a_header_alone_holds_no_points(make_block):
         (HEADER + "# a comment,1,2,3\n", 2, ["unknown photo '# a comment'"]),
         (HEADER + "101,1,116,3\n", 2, ["x: 116 mm", "the format of camera 'rmk'", "115"]),
         (HEADER + "101,1,1,-115.001\n", 2, ["y: -115.001 mm lies outside"]),
-        (HEADER + "101," + "p" * 101 + ",1,2\n", 2, ["longer than 100"]),
+        (HEADER + "101," + "p" * 256 + ",1,2\n", 2, ["longer than 255"]),
         (HEADER + "101,a\x1b[31mb,1,2\n", 2, [r"'a\x1b[31mb' holds a character"]),
         (HEADER + '101,"a\nb",1,2\n', 2, ["quotation mark"]),
         (HEADER + '101,1,2,3\n101,"a,1,2\n' + "101,2,2,3\n" * 20_000, 3, ["quotation mark"]),
         (HEADER + '101,"a"b,1,2\n', 2, ["not a CSV row"]),
         (HEADER + '101,"a', 2, ["quotation mark is not closed"]),
-        (HEADER + "101," + "p" * 200_000 + ",1,2\n", 2, ["longer than 100"]),
+        (HEADER + "101," + "p" * 200_000 + ",1,2\n", 2, ["longer than 255"]),
         (HEADER + "101,1,1,2\n102,1,1,2\n101,1,3,4\n", 4, ["'1' twice", "lines 2 and 4"]),
         (WITH_MODEL + "101,1,1,2,0,\n", 2, ["sigma_um: must be greater than 0, not 0"]),
         (WITH_MODEL + "101,1,1,2,-1,\n", 2, ["sigma_um: must be greater than 0, not -1"]),
         (WITH_MODEL + "101,1,1,2,x,\n", 2, ["not 'x'"]),
         (WITH_MODEL + "101,1,1,2,,101\n", 2, ["'101' must be of the form left/right"]),
         (WITH_MODEL + "101,1,1,2,,101/\n", 2, ["must be of the form left/right"]),
-        (WITH_MODEL + "101,1,1,2,,101/102/103\n", 2, ["must be of the form left/right"]),
+        (WITH_MODEL + "101,1,1,2,,101/102/103\n", 2, ["unknown photo '102/103'"]),
         (WITH_MODEL + "101,1,1,2,,101/104\n", 2, ["model: '101/104': unknown photo '104'"]),
         (WITH_MODEL + "101,1,1,2,,102/103\n", 2, ["does not contain the row's photo '101'"]),
         (WITH_MODEL + "101,1,1,2,,102/101\n", 2, ["in flight order it is '101/102'"]),
@@ -308,7 +308,7 @@ def test_the_file_is_readable_by_people():
     ("points", "word"),
     [
         ([ImagePoint("101", "", 1.0, 2.0)], "is empty"),
-        ([ImagePoint("1/2", "1", 1.0, 2.0)], "slash"),
+        ([ImagePoint("1/2", "1", 1.0, 2.0, model="1/2")], "does not contain its photo"),
         ([ImagePoint("101", "a\nb", 1.0, 2.0)], "cannot be printed"),
         ([ImagePoint("101", " a", 1.0, 2.0)], "blank"),
         ([ImagePoint("101", "1", float("nan"), 2.0)], "not finite"),
@@ -466,3 +466,31 @@ def test_uses_and_reasons_come_back(tmp_path_factory, decided):
     path = tmp_path_factory.getbasetemp() / "uses.csv"
     path.write_text(text, encoding="utf-8")
     assert parse_image_points(path, block) == rows
+
+
+def test_models_of_photos_with_slashes_are_compared_whole(tmp_path):
+    (tmp_path / "block.toml").write_text(
+        'format = 1\nname = "n"\n[[camera]]\nid = "c"\nc = 100.0\n'
+        '[[strip]]\nid = "1"\nphotos = ["a/1", "a/2", "3"]\n'
+    )
+    rows = [
+        ImagePoint("a/1", "p/q", 1.0, 2.0, model="a/1/a/2"),
+        ImagePoint("a/2", "p/q", 3.0, 2.0, model="a/1/a/2"),
+        ImagePoint("a/2", "p/q", 3.0, 2.0, model="a/2/3"),
+    ]
+    write_image_points(tmp_path, rows)
+    assert read_block(tmp_path).image_points == tuple(rows)
+    (tmp_path / "image_points.csv").write_text("photo,point,x,y,model\na/1,p,1,2,a/2/a/1\n")
+    with pytest.raises(InputError, match="in flight order it is 'a/1/a/2'"):
+        read_block(tmp_path)
+
+
+def test_without_strips_a_model_that_two_pairs_fit_is_an_error(tmp_path):
+    (tmp_path / "block.toml").write_text(
+        'format = 1\nname = "n"\n[[camera]]\nid = "c"\nc = 100.0\n'
+    )
+    photos = "".join(f"{name},p,1,2,\n" for name in ("a", "b/c", "a/b", "c"))
+    file = tmp_path / "image_points.csv"
+    file.write_text(f"photo,point,x,y,model\n{photos}a,q,1,2,a/b/c\n")
+    with pytest.raises(InputError, match="more than one pair is meant"):
+        read_block(tmp_path)

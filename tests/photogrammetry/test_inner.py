@@ -501,12 +501,12 @@ def test_distances_of_a_net_by_an_independent_adjustment():
     frame = plate * (mm.sum() / raw.sum())
 
     def cost(unknowns):
-        v, s = unknowns[:8].reshape(4, 2), unknowns[8]
+        v, s = unknowns[:8].reshape(4, 2), 1.0 + 1e-5 * unknowns[8]
         moved = frame + v * 1e-3
         distance = [s * np.hypot(*(moved[j] - moved[i])) for i, j in ends]
         return np.append(unknowns[:8] / 10.0, (np.array(distance) - mm) * 1e3 / 2.0)
 
-    found = optimize.least_squares(cost, np.append(np.zeros(8), 1.0), xtol=1e-15, ftol=1e-15)
+    found = optimize.least_squares(cost, np.zeros(9), "3-point", xtol=1e-15, ftol=1e-15)
     a, b = frame[ends[0][0]], frame[ends[0][1]]
     turn = (b - a) @ [1.0, 1j] / np.hypot(*(b - a))
     v = found.x[:8].reshape(4, 2) @ [1.0, 1j] / turn

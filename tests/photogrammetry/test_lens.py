@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens, without_lens
 
 PARAMETERS = np.array([52.0, 0.3, -0.2, -0.05, 0.02, -0.004, 1.5e-3, -8e-4, 2e-3, -1e-3])
 
@@ -64,3 +66,56 @@ def test_derivatives_by_the_direction(axis: int) -> None:
     ends = [through_lens(d + sign * step, PARAMETERS).xy for sign in (1.0, -1.0)]
     analytic = through_lens(d, PARAMETERS).by_direction[:, :, axis]
     np.testing.assert_allclose((ends[0] - ends[1]) / 2e-5, analytic, rtol=1e-7, atol=1e-7)
+
+
+def test_affinity_and_shear_are_of_the_distorted_image() -> None:
+    # as f_x = c (1 + b1) of COLMAP's OPENCV multiplies what the lens has distorted
+    square = PARAMETERS.copy()
+    square[8:] = 0.0
+    x, y = (through_lens(directions(), square).xy - square[1:3]).T
+    b1, b2 = PARAMETERS[8:]
+    xy = through_lens(directions(), PARAMETERS).xy - PARAMETERS[1:3]
+    np.testing.assert_allclose(xy[:, 0], x + b1 * x + b2 * y, rtol=1e-13)
+    np.testing.assert_allclose(xy[:, 1], y, rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        PARAMETERS,
+        np.array([52.0, 0.3, -0.2, *[0.0] * 7]),
+        np.array([24.0, 0.0, 0.0, -0.35, 0.15, -0.03, 1e-3, 2e-3, 1e-3, 0.0]),
+        np.array([24.0, 0.0, 0.0, 0.8, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    ],
+)
+def test_the_lens_is_taken_off_exactly(lens: np.ndarray) -> None:
+    direction = np.vstack((directions(500), [[0.0, 0.0], [1e-9, 0.0]]))
+    back = without_lens(through_lens(direction, lens).xy, lens)
+    np.testing.assert_allclose(back, direction, atol=1e-13)
+
+
+def test_beyond_the_fold_nothing_is_seen() -> None:
+    # r (1 - r^2 / 3) grows up to r = 1, where it is 2/3
+    lens = np.array([10.0, 0.0, 0.0, -1.0 / 3.0, *[0.0] * 6])
+    seen = without_lens(np.array([[6.6, 0.0], [0.0, -6.7], [30.0, 1.0], [1e9, 1e9]]), lens)
+    assert np.isfinite(seen[0]).all()
+    assert np.hypot(*seen[0]) < 1.0
+    assert np.isnan(seen[1:]).all()
+
+
+@given(
+    st.tuples(*[st.floats(-0.5, 0.5)] * 3),
+    st.tuples(*[st.floats(-0.01, 0.01)] * 4),
+    st.lists(st.tuples(st.floats(-80.0, 80.0), st.floats(-80.0, 80.0)), min_size=1, max_size=9),
+)
+def test_what_is_found_without_the_lens_is_seen_where_it_was(
+    radial: tuple[float, ...], other: tuple[float, ...], places: list[tuple[float, float]]
+) -> None:
+    lens = np.array([50.0, 0.1, -0.1, *radial, *other])
+    measured = np.array(places)
+    direction = without_lens(measured, lens)
+    found = np.isfinite(direction).all(axis=1)
+    assert np.array_equal(found, np.isfinite(direction).any(axis=1))
+    np.testing.assert_allclose(
+        through_lens(direction[found], lens).xy, measured[found], rtol=0.0, atol=1e-9
+    )

@@ -73,7 +73,6 @@ def test_a_block_from_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (("--strip", "1,2,1"), "photo '1' twice"),
         (("--strip", "a=1-2", "--strip", "a=3-4"), "strip 'a' twice"),
         (("--strip", "009-11"), "equally long"),
-        (("--strip", "1,2/3"), "holds a slash"),
         (("--strip", "1-2", "--profile", "nobody"), "nobody"),
         (("--strip", "1-2", "--pattern", "nothing"), "nothing"),
         (("--strip", "1-2", "--name", " "), "the name ' ' is empty"),

@@ -1,0 +1,74 @@
+"""What is measured in an image - pixels, or mm through a lens - and ideal image coordinates.
+
+Pixels have their origin at the upper left corner of the upper left pixel, and y down; measured
+coordinates in mm have it at the principal point, and y up; ideal ones are those in which a ray is
+(x, y, -c) (conventions, Pixels).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.photogrammetry.block import Camera
+from anaplot.photogrammetry.lens import through_lens, without_lens
+from anaplot.photogrammetry.planar import as_points
+
+__all__ = ["has_lens", "ideal_rays", "measured_rays", "mm_of_pixels", "pixels_of_mm"]
+
+Pairs = Sequence[tuple[float, float]] | Array
+
+
+def has_lens(camera: Camera) -> bool:
+    """Return whether measured coordinates of a camera are not ideal ones."""
+    return camera.lens is not None and any(camera.lens.coefficients)
+
+
+def mm_of_pixels(camera: Camera, pixels: Pairs) -> Array:
+    """Return (n, 2) measured coordinates [mm] of (n, 2) pixels.
+
+    Raises
+    ------
+    ValueError
+        The camera has no pixels.
+    """
+    away = as_points(np.asarray(pixels)) - _principal(camera)
+    out: Array = away * (camera.pixel_mm, -camera.pixel_mm)
+    return out
+
+
+def pixels_of_mm(camera: Camera, measured: Pairs) -> Array:
+    """Return (n, 2) pixels of (n, 2) measured coordinates [mm]; raises as `mm_of_pixels`."""
+    away = as_points(np.asarray(measured)) / (camera.pixel_mm, -camera.pixel_mm)
+    out: Array = away + _principal(camera)
+    return out
+
+
+def ideal_rays(camera: Camera, measured: Pairs) -> Array:
+    """Return (n, 2) ideal image coordinates of (n, 2) measured ones, both [mm].
+
+    NaN where the lens images no direction there.
+    """
+    places = as_points(np.asarray(measured))
+    if not has_lens(camera):
+        return places
+    out: Array = camera.c * without_lens(places, np.array(camera.lens_parameters))
+    return out
+
+
+def measured_rays(camera: Camera, ideal: Pairs) -> Array:
+    """Return (n, 2) measured image coordinates of (n, 2) ideal ones, both [mm]."""
+    places = as_points(np.asarray(ideal))
+    if not has_lens(camera):
+        return places
+    return through_lens(places / camera.c, np.array(camera.lens_parameters)).xy
+
+
+def _principal(camera: Camera) -> tuple[float, float]:
+    if camera.principal_px is not None:
+        return camera.principal_px
+    if camera.pixels is None:
+        raise ValueError(f"camera {camera.id!r} has no pixels")
+    return camera.pixels[0] / 2.0, camera.pixels[1] / 2.0
