@@ -23,6 +23,7 @@ from anaplot.bundle.solve.observations import (
     Observations,
     observations_of,
 )
+from anaplot.bundle.solve.parameternames import parameter_names
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors
 from anaplot.bundle.solve.rows import (
@@ -358,26 +359,23 @@ class AdjustedBlock:
         problem = self.problem
         if problem.additional is None:
             return []
-        names = problem.additional.set.names
         if problem.photo_invariant:
             values = self.state.own.reshape(-1)
             q = np.einsum("nii->ni", self.cofactors.photos)[:, 6:].reshape(-1)
         else:
             values, q = self.state.shared, np.diag(self.cofactors.shared)
         deviations = self._deviations(q)
-        rows = [
-            ParameterRow(problem.additional_groups[k // len(names)], names[k % len(names)],
-                         float(values[k]), deviations[k])
-            for k in range(len(values))
-        ]  # fmt: skip
-        if problem.lens_units is None:
-            return rows
-        return [
-            row._replace(
-                coefficient=row.value * unit, s_coefficient=None if row.s is None else row.s * unit
-            )
-            for row, unit in zip(rows, problem.lens_units.reshape(-1).tolist(), strict=True)
-        ]
+        rows = []
+        for k, name in enumerate(parameter_names(problem)):
+            value, s = float(values[k]), deviations[k]
+            row = ParameterRow(name.owner, name.unknown, value, s)
+            if problem.lens_units is not None:
+                row = row._replace(
+                    coefficient=value * name.factor,
+                    s_coefficient=None if s is None else s * name.factor,
+                )
+            rows.append(row)
+        return rows
 
     def spurs(self) -> list[tuple[str, str, str]]:
         """Return (photo, point, axis) of the 'spur' image coordinates: next to nothing checks them.

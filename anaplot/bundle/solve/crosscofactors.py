@@ -1,18 +1,25 @@
-"""Cofactors between unknowns anywhere in a block: one right-hand side for each of them."""
+"""Cofactors between unknowns anywhere in a block: one right-hand side for each of them.
+
+With functions J of the unknowns, J N^-1 J' takes one solution for every row of J: no inverse of the
+size of the block is formed, and what is held at a time is bounded.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from anaplot.aliases import Array
+from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.reliability import DatumChange
 
 __all__ = [
     "Sides",
     "coordinate_cofactors",
     "empty_sides",
+    "function_cofactors",
     "own_parameter_cofactors",
     "side_products",
 ]
@@ -37,10 +44,8 @@ def side_products(block: AdjustedBlock, count: int, sides: Callable[[range], Sid
     """
     cofactors = block.cofactors
     normal = cofactors.normal
-    # the largest array of a solution has a value per ray, unknown of its photo, and side
-    step = max(1, _BYTES // (8 * len(block.problem.photo) * block.problem.per_photo))
     out = np.zeros((count, count))
-    portions = [range(k, min(k + step, count)) for k in range(0, count, step)]
+    portions = _portions(block, count)
     for mine in portions:
         own = sides(mine)
         solved = normal.solve(cofactors.factor, *own)
@@ -56,6 +61,12 @@ def side_products(block: AdjustedBlock, count: int, sides: Callable[[range], Sid
     return 0.5 * (out + out.T)
 
 
+def _portions(block: AdjustedBlock, count: int) -> list[range]:
+    # the largest array of a solution has a value per ray, unknown of its photo, and side
+    step = max(1, _BYTES // (8 * len(block.problem.photo) * block.problem.per_photo))
+    return [range(k, min(k + step, count)) for k in range(0, count, step)]
+
+
 def empty_sides(block: AdjustedBlock, count: int) -> Sides:
     """Return right-hand sides of zeros, to be filled."""
     problem = block.problem
@@ -64,6 +75,51 @@ def empty_sides(block: AdjustedBlock, count: int) -> Sides:
         np.zeros((len(problem.points), 3, count)),
         np.zeros((problem.in_border, count)),
     )
+
+
+def function_cofactors(
+    block: AdjustedBlock, functions: csr_array, datum: DatumChange | None = None
+) -> Array:
+    """Return (k, k) cofactors of k linear functions of the unknowns, each with each.
+
+    Parameters
+    ----------
+    block
+        The adjusted block.
+    functions
+        (k, n d + 3 p + g) derivatives by the unknowns of photos, of points, and shared parameters.
+    datum
+        From the datum that the equations were solved in to the one meant; None: that of the
+        solution, which is the reported one with datum "control".
+
+    Notes
+    -----
+    Coordinates free of error have zeros. In another datum x' = S x, with S = I - G (D'G)^-1 D':
+    J S N^-1 S'J', and what the held combinations D vary by themselves.
+    """
+    problem, cofactors = block.problem, block.cofactors
+    n, d, p = len(problem.photos), problem.per_photo, len(problem.points)
+    free = np.ones(functions.shape[1])
+    free[n * d : n * d + 3 * p] = ~problem.fixed.reshape(-1)
+    weighted = csr_array(functions.multiply(free))
+    count = functions.shape[0]
+    out = np.zeros((count, count))
+    moves = np.zeros((count, 0 if datum is None else len(datum.variance)))
+    for mine in _portions(block, count):
+        part = slice(mine.start, mine.stop)
+        whole = weighted[part].toarray().T
+        photos, points, shared = np.split(whole, (n * d, n * d + 3 * p))
+        photos, points = photos.reshape(n, d, -1), points.reshape(p, 3, -1)
+        if datum is not None:
+            photos, points, moves[part] = datum.of_gradients(photos, points)
+        x, y, s = cofactors.normal.solve(cofactors.factor, photos, points, shared)
+        if datum is not None:
+            x, y = datum.of_changes(x, y)
+        k = len(mine)
+        out[:, part] = weighted @ np.concatenate((x.reshape(-1, k), y.reshape(-1, k), s))
+    if datum is not None:
+        out += (moves * datum.variance) @ moves.T
+    return 0.5 * (out + out.T)
 
 
 def coordinate_cofactors(block: AdjustedBlock, coordinates: Sequence[tuple[int, int]]) -> Array:
@@ -75,31 +131,21 @@ def coordinate_cofactors(block: AdjustedBlock, coordinates: Sequence[tuple[int, 
     """
     change = block.cofactors.change
     scaled = change if change is not None and change.gives_scale else None
-
-    def sides(mine: range) -> Sides:
-        photos, points, shared = empty_sides(block, len(mine))
-        for column, k in enumerate(mine):
-            point, axis = coordinates[k]
-            points[point, axis, column] = 0.0 if block.problem.fixed[point, axis] else 1.0
-        return photos, points if scaled is None else scaled.of_functions(points)[0], shared
-
-    found = side_products(block, len(coordinates), sides)
-    if scaled is not None:
-        at = np.array(coordinates, dtype=np.intp).reshape(-1, 2)
-        moves = scaled.null_points[at[:, 0], at[:, 1]] @ np.linalg.inv(scaled.defect)
-        found += (moves * scaled.variance) @ moves.T
-    return found
+    at = np.array(coordinates, dtype=np.intp).reshape(-1, 2)
+    first = len(block.problem.photos) * block.problem.per_photo
+    return function_cofactors(block, _picking(block, first + 3 * at[:, 0] + at[:, 1]), scaled)
 
 
 def own_parameter_cofactors(block: AdjustedBlock) -> Array:
     """Return the cofactors [mm^2] of all photo-invariant additional parameters, photo by photo."""
-    q = block.problem.per_photo - 6
+    n, d = len(block.problem.photos), block.problem.per_photo
+    columns = np.arange(n * d).reshape(n, d)[:, 6:].reshape(-1)
+    return function_cofactors(block, _picking(block, columns))
 
-    def sides(mine: range) -> Sides:
-        photos, points, shared = empty_sides(block, len(mine))
-        for column, k in enumerate(mine):
-            photo, index = divmod(k, q)
-            photos[photo, 6 + index, column] = 1.0
-        return photos, points, shared
 
-    return side_products(block, len(block.problem.photos) * q, sides)
+def _picking(block: AdjustedBlock, columns: Index) -> csr_array:
+    """Return the functions that are unknowns themselves."""
+    problem = block.problem
+    count = len(problem.photos) * problem.per_photo + 3 * len(problem.points) + problem.in_border
+    k = len(columns)
+    return csr_array((np.ones(k), (np.arange(k), columns)), shape=(k, count))

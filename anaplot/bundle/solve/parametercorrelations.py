@@ -6,6 +6,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.parameternames import parameter_names
 
 __all__ = ["parameter_correlations"]
 
@@ -31,7 +32,7 @@ def parameter_correlations(
                         (f"{names[i]} of {photo}", f"{names[j]} of {photo}", float(rho[i, j]))
                     )
         return found
-    shared = [f"{label} of {group}" for group in problem.additional_groups for label in labels]
+    shared = [f"{one.unknown} of {one.owner}" for one in parameter_names(problem)]
     rho = _correlation(adjusted.cofactors.shared)
     for i, j in np.argwhere(np.tril(np.abs(rho) > limit, -1)).tolist():
         found.append((shared[i], shared[j], float(rho[i, j])))

@@ -62,9 +62,30 @@ class DatumChange:
         photos, points
             (n, d, k) and (p, 3, k) in the datum of the solution.
         """
+        return self.of_changes(photos, points)[1]
+
+    def of_changes(self, photos: Array, points: Array) -> tuple[Array, Array]:
+        """Return k changes of photos and points, (n, d, k) and (p, 3, k), in this datum."""
         moved = np.linalg.solve(self.defect, self.held(photos, points))
-        out: Array = points - np.einsum("nil,lk->nik", self.null_points, moved)
-        return out
+        return photos - self.null_photos @ moved, points - self.null_points @ moved
+
+    def of_gradients(self, photos: Array, points: Array) -> tuple[Array, Array, Array]:
+        """Return gradients of k functions of unknowns in this datum by those of the solution.
+
+        Parameters
+        ----------
+        photos, points
+            (n, d, k) and (p, 3, k).
+
+        Returns
+        -------
+        (n, d, k), (p, 3, k) and (k, 7) arrays
+            The last by what the combinations are held to.
+        """
+        along = np.einsum("nik,nil->kl", photos, self.null_photos)
+        along += np.einsum("nik,nil->kl", points, self.null_points)
+        moves = along @ np.linalg.inv(self.defect)
+        return photos - self.held_photos @ moves.T, points - self.held_points @ moves.T, moves
 
     def held(self, photos: Array, points: Array) -> Array:
         """Return (d, k) what the held combinations make of k changes of the unknowns."""
@@ -86,8 +107,8 @@ class DatumChange:
             Gradients by changes in the datum of the solution, and by what the combinations are held
             to.
         """
-        moves = np.einsum("nik,nil->kl", points, self.null_points) @ np.linalg.inv(self.defect)
-        out: Array = points - np.einsum("nil,kl->nik", self.held_points, moves)
+        none = np.zeros((*self.null_photos.shape[:2], points.shape[2]))
+        _, out, moves = self.of_gradients(none, points)
         return out, moves
 
     @property
