@@ -20,7 +20,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.datum import components
 from anaplot.bundle.solve.gaussnewton import NoConvergenceError, find_minimum
 from anaplot.bundle.solve.linearised import linearise, move, objective
-from anaplot.bundle.solve.problem import Datum, Problem, make_problem
+from anaplot.bundle.solve.problem import Datum, Problem, make_problem, remeasured
 from anaplot.bundle.start.approximate import extended_state
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
@@ -178,12 +178,12 @@ class LiveBlock:
         if self._additional is not None:
             return None  # their basis functions belong to the measured coordinates
         problem = last.problem
-        xy = problem.xy.copy()
+        ideal = problem.ideal.copy()
         at = {int(source): k for k, source in enumerate(problem.source)}
         for k in changed:
             if k in at:
-                xy[at[k]] = rows[k].x, rows[k].y
-        problem = replace(problem, block=block, xy=xy)
+                ideal[at[k]] = rows[k].x, rows[k].y
+        problem = remeasured(problem, block, ideal)
         normal, factor = last.cofactors.normal, last.cofactors.factor
         state = last.state
         value = objective(problem, state)[0]

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from anaplot.aliases import Axis
 from anaplot.errors import InputError
-from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint
+from anaplot.photogrammetry.measuredimage import has_lens, ideal_rays, measured_rays
 from anaplot.textfiles.wording import hint, quoted
 
 __all__ = ["PlantedError", "with_planted_errors"]
@@ -51,9 +52,18 @@ def with_planted_errors(block: Block, planted: Sequence[PlantedError]) -> Block:
             known = hint(one.where, list(by_name)[:_SEARCHED])
             raise InputError(f"--plant: no image point {quoted(one.where)} (PHOTO:POINT){known}")
         for k in by_name[one.where]:
-            moved = getattr(rows[k], one.axis) + 1e-3 * one.um
-            rows[k] = replace(rows[k], **{one.axis: moved})
+            rows[k] = _moved(block.camera_of(rows[k].photo), rows[k], one)
     return replace(block, image_points=tuple(rows))
+
+
+def _moved(camera: Camera, row: ImagePoint, one: PlantedError) -> ImagePoint:
+    """Return an image point with an error in what was measured, before any lens is taken off."""
+    if not has_lens(camera):
+        return replace(row, **{one.axis: getattr(row, one.axis) + 1e-3 * one.um})
+    measured = measured_rays(camera, [(row.x, row.y)])
+    measured[0, "xy".index(one.axis)] += 1e-3 * one.um
+    x, y = ideal_rays(camera, measured)[0].tolist()
+    return replace(row, x=x, y=y)
 
 
 _SEARCHED = 20_000  # names among which the nearest is looked for

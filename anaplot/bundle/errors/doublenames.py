@@ -211,7 +211,7 @@ def _parts(block: AdjustedBlock, rays: list[int]) -> frozenset[int] | None:
     """Return the smaller of two parts of a point's rays that meet by themselves, or None."""
     problem, state = block.problem, block.state
     photo = problem.photo[rays]
-    xy, c = problem.xy[rays], problem.c[photo]
+    xy, c = problem.ideal[rays], problem.c[photo]
     direction = np.einsum(
         "nij,nj->ni", state.rotations[photo], np.column_stack([xy, -np.broadcast_to(c, len(rays))])
     )

@@ -21,11 +21,10 @@ from anaplot.aliases import Array
 from anaplot.bundle.adjust import adjust_problem
 from anaplot.bundle.errors.leftout import without_same
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.imaging import imaged
+from anaplot.bundle.solve.imaging import imaged, seen_in_photo
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.errors import NotComputableError
-from anaplot.photogrammetry.collinearity import project
 
 __all__ = ["MisnamedRay", "misnamed_rays"]
 
@@ -144,13 +143,7 @@ def _candidates(block: AdjustedBlock, rows: Sequence[int]) -> Iterator[_Candidat
                 yield _Candidate(row, points[partner].point, partner)
         if problem.lens_units is not None:
             continue  # only where points are seen that are measured there can be told
-        n = len(problem.points)
-        places = project(
-            np.broadcast_to(state.centres[photo], (n, 3)),
-            np.broadcast_to(state.rotations[photo], (n, 3, 3)),
-            np.full(n, problem.c[photo]),
-            state.points,
-        ).xy
+        places = seen_in_photo(problem, state, int(photo)).xy
         held = set(problem.point[problem.photo == photo].tolist())
         for at in np.flatnonzero(_far(places, problem.xy[ray]) < near).tolist():
             if at not in held:

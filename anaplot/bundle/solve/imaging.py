@@ -12,7 +12,7 @@ from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.collinearity import Projection, project, project_with_derivatives
 from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
 
-__all__ = ["BlockState", "Imaged", "imaged", "imaged_with_derivatives"]
+__all__ = ["BlockState", "Imaged", "imaged", "imaged_with_derivatives", "seen_in_photo"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,15 +75,25 @@ def _values(problem: Problem, state: BlockState, rays: Index | slice) -> Array:
     return np.asarray(by_group[problem.additional_group[rays]])
 
 
-def _lens(problem: Problem, units: Array, state: BlockState, rays: Index | slice) -> Array:
-    """(n, 10) parameters of the lens of every ray."""
-    values = units[problem.additional_group[rays]] * _values(problem, state, rays)
-    out = np.zeros((len(values), len(LENS_PARAMETERS)))
-    out[:, _unknown(problem)] = values
-    out[:, 0] += problem.c[problem.photo[rays]]
+def _lens(problem: Problem, state: BlockState, rays: Index | slice) -> Array:
+    """(n, 10) parameters of the lens of every ray: what its camera states, and corrections."""
+    photo, units = problem.photo[rays], problem.lens_units
+    out = np.zeros((len(photo), len(LENS_PARAMETERS)))
+    if units is not None:
+        values = units[problem.additional_group[rays]] * _values(problem, state, rays)
+        out[:, _unknown(problem)] = values
+    if problem.stated_lens is not None:
+        out += problem.stated_lens[photo]
+    else:
+        out[:, 0] += problem.c[photo]
     if problem.lens_held is not None:
         out += problem.lens_held[problem.additional_group[rays]]
     return out
+
+
+def _through_lens(problem: Problem) -> bool:
+    """Whether a lens is between ideal and measured coordinates: stated, or to be found."""
+    return problem.stated_lens is not None or problem.lens_units is not None
 
 
 def _unknown(problem: Problem) -> list[int]:
@@ -100,16 +110,31 @@ def _shifted(problem: Problem, state: BlockState, xy: Array, rays: Index | slice
 
 def imaged(problem: Problem, state: BlockState) -> Projection:
     """Return where every ray's point is seen [mm], and how far in front of the photo [m]."""
-    photo, units = problem.photo, problem.lens_units
+    photo = problem.photo
     where = state.centres[photo], state.rotations[photo]
     points = state.points[problem.point]
-    if units is None:
+    if not _through_lens(problem):
         seen = project(*where, problem.c[photo], points)
         return Projection(_shifted(problem, state, seen.xy, slice(None)), seen.depth)
     seen = project(*where, np.ones(len(photo)), points)
     with np.errstate(invalid="ignore", over="ignore"):
-        xy = through_lens(seen.xy, _lens(problem, units, state, slice(None))).xy
+        xy = through_lens(seen.xy, _lens(problem, state, slice(None))).xy
+    if problem.lens_units is None:
+        xy = _shifted(problem, state, xy, slice(None))
     return Projection(xy, seen.depth)
+
+
+def seen_in_photo(problem: Problem, state: BlockState, photo: int) -> Projection:
+    """Return where one photo would see every point, through the lens that its camera states."""
+    n, lens = len(state.points), problem.stated_lens
+    c = np.ones(n) if lens is not None else np.full(n, problem.c[photo])
+    centres = np.broadcast_to(state.centres[photo], (n, 3))
+    rotations = np.broadcast_to(state.rotations[photo], (n, 3, 3))
+    seen = project(centres, rotations, c, state.points)
+    if lens is None:
+        return seen
+    with np.errstate(invalid="ignore", over="ignore"):
+        return Projection(through_lens(seen.xy, lens[photo]).xy, seen.depth)
 
 
 def imaged_with_derivatives(
@@ -127,18 +152,18 @@ def imaged_with_derivatives(
     photo, units = problem.photo[rays], problem.lens_units
     where = state.centres[photo], state.rotations[photo]
     points = state.points[problem.point[rays]]
-    if units is None:
+    if not _through_lens(problem):
         seen = project_with_derivatives(*where, problem.c[photo], points)
         xy = _shifted(problem, state, seen.xy, rays)
         return Imaged(xy, seen.depth, seen.photo, seen.point, problem.basis[rays])
     seen = project_with_derivatives(*where, np.ones(len(photo)), points)
     with np.errstate(invalid="ignore", over="ignore"):
-        lens = through_lens(seen.xy, _lens(problem, units, state, rays))
-        return Imaged(
-            lens.xy,
-            seen.depth,
-            np.matmul(lens.by_direction, seen.photo),
-            np.matmul(lens.by_direction, seen.point),
-            lens.by_parameter[:, :, _unknown(problem)]
-            * units[problem.additional_group[rays]][:, None, :],
-        )
+        lens = through_lens(seen.xy, _lens(problem, state, rays))
+        photos = np.matmul(lens.by_direction, seen.photo)
+        points = np.matmul(lens.by_direction, seen.point)
+    if units is None:
+        xy = _shifted(problem, state, lens.xy, rays)
+        return Imaged(xy, seen.depth, photos, points, problem.basis[rays])
+    of_parameters = lens.by_parameter[:, :, _unknown(problem)]
+    of_parameters = of_parameters * units[problem.additional_group[rays]][:, None, :]
+    return Imaged(lens.xy, seen.depth, photos, points, of_parameters)

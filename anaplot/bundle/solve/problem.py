@@ -27,8 +27,9 @@ from anaplot.bundle.solve.priorbending import check_linear
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
+from anaplot.photogrammetry.measuredimage import has_lens, measured_rays
 
-__all__ = ["Datum", "Group", "LeftOut", "Problem", "listed", "make_problem"]
+__all__ = ["Datum", "Group", "LeftOut", "Problem", "listed", "make_problem", "remeasured"]
 
 Datum = Literal["control", "minimal", "free"]
 
@@ -85,7 +86,8 @@ class Problem:
     photo, point
         (m,) photo and point of each ray.
     xy, sigma
-        (m, 2) observed image coordinates and (m,) their a-priori standard deviation [mm].
+        (m, 2) observed image coordinates and (m,) their a-priori standard deviation [mm]: as they
+        were measured, through the camera's lens.
     source
         (m,) row in block.image_points.
     groups
@@ -103,6 +105,9 @@ class Problem:
         Additional parameters, or None.
     basis
         (m, 2, q) what they do at the rays to first order.
+    stated_lens, without_lens
+        (photos, 10) lenses as the cameras state them, and (m, 2) `ideal` image coordinates; or
+        None: no camera has one.
     lens_units
         (groups, q) parameters of a lens for 1 mm of effect; None for sets that are linear.
     additional_group, additional_groups
@@ -181,6 +186,17 @@ class Problem:
     compared: Conditions | None = field(default=None, repr=False)
     given: GivenPrior | None = field(default=None, repr=False)
     left_open: int | None = None
+    stated_lens: Array | None = field(default=None, repr=False)
+    without_lens: Array | None = field(default=None, repr=False)
+
+    @property
+    def ideal(self) -> Array:
+        """(m, 2) image coordinates in which a ray is (x, y, -c) [mm]: stated lenses are taken off.
+
+        What approximate values and single rays are computed from; additional parameters are in them
+        as before.
+        """
+        return self.xy if self.without_lens is None else self.without_lens
 
     @property
     def bare(self) -> Problem:
@@ -423,8 +439,10 @@ def make_problem(
     aside = np.flatnonzero(~counted.any(axis=1) & (new_photo[photo] >= 0) & (new_point[point] >= 0))
     count_of_rays = len(ray)
     ray = np.concatenate((ray, aside))
-    xy, compact_photo = every_xy[ray], new_photo[photo[ray]]
+    ideal, compact_photo = every_xy[ray], new_photo[photo[ray]]
     c = np.array([block.cameras[k].c for k in cameras])
+    lenses = _stated_lenses(block, cameras)
+    xy = ideal if lenses is None else _measured(block, cameras[compact_photo], ideal)
     parameters = lay_out_parameters(
         block,
         additional,
@@ -469,6 +487,8 @@ def make_problem(
         additional_given=parameters.given,
         additional_sigma=parameters.sigma,
         additional_reference=parameters.reference,
+        stated_lens=lenses,
+        without_lens=None if lenses is None else ideal,
         image_shift=parameters.shift,
         lens_held=parameters.lens_held,
         left_out=(*left_out, *(LeftOut("condition", *one) for one in laid.left_out)),
@@ -485,6 +505,24 @@ def make_problem(
     return _parted(problem, count_of_rays, ~counted[ray])
 
 
+def remeasured(problem: Problem, block: Block, ideal: Array) -> Problem:
+    """Return a bundle with other image coordinates.
+
+    Parameters
+    ----------
+    problem
+        The bundle, without additional parameters: those belong to what is measured.
+    block
+        The block that has them.
+    ideal
+        (m, 2) image coordinates without their lenses [mm].
+    """
+    if problem.stated_lens is None:
+        return replace(problem, block=block, xy=ideal)
+    xy = _measured(block, problem.cameras[problem.photo], ideal)
+    return replace(problem, block=block, xy=xy, without_lens=ideal)
+
+
 def _parted(problem: Problem, count: int, off: Bools) -> Problem:
     """Return a bundle with its first rays alone, and the others aside."""
 
@@ -497,6 +535,7 @@ def _parted(problem: Problem, count: int, off: Bools) -> Problem:
             sigma=problem.sigma[rays],
             source=problem.source[rays],
             basis=problem.basis[rays],
+            without_lens=None if problem.without_lens is None else problem.without_lens[rays],
             additional_group=problem.additional_group[rays],
             image_shift=None if problem.image_shift is None else problem.image_shift[rays],
         )
@@ -506,6 +545,22 @@ def _parted(problem: Problem, count: int, off: Bools) -> Problem:
     its = off[:count] if off[:count].any() else None
     aside = part(slice(count, None)) if count < len(off) else None
     return replace(part(slice(count)), off=its, rejected=its, aside=aside)
+
+
+def _stated_lenses(block: Block, cameras: Index) -> Array | None:
+    """Return (photos, 10) `LENS_PARAMETERS`; None where no camera has a lens."""
+    if not any(has_lens(block.cameras[k]) for k in np.unique(cameras).tolist()):
+        return None
+    return np.array([block.cameras[k].lens_parameters for k in cameras.tolist()])
+
+
+def _measured(block: Block, cameras: Index, ideal: Array) -> Array:
+    """Return (m, 2) measured image coordinates [mm] of ideal ones in (m,) cameras."""
+    out = ideal.copy()
+    for k in np.unique(cameras).tolist():
+        mine = cameras == k
+        out[mine] = measured_rays(block.cameras[k], ideal[mine])
+    return out
 
 
 def _check_rows(block: Block, xy: Array, sigmas: Array) -> None:

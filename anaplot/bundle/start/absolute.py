@@ -123,7 +123,7 @@ def _about_the_line(
             problem.near[problem.point[use]],
         )
         c = problem.c[problem.photo[use]]
-        miss = np.linalg.norm(seen.xy - problem.xy[use], axis=1)
+        miss = np.linalg.norm(seen.xy - problem.ideal[use], axis=1)
         miss = np.where((seen.depth > 0.0) & np.isfinite(miss), np.minimum(miss, c), 4.0 * c)
         if float(miss.sum()) < best_size - 1e-9:
             best, best_size = trial, float(miss.sum())

@@ -388,7 +388,7 @@ def _reoriented(problem: Problem, start: BlockState) -> BlockState:
             seen = intersect_rays(problem, others, rays)[problem.point[mine]]
             good = np.isfinite(seen[:, 0])
             c = float(problem.c[photo])
-            found = resect(problem.xy[mine[good]], c, seen[good])
+            found = resect(problem.ideal[mine[good]], c, seen[good])
             if found is None:
                 continue
             before = float(np.sum(np.minimum(size[mine[good]], 0.02 * c)))

@@ -95,7 +95,7 @@ class SubBlock:
             if len(names) < fewest:
                 continue
             c = float(problem.c[photo])
-            found = resect(problem.xy[rays[first]], c, self.points[names])
+            found = resect(problem.ideal[rays[first]], c, self.points[names])
             if found is None:
                 continue
             good = found.residual < 0.02 * c
@@ -164,7 +164,7 @@ class SubBlock:
             problem.c[problem.photo],
             self.points[problem.point],
         )
-        size = np.linalg.norm(seen.xy - problem.xy, axis=1)
+        size = np.linalg.norm(seen.xy - problem.ideal, axis=1)
         return np.where(seen.depth > 0.0, size, np.where(np.isfinite(size), np.inf, np.nan))
 
 
@@ -180,7 +180,7 @@ def _on_a_line(source: Array, target: Array) -> tuple[Similarity, Bools] | None:
 
 def unit_rays(problem: Problem) -> Array:
     """Return (m, 3) rays of unit length in image axes."""
-    rays = np.column_stack((problem.xy, -problem.c[problem.photo]))
+    rays = np.column_stack((problem.ideal, -problem.c[problem.photo]))
     out: Array = rays / np.linalg.norm(rays, axis=1)[:, None]
     return out
 

@@ -86,7 +86,8 @@ def _rays(problem: Problem) -> _Rays:
     key, inverse, count = np.unique(
         problem.photo * p + problem.point, return_inverse=True, return_counts=True
     )
-    w = np.bincount(inverse, problem.xy[:, 0]) + 1j * np.bincount(inverse, problem.xy[:, 1])
+    x, y = problem.ideal.T
+    w = np.bincount(inverse, x) + 1j * np.bincount(inverse, y)
     return _Rays(key // p, key % p, w / count)
 
 
