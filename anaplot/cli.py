@@ -22,6 +22,7 @@ from anaplot.report.adjustarguments import (
     add_fit_arguments,
 )
 from anaplot.report.arguments import add_output, positive, whole
+from anaplot.report.doorarguments import add_export_arguments, add_import_arguments
 from anaplot.report.innerarguments import add_inner_arguments
 from anaplot.report.newcommand import add_new_arguments, run_new
 from anaplot.report.planarguments import (
@@ -192,6 +193,18 @@ def _unpack(options: argparse.Namespace) -> int:
     from anaplot.report.packcommand import run_unpack
 
     return run_unpack(options)
+
+
+def _import(options: argparse.Namespace) -> int:
+    from anaplot.report.importcommand import run_import
+
+    return run_import(options)
+
+
+def _export(options: argparse.Namespace) -> int:
+    from anaplot.report.exportcommand import run_export
+
+    return run_export(options)
 
 
 def _fit(options: argparse.Namespace) -> int:
@@ -480,6 +493,21 @@ def _parser() -> _Parser:
     unpack.add_argument(
         "-o", "--output", type=Path, required=True, metavar="FOLDER", help="a new folder"
     )
+
+    door = command(
+        "import",
+        _import,
+        "a block from another program's files",
+        "anaplot import colmap sparse/0 -o myblock",
+    )
+    add_import_arguments(door)
+    out = command(
+        "export",
+        _export,
+        "a block as another program's files",
+        "anaplot export colmap myblock -o cleaned",
+    )
+    add_export_arguments(out)
 
     add_plotter_commands(commands)
     _add_plan(commands)

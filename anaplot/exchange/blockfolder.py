@@ -20,6 +20,7 @@ from anaplot.exchange.camerafile import read_camera, write_camera
 from anaplot.exchange.conditionscsv import (
     CONDITIONS_CSV,
     DISTANCES_CSV,
+    format_distances,
     parse_conditions,
     parse_distances,
 )
@@ -63,7 +64,7 @@ IMAGE_POINTS_CSV = "image_points.csv"
 CONTROL_CSV = "control.csv"
 MORE_FILES = (DISTANCES_CSV, CONDITIONS_CSV)
 
-MAX_TOML_BYTES = 4_000_000
+MAX_TOML_BYTES = 64_000_000
 
 
 def read_block(folder: str | os.PathLike[str]) -> Block:
@@ -258,7 +259,7 @@ def write_new_block(
         create_whole(path, _bounded(path, text.encode(), MAX_TOML_BYTES))
 
 
-def write_block(folder: Path, block: Block) -> None:
+def write_block(folder: Path, block: Block, *, text: str | None = None) -> None:
     """Write a whole new block: image_points.csv, control.csv where there is any, and block.toml.
 
     block.toml is the last file: without it there is no block.
@@ -268,10 +269,14 @@ def write_block(folder: Path, block: Block) -> None:
     folder
         The block folder, made when it does not exist.
     block
-        The block, without conditions between points.
+        The block. Of conditions between points only distances are written.
+    text
+        What block.toml is to say where it is not the block without any comment.
 
     Raises
     ------
+    ValueError
+        There are other conditions.
     InputError
         One of the files is there already, or they cannot be written; no part of them is left.
     """
@@ -284,7 +289,10 @@ def write_block(folder: Path, block: Block) -> None:
         create_whole(points, _image_points_data(points, block.image_points, block))
         if block.control or block.priors:
             write_control(folder, block.control, block.priors)
-        write_new_block(folder, block)
+        if block.conditions:
+            text_of = format_distances(block.conditions).encode()
+            create_whole(folder / DISTANCES_CSV, text_of)
+        write_new_block(folder, block, text=text)
 
 
 def _pattern_text(folder: Path, block: Block) -> dict[str, str]:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from anaplot.photogrammetry.objectconditions import ObjectCondition, condition_fault
-from anaplot.textfiles.csvtable import CsvColumns, read_csv
+from anaplot.textfiles.csvtable import CsvColumns, csv_text, read_csv
 from anaplot.textfiles.kinds import NAME, NUMBER, Blank, Made, Number, Text, Word
 
-__all__ = ["CONDITIONS_CSV", "DISTANCES_CSV", "parse_conditions", "parse_distances"]
+__all__ = [
+    "CONDITIONS_CSV",
+    "DISTANCES_CSV",
+    "format_distances",
+    "parse_conditions",
+    "parse_distances",
+]
 
 DISTANCES_CSV = "distances.csv"
 CONDITIONS_CSV = "conditions.csv"
@@ -46,6 +52,17 @@ def parse_distances(path: Path) -> tuple[ObjectCondition, ...]:
         for one, other, value, sigma, use in zip(*columns, strict=True)
     )
     return tuple(_checked(path, table, rows))
+
+
+def format_distances(distances: Iterable[ObjectCondition]) -> str:
+    """Return the text of a distances.csv; raises ValueError for another kind of condition."""
+    rows = list(distances)
+    if any(row.kind != "distance" for row in rows):
+        raise ValueError("conditions that are no distances")
+    return csv_text(
+        ("from", "to", "distance", "sigma", "use"),
+        ((*row.points, row.value, row.sigma, row.use) for row in rows),
+    )
 
 
 def parse_conditions(path: Path) -> tuple[ObjectCondition, ...]:

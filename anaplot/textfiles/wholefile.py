@@ -9,7 +9,7 @@ import re
 import secrets
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from pathlib import Path
 
@@ -80,8 +80,15 @@ def replace_whole(path: Path, data: bytes) -> None:
     _write_aside(path, data, may_replace=True)
 
 
-def create_whole(path: Path, data: bytes) -> None:
+def create_whole(path: Path, data: bytes | Iterable[bytes]) -> None:
     """Write a new file, whole or not at all, and never over another.
+
+    Parameters
+    ----------
+    path
+        The file.
+    data
+        Its content, also in pieces.
 
     Raises
     ------
@@ -156,7 +163,7 @@ def sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-def _write_aside(path: Path, data: bytes, *, may_replace: bool) -> None:
+def _write_aside(path: Path, data: bytes | Iterable[bytes], *, may_replace: bool) -> None:
     aside = path.with_name(f".{path.name}.{secrets.token_hex(_RANDOM_BYTES)}.tmp")
     own = None
     try:
@@ -183,14 +190,15 @@ def _write_aside(path: Path, data: bytes, *, may_replace: bool) -> None:
         raise InputError(f"{place(path)}: cannot be written: {reason(error)}") from error
 
 
-def _write_synced(path: Path, data: bytes, like: Path | None) -> None:
+def _write_synced(path: Path, data: bytes | Iterable[bytes], like: Path | None) -> None:
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | int(getattr(os, "O_BINARY", 0))
     descriptor = os.open(path, flags, 0o666)
     try:
         if like is not None and sys.platform != "win32":
             with contextlib.suppress(OSError):
                 os.fchmod(descriptor, stat.S_IMODE(like.stat().st_mode))
-        write_all(descriptor, data)
+        for piece in (data,) if isinstance(data, bytes) else data:
+            write_all(descriptor, piece)
         os.fsync(descriptor)
     finally:
         os.close(descriptor)

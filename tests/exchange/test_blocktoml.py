@@ -323,8 +323,8 @@ def test_files_that_cannot_be_read(make_block, tmp_path, monkeypatch):
         read_block(make_block(toml=b'format = 1\nname = "\xff"\n'))
     with pytest.raises(InputError, match=r"block\.toml line 2: not UTF-8"):
         read_block(make_block(toml=b'\xef\xbb\xbfformat = 1\nname = "\xff"\n'))
-    with pytest.raises(InputError, match="more than 4 MB is not read"):
-        read_block(make_block(toml=b"#" * 4_000_001))
+    with pytest.raises(InputError, match="more than 64 MB is not read"):
+        read_block(make_block(toml=b"#" * 64_000_001))
     make_block()
     monkeypatch.setattr(os, "open", _permission_denied)
     with pytest.raises(InputError, match=r"block\.toml: cannot be read: Permission denied"):

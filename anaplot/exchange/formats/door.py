@@ -1,0 +1,244 @@
+"""What passes through the door between a block and other programs' files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from anaplot.photogrammetry.block import Block
+
+__all__ = [
+    "AdjustedResult",
+    "ExportOptions",
+    "Exported",
+    "Exporting",
+    "ImportOptions",
+    "Imported",
+    "Note",
+    "PhotoResult",
+    "PointResult",
+    "What",
+]
+
+What = Literal["assumed", "dropped", "joined", "doubled", "changed", "not held"]
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What was done on the way, told to the person.
+
+    Attributes
+    ----------
+    what
+        "assumed": nothing said so; "dropped": left out; "joined": several became one; "doubled": a
+        point twice in a photo; "changed": numbers are not those of the file; "not held": the
+        target has no place for it.
+    count
+        How many it concerns, or None where that is no number.
+    text
+        In words, without the number: "images without a pose". Names from files are made safe by
+        whoever shows it.
+    examples
+        Names of some of them.
+    """
+
+    what: What
+    count: int | None
+    text: str
+    examples: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """What a person states of a source; a format refuses what it has no use for.
+
+    Attributes
+    ----------
+    sigma_px
+        A-priori standard deviation of a measured coordinate [px].
+    unit
+        Of image coordinates: "px", "mm" or "um".
+    columns
+        Names of columns in the source by ours.
+    camera
+        A camera file.
+    c
+        Camera constant [mm], or in pixels where there is no pixel size.
+    pixels, pixel_um
+        Width and height of the images [px], and the size of a pixel [um].
+    crs
+        Coordinate system of the ground, "EPSG:25832".
+    order
+        How something is ordered or turned that the source does not say; the format's own words.
+    files
+        Further files by what is in them: "control", "camera", "images" and the like.
+    """
+
+    sigma_px: float | None = None
+    unit: Literal["px", "mm", "um"] | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    camera: Path | None = None
+    c: float | None = None
+    pixels: tuple[int, int] | None = None
+    pixel_um: float | None = None
+    crs: str | None = None
+    order: str | None = None
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """A block that was brought in.
+
+    Attributes
+    ----------
+    block
+        The block. What is measured in pixels has `ImagePoint.measured` and `Block.in_pixels`.
+    notes
+        What was assumed, dropped, joined, doubled or changed.
+    comments
+        Lines for people, without a mark, at the beginning of block.toml: what the block is and
+        where it comes from.
+    source
+        Files to be kept beside the block, by their names under `source/`.
+    """
+
+    block: Block
+    notes: tuple[Note, ...] = ()
+    comments: tuple[str, ...] = ()
+    source: Mapping[str, Path] = field(default_factory=dict)
+
+
+class PhotoResult(NamedTuple):
+    """A photo's adjusted exterior orientation [m, rad] and its standard deviations.
+
+    Attributes
+    ----------
+    photo
+        Name.
+    position, position_sigma
+        (3,) [m].
+    rotation, rotation_sigma
+        omega, phi, kappa [rad].
+    rays
+        How many of its rays count.
+    redundancy
+        Mean redundancy number of their coordinates; None without any.
+    flagged
+        How many of them the test flags.
+    """
+
+    photo: str
+    position: tuple[float, float, float]
+    position_sigma: tuple[float | None, float | None, float | None]
+    rotation: tuple[float, float, float]
+    rotation_sigma: tuple[float | None, float | None, float | None]
+    rays: int
+    redundancy: float | None
+    flagged: int
+
+
+class PointResult(NamedTuple):
+    """An adjusted point.
+
+    Attributes
+    ----------
+    point
+        Name.
+    xyz
+        (3,) [m].
+    covariance
+        (3, 3) [m^2], rows of rows, with the sigma that the test says.
+    rays
+        How many of its rays count.
+    redundancy
+        Mean redundancy number of their coordinates; None without any.
+    flagged
+        How many of them the test flags.
+    use
+        "control", "check" or "tie".
+    """
+
+    point: str
+    xyz: tuple[float, float, float]
+    covariance: tuple[tuple[float, ...], ...]
+    rays: int
+    redundancy: float | None
+    flagged: int
+    use: str
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustedResult:
+    """What an adjustment says of a block, for formats that have a place for it.
+
+    Attributes
+    ----------
+    photos, points
+        In the order of the block's files.
+    sigma0
+        Estimated factor of the a-priori sigmas; None without redundancy.
+    """
+
+    photos: tuple[PhotoResult, ...]
+    points: tuple[PointResult, ...]
+    sigma0: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ExportOptions:
+    """What a person asks of a target; a format refuses what it has no use for.
+
+    Attributes
+    ----------
+    unit
+        Of image coordinates: "px", "mm" or "um".
+    crs
+        Coordinate system of what is written.
+    order
+        How something is ordered or turned; the format's own words.
+    """
+
+    unit: Literal["px", "mm", "um"] | None = None
+    crs: str | None = None
+    order: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Exporting:
+    """A block on its way out.
+
+    Attributes
+    ----------
+    block
+        The block.
+    folder
+        Its folder; `source/` in it holds what it was imported from.
+    options
+        What was asked for.
+    adjusted
+        The adjusted block, where the format needs it.
+    """
+
+    block: Block
+    folder: Path
+    options: ExportOptions = ExportOptions()
+    adjusted: AdjustedResult | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What was written.
+
+    Attributes
+    ----------
+    files
+        Paths.
+    notes
+        What the format cannot hold, and what was left out.
+    """
+
+    files: tuple[Path, ...]
+    notes: tuple[Note, ...] = ()

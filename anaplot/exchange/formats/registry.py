@@ -1,0 +1,93 @@
+"""The formats by their names; their modules are loaded when they are used."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
+
+from anaplot.errors import InputError
+from anaplot.textfiles.wording import hint, place, quoted
+
+if TYPE_CHECKING:
+    from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions
+
+__all__ = ["FORMATS", "Format", "FormatModule", "format_of", "module_of", "recognised"]
+
+
+class FormatModule(Protocol):
+    """What every module of a format offers."""
+
+    def recognises(self, source: Path) -> bool:
+        """Return whether a file or folder is of this format, from little of it; never raises."""
+
+    def read(self, source: Path, options: ImportOptions) -> Imported:
+        """Read a source; raises InputError that names file and line, or place in the file."""
+
+    def write(self, exporting: Exporting, target: Path) -> Exported:
+        """Write a block as a new file or folder; raises InputError, and then nothing is there."""
+
+
+class Format(NamedTuple):
+    """A format.
+
+    Attributes
+    ----------
+    kind
+        Its name on the command line.
+    title
+        Whose files, and which.
+    reads, writes
+        Whether there is a way in, and out.
+    import_options, export_options
+        Options of the door that it has a use for.
+    adjusted
+        Whether what it writes is adjusted first.
+    """
+
+    kind: str
+    title: str
+    reads: bool = True
+    writes: bool = True
+    import_options: tuple[str, ...] = ()
+    export_options: tuple[str, ...] = ()
+    adjusted: bool = False
+
+
+_ALL: tuple[Format, ...] = ()
+
+FORMATS = {one.kind: one for one in _ALL}
+"""Formats by kind, in the order in which a source is looked at."""
+
+
+def format_of(kind: str) -> Format:
+    """Return a format by its name; raises InputError with the nearest."""
+    found = FORMATS.get(kind)
+    if found is None:
+        near = hint(kind, FORMATS, listing=False)
+        raise InputError(f"no format {quoted(kind)}{near}; there are {', '.join(FORMATS)}")
+    return found
+
+
+def module_of(kind: str) -> FormatModule:
+    """Return the module of a format; raises InputError as `format_of`."""
+    name = format_of(kind).kind.replace("-", "")
+    return cast("FormatModule", import_module(f"anaplot.exchange.formats.{name}"))
+
+
+def recognised(source: Path) -> Format:
+    """Return the format of a source that says what it is.
+
+    Raises
+    ------
+    InputError
+        No format knows it, or several do.
+    """
+    readable = [one for one in FORMATS.values() if one.reads]
+    found = [one for one in readable if module_of(one.kind).recognises(source)]
+    if len(found) == 1:
+        return found[0]
+    kinds = ", ".join(one.kind for one in found or readable)
+    if not found:
+        raise InputError(f"{place(source)}: of no known format: name it ({kinds})")
+    raise InputError(f"{place(source)}: may be {kinds}: name it")

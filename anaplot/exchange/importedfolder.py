@@ -1,0 +1,57 @@
+"""The folder of a block that was brought in: commented, with its source beside it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import write_block
+from anaplot.exchange.blocktoml import format_block_toml
+from anaplot.exchange.formats.door import Imported
+from anaplot.exchange.formats.sourcelines import MAX_SOURCE_BYTES
+from anaplot.textfiles.inputfile import open_input
+from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wording import place, plain
+
+__all__ = ["SOURCE", "write_imported"]
+
+SOURCE = "source"
+_PIECE = 1 << 20  # bytes
+
+
+def write_imported(folder: Path, imported: Imported) -> None:
+    """Write a block that was brought in as a new folder; all of it, or nothing.
+
+    Parameters
+    ----------
+    folder
+        The block folder, made when it does not exist.
+    imported
+        What was read.
+
+    Raises
+    ------
+    InputError
+        Something of the kind is there already, or cannot be written.
+    """
+    comments = [f"# {plain(line, 400)}".rstrip() for line in imported.comments]
+    text = "\n".join([*comments, "", format_block_toml(imported.block)])
+    with all_or_nothing():
+        make_folder(folder)
+        source = folder / SOURCE
+        if imported.source and os.path.lexists(source):
+            raise InputError(f"{place(source)}: exists already and is not overwritten")
+        for name, path in imported.source.items():
+            target = source.joinpath(*name.split("/"))
+            for parent in reversed(target.relative_to(folder).parents):
+                make_folder(folder / parent)
+            create_whole(target, _pieces(path))
+        write_block(folder, imported.block, text=text.lstrip("\n"))
+
+
+def _pieces(path: Path) -> Iterator[bytes]:
+    with open_input(path, MAX_SOURCE_BYTES) as file:
+        while piece := file.read(_PIECE):
+            yield piece

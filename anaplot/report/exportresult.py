@@ -1,0 +1,73 @@
+"""A block adjusted for formats that have a place for orientations, points and their precision."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.exchange.formats.door import AdjustedResult, PhotoResult, PointResult
+from anaplot.photogrammetry.block import Block
+
+__all__ = ["adjusted_result"]
+
+
+def adjusted_result(block: Block) -> AdjustedResult:
+    """Adjust a block as `adjust` does: on its control, without any as a free network.
+
+    Raises
+    ------
+    NotComputableError
+        As `adjust_block`.
+    """
+    held = any(row.use == "control" for row in block.control)
+    prior = any(photo.position_sigma is not None for photo in block.photos)
+    adjusted = adjust_block(block, datum="control" if held or prior else "free")
+    problem, cofactors = adjusted.problem, adjusted.cofactors
+    counts = np.ones((len(problem.photo), 2), dtype=bool)
+    if problem.rejected is not None:
+        counts &= ~problem.rejected
+    r = np.where(counts, cofactors.r, 0.0).sum(axis=1)
+    flagged = np.zeros(len(problem.photo), dtype=np.intp)
+    where = {int(row): k for k, row in enumerate(problem.source)}
+    for ray in adjusted.ray_rows():
+        flagged[where[ray.row]] = sum(one.flagged for one in ray.xy)
+
+    def summed(group: np.ndarray, count: int) -> list[tuple[int, float | None, int]]:
+        rays = np.bincount(group, counts.any(axis=1), count)
+        coordinates = np.bincount(group, counts.sum(axis=1), count)
+        numbers = np.bincount(group, r, count)
+        look = np.bincount(group, flagged, count)
+        return [
+            (int(n), float(s / m) if m else None, int(f))
+            for n, m, s, f in zip(rays, coordinates, numbers, look, strict=True)
+        ]
+
+    sigma = 1.0 if adjusted.sigma is None else adjusted.sigma
+    of_photo = dict(zip(problem.photos, summed(problem.photo, len(problem.photos)), strict=True))
+    of_point = dict(zip(problem.points, summed(problem.point, len(problem.points)), strict=True))
+    covariance = dict(zip(problem.points, cofactors.points * sigma**2, strict=True))
+    uses = {row.point: row.use for row in block.control if row.use != "off"}
+    return AdjustedResult(
+        tuple(
+            PhotoResult(
+                row.photo,
+                row.position,
+                row.s_position,
+                row.angles,
+                row.s_angles,
+                *of_photo[row.photo],
+            )
+            for row in adjusted.photo_rows()
+        ),
+        tuple(
+            PointResult(
+                row.point,
+                row.xyz,
+                tuple(map(tuple, covariance[row.point].tolist())),
+                *of_point[row.point],
+                uses.get(row.point, "tie"),
+            )
+            for row in adjusted.point_rows()
+        ),
+        adjusted.sigma0,
+    )
