@@ -14,10 +14,12 @@ from anaplot.errors import InputError
 from anaplot.exchange.camerafile import (
     FRAME,
     LENS,
+    PIXELS,
     camera_path,
     format_camera,
     lens_lines,
     parse_camera,
+    pixel_lines,
     read_camera,
 )
 from anaplot.exchange.patternfile import is_pattern_file
@@ -41,7 +43,6 @@ from anaplot.textfiles.kinds import (
     PHOTO,
     POSITIVE,
     Fields,
-    Items,
     Keys,
     Kind,
     KnownName,
@@ -50,7 +51,6 @@ from anaplot.textfiles.kinds import (
     Number,
     Numbers,
     Text,
-    Whole,
     Word,
 )
 from anaplot.textfiles.tomltable import TomlTable, parse_toml
@@ -69,7 +69,6 @@ __all__ = [
 ]
 
 BLOCK_FORMAT = 1
-MAX_PIXELS = 1_000_000
 
 _ANGLES = ("omega", "phi", "kappa")
 _UNITS = {"deg": math.pi / 180.0, "gon": math.pi / 200.0, "rad": 1.0}
@@ -92,11 +91,6 @@ _PRECISION: Fields = {
 _TEST: Fields = {"kind": Word(*get_args(TestKind)), "alpha": FRACTION, "power": FRACTION}
 _CAMERA: Fields = {"id": NAME, "c": POSITIVE}
 _SIGMAS: Fields = {"position_sigma": Numbers(3, POSITIVE), "rotation_sigma": _rotation(POSITIVE)}
-_PIXELS: Fields = {
-    "pixels": Made(Items(Whole(1, MAX_PIXELS), Whole(1, MAX_PIXELS)), lambda found: tuple(found)),
-    "pixel_um": POSITIVE,
-    "principal_px": Numbers(2),
-}
 _PHOTO: Fields = {"position": Numbers(3), "rotation": ROTATION, **_SIGMAS}
 
 
@@ -193,13 +187,8 @@ def format_block_toml(block: Block) -> str:
             raise InputError(
                 f"camera {quoted(camera.id)} cannot be written: its calibration has no file"
             )
-        if camera.pixels is not None:
-            lines.append(f"pixels = [{camera.pixels[0]}, {camera.pixels[1]}]")
-            if camera.pixel_um is not None:
-                lines.append(f"pixel_um = {toml_number(camera.pixel_um)}")
-            if camera.principal_px is not None:
-                lines.append(f"principal_px = {toml_numbers(*camera.principal_px)}")
-        elif camera.format is not None:
+        lines += pixel_lines(camera)
+        if camera.pixels is None and camera.format is not None:
             lines.append(f"format = {toml_numbers(*camera.format)}")
         if camera.lens is not None and camera.file is None:
             lines += ["[camera.lens]", *lens_lines(camera.lens)]
@@ -253,23 +242,24 @@ def _pattern(folder: Path, name: str) -> str:
 
 def _camera(folder: Path, files: Mapping[str, str], table: TomlTable) -> Camera:
     if "file" not in table:
-        more: Fields = {"format": FRAME, **_PIXELS}
+        more: Fields = {"format": FRAME, **PIXELS}
         stated = table.take(_CAMERA, more, also=("file", "lens"))
         lens = table.get("lens", LENS) if "lens" in table else None
         return _with_pixels(table, Camera(stated["id"], stated["c"], lens=lens), stated)
-    stated = table.take({"file": Text()}, {**_CAMERA, "format": FRAME, **_PIXELS}, also=("lens",))
+    stated = table.take({"file": Text()}, {**_CAMERA, "format": FRAME, **PIXELS}, also=("lens",))
     file = stated["file"]
     path = table.get("file", Made(Text(), partial(camera_path, folder)))
     calibration = parse_camera(files[file], path) if file in files else read_camera(path)
     # What stands in both places must be the same: nobody could say which of the two is meant.
-    for key in ("id", "c", "format"):
+    for key in ("id", "c", "format", *PIXELS):
         here, there = stated.get(key), getattr(calibration, key)
         if here is not None and there is not None and here != there:
             raise table.fail(f"{_shown(here)}, but {quoted(file)} says {_shown(there)}", key)
     if "lens" in table:
         raise table.fail(f"beside file: {quoted(file)} states the lens", "lens")
     camera = Camera(calibration.id, calibration.c, calibration.format, calibration, file)
-    return _with_pixels(table, replace(camera, lens=calibration.lens), stated)
+    of_file = {key: value for key in PIXELS if (value := getattr(calibration, key)) is not None}
+    return _with_pixels(table, replace(camera, lens=calibration.lens), of_file | stated)
 
 
 def _with_pixels(table: TomlTable, camera: Camera, stated: Mapping[str, Any]) -> Camera:

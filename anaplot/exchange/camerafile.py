@@ -5,6 +5,7 @@
     id = "rmk"
     c = 152.40                          # mm
     format = [230.0, 230.0]             # mm; left out: not known
+    pixels = [6000, 4000]               # instead of format; also pixel_um and principal_px
     principal_point = [0.012, -0.004]   # mm in the fiducial system; left out: its origin
     symmetry_point = [0.015, -0.001]    # mm; about it is all distortion; left out: principal_point
     [fiducials]                         # mm
@@ -34,6 +35,7 @@ from typing import Any
 
 from anaplot.errors import InputError
 from anaplot.exchange.distortion import distortion_lines, read_distortion
+from anaplot.photogrammetry.block import Camera
 from anaplot.photogrammetry.camera import (
     BrownLens,
     CameraCalibration,
@@ -55,6 +57,7 @@ from anaplot.textfiles.kinds import (
     Made,
     MapOf,
     Numbers,
+    Whole,
     Word,
 )
 from anaplot.textfiles.tomltable import TomlTable, parse_toml
@@ -67,15 +70,19 @@ __all__ = [
     "FRAME",
     "LENS",
     "MAX_CAMERA_BYTES",
+    "MAX_PIXELS",
+    "PIXELS",
     "camera_path",
     "format_camera",
     "lens_lines",
     "parse_camera",
+    "pixel_lines",
     "read_camera",
     "write_camera",
 ]
 
 CAMERA_FORMAT = 1
+MAX_PIXELS = 1_000_000
 MAX_CAMERA_BYTES = 1_000_000
 
 _MAX_FIDUCIALS = 400  # a reseau of 19 x 19 crosses and more than any frame
@@ -112,6 +119,11 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
     camera = root.take({"camera": Keys(_CAMERA, _CAMERA_MORE)}, _TABLES, also=("format",))["camera"]
     c = camera["c"]
     size = camera.get("format")
+    stray = next((key for key in ("pixel_um", "principal_px") if key in camera), None)
+    if stray is not None and "pixels" not in camera:
+        raise root.fail(f"{stray} without pixels", "camera", stray)
+    if size is not None and "pixels" in camera:
+        raise root.fail("beside pixels, which state it: only one of them", "camera", "format")
     symmetry = camera.get("symmetry_point")
     for key in ("principal_point", "symmetry_point"):
         if any(abs(part) > c for part in camera.get(key, ())):
@@ -136,6 +148,7 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
         fiducials=fiducials,
         symmetry_point=symmetry,
         lens=lens,
+        **{key: camera[key] for key in PIXELS if key in camera},
         **distances,
         **distortion,
     )
@@ -180,6 +193,7 @@ def format_camera(calibration: CameraCalibration) -> str:
     ]
     if calibration.format is not None:
         lines.append(f"format = {toml_numbers(*calibration.format)}")
+    lines += pixel_lines(calibration)
     lines.append(f"principal_point = {toml_numbers(*calibration.principal_point)}")
     if calibration.symmetry_point is not None:
         lines.append(f"symmetry_point = {toml_numbers(*calibration.symmetry_point)}")
@@ -206,6 +220,18 @@ def format_camera(calibration: CameraCalibration) -> str:
         return "\n".join(lines) + "\n"
     lines += ["", *distortion_lines(calibration)]
     return "\n".join(lines) + "\n"
+
+
+def pixel_lines(of: Camera | CameraCalibration) -> list[str]:
+    """Return what is written of a camera's pixels; nothing where it has none."""
+    if of.pixels is None:
+        return []
+    lines = [f"pixels = [{of.pixels[0]}, {of.pixels[1]}]"]
+    if of.pixel_um is not None:
+        lines.append(f"pixel_um = {toml_number(of.pixel_um)}")
+    if of.principal_px is not None:
+        lines.append(f"principal_px = {toml_numbers(*of.principal_px)}")
+    return lines
 
 
 def lens_lines(lens: BrownLens) -> list[str]:
@@ -292,9 +318,17 @@ LENS: Kind[BrownLens] = Made(
 )
 """A lens's table: its model and coefficients, each 0 where it is left out."""
 
+PIXELS: Fields = {
+    "pixels": Made(Items(Whole(1, MAX_PIXELS), Whole(1, MAX_PIXELS)), lambda found: tuple(found)),
+    "pixel_um": POSITIVE,
+    "principal_px": Numbers(2),
+}
+"""What a camera says of its pixels."""
+
 _CAMERA: Fields = {"id": NAME, "c": POSITIVE}
 _CAMERA_MORE: Fields = {
     "format": FRAME,
+    **PIXELS,
     "principal_point": Numbers(2),
     "symmetry_point": Numbers(2),
 }

@@ -146,6 +146,8 @@ class CameraCalibration:
     lens
         What stands between ideal coordinates and those that are measured about the principal
         point, instead of `radial` and `decentring`; or None.
+    pixels, pixel_um, principal_px
+        Of a camera whose images have pixels, as `Camera` has them; they are its format then.
     """
 
     id: str
@@ -159,6 +161,9 @@ class CameraCalibration:
     decentring: tuple[float, float] = (0.0, 0.0)
     symmetry_point: tuple[float, float] | None = None
     lens: BrownLens | None = None
+    pixels: tuple[int, int] | None = None
+    pixel_um: float | None = None
+    principal_px: tuple[float, float] | None = None
 
     def fiducial_names(self) -> tuple[str, ...]:
         """Return the names of all fiducials, in the order in which the certificate names them."""

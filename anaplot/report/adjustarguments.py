@@ -100,6 +100,7 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         help="weigh the additional parameters by what they may do at the edge of the format",
     )
     _add_prior(adjust)
+    _add_calibration(adjust)
     adjust.add_argument(
         "--snooping",
         action="store_true",
@@ -250,6 +251,30 @@ def _add_prior(parser: argparse.ArgumentParser) -> None:
         metavar="B",
         help="the length b of the terms in x/b, y/b: values of another block belong to its b "
         "(otherwise half the format, without one the largest coordinate measured)",
+    )
+
+
+def _add_calibration(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--calibrate",
+        action="append",
+        metavar="PARAMETERS",
+        help="free parameters of every camera's lens: c,x0,y0,k1,k2,k3,p1,p2,b1,b2, or some; of "
+        "one camera CAMERA:c,k1 (may stand several times); k1=-0.05 is a value in place of the "
+        "camera's own",
+    )
+    parser.add_argument(
+        "--calibrate-sigma",
+        action="append",
+        metavar="SIGMAS",
+        help="weigh them about the camera's values, or those given: k1=0.01,c=5px or "
+        "CAMERA:k1=0.01; 0: held there (c, x0, y0 in mm or px, the others as COLMAP has them)",
+    )
+    parser.add_argument(
+        "--write-camera",
+        action="append",
+        metavar="FILE",
+        help="write the calibrated camera as a camera file; of several CAMERA=FILE, for each",
     )
 
 

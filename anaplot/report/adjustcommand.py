@@ -35,6 +35,8 @@ from anaplot.report.accidentlines import with_photo_accidents
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
+from anaplot.report.calibration import calibration_asked, calibration_document
+from anaplot.report.camerafiles import camera_files_asked, write_cameras
 from anaplot.report.chosenparameters import choice_document
 from anaplot.report.components import components_document
 from anaplot.report.computed import Computed
@@ -129,6 +131,9 @@ def adjust(
     additional_sigma_um: float | None = None,
     additional_prior: Known | None = None,
     additional_reference_mm: float | None = None,
+    calibrate: str | Sequence[str] | None = None,
+    calibrate_sigma: str | Sequence[str] | None = None,
+    write_camera: str | os.PathLike[str] | Sequence[str] | None = None,
     snooping: bool = False,
     snooping_tolerance: float = 25.0,
     snooping_model: str | os.PathLike[str] = "sampled",
@@ -171,6 +176,13 @@ def adjust(
     additional_reference_mm
         The length b of the terms in x/b, y/b [mm], of a calibration that of its own block; None:
         half a camera's format, without one the largest coordinate measured.
+    calibrate
+        Parameters of the cameras' lenses that are unknown: "c,x0,y0,k1", "CAMERA:c,k1", or several
+        of these; "k1=-0.05": a value in place of the camera's own.
+    calibrate_sigma
+        Their a-priori standard deviations: "k1=0.01,c=5px", "CAMERA:k1=0.01"; 0: held.
+    write_camera
+        A file that the calibrated camera is written into, "CAMERA=FILE" of several cameras.
     snooping
         Add the modified data snooping of 1980 beside the exact test.
     snooping_tolerance
@@ -260,11 +272,12 @@ def adjust(
         raise InputError(
             "--additional auto goes without --errors: choose parameters first, and clean with those"
         )
-    chosen = None
-    if not tried:
+    chosen = calibration_asked(measured, calibrate, calibrate_sigma, additional)
+    if not tried and chosen is None:
         chosen = parameters_of(
             additional, additional_sigma_um, additional_prior, additional_reference_mm
         )
+    camera_files = camera_files_asked(measured, write_camera, chosen)
     if posterior is not None:
         # what cannot be written is told before hours of adjusting
         problem = make_problem(measured, datum=datum, additional=chosen)
@@ -339,6 +352,7 @@ def adjust(
     flagged = flagged or (agreed is not None and agreed.flagged)
     if left is not None and posterior is not None:
         write_posterior(Path(posterior), left)
+    write_cameras(camera_files, adjusted)
     document = planting.with_planting(_document(found, snooping, correlations), planted)
     wrong = [one for one in photo_accidents(measured) if one.kind not in _NO_ACCIDENT]
     document = with_photo_accidents(document, wrong)
@@ -357,6 +371,8 @@ def find_gross_errors(
     additional_sigma_um: float | None = None,
     additional_prior: Known | None = None,
     additional_reference_mm: float | None = None,
+    calibrate: str | Sequence[str] | None = None,
+    calibrate_sigma: str | Sequence[str] | None = None,
     partner: float | None = None,
     as_given: bool = False,
     pairs: bool = False,
@@ -372,8 +388,8 @@ def find_gross_errors(
         A block, or its folder; it is only read.
     errors
         Name of the strategy.
-    datum, additional, additional_sigma_um, additional_prior, additional_reference_mm, partner,
-    as_given, pairs, given, given_without, progress
+    datum, additional, additional_sigma_um, additional_prior, additional_reference_mm, calibrate,
+    calibrate_sigma, partner, as_given, pairs, given, given_without, progress
         As `adjust` has them.
 
     Returns
@@ -393,9 +409,11 @@ def find_gross_errors(
     note = journal_note(block, measured)
     refuse_unknown_points(measured)
     measured = with_given(measured, given, names_in(given_without or ()))
-    chosen = parameters_of(
-        additional, additional_sigma_um, additional_prior, additional_reference_mm
-    )
+    chosen = calibration_asked(measured, calibrate, calibrate_sigma, additional)
+    if chosen is None:
+        chosen = parameters_of(
+            additional, additional_sigma_um, additional_prior, additional_reference_mm
+        )
     problem = make_problem(measured, datum=datum, additional=chosen)
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     with naming_wrong_photos(measured, _NO_ACCIDENT), watch.searching():
@@ -440,6 +458,9 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
     if found.errors is not None:
         rejected = [(row.name, row.error) for row in found.rejected]
     parts = {"hypotheses": hypotheses_document(found.hypotheses)}
+    calibrated = calibration_document(found.block)
+    if calibrated is not None:
+        parts["calibration"] = calibrated
     if found.choice is not None:
         parts["choice"] = choice_document(found.choice)
     if snooping:
@@ -467,7 +488,8 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
 
 # what a person reads after the block itself, in this order
 _ORDER = (
-    *("errors_without_control", "errors", "given", "choice", "hypotheses", "prior_estimate"),
+    *("errors_without_control", "errors", "given", "choice", "calibration", "hypotheses"),
+    "prior_estimate",
     *("components", "snooping", "correlations", "test_sets", "functions", "posterior"),
 )
 

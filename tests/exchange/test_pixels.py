@@ -140,3 +140,59 @@ def test_plates_and_a_lens_undo_each_other() -> None:
 def test_a_row_without_its_block_is_plain_millimetres(tmp_path: Path) -> None:
     write_image_points(tmp_path, [ImagePoint("1", "p", 1.5, -2.5)])
     assert (tmp_path / "image_points.csv").read_text() == "photo,point,x,y,model\n1,p,1.5,-2.5,\n"
+
+
+FILE = """format = 1
+[camera]
+id = "fc"
+c = 8.6
+pixels = [4000, 3000]
+pixel_um = 2.5
+principal_px = [2010.5, 1490.25]
+[lens]
+model = "brown"
+k1 = -0.12
+p2 = 0.001
+b1 = 0.0005
+"""
+BY_FILE = """format = 1
+name = "drone"
+[[camera]]
+file = "fc.toml"
+"""
+
+
+def test_a_camera_file_may_say_everything_of_pixels(tmp_path: Path) -> None:
+    block = read_block(folder_of(tmp_path / "b"))
+    calibration = parse_camera(FILE, Path("fc.toml"))
+    assert parse_camera(format_camera(calibration), Path("fc.toml")) == calibration
+    for k, more in enumerate(("", "pixels = [4000, 3000]\nprincipal_px = [2010.5, 1490.25]\n")):
+        (tmp_path / f"{k}").mkdir()
+        (tmp_path / f"{k}" / "fc.toml").write_text(FILE)
+        (tmp_path / f"{k}" / "block.toml").write_text(BY_FILE + more)
+        (tmp_path / f"{k}" / "image_points.csv").write_text(POINTS)
+        other = read_block(tmp_path / f"{k}")
+        assert other.image_points == block.image_points
+        (camera,) = other.cameras
+        assert (camera.pixels, camera.format) == ((4000, 3000), (10.0, 7.5))
+        assert camera.lens == block.cameras[0].lens
+
+
+@pytest.mark.parametrize(
+    ("file", "more", "said"),
+    [
+        (FILE.replace("pixels = [4000, 3000]\n", ""), "", "pixel_um without pixels"),
+        (FILE.replace("c = 8.6", "c = 8.6\nformat = [10.0, 7.5]"), "", "only one of them"),
+        (FILE, "pixel_um = 3.0\n", "'fc.toml' says 2.5"),
+        (FILE, "pixels = [3000, 4000]\n", "says"),
+        (FILE.replace("4000, 3000", "4000, 1e12"), "", "pixels"),
+    ],
+)
+def test_a_camera_file_and_its_block_agree_on_pixels(
+    tmp_path: Path, file: str, more: str, said: str
+) -> None:
+    (tmp_path / "fc.toml").write_text(file)
+    (tmp_path / "block.toml").write_text(BY_FILE + more)
+    (tmp_path / "image_points.csv").write_text(POINTS)
+    with pytest.raises(InputError, match=said):
+        read_block(tmp_path)

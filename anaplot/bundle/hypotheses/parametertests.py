@@ -314,8 +314,13 @@ def _families(block: AdjustedBlock) -> tuple[list[_Family], list[str]]:
     if len(problem.additional_sigma):
         information += problem.additional_sigma**-2.0
     if not own:
-        found = block.state.shared, block.cofactors.shared
-        return [_family(labels, problem.additional_given, *found, information)], []
+        given, z, q = problem.additional_given, block.state.shared, block.cofactors.shared
+        if problem.additional_still is not None:
+            free = np.flatnonzero(~problem.additional_still)
+            labels = tuple(labels[k] for k in free.tolist())
+            given, z, q = given.ravel()[free], z[free], q[np.ix_(free, free)]
+            information = information.ravel()[free]
+        return [_family(labels, given, z, q, information)], []
     if len(labels) <= _JOINT:
         q = own_parameter_cofactors(block)
         return [_family(labels, problem.additional_given, block.state.own, q, information)], []

@@ -147,6 +147,9 @@ class AdditionalParameters:
         The length b of the terms in x/b, y/b [mm]: the values of another block are those of this
         one only with the same b. None: half the longer side of a camera's format, without one the
         largest coordinate measured in the block.
+    still
+        (group, parameter) of those in `set` that are held in some groups only, at the value of
+        their priors, else at 0.
     """
 
     set: ParameterSet
@@ -155,6 +158,7 @@ class AdditionalParameters:
     priors: tuple[ParameterPrior, ...] = ()
     held: ParameterSet | None = None
     reference_mm: float | None = None
+    still: frozenset[tuple[str, str]] = frozenset()
 
 
 def _ebner_basis(x: Array, y: Array, b: float, c: Array) -> Array:

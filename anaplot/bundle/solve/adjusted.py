@@ -355,7 +355,7 @@ class AdjustedBlock:
         return out  # type: ignore[return-value]
 
     def parameter_rows(self) -> list[ParameterRow]:
-        """Return the additional parameters."""
+        """Return the additional parameters that are unknown."""
         problem = self.problem
         if problem.additional is None:
             return []
@@ -367,6 +367,8 @@ class AdjustedBlock:
         deviations = self._deviations(q)
         rows = []
         for k, name in enumerate(parameter_names(problem)):
+            if name.held:
+                continue
             value, s = float(values[k]), deviations[k]
             row = ParameterRow(name.owner, name.unknown, value, s)
             if problem.lens_units is not None:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.aliases import Array, Index
+from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.additional import AdditionalParameters, ParameterSet, Scope, lens_units
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
@@ -39,6 +39,8 @@ class LaidParameters(NamedTuple):
     reference
         (cameras,) lengths b [mm] in which image coordinates are measured for the parameters, of
         every camera of the block; 0 without rays. None without parameters.
+    still
+        (groups, q) which of the parameters are held at their a-priori values; None: none is.
     """
 
     basis: Array
@@ -50,6 +52,7 @@ class LaidParameters(NamedTuple):
     shift: Array | None = None
     lens_held: Array | None = None
     reference: Array | None = None
+    still: Bools | None = None
 
 
 def groups_of_photos(block: Block, scope: Scope, photos: Sequence[str]) -> list[str]:
@@ -130,7 +133,13 @@ def lay_out_parameters(
     given = _known(additional, names, lens, sigma)
     group = of_photo[photo]
     weights = sigma if np.isfinite(sigma).any() else sigma[:0]
-    laid = LaidParameters(basis, lens, group, names, given, weights, reference=reference)
+    still = np.array(
+        [[(name, one) in additional.still for one in additional.set.names] for name in names]
+    )
+    laid = LaidParameters(
+        basis, lens, group, names, given, weights, None, None, reference,
+        still if still.any() else None,
+    )  # fmt: skip
     if held is None or additional.held is None:
         return laid
     values = _held(additional, additional.held, names)

@@ -171,6 +171,8 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
     n, m = len(problem.photos), len(problem.photo)
     d = problem.per_photo
     white = seen.parameter * weight[:, :, None]
+    if problem.additional_still is not None:
+        white *= ~problem.additional_still[problem.additional_group][:, None, :]
     if problem.photo_invariant:
         a = np.empty((m, 2, d))
         np.multiply(seen.photo, weight[:, :, None], out=a[:, :, :6])

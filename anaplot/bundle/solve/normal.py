@@ -104,6 +104,8 @@ class NormalEquations:
             self._border_of_rays(at, h)
             corner_diagonal = np.einsum("ii->i", self.corner)
             corner_diagonal += linear.shared_weight
+            if problem.additional_still is not None:
+                corner_diagonal[problem.additional_still.ravel()] = 1.0
             corner_diagonal *= grow
             self.corner_scale = corner_diagonal.copy()
         for piece in structure.pieces:

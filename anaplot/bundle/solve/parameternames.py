@@ -24,6 +24,8 @@ class ParameterName(NamedTuple):
         Its value in that unit, over what is adjusted.
     kind
         "parameter".
+    held
+        Whether it is no unknown, while other groups have it.
     """
 
     owner: str
@@ -31,6 +33,7 @@ class ParameterName(NamedTuple):
     unit: str
     factor: float
     kind: Literal["parameter"] = "parameter"
+    held: bool = False
 
     @property
     def text(self) -> str:
@@ -47,13 +50,14 @@ def parameter_names(problem: Problem) -> tuple[ParameterName, ...]:
     if problem.additional is None:
         return ()
     labels = problem.additional.set.names
-    units = problem.lens_units
+    units, still = problem.lens_units, problem.additional_still
     return tuple(
         ParameterName(
             group,
             label,
             "mm" if units is None or label in ("c", "x0", "y0") else "",
             1.0 if units is None else float(units[k, j]),
+            held=still is not None and bool(still[k, j]),
         )
         for k, group in enumerate(problem.additional_groups)
         for j, label in enumerate(labels)

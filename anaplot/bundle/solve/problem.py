@@ -132,6 +132,9 @@ class Problem:
         (m, 2) factors of `sigma` for x and y, where they are not both 1, or None.
     additional_reference
         (cameras,) lengths b [mm] of the parameters' terms, of every camera of the block, or None.
+    additional_still
+        (groups, q) parameters that are held at their a-priori values, neither unknown nor observed,
+        while other groups have them; or None.
     image_shift, lens_held
         (m, 2) what additional parameters do that are held at given values [mm], and (groups, 10)
         those of a lens; or None.
@@ -180,6 +183,7 @@ class Problem:
     off: Bools | None = field(default=None, repr=False)
     aside: Problem | None = field(default=None, repr=False)
     additional_reference: Array | None = field(default=None, repr=False)
+    additional_still: Bools | None = field(default=None, repr=False)
     image_shift: Array | None = field(default=None, repr=False)
     lens_held: Array | None = field(default=None, repr=False)
     conditions: Conditions | None = field(default=None, repr=False)
@@ -214,6 +218,7 @@ class Problem:
             additional_given=np.empty((0, 0)),
             additional_sigma=np.empty((0, 0)),
             additional_reference=None,
+            additional_still=None,
             image_shift=None,
             lens_held=None,
             aside=None if self.aside is None else self.aside.bare,
@@ -297,6 +302,12 @@ class Problem:
         return len(self.additional_groups) * int(self.basis.shape[2])
 
     @property
+    def additional_unknowns(self) -> int:
+        """Number of additional parameters that are unknown."""
+        still = 0 if self.additional_still is None else int(self.additional_still.sum())
+        return len(self.additional_groups) * int(self.basis.shape[2]) - still
+
+    @property
     def photo_invariant(self) -> bool:
         """Whether every photo has additional parameters of its own."""
         return self.additional is not None and self.additional.scope == "photo"
@@ -304,8 +315,7 @@ class Problem:
     @property
     def frees_parameters(self) -> bool:
         """Whether there are additional parameters without an a-priori weight."""
-        unknowns = len(self.additional_groups) * int(self.basis.shape[2])
-        return int(np.isfinite(self.additional_sigma).sum()) < unknowns
+        return int(np.isfinite(self.additional_sigma).sum()) < self.additional_unknowns
 
     @property
     def observations(self) -> int:
@@ -323,7 +333,7 @@ class Problem:
     @property
     def unknowns(self) -> int:
         """Number of unknowns u."""
-        extra = len(self.additional_groups) * int(self.basis.shape[2])
+        extra = self.additional_unknowns
         extra += self.conditions.unknowns if self.conditions else 0
         return 6 * len(self.photos) + int((~self.fixed).sum()) + extra
 
@@ -487,6 +497,7 @@ def make_problem(
         additional_given=parameters.given,
         additional_sigma=parameters.sigma,
         additional_reference=parameters.reference,
+        additional_still=parameters.still,
         stated_lens=lenses,
         without_lens=None if lenses is None else ideal,
         image_shift=parameters.shift,

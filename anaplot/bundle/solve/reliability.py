@@ -381,6 +381,9 @@ def compute_cofactors(
         r_shared = np.where(
             linear.shared_weight > 0.0, 1.0 - np.diag(corner) * linear.shared_weight, np.nan
         )
+    if problem.additional_still is not None:
+        moving = ~problem.additional_still.ravel()
+        corner = np.where(moving[:, None] & moving, corner, 0.0)
     photos = own
     if change is not None:
         photos, q_points, beside_photos, response = _changed(

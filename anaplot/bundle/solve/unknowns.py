@@ -145,6 +145,8 @@ class _Known:
         parameters: dict[str, tuple[UnknownName, ...]] = {}
         groups: dict[str, tuple[UnknownName, ...]] = {}
         for one in parameter_names(problem):
+            if one.held:
+                continue
             parameters[one.unknown] = (*parameters.get(one.unknown, ()), one)
             groups[one.owner] = (*groups.get(one.owner, ()), one)
         # a parameter of all groups, or all parameters of a group
