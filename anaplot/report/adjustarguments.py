@@ -220,6 +220,21 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         "between",
     )
     adjust.add_argument(
+        "--covariance",
+        nargs="+",
+        action="extend",
+        metavar="OF",
+        help="after BLOCK: the covariance of any unknowns, with error ellipses and distances: "
+        "points:A,B photos:101 parameters:c,k1; points, photos or parameters for all; point:NAME, "
+        "photo:NAME for a name that holds commas; point:7:Z, photo:101:omega for one unknown",
+    )
+    adjust.add_argument(
+        "--covariance-to",
+        metavar="FILE.npz",
+        help="with --covariance: write it too: names, units, x, covariance and factor of "
+        "numpy.load; of more unknowns than are shown",
+    )
+    adjust.add_argument(
         "--components",
         nargs="?",
         const="axes",

@@ -23,6 +23,7 @@ from anaplot.bundle.hypotheses.giventests import GivenTests, given_tests
 from anaplot.bundle.hypotheses.priorknowledge import BlockPrior, PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.covariances import Covariance
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.posteriors import coordinates_meant
 from anaplot.bundle.solve.posteriors import posterior_of as posterior_of_block
@@ -42,6 +43,13 @@ from anaplot.report.components import components_document
 from anaplot.report.computed import Computed
 from anaplot.report.conditionpoints import refuse_unknown_points
 from anaplot.report.correlations import RayPair, correlated_rays, correlations_document
+from anaplot.report.covariance import (
+    AskedCovariance,
+    CovarianceQuestion,
+    Names,
+    any_covariance,
+    covariance_document,
+)
 from anaplot.report.document import BLANK, Document, say
 from anaplot.report.doublenames import with_double_names
 from anaplot.report.errorsets import (
@@ -98,6 +106,8 @@ class BlockAdjustment:
         What the observations say to a prior from an earlier adjustment; None without one.
     posterior
         What was written for the next one; None where nothing was.
+    asked_covariance
+        What `covariance` asked for; the method of that name gives any other.
     """
 
     block: AdjustedBlock
@@ -113,6 +123,32 @@ class BlockAdjustment:
     choice: ChosenParameters | None = field(default=None, repr=False)
     given: GivenTests | None = field(default=None, repr=False)
     posterior: Posterior | None = field(default=None, repr=False)
+    asked_covariance: AskedCovariance | None = field(default=None, repr=False)
+
+    def covariance(
+        self, points: Names = (), photos: Names = (), parameters: Names = ()
+    ) -> Covariance:
+        """Return the covariance of any unknowns with each other.
+
+        Parameters
+        ----------
+        points, photos, parameters
+            Names, or True for all; text is taken apart at its commas, a list is not. One unknown
+            stands behind a colon: "7:Z", "101:omega", of a parameter behind its group.
+
+        Returns
+        -------
+        Covariance
+            In the order points, photos, parameters; m and rad, of parameters their unit.
+
+        Raises
+        ------
+        InputError
+            What the adjusted block does not have, nothing at all, or more than 6000 unknowns.
+        NotComputableError
+            omega or kappa of a photo with phi at 90 degrees.
+        """
+        return any_covariance(self.block, points, photos, parameters)
 
     @property
     def rejected(self) -> tuple[Rejection[ObservationName], ...]:
@@ -150,6 +186,8 @@ def adjust(
     given_without: str | Sequence[str] | None = None,
     posterior: str | os.PathLike[str] | None = None,
     posterior_of: str | Sequence[str] | None = None,
+    covariance: str | Sequence[str] | None = None,
+    covariance_to: str | os.PathLike[str] | None = None,
     components: Grouping | None = None,
     operators: str | os.PathLike[str] | None = None,
     plant: Sequence[str] | None = None,
@@ -215,6 +253,11 @@ def adjust(
         A file `.npz` that coordinates and their covariance are written into.
     posterior_of
         Which: "points" (None), "photos", names of points and photos.
+    covariance
+        Unknowns whose covariance with each other is told: "points:A,B", "photos:101",
+        "parameters:c,k1", or as `unknowns_meant` has it.
+    covariance_to
+        A file `.npz` that it is written into.
     components
         Add variance components, image coordinates grouped like this.
     operators
@@ -251,6 +294,7 @@ def adjust(
     if prior is not None and components is not None:
         raise InputError("--prior and --components both estimate variances: one of them")
     _check_carried(given, given_without, posterior, posterior_of, datum, prior)
+    question = CovarianceQuestion.of(covariance, covariance_to, posterior)
     measured, where = block_of(block)
     note = journal_note(block, measured)
     refuse_unknown_points(measured)
@@ -278,10 +322,13 @@ def adjust(
             additional, additional_sigma_um, additional_prior, additional_reference_mm
         )
     camera_files = camera_files_asked(measured, write_camera, chosen)
-    if posterior is not None:
+    if posterior is not None or question is not None:
         # what cannot be written is told before hours of adjusting
         problem = make_problem(measured, datum=datum, additional=chosen)
-        coordinates_meant(problem, names_in(posterior_of or "points"))
+        if posterior is not None:
+            coordinates_meant(problem, names_in(posterior_of or "points"))
+        if question is not None and not tried:
+            question = question.checked(problem)
     settings = HypothesisSettings(hypothesis_alpha, measured.test.power)
     asked = functions_of(function or ())
     watch = progress if isinstance(progress, Watch) else Watch(progress)
@@ -333,6 +380,7 @@ def adjust(
     left = None
     if posterior is not None:
         left = posterior_of_block(adjusted, names_in(posterior_of or "points"))
+    spread = None if question is None else question.answered(adjusted)
     found = BlockAdjustment(
         adjusted,
         tested,
@@ -347,6 +395,7 @@ def adjust(
         choice,
         agreed,
         left,
+        spread,
     )
     flagged = adjusted.any_flagged or len(found.rejected) > 0
     flagged = flagged or (agreed is not None and agreed.flagged)
@@ -475,6 +524,8 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
         parts["given"] = given_document(found.given, cleaned=found.errors is not None)
     if found.posterior is not None:
         parts["posterior"] = posterior_document(found.posterior)
+    if found.asked_covariance is not None:
+        parts["covariance"] = covariance_document(found.asked_covariance)
     if found.test_sets:
         parts["test_sets"] = error_sets_document(found.test_sets)
     if found.functions:
@@ -489,8 +540,8 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
 # what a person reads after the block itself, in this order
 _ORDER = (
     *("errors_without_control", "errors", "given", "choice", "calibration", "hypotheses"),
-    "prior_estimate",
-    *("components", "snooping", "correlations", "test_sets", "functions", "posterior"),
+    *("prior_estimate", "components", "snooping", "correlations", "test_sets", "functions"),
+    *("covariance", "posterior"),
 )
 
 

@@ -28,6 +28,7 @@ __all__ = [
     "unknown_functions",
     "unknown_values",
     "unknowns_meant",
+    "unknowns_of",
 ]
 
 _UPRIGHT = 1e-12  # cosine of phi below which omega and kappa are one
@@ -131,6 +132,13 @@ def unknowns_meant(problem: Problem, wanted: Iterable[str], option: str) -> tupl
     for one in wanted:
         chosen.update(dict.fromkeys(known.meant(one)))
     return tuple(chosen)
+
+
+def unknowns_of(problem: Problem) -> tuple[UnknownName, ...]:
+    """Return all unknowns of a bundle that have names: of points, photos, parameters."""
+    points = (one for name in problem.points for one in _coordinates("point", name))
+    photos = (one for name in problem.photos for one in _coordinates("photo", name))
+    return (*points, *photos, *(one for one in parameter_names(problem) if not one.held))
 
 
 class _Known:
