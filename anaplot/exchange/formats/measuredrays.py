@@ -1,0 +1,143 @@
+"""Rays as other programs measured them become image points: checked, and through the lens."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.exchange.formats.door import Note
+from anaplot.photogrammetry.block import Camera, ImagePoint, Use
+from anaplot.photogrammetry.measuredimage import ideal_rays, mm_of_pixels
+
+__all__ = ["TWICE", "MeasuredRay", "image_points_of"]
+
+TWICE = "a second time in the photo"
+"""Why a ray does not count whose point stands in its photo already."""
+
+_BESIDE = 0.5  # px that a coordinate may lie outside the image, as in image_points.csv
+_EXAMPLES = 4
+
+
+class MeasuredRay(NamedTuple):
+    """A ray of another program's file.
+
+    Attributes
+    ----------
+    photo, point
+        Names.
+    x, y
+        Where it was measured: pixels of a camera that has them (origin at the upper left corner of
+        the upper left pixel, y down), else mm about the principal point, y up.
+    sigma_um, use, reason
+        As `ImagePoint` has them.
+    """
+
+    photo: str
+    point: str
+    x: float
+    y: float
+    sigma_um: float | None = None
+    use: Use = "xy"
+    reason: str | None = None
+
+
+def image_points_of(
+    rays: Sequence[MeasuredRay], camera_of: Mapping[str, Camera], *, pixels: bool
+) -> tuple[tuple[ImagePoint, ...], tuple[Note, ...]]:
+    """Return image points in the order of the rays, and what was done to some of them.
+
+    Parameters
+    ----------
+    rays
+        What was measured.
+    camera_of
+        The camera of every photo.
+    pixels
+        Whether x, y are pixels; every camera has pixels then.
+
+    Returns
+    -------
+    points
+        A point that stands twice in a photo is kept as a ray of its own that does not count, its
+        name with ~2. Rays outside the image, and those where the lens images nothing, are left
+        out: a block cannot hold them.
+    notes
+        How many of each.
+    """
+    places = np.array([(ray.x, ray.y) for ray in rays], dtype=np.float64).reshape(-1, 2)
+    ideal = np.zeros_like(places)
+    outside = np.zeros(len(rays), dtype=bool)
+    by_camera: dict[str, list[int]] = {}
+    known: dict[str, Camera] = {}
+    for k, ray in enumerate(rays):
+        camera = camera_of[ray.photo]
+        known[camera.id] = camera
+        by_camera.setdefault(camera.id, []).append(k)
+    for name, rows in by_camera.items():
+        camera = known[name]
+        mine = places[rows]
+        if pixels and camera.pixels is not None:
+            low, high = -_BESIDE, np.array(camera.pixels) + _BESIDE
+            outside[rows] = ~((mine >= low) & (mine <= high)).all(axis=1)
+        else:
+            outside[rows] = ~(np.abs(mine) <= camera.reach()).all(axis=1)
+        good = np.array(rows)[~outside[rows]]
+        mine = places[good]
+        ideal[good] = ideal_rays(camera, mm_of_pixels(camera, mine) if pixels else mine)
+    unseen = ~np.isfinite(ideal).all(axis=1) & ~outside
+    names, doubled = _numbered(rays)
+    made = [
+        ImagePoint(
+            ray.photo,
+            name,
+            x,
+            y,
+            ray.sigma_um,
+            None,
+            "off" if again else ray.use,
+            TWICE if again else ray.reason,
+            (ray.x, ray.y) if pixels or camera_of[ray.photo].lens is not None else None,
+        )
+        for ray, name, again, (x, y), out in zip(
+            rays, names, doubled, ideal.tolist(), outside | unseen, strict=True
+        )
+        if not out
+    ]
+    notes = [
+        Note("dropped", int(mask.sum()), text, _some(rays, mask))
+        for mask, text in (
+            (outside, "rays outside their image"),
+            (unseen, "rays where their lens images nothing"),
+        )
+        if mask.any()
+    ]
+    twice = np.array(doubled, dtype=bool) & ~(outside | unseen)
+    if twice.any():
+        text = "rays of a point that is in the photo already: kept with ~2, and do not count"
+        notes.append(Note("doubled", int(twice.sum()), text, _some(rays, twice)))
+    return tuple(made), tuple(notes)
+
+
+def _numbered(rays: Sequence[MeasuredRay]) -> tuple[list[str], list[bool]]:
+    """Return names that stand once in every photo, and which rays are of a point already there."""
+    taken = {(ray.photo, ray.point) for ray in rays}
+    times: dict[tuple[str, str], int] = {}
+    names, doubled = [], []
+    for ray in rays:
+        key, name = (ray.photo, ray.point), ray.point
+        number = times.get(key, 0)
+        if number:
+            while (ray.photo, name) in taken:
+                number += 1
+                name = f"{ray.point}~{number}"
+            taken.add((ray.photo, name))
+        times[key] = max(number, 1)
+        names.append(name)
+        doubled.append(name != ray.point)
+    return names, doubled
+
+
+def _some(rays: Sequence[MeasuredRay], mask: np.ndarray) -> tuple[str, ...]:
+    return tuple(f"{rays[k].photo}: {rays[k].point}" for k in np.flatnonzero(mask)[:_EXAMPLES])
