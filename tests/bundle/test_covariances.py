@@ -16,13 +16,15 @@ from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.solve import crosscofactors
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.covariances import covariance_of, unknown_cofactors
+from anaplot.bundle.solve.parameterpriors import ParameterPrior
 from anaplot.bundle.solve.posteriors import posterior_of
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.bundle.solve.unknowns import unknown_values, unknowns_meant
 from anaplot.errors import InputError, NotComputableError
-from anaplot.photogrammetry.block import ControlPoint, TestSettings
+from anaplot.photogrammetry.block import Camera, ControlPoint, TestSettings
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes, rotation_matrix, turn
 
+CAMERA = Camera("cam", 150.0)
 EVERYTHING = ("photos", "points", "parameters")
 
 
@@ -58,6 +60,18 @@ def barred(sigma):
     return with_conditions(scene, bars, datum="free")
 
 
+def two_cameras():
+    """Two cameras' lenses; k1 of one is held, c of it weighted."""
+    scene = aerial(2, 4, noise_um=5.0, control_sigma=0.05, relief=200.0)
+    photos = [replace(p, camera="other" if p.id[0] == "2" else "cam") for p in scene.block.photos]
+    made = replace(scene.block, photos=tuple(photos), cameras=(CAMERA, replace(CAMERA, id="other")))
+    lenses = additional_parameters(
+        "physical:c,x0,k1:camera", priors=[ParameterPrior("c", 0.0, 0.1, "other")]
+    )
+    problem = make_problem(made, additional=replace(lenses, still=frozenset({("other", "k1")})))
+    return adjust_bundle(problem, scene.start(problem, np.random.default_rng(2), 1.0, 0.001))
+
+
 CASES = {
     "weighted control": adjusted,
     "error-free control": lambda: adjusted({"control_sigma": 0.0}),
@@ -68,6 +82,7 @@ CASES = {
     "physical by photo": lambda: adjusted(
         {"control_sigma": 0.05, "priors": True}, ("physical:photo", 5.0)
     ),
+    "two cameras, a parameter held": two_cameras,
     "conditions": lambda: conditioned(()),
     "conditions free of error": lambda: conditioned((0, 1, 4)),
     "free": lambda: adjusted(datum="free"),
@@ -96,6 +111,8 @@ def dense_cofactors(block):
     problem, change = block.problem, block.cofactors.change
     white, free = dense(block)
     u = white.shape[1]
+    if problem.additional_still is not None:
+        free[u - problem.in_border :] = ~problem.additional_still.ravel()
     held = [np.eye(u)[~free]]
     if problem.conditions is not None:
         rows, shared, sigma, firm = dense_conditions(block)
@@ -171,8 +188,9 @@ def test_every_covariance_equals_an_own_dense_adjustment(name, block) -> None:
     found = block(name)
     names = everything(found)
     n, p = len(found.problem.photos), len(found.problem.points)
-    groups = len(found.problem.additional_groups)
-    assert len(names) == 6 * n + 3 * p + groups * found.problem.basis.shape[2]
+    still = 0 if found.problem.additional_still is None else found.problem.additional_still.sum()
+    q = len(found.problem.additional_groups) * found.problem.basis.shape[2] - still
+    assert len(names) == 6 * n + 3 * p + q
     functions = dense_functions(found, names)
     wanted = functions @ dense_cofactors(found) @ functions.T
     own = unknown_cofactors(found, names)
@@ -395,6 +413,14 @@ def test_a_name_that_is_none_is_said_with_the_nearest(odd, wanted, words) -> Non
         texts(odd, wanted)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith("--covariance: ")
+
+
+def test_a_parameter_that_is_held_is_said_to_be(block) -> None:
+    problem = block("two cameras, a parameter held").problem
+    assert texts(problem, "parameters:k1") == ["parameter:cam:k1"]
+    assert texts(problem, "parameter:other") == ["parameter:other:c", "parameter:other:x0"]
+    with pytest.raises(InputError, match="parameter 'other:k1' is held: it does not vary"):
+        texts(problem, "parameter:other:k1")
 
 
 def test_parameters_of_a_block_that_has_none(block) -> None:

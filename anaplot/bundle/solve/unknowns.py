@@ -210,6 +210,11 @@ class _Known:
                 f"{self._option}: no parameter {quoted(name)}: the block is adjusted without "
                 "additional parameters"
             )
+        if kind == "parameter" and any(
+            one.held and name in (one.unknown, f"{one.owner}:{one.unknown}")
+            for one in parameter_names(self._problem)
+        ):
+            raise InputError(f"{self._option}: parameter {quoted(name)} is held: it does not vary")
         kinds = ("photo",) if kind == "photo" else ("point", "control")
         for out in self._problem.left_out:
             if kind != "parameter" and out.kind in kinds and out.name == name:
