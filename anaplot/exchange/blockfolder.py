@@ -52,6 +52,7 @@ __all__ = [
     "image_points_digest",
     "image_points_identity",
     "read_block",
+    "read_declared",
     "with_image_points",
     "write_block",
     "write_control",
@@ -82,10 +83,8 @@ def read_block(folder: str | os.PathLike[str]) -> Block:
         The first thing that is wrong, with file, line and key or column.
     """
     folder = Path(folder)
-    _check_folder(folder)
     path = folder / BLOCK_TOML
-    block = parse_block_toml(read_text(path, MAX_TOML_BYTES), path)
-    block = with_image_points(folder, block)
+    block = with_image_points(folder, read_declared(folder))
     if not block.photos:
         raise InputError(f"{place(path)}: no photo: no strip names one, nor does image_points.csv")
     control, distances = folder / CONTROL_CSV, folder / DISTANCES_CSV
@@ -95,6 +94,19 @@ def read_block(folder: str | os.PathLike[str]) -> Block:
         conditions += parse_conditions(others)
     ground = parse_control(control) if os.path.lexists(control) else GroundPoints()
     return replace(block, control=ground.control, conditions=conditions, priors=ground.priors)
+
+
+def read_declared(folder: Path) -> Block:
+    """Return what a folder's block.toml declares; it may have no photo yet.
+
+    Raises
+    ------
+    InputError
+        There is no such block, or something is wrong in its block.toml or a camera file.
+    """
+    _check_folder(folder)
+    path = folder / BLOCK_TOML
+    return parse_block_toml(read_text(path, MAX_TOML_BYTES), path)
 
 
 def with_image_points(folder: Path, block: Block) -> Block:

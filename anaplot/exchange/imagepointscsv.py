@@ -25,6 +25,7 @@ from anaplot.textfiles.kinds import (
     PHOTO,
     POSITIVE,
     Blank,
+    Fields,
     KnownName,
     Text,
     Word,
@@ -33,7 +34,13 @@ from anaplot.textfiles.kinds import (
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import hint, quoted
 
-__all__ = ["format_image_points", "parse_image_points", "points_in_pixels"]
+__all__ = [
+    "format_image_points",
+    "measured_rows",
+    "outside",
+    "parse_image_points",
+    "points_in_pixels",
+]
 
 _COLUMNS = ("photo", "point", "x", "y", "sigma_um", "model", "use", "reason")
 _PIXELS = ("x_px", "y_px")
@@ -79,6 +86,36 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
     InputError
         The first row that is wrong, with file, line and column.
     """
+    either = [{"x": NUMBER, "y": NUMBER}, dict.fromkeys(_PIXELS, NUMBER)]
+    table, of_photo = measured_rows(path, block, either)
+    measured = _take_off_lenses(table, of_photo)
+    return tuple(map(ImagePoint, *(table[name] for name in _COLUMNS), measured))
+
+
+def measured_rows(
+    path: Path, block: Block, either: Sequence[Fields], more: Fields | None = None
+) -> tuple[CsvColumns, dict[str, Camera]]:
+    """Read a file of measured points, its coordinates as they stand there.
+
+    Parameters
+    ----------
+    path, block
+        As `parse_image_points`.
+    either
+        Columns of coordinates, see `read_csv`.
+    more
+        Further columns that may be there.
+
+    Returns
+    -------
+    CsvColumns, dict[str, Camera]
+        The columns, and the camera of each photo.
+
+    Raises
+    ------
+    InputError
+        As `parse_image_points`.
+    """
     cameras = {camera.id: camera for camera in block.cameras}
     of_photo = {photo.id: cameras[photo.camera] for photo in block.photos}
     named_here = not block.strips and len(block.cameras) == 1
@@ -93,17 +130,16 @@ def parse_image_points(path: Path, block: Block) -> tuple[ImagePoint, ...]:
             "model": Blank(Text()),
             "use": Blank(_USE),
             "reason": Blank(_REASON),
+            **(more or {}),
         },
-        [{"x": NUMBER, "y": NUMBER}, dict.fromkeys(_PIXELS, NUMBER)],
+        either,
     )
     if named_here:
         of_photo.update(dict.fromkeys(table["photo"], block.cameras[0]))
-    measured = _take_off_lenses(table, of_photo)
     _check_models(table, of_photo, block.strips)
     table.refuse_twice("point", "photo", "model")
     table["use"][:] = [use or "xy" for use in table["use"]]
-    columns = [table[name] for name in _COLUMNS]
-    return tuple(map(ImagePoint, *columns, measured))
+    return table, of_photo
 
 
 def points_in_pixels(path: Path) -> bool:
@@ -247,17 +283,21 @@ def _check_inside(table: CsvColumns, cameras: Mapping[str, Camera]) -> None:
     reach = {photo: camera.reach() for photo, camera in cameras.items()}
     for row, (photo, x, y) in enumerate(zip(table["photo"], table["x"], table["y"], strict=True)):
         reach_x, reach_y = reach[photo]
-        if -reach_x <= x <= reach_x and -reach_y <= y <= reach_y:
-            continue
-        column, value, most = ("x", x, reach_x) if abs(x) > reach_x else ("y", y, reach_y)
-        camera = cameras[photo]
-        limit = "the format" if camera.format is not None else "4 c"
-        raise table.fail(
-            row,
-            column,
-            f"{value:g} mm lies outside {limit} of camera {quoted(camera.id)} "
-            f"(-{most:g} to {most:g} mm)",
-        )
+        if not (-reach_x <= x <= reach_x and -reach_y <= y <= reach_y):
+            raise outside(table, row, cameras[photo], x, y)
+
+
+def outside(table: CsvColumns, row: int, camera: Camera, x: float, y: float) -> InputError:
+    """Return the error about a row whose image coordinates [mm] a camera cannot have."""
+    reach_x, reach_y = camera.reach()
+    column, value, most = ("y", y, reach_y) if abs(x) <= reach_x else ("x", x, reach_x)
+    limit = "the format" if camera.format is not None else "4 c"
+    return table.fail(
+        row,
+        column,
+        f"{value:g} mm lies outside {limit} of camera {quoted(camera.id)} "
+        f"(-{most:g} to {most:g} mm)",
+    )
 
 
 def _check_models(table: CsvColumns, photos: Iterable[str], strips: Collection[Strip]) -> None:

@@ -7,6 +7,7 @@ import os
 import platform
 import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from anaplot.errors import InputError
@@ -19,7 +20,7 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-__all__ = ["FolderLock"]
+__all__ = ["FolderLock", "sessions_kept_out"]
 
 _FAR = 1 << 30  # Windows locks bytes, also against reading: one that the file does not have
 _TRIES = 5
@@ -159,3 +160,15 @@ class FolderLock:
 def _host() -> str:
     """Return this computer's name in the network, without blanks."""
     return "".join(platform.node().split()) or "unknown"
+
+
+@contextlib.contextmanager
+def sessions_kept_out(folder: Path) -> Iterator[None]:
+    """Keep sessions out of a block folder that has had any, while its files are written."""
+    sessions = folder / "sessions"
+    lock = FolderLock(sessions / "lock") if sessions.is_dir() else None
+    try:
+        yield
+    finally:
+        if lock is not None:
+            lock.release()

@@ -128,7 +128,8 @@ def _frame_of_distances(
     """(2, 3): origin in the fiducial centre, x along the first distance, y towards the second."""
     step = plate[ends[:, 1]] - plate[ends[:, 0]]
     length = np.linalg.norm(step, axis=1)
-    short = np.flatnonzero(length < 1e-3 * mm)
+    # of no unit: all are short against the longest only
+    short = np.flatnonzero(length / mm <= 1e-3 * float((length / mm).max()))
     if short.size:
         d = used[int(short[0])]
         raise NotComputableError(f"fiducials {d.first} and {d.second} are measured at one place")

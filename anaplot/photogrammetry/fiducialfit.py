@@ -17,6 +17,8 @@ import numpy as np
 from anaplot.adjustment.leastsquares import RankDefectError, adjust_combined
 from anaplot.aliases import Array, Bools
 from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.generalform import IDENTITY, general_form
+from anaplot.photogrammetry.innercofactors import InnerCofactors
 from anaplot.photogrammetry.innerfit import STEPS, InnerFit, in_brackets, no_end, rows3, rows4
 from anaplot.photogrammetry.platetransformation import PlateTransformation, TransformationName
 
@@ -109,7 +111,7 @@ def fit_coordinates(
     target = (image - centre) / reach
     _check_spread(kind, names, target, basis, rows)
     frame = _laid_like(plate, target, names)
-    g = basis.T @ _IDENTITY / np.diag(basis.T @ basis)
+    g = basis.T @ IDENTITY / np.diag(basis.T @ basis)
     observed = (plate @ frame[:, 1:].T + frame[:, 0]).ravel()
     v = np.zeros_like(observed)
     cofactors = np.ones(len(observed))
@@ -118,7 +120,7 @@ def fit_coordinates(
         while True:
             iteration += 1
             at = (observed + v).reshape(-1, 2)
-            value, by_place, by_terms = _general_form(basis @ g, at)
+            value, by_place, by_terms = general_form(basis @ g, at)
             A = _blocks(by_place)[rows]
             B = by_terms.reshape(len(observed), -1)[rows] @ basis
             u = (value - target).ravel()[rows] - A @ v
@@ -154,10 +156,8 @@ def fit_coordinates(
         iteration,
         (),
         exchanged=next(iter(_exchanges(names, plate, target)), None),
+        cofactors=InnerCofactors(frame, terms, basis @ solved.conditions.q_xx @ basis.T),
     )
-
-
-_IDENTITY = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def _basis(kind: str) -> Array:
@@ -169,21 +169,6 @@ def _basis(kind: str) -> Array:
         out[2, 3], out[5, 3] = -1.0, 1.0
         return out
     return np.eye(10)[:, list(_TERMS[kind])]
-
-
-def _general_form(terms: Array, at: Array) -> tuple[Array, Array, Array]:
-    """(n, 2) values, (n, 2, 2) derivatives by place and (n, 2, 10) by coefficient."""
-    a, c = terms[:8].reshape(2, 4), terms[8:]
-    xi, eta = at.T
-    powers = np.column_stack((np.ones_like(xi), xi, eta, xi * eta))
-    under = 1.0 + at @ c
-    value = (powers @ a.T) / under[:, None]
-    by_place = a[None, :, 1:3] + a[None, :, 3:] * at[:, None, ::-1]
-    by_place = (by_place - value[:, :, None] * c) / under[:, None, None]
-    by_terms = np.zeros((len(at), 2, 10))
-    by_terms[:, 0, :4] = by_terms[:, 1, 4:8] = powers / under[:, None]
-    by_terms[:, :, 8:] = -value[:, :, None] * at[:, None, :] / under[:, None, None]
-    return value, by_place, by_terms
 
 
 def _blocks(small: Array) -> Array:
@@ -201,7 +186,7 @@ def _check_spread(
     basis: Array,
     rows: Bools,
 ) -> None:
-    _, _, by_terms = _general_form(_IDENTITY, target)
+    _, _, by_terms = general_form(IDENTITY, target)
     design = by_terms.reshape(2 * len(target), -1)[rows] @ basis
     _, found, right = np.linalg.svd(design, full_matrices=True)
     unknowns = _UNKNOWNS[kind]

@@ -186,6 +186,7 @@ def _result(
         overall=apriori_um * float(np.sqrt(chdtri(f, test.alpha) / f)) if f > 0 else None,
         exchanged=fit.exchanged,
         remarks=fit.remarks,
+        cofactors=fit.cofactors,
     )
 
 

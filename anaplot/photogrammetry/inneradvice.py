@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 from anaplot.adjustment.advice import (
     NOTHING_FLAGGED,
     odds_in_words,
@@ -11,6 +13,7 @@ from anaplot.adjustment.advice import (
 from anaplot.adjustment.tested import Observation
 from anaplot.photogrammetry.innerresults import Fiducial, InnerOrientation
 from anaplot.photogrammetry.platetransformation import TITLES, TransformationName
+from anaplot.photogrammetry.plateunits import MILLIMETRE, PlateUnit
 
 __all__ = ["inner_advice"]
 
@@ -18,15 +21,29 @@ _ODD_SCALE = 0.02  # film does not shrink by this much: another unit, or another
 _RICHER: dict[str, TransformationName] = {"distances": "scales", "helmert": "affine"}
 
 
-def inner_advice(inner: InnerOrientation) -> tuple[str, ...]:
-    """Return sentences for the operator, the most useful first."""
+def inner_advice(inner: InnerOrientation, unit: PlateUnit = MILLIMETRE) -> tuple[str, ...]:
+    """Return sentences for the operator, the most useful first.
+
+    Parameters
+    ----------
+    inner
+        The inner orientation.
+    unit
+        Of its plate coordinates.
+    """
     out = [*_what_to_measure(inner), *_what_cannot_be_known(inner), *inner.remarks]
     place = inner.placement
-    odd = max(abs(place.scale_x - 1.0), abs(place.scale_y - 1.0)) > _ODD_SCALE
+    usual = unit.per_mm or sqrt(place.scale_x * place.scale_y)
+    scale_x, scale_y = place.scale_x / usual, place.scale_y / usual
+    odd = max(abs(scale_x - 1.0), abs(scale_y - 1.0)) > _ODD_SCALE
     if odd and not inner.exchanged:
+        question = (
+            f"are the plate coordinates in {unit.name}, and is it this camera?"
+            if unit.per_mm
+            else f"is a {unit.name} not as long along both, and is it this camera?"
+        )
         out.append(
-            f"the scale of the plate is {place.scale_x:.4f} along x and {place.scale_y:.4f} along "
-            "y: are the plate coordinates in mm, and is it this camera?"
+            f"the scale of the plate is {scale_x:.4f} along x and {scale_y:.4f} along y: {question}"
         )
     if inner.unmeasured:
         out.append(f"not measured: {', '.join(inner.unmeasured)}")

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from anaplot.adjustment.leastsquares import Adjustment
 from anaplot.aliases import Array
+from anaplot.photogrammetry.innercofactors import InnerCofactors
 from anaplot.photogrammetry.innerresults import DistanceRow
 from anaplot.photogrammetry.platetransformation import PlateTransformation
 
@@ -33,6 +34,8 @@ class InnerFit(NamedTuple):
         Differences of calibrated distances.
     exchanged
         Two fiducials that seem to be exchanged, or None.
+    cofactors
+        Of the transformation; None where distances determine it.
     """
 
     transformation: PlateTransformation
@@ -41,6 +44,7 @@ class InnerFit(NamedTuple):
     remarks: tuple[str, ...]
     distances: tuple[DistanceRow, ...] = ()
     exchanged: tuple[str, str] | None = None
+    cofactors: InnerCofactors | None = None
 
 
 def in_brackets(names: tuple[str, ...]) -> str:

@@ -6,8 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+import numpy as np
+
 from anaplot.adjustment.tested import Observation, Partner, Tested, TestedInMicrometres
-from anaplot.aliases import Axis
+from anaplot.aliases import Array, Axis
+from anaplot.photogrammetry.innercofactors import InnerCofactors
 from anaplot.photogrammetry.platetransformation import Placement, PlateTransformation
 
 __all__ = ["DistanceRow", "Fiducial", "InnerOrientation"]
@@ -57,6 +60,8 @@ class InnerOrientation(TestedInMicrometres[Fiducial]):
         Two fiducials whose exchange would make a bad fit good: measured in the wrong order?
     remarks
         Sentences on how the transformation was chosen.
+    cofactors
+        Of the transformation; None where only distances are known.
     """
 
     camera: str
@@ -70,6 +75,23 @@ class InnerOrientation(TestedInMicrometres[Fiducial]):
     overall: float | None
     exchanged: tuple[str, str] | None
     remarks: tuple[str, ...]
+    cofactors: InnerCofactors | None = None
+
+    def carried_um(self, plate: Array) -> Array | None:
+        """Return how precisely points are carried into the image: (n, 2) [um], or None.
+
+        Standard deviations of image coordinates that come from the measured fiducials, for the
+        a-priori sigma; None where only distances are known.
+
+        Parameters
+        ----------
+        plate
+            (n, 2) plate coordinates.
+        """
+        if self.cofactors is None:
+            return None
+        variances = np.diagonal(self.cofactors.of_points(plate), axis1=1, axis2=2)
+        return np.asarray(self.apriori_um * np.sqrt(np.maximum(variances, 0.0)))
 
     @property
     def kind(self) -> str:

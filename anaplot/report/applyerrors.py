@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -14,7 +13,7 @@ from anaplot.aliases import Strategy
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import block_files, read_block, write_image_points
-from anaplot.exchange.lockfile import FolderLock
+from anaplot.exchange.lockfile import sessions_kept_out
 from anaplot.exchange.rejectedrows import as_before, rejecting_reason, said_by
 from anaplot.photogrammetry.block import ImagePoint
 from anaplot.report.adjustcommand import adjust
@@ -51,7 +50,7 @@ def run_adjust(options: argparse.Namespace) -> int:
         raise InputError("--apply and --apply-undo: one of them")
     if options.apply and options.errors is None:
         raise InputError("--apply goes with --errors")
-    with _alone(folder):
+    with sessions_kept_out(folder):
         before = read_block(folder).image_points
         if options.apply_undo:
             names = STRATEGIES if options.errors is None else (options.errors,)
@@ -133,15 +132,3 @@ def _write(folder: Path, before: tuple[ImagePoint, ...], rows: tuple[ImagePoint,
         raise InputError(f"{place(path)}: has changed meanwhile, nothing is written")
     if rows != before:
         write_image_points(folder, rows, block)
-
-
-@contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Keep sessions out of a block that has had any."""
-    sessions = folder / "sessions"
-    lock = FolderLock(sessions / "lock") if sessions.is_dir() else None
-    try:
-        yield
-    finally:
-        if lock is not None:
-            lock.release()

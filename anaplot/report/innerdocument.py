@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import degrees
+from typing import NamedTuple
 
 from anaplot.adjustment.tested import Observation
 from anaplot.photogrammetry.camera import CameraCalibration, RadialTable
@@ -11,6 +12,7 @@ from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.photogrammetry.inneradvice import inner_advice
 from anaplot.photogrammetry.innerresults import Fiducial
 from anaplot.photogrammetry.platetransformation import TITLES
+from anaplot.photogrammetry.plateunits import MILLIMETRE, PlateUnit
 from anaplot.report.document import (
     BLANK,
     Answer,
@@ -26,7 +28,14 @@ from anaplot.report.document import (
     table,
 )
 
-__all__ = ["fiducial_table", "inner_document", "photo_document"]
+__all__ = [
+    "InnerGroup",
+    "camera_remarks",
+    "fiducial_table",
+    "inner_document",
+    "inner_documents",
+    "photo_document",
+]
 
 _FIDUCIALS = (
     name("fiducial", "FIDUCIAL", 8),
@@ -46,45 +55,68 @@ _TWO_SCALES = ("scales", "affine", "bilinear", "projective")
 _SHEARED = ("affine", "bilinear", "projective")
 
 
-def inner_document(
-    camera: CameraCalibration, photos: Sequence[tuple[str, InnerOrientation | str]]
-) -> Document:
-    """Return the document of photographs of one camera.
+class InnerGroup(NamedTuple):
+    """Photographs of one camera that are measured in one unit.
 
-    Parameters
+    Attributes
     ----------
     camera
         The camera.
     photos
         Name and inner orientation of each photograph, or why there is none.
+    unit
+        Of plate coordinates.
     """
-    oriented = [(one, found) for one, found in photos if not isinstance(found, str)]
-    parts = {one: photo_document(one, found) for one, found in oriented}
+
+    camera: CameraCalibration
+    photos: Sequence[tuple[str, InnerOrientation | str]]
+    unit: PlateUnit = MILLIMETRE
+
+
+def inner_document(
+    camera: CameraCalibration, photos: Sequence[tuple[str, InnerOrientation | str]]
+) -> Document:
+    """Return the document of photographs of one camera, measured in mm."""
+    return inner_documents([InnerGroup(camera, photos)])
+
+
+def inner_documents(groups: Sequence[InnerGroup]) -> Document:
+    """Return one document of photographs of some cameras; no name comes twice."""
+    parts = {
+        one: photo_document(one, found, group.unit)
+        for group in groups
+        for one, found in group.photos
+        if not isinstance(found, str)
+    }
     answers = [
         {"photo": one, "error": found} if isinstance(found, str) else parts[one].answer
-        for one, found in photos
+        for group in groups
+        for one, found in group.photos
     ]
+    cameras = {group.camera.id: group.camera for group in groups}
     page = [block for part in parts.values() for block in (*part.page, BLANK)]
     tables = [
         stacked(key, _PHOTO, columns, (((one,), part.tables[k]) for one, part in parts.items()))
         for k, (key, columns) in enumerate((("fiducials", _FIDUCIALS), ("distances", _DISTANCES)))
     ]
-    answer = {"camera": camera.id, "photos": answers}
-    return Document(answer, (*page, *_camera_remarks(camera)), tuple(tables))
+    answer = {"camera": next(iter(cameras)) if len(cameras) == 1 else None, "photos": answers}
+    page += [line for camera in cameras.values() for line in camera_remarks(camera)]
+    return Document(answer, tuple(page), tuple(tables))
 
 
-def photo_document(photo: str, inner: InnerOrientation) -> Document:
-    """Return the document of one photograph: residuals in um, plate coordinates in mm.
+def photo_document(photo: str, inner: InnerOrientation, unit: PlateUnit = MILLIMETRE) -> Document:
+    """Return the document of one photograph: residuals in um in the image, plate in its unit.
 
     Programs read angles in radians, people in degrees. In "plate_to_image" (xi, eta) = frame
     (1, x, y); image x and y = numerator (1, xi, eta, xi eta) over 1 + denominator (xi, eta).
     """
     place, made = inner.placement, inner.transformation
-    shrunk_x, shrunk_y = place.shrinkage_ppm
+    shrunk_x, shrunk_y = _shrinkage(inner, unit) or (None, None)
     fiducials = fiducial_table(inner)
     distances = table("distances", _DISTANCES, inner.distances)
     answer: Answer = {
         "photo": photo,
+        "camera": inner.camera,
         "transformation": inner.kind,
         "sigma0_um": inner.sigma0_um,
         "apriori_um": inner.apriori_um,
@@ -113,6 +145,7 @@ def photo_document(photo: str, inner: InnerOrientation) -> Document:
             "mirrored": place.mirrored,
             "shrinkage_x_ppm": shrunk_x,
             "shrinkage_y_ppm": shrunk_y,
+            "unit": unit.name,
         },
         "plate_to_image": {
             "frame": made.frame,
@@ -120,9 +153,9 @@ def photo_document(photo: str, inner: InnerOrientation) -> Document:
             "denominator": made.denominator,
         },
         "unmeasured": list(inner.unmeasured),
-        "advice": list(inner_advice(inner)),
+        "advice": list(inner_advice(inner, unit)),
     }
-    page: list[Block] = [*_summary(photo, inner), BLANK, fiducials, BLANK]
+    page: list[Block] = [*_summary(photo, inner, unit), BLANK, fiducials, BLANK]
     if inner.distances:
         page += [
             say("  DISTANCES [mm], transformed minus calibrated [um]"),
@@ -154,9 +187,8 @@ def _verdict(row: Observation[Fiducial], suspect: Fiducial | None) -> str:
     return "not testable" if row.mdb is None else ""
 
 
-def _summary(photo: str, inner: InnerOrientation) -> list[Line]:
+def _summary(photo: str, inner: InnerOrientation, unit: PlateUnit) -> list[Line]:
     place, test = inner.placement, inner.test
-    shrunk_x, shrunk_y = place.shrinkage_ppm
     tested = say(
         "  test      {0.kind}, alpha {0.alpha:g}, critical value {0.critical:.2f||none}", test
     )
@@ -168,12 +200,26 @@ def _summary(photo: str, inner: InnerOrientation) -> list[Line]:
     if inner.kind in _SHEARED:
         turned += say(", shear {:.5f} deg", degrees(place.shear))
     if place.mirrored:
-        turned += ", seen from behind"
-    scaled = say("  scale     x {0.scale_x:.6f}  y {0.scale_y:.6f}, film shrinkage ", place)
-    if inner.kind in _TWO_SCALES:
-        scaled += say("x {:.0f}  y {:.0f} ppm", shrunk_x, shrunk_y)
+        # who counts pixels counts y downwards; a film is laid in the wrong way round
+        turned += (
+            ", seen from behind"
+            if unit == MILLIMETRE
+            else (", mirrored: y runs down, or seen from behind")
+        )
+    shrunk = _shrinkage(inner, unit)
+    if shrunk is None:
+        scaled = say("  scale     x {0.scale_x:.6f}  y {0.scale_y:.6f} {1}/mm: ", place, unit.name)
+        sides = 1e3 / place.scale_x, 1e3 / place.scale_y
+        scaled += say("one {} is {:.4f} x {:.4f} um", unit.name, *sides)
     else:
-        scaled += say("{:.0f} ppm", shrunk_x)
+        scaled = say(
+            "  scale     x {:.6f}  y {:.6f}, film shrinkage ",
+            *(scale / (unit.per_mm or 1.0) for scale in (place.scale_x, place.scale_y)),
+        )
+        if inner.kind in _TWO_SCALES:
+            scaled += say("x {:.0f}  y {:.0f} ppm", *shrunk)
+        else:
+            scaled += say("{:.0f} ppm", shrunk[0])
     return [
         say("PHOTO {}  camera {}", photo, inner.camera).of("heading"),
         say("  found     {}", TITLES[inner.kind]),
@@ -183,13 +229,22 @@ def _summary(photo: str, inner: InnerOrientation) -> list[Line]:
             inner,
         ),
         tested,
-        say("  origin    x {0.x:.4f}  y {0.y:.4f} mm on the plate", place),
+        say("  origin    x {0.x:.4f}  y {0.y:.4f} {1} on the plate", place, unit.name),
         turned,
         scaled,
     ]
 
 
-def _camera_remarks(camera: CameraCalibration) -> list[Line]:
+def _shrinkage(inner: InnerOrientation, unit: PlateUnit) -> tuple[float, float] | None:
+    """Return film shrinkage along x and y [ppm]; None where a unit's length is not known."""
+    if unit.per_mm is None:
+        return None
+    place = inner.placement
+    per_mm = unit.per_mm
+    return (1.0 - place.scale_x / per_mm) * 1e6, (1.0 - place.scale_y / per_mm) * 1e6
+
+
+def camera_remarks(camera: CameraCalibration) -> list[Line]:
     """Return sentences on what a camera's calibration leaves open."""
     if not isinstance(camera.radial, RadialTable):
         return []

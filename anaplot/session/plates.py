@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from anaplot.aliases import Side
+from anaplot.aliases import Array, Side
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.platetransformation import PlateTransformation
 from anaplot.photogrammetry.readings import Position
@@ -91,9 +91,15 @@ class PlateSystem:
         """Return image coordinates [mm] of plate coordinates [mm]."""
         if self.transformation is None or self.calibration is None:
             return x, y
-        measured = self.transformation.to_image(np.array([[x, y]]))
-        ideal = _refinement(self.calibration).refine(measured)[0].tolist()
-        return round(ideal[0], _DIGITS), round(ideal[1], _DIGITS)
+        return self.to_images(np.array([[x, y]]))[0]
+
+    def to_images(self, plate: Array) -> list[tuple[float, float]]:
+        """Return image coordinates [mm] of (n, 2) plate coordinates."""
+        if self.transformation is None or self.calibration is None:
+            return [(x, y) for x, y in plate.tolist()]
+        measured = self.transformation.to_image(plate)
+        ideal = _refinement(self.calibration).refine(measured).tolist()
+        return [(round(x, _DIGITS), round(y, _DIGITS)) for x, y in ideal]
 
     def to_plate(self, x: float, y: float) -> tuple[float, float]:
         """Return plate coordinates [mm] of image coordinates [mm].

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from anaplot.cli import main
 from anaplot.exchange.camerafile import parse_camera
 from anaplot.photogrammetry.camera import RadialTable
 
@@ -15,7 +16,8 @@ PAGE = (Path(__file__).parents[2] / "docs" / "inner-orientation.md").read_text(e
 
 
 def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+    fences = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    return [text for of, text in fences if of == language]
 
 
 def test_the_certificate_is_what_the_camera_file_says():
@@ -37,3 +39,26 @@ def test_the_certificate_is_what_the_camera_file_says():
     assert {(m.id, m.x, m.y) for m in camera.fiducials} == {
         (one, float(x), float(y)) for one, x, y in marks
     }
+
+
+def test_the_commands_make_the_block(tmp_path, monkeypatch, capsys):
+    camera, fiducials = blocks("toml")[:2]
+    points, made = blocks("csv")
+    for name, text in (("rc30.toml", camera), ("scan.toml", fiducials), ("scan.csv", points)):
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    for command in blocks("")[1].splitlines():
+        words = command.split()
+        assert words[0] == "anaplot"
+        assert main(words[1:]) == 0
+    out = capsys.readouterr().out
+    written = (tmp_path / "survey" / "image_points.csv").read_text().splitlines()
+    assert written[: len(made.splitlines())] == made.splitlines()
+    assert len(written) == len(points.splitlines())
+    assert "5 image points of 2 photos in survey/image_points.csv" in out
+    assert "half-diagonals, which differ from it by up to 1.9 um (at radius 128.486 mm)" in out
+    # the words that the page quotes
+    assert main(["inner", "scan.toml"]) == 0
+    assert "mirrored: y runs down, or seen from behind" in capsys.readouterr().out
+    assert main(["inner", "scan.toml", "--points", "scan.csv", "--apply", "survey"]) == 2
+    assert "--replace" in capsys.readouterr().err
