@@ -35,6 +35,7 @@ from anaplot.photogrammetry.block import (
     in_pixels,
 )
 from anaplot.photogrammetry.photorange import photo_range
+from anaplot.photogrammetry.prioroffsets import BoresightScope, OffsetScope, PriorOffsets
 from anaplot.photogrammetry.selection import model_name
 from anaplot.textfiles.kinds import (
     FRACTION,
@@ -90,8 +91,20 @@ _PRECISION: Fields = {
 }
 _TEST: Fields = {"kind": Word(*get_args(TestKind)), "alpha": FRACTION, "power": FRACTION}
 _CAMERA: Fields = {"id": NAME, "c": POSITIVE}
+_BESIDE: Fields = {"lever_arm": Numbers(3)}  # of a camera in one aircraft: no part of its file
 _SIGMAS: Fields = {"position_sigma": Numbers(3, POSITIVE), "rotation_sigma": _rotation(POSITIVE)}
-_PHOTO: Fields = {"position": Numbers(3), "rotation": ROTATION, **_SIGMAS}
+_PHOTO: Fields = {"position": Numbers(3), "rotation": ROTATION, "time": NUMBER, **_SIGMAS}
+_SCOPE = Word(*get_args(OffsetScope))
+_GNSS: Fields = {
+    "shift": _SCOPE,
+    "drift": _SCOPE,
+    "shift_sigma": Numbers(3, POSITIVE),
+    "drift_sigma": Numbers(3, POSITIVE),
+}
+_IMU: Fields = {
+    "boresight": Word(*get_args(BoresightScope)),
+    "boresight_sigma": _rotation(POSITIVE),
+}
 
 
 def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | None = None) -> Block:
@@ -113,13 +126,17 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
     """
     root = parse_toml(text, path)
     root.version(BLOCK_FORMAT)
-    tables = ("format", "precision", "test", "measuring", "camera", "strip", "photo")
+    tables = (
+        *("format", "precision", "test", "measuring", "gnss", "imu"),
+        *("camera", "strip", "photo"),
+    )
     name = root.take({"name": NAME}, also=tables)["name"]
     precision = Precision(**root.table("precision").take({}, _PRECISION))
     test = read_test(root.table("test"))
     pattern = Made(NAME, partial(_pattern, path.parent))
     stated: Fields = {"profile": Text(), "pattern": pattern}
     measuring = Measuring(**root.table("measuring").take({}, stated))
+    offsets = _offsets(root.table("gnss"), root.table("imu"))
     cameras = root.each("camera", partial(_camera, path.parent, camera_files or {}))
     known = {camera.id for camera in cameras}
     photos = root.each("photo", partial(_photo, known), least=0)
@@ -142,6 +159,7 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
         photos=photos,
         strips=strips,
         measuring=measuring,
+        offsets=offsets,
     )
 
 
@@ -179,6 +197,7 @@ def format_block_toml(block: Block) -> str:
         f"power = {toml_number(block.test.power)}",
     ]
     lines += measuring_lines(block.measuring)
+    lines += _offset_lines(block.offsets)
     for camera in block.cameras:
         lines += ["", "[[camera]]", f"id = {toml_text(camera.id)}", f"c = {toml_number(camera.c)}"]
         if camera.file is not None:
@@ -190,6 +209,8 @@ def format_block_toml(block: Block) -> str:
         lines += pixel_lines(camera)
         if camera.pixels is None and camera.format is not None:
             lines.append(f"format = {toml_numbers(*camera.format)}")
+        if camera.lever_arm is not None:
+            lines.append(f"lever_arm = {toml_numbers(*camera.lever_arm)}")
         if camera.lens is not None and camera.file is None:
             lines += ["[camera.lens]", *lens_lines(camera.lens)]
     for strip in block.strips:
@@ -212,6 +233,8 @@ def format_block_toml(block: Block) -> str:
             lines.append(f"position_sigma = {toml_numbers(*photo.position_sigma)}")
         if photo.rotation_sigma is not None:
             lines.append(f"rotation_sigma = {_angles(photo.rotation_sigma)}")
+        if photo.time is not None:
+            lines.append(f"time = {toml_number(photo.time)}")
     return "\n".join(lines) + "\n"
 
 
@@ -220,6 +243,35 @@ def measuring_lines(measuring: Measuring) -> list[str]:
     stated = {"profile": measuring.profile, "pattern": measuring.pattern}
     lines = [f"{key} = {toml_text(value)}" for key, value in stated.items() if value is not None]
     return ["", "[measuring]", *lines] if lines else []
+
+
+def _offset_lines(offsets: PriorOffsets | None) -> list[str]:
+    """Return the lines of the tables [gnss] and [imu]; none where nothing is stated."""
+    if offsets is None:
+        return []
+    gnss, imu = [], []
+    for key in ("shift", "drift"):
+        if (scope := getattr(offsets, key)) is not None:
+            gnss.append(f"{key} = {toml_text(scope)}")
+            if (sigma := getattr(offsets, f"{key}_sigma")) is not None:
+                gnss.append(f"{key}_sigma = {toml_numbers(*sigma)}")
+    if offsets.boresight is not None:
+        imu.append(f"boresight = {toml_text(offsets.boresight)}")
+        if offsets.boresight_sigma is not None:
+            imu.append(f"boresight_sigma = {_angles(offsets.boresight_sigma)}")
+    return [*(["", "[gnss]", *gnss] if gnss else []), *(["", "[imu]", *imu] if imu else [])]
+
+
+def _offsets(gnss: TomlTable, imu: TomlTable) -> PriorOffsets | None:
+    """Return what the tables [gnss] and [imu] say; None where they say nothing."""
+    found: dict[str, Any] = {}
+    for table, fields in ((gnss, _GNSS), (imu, _IMU)):
+        found |= table.take({}, fields)
+        for key in fields:
+            of = key.removesuffix("_sigma")
+            if key in table and of not in table:
+                raise table.fail(f"{key} without {of}", key)
+    return PriorOffsets(**found) if found else None
 
 
 def read_test(table: TomlTable) -> TestSettings:
@@ -242,11 +294,15 @@ def _pattern(folder: Path, name: str) -> str:
 
 def _camera(folder: Path, files: Mapping[str, str], table: TomlTable) -> Camera:
     if "file" not in table:
-        more: Fields = {"format": FRAME, **PIXELS}
+        more: Fields = {"format": FRAME, **PIXELS, **_BESIDE}
         stated = table.take(_CAMERA, more, also=("file", "lens"))
         lens = table.get("lens", LENS) if "lens" in table else None
-        return _with_pixels(table, Camera(stated["id"], stated["c"], lens=lens), stated)
-    stated = table.take({"file": Text()}, {**_CAMERA, "format": FRAME, **PIXELS}, also=("lens",))
+        arm = stated.pop("lever_arm", None)
+        camera = Camera(stated["id"], stated["c"], lens=lens, lever_arm=arm)
+        return _with_pixels(table, camera, stated)
+    beside: Fields = {**_CAMERA, "format": FRAME, **PIXELS, **_BESIDE}
+    stated = table.take({"file": Text()}, beside, also=("lens",))
+    arm = stated.pop("lever_arm", None)
     file = stated["file"]
     path = table.get("file", Made(Text(), partial(camera_path, folder)))
     calibration = parse_camera(files[file], path) if file in files else read_camera(path)
@@ -257,7 +313,9 @@ def _camera(folder: Path, files: Mapping[str, str], table: TomlTable) -> Camera:
             raise table.fail(f"{_shown(here)}, but {quoted(file)} says {_shown(there)}", key)
     if "lens" in table:
         raise table.fail(f"beside file: {quoted(file)} states the lens", "lens")
-    camera = Camera(calibration.id, calibration.c, calibration.format, calibration, file)
+    camera = Camera(
+        calibration.id, calibration.c, calibration.format, calibration, file, lever_arm=arm
+    )
     of_file = {key: value for key in PIXELS if (value := getattr(calibration, key)) is not None}
     return _with_pixels(table, replace(camera, lens=calibration.lens), of_file | stated)
 

@@ -10,6 +10,7 @@ from anaplot.aliases import TestKind
 from anaplot.photogrammetry.camera import BrownLens, CameraCalibration
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.photogrammetry.posterior import Posterior
+from anaplot.photogrammetry.prioroffsets import PriorOffsets
 
 __all__ = [
     "Block",
@@ -62,6 +63,9 @@ class Camera:
         middle of the image.
     lens
         What stands between ideal image coordinates and measured ones, or None.
+    lever_arm
+        Where the antenna is whose positions are stated, seen from the projection centre, in the
+        axes of the image [m]; None: they are those of the projection centre.
     """
 
     id: str
@@ -84,6 +88,8 @@ class Camera:
         """(10,) c, x0, y0, k1, k2, k3, p1, p2, b1, b2 as block.toml states them [mm, 1]."""
         lens = (0.0,) * 7 if self.lens is None else self.lens.coefficients
         return (self.c, 0.0, 0.0, *lens)
+
+    lever_arm: tuple[float, float, float] | None = None
 
     def reach(self) -> tuple[float, float]:
         """Return the largest abs(x) and abs(y) [mm] that a coordinate in this camera can have.
@@ -115,9 +121,12 @@ class Photo:
     id, camera
         Names of the photo and of its camera.
     position, position_sigma
-        Projection centre [m] in the ground system and its standard deviations, or None.
+        Projection centre [m] in the ground system and its standard deviations, or None; that of
+        the antenna where the camera has a lever arm.
     rotation, rotation_sigma
         omega, phi, kappa [rad] and their standard deviations [rad], or None.
+    time
+        When it was taken [s], from anywhere; or None.
     """
 
     id: str
@@ -126,6 +135,7 @@ class Photo:
     rotation: tuple[float, float, float] | None = None
     position_sigma: tuple[float, float, float] | None = None
     rotation_sigma: tuple[float, float, float] | None = None
+    time: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,6 +349,8 @@ class Block:
         What an earlier adjustment says of its points and photos, or None: no part of the folder.
     in_pixels
         Whether image_points.csv has x_px, y_px instead of x, y.
+    offsets
+        What the stated positions and angles of its photos have in common, or None.
     """
 
     name: str
@@ -354,6 +366,7 @@ class Block:
     measuring: Measuring = Measuring()
     given: Posterior | None = field(default=None, repr=False, compare=False)
     in_pixels: bool = False
+    offsets: PriorOffsets | None = None
     _camera_ids: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

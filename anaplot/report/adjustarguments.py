@@ -101,6 +101,7 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
     )
     _add_prior(adjust)
     _add_calibration(adjust)
+    _add_offsets(adjust)
     adjust.add_argument(
         "--snooping",
         action="store_true",
@@ -248,6 +249,38 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="for --components operators: a CSV file of photo,operator",
+    )
+
+
+def _add_offsets(parser: argparse.ArgumentParser) -> None:
+    for kind, what, unit in (
+        ("shift", "off by the same", "M"),
+        ("drift", "off by what grows with the time", "M/S"),
+    ):
+        parser.add_argument(
+            f"--gnss-{kind}",
+            choices=("none", "block", "strip"),
+            help=f"whether the stated positions of the photos of a strip, or of the block, are "
+            f"{what}: unknowns, tested; otherwise what [gnss] of block.toml says",
+        )
+        parser.add_argument(
+            f"--gnss-{kind}-sigma",
+            type=positive,
+            metavar=unit,
+            help="its a-priori standard deviation in X, Y and Z"
+            + (" (without times: m a photo)" if kind == "drift" else ""),
+        )
+    parser.add_argument(
+        "--imu-boresight",
+        choices=("none", "block", "camera"),
+        help="whether the stated angles are those of an instrument that is turned against the "
+        "camera: three unknowns, of each camera or of the block; otherwise what [imu] says",
+    )
+    parser.add_argument(
+        "--imu-boresight-sigma",
+        type=positive,
+        metavar="DEG",
+        help="the a-priori standard deviation of its three angles, in degrees",
     )
 
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 from anaplot.adjustment.findings import Rejection
 from anaplot.adjustment.watch import Watch
@@ -20,6 +21,7 @@ from anaplot.bundle.hypotheses.components import BlockComponents, Grouping, bloc
 from anaplot.bundle.hypotheses.coordinatefunctions import FunctionValue, evaluate_functions
 from anaplot.bundle.hypotheses.errorsets import ErrorSetTest, error_set_tests
 from anaplot.bundle.hypotheses.giventests import GivenTests, given_tests
+from anaplot.bundle.hypotheses.offsettests import OffsetTests, offset_tests
 from anaplot.bundle.hypotheses.priorknowledge import BlockPrior, PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.adjusted import AdjustedBlock
@@ -62,6 +64,7 @@ from anaplot.report.givenprior import given_document, posterior_document
 from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import names_in, takes_options
+from anaplot.report.offsets import offsets_document, with_offsets
 from anaplot.report.parameters import Known, automatic_choice, parameters_of
 from anaplot.report.photocures import naming_wrong_photos
 from anaplot.report.posteriorfile import check_posterior_path, with_given, write_posterior
@@ -108,6 +111,8 @@ class BlockAdjustment:
         What was written for the next one; None where nothing was.
     asked_covariance
         What `covariance` asked for; the method of that name gives any other.
+    offsets
+        What the stated positions and angles have in common; None where nothing was asked for.
     """
 
     block: AdjustedBlock
@@ -124,6 +129,7 @@ class BlockAdjustment:
     given: GivenTests | None = field(default=None, repr=False)
     posterior: Posterior | None = field(default=None, repr=False)
     asked_covariance: AskedCovariance | None = field(default=None, repr=False)
+    offsets: OffsetTests | None = field(default=None, repr=False)
 
     def covariance(
         self, points: Names = (), photos: Names = (), parameters: Names = ()
@@ -170,6 +176,12 @@ def adjust(
     calibrate: str | Sequence[str] | None = None,
     calibrate_sigma: str | Sequence[str] | None = None,
     write_camera: str | os.PathLike[str] | Sequence[str] | None = None,
+    gnss_shift: Literal["none", "block", "strip"] | None = None,
+    gnss_shift_sigma: float | None = None,
+    gnss_drift: Literal["none", "block", "strip"] | None = None,
+    gnss_drift_sigma: float | None = None,
+    imu_boresight: Literal["none", "block", "camera"] | None = None,
+    imu_boresight_sigma: float | None = None,
     snooping: bool = False,
     snooping_tolerance: float = 25.0,
     snooping_model: str | os.PathLike[str] = "sampled",
@@ -221,6 +233,15 @@ def adjust(
         Their a-priori standard deviations: "k1=0.01,c=5px", "CAMERA:k1=0.01"; 0: held.
     write_camera
         A file that the calibrated camera is written into, "CAMERA=FILE" of several cameras.
+    gnss_shift, gnss_drift
+        Whether the stated positions of a strip, or of the block, are off by the same [m], and by
+        what grows with the time; None: as block.toml has it.
+    gnss_shift_sigma, gnss_drift_sigma
+        Their a-priori standard deviations [m; m/s, without times m a photo]; None: free.
+    imu_boresight
+        Whether the stated angles belong to an instrument that is turned against the camera.
+    imu_boresight_sigma
+        Its a-priori standard deviation [degrees]; None: free.
     snooping
         Add the modified data snooping of 1980 beside the exact test.
     snooping_tolerance
@@ -305,6 +326,15 @@ def adjust(
         )
     measured, planted = planting.plant(measured, plant)
     measured = with_given(measured, given, names_in(given_without or ()))
+    measured = with_offsets(
+        measured,
+        datum,
+        {
+            "shift": (gnss_shift, gnss_shift_sigma),
+            "drift": (gnss_drift, gnss_drift_sigma),
+            "boresight": (imu_boresight, imu_boresight_sigma),
+        },
+    )
     check_power("--hypothesis-alpha", hypothesis_alpha, measured.test, where)
     who = None
     if operators is not None:
@@ -396,6 +426,7 @@ def adjust(
         agreed,
         left,
         spread,
+        offset_tests(adjusted, settings),
     )
     flagged = adjusted.any_flagged or len(found.rejected) > 0
     flagged = flagged or (agreed is not None and agreed.flagged)
@@ -520,6 +551,8 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
         parts["prior_estimate"] = prior_document(found.prior_estimate)
     if found.components is not None:
         parts["components"] = components_document(found.components)
+    if found.offsets is not None:
+        parts["offsets"] = offsets_document(found.offsets)
     if found.given is not None:
         parts["given"] = given_document(found.given, cleaned=found.errors is not None)
     if found.posterior is not None:
@@ -542,6 +575,9 @@ _ORDER = (
     *("errors_without_control", "errors", "given", "choice", "calibration", "hypotheses"),
     *("prior_estimate", "components", "snooping", "correlations", "test_sets", "functions"),
     *("covariance", "posterior"),
+    *("errors_without_control", "errors", "given", "choice", "offsets", "hypotheses"),
+    "prior_estimate",
+    *("components", "snooping", "correlations", "test_sets", "functions", "posterior"),
 )
 
 

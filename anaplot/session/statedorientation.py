@@ -7,6 +7,7 @@ orientations show it: roughly, with the standard deviation that follows from the
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from math import radians
 from typing import NamedTuple
 
@@ -23,6 +24,8 @@ __all__ = ["StatedPoint", "seen_by_stated", "stated_control", "stated_points"]
 # what is believed of an orientation that is stated without standard deviations
 _SHIFT = 1.0  # mm in the photo
 _TURN = radians(1.0)
+
+_Triple = tuple[float, float, float]
 
 
 class StatedPoint(NamedTuple):
@@ -117,11 +120,22 @@ def seen_by_stated(
 
 
 def _stated(block: Block) -> dict[str, Photo]:
+    """Return the photos whose orientation is stated, with the positions of their own centres."""
     return {
-        photo.id: photo
+        photo.id: replace(photo, position=_centre(block.camera_of(photo.id).lever_arm, photo))
         for photo in block.photos
         if photo.position is not None and photo.rotation is not None
     }
+
+
+def _centre(arm: _Triple | None, photo: Photo) -> _Triple:
+    """Return the projection centre of a photo whose antenna's position is stated."""
+    assert photo.position is not None
+    assert photo.rotation is not None
+    if arm is None:
+        return photo.position
+    x, y, z = (np.array(photo.position) - rotation_matrix(*photo.rotation) @ np.array(arm)).tolist()
+    return x, y, z
 
 
 def _seen(photo: Photo, c: float, xyz: Array) -> tuple[Projections, Array]:

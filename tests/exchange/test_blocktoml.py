@@ -335,6 +335,35 @@ def _permission_denied(*_: object, **__: object) -> None:
     raise PermissionError(13, "Permission denied")
 
 
+def test_what_is_measured_in_flight():
+    offsets = (
+        '[gnss]\nshift = "strip"\nshift_sigma = [1, 2, 3]\ndrift = "block"\n'
+        '[imu]\nboresight = "camera"\n'
+        'boresight_sigma = { omega = 10, phi = 20, kappa = 30, unit = "gon" }\n'
+    )
+    arm = ONE + "lever_arm = [0.35, -0.6, 1.8]\n"
+    photo = '[[photo]]\nid = "1"\ncamera = "k"\nposition = [1, 2, 3]\ntime = -345600.25\n'
+    text = HEAD + offsets + arm + photo
+    block = parse_block_toml(text, Path("block.toml"))
+    assert block.offsets is not None
+    assert (block.offsets.shift, block.offsets.drift) == ("strip", "block")
+    assert (block.offsets.shift_sigma, block.offsets.drift_sigma) == ((1, 2, 3), None)
+    assert block.offsets.boresight == "camera"
+    assert block.offsets.boresight_sigma == pytest.approx([k * math.pi / 20 for k in (1, 2, 3)])
+    assert block.cameras[0].lever_arm == (0.35, -0.6, 1.8)
+    assert block.photos[0].time == -345600.25
+    assert parse_block_toml(format_block_toml(block), Path("block.toml")) == block
+    assert parse_block_toml(HEAD + ONE + photo, Path("block.toml")).offsets is None
+    assert "did you mean 'shift'" in refused(text.replace('shift = "', 'shfit = "'))
+    assert 'must be "block" or "strip"' in refused(text.replace('"strip"', '"camera"'))
+    assert 'must be "block" or "camera"' in refused(text.replace('"camera"\nb', '"strip"\nb'))
+    assert "shift_sigma without shift" in refused(text.replace('shift = "strip"\n', ""))
+    assert "boresight_sigma without" in refused(text.replace('boresight = "camera"\n', ""))
+    assert "greater than 0" in refused(text.replace("[1, 2, 3]\ndrift", "[1, 0, 3]\ndrift"))
+    assert "3 numbers, not 2" in refused(text.replace("-0.6, 1.8", "1.8"))
+    assert "time" in refused(text.replace("-345600.25", '"noon"'))
+
+
 # -- writing ---------------------------------------------------------------------------------
 
 names = st.text(min_size=1, max_size=20).filter(lambda text: name_fault(text) is None)

@@ -77,8 +77,19 @@ def joint_block(
         Make each epoch one strip.
     same_cameras
         Let cameras that are declared alike be one.
+
+    Raises
+    ------
+    InputError
+        Positions or angles have unknowns in common.
     """
     count = len(blocks)
+    shifted = next((block.name for block in blocks if block.offsets is not None), None)
+    if shifted is not None:
+        raise InputError(
+            f"block {shifted}: [gnss] and [imu] are of one epoch, not of several in one "
+            "adjustment: --separate"
+        )
     parts = shares or {}
     cameras: dict[str, Camera] = {}
     photos: list[Photo] = []

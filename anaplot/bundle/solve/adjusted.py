@@ -127,6 +127,7 @@ class AdjustedBlock:
             linear.photo_e,
             linear.own_e if own else linear.shared_e,
             _conditions_left(cofactors),
+            None if linear.offsets is None else linear.offsets.e,
         )
         held = cofactors.r_own if own else cofactors.r_shared
         use = np.ones(rows.count, dtype=bool)
@@ -147,7 +148,12 @@ class AdjustedBlock:
             rows.units,
             white * rows.sigma,
             rows.gather(
-                cofactors.r, cofactors.r_ground, cofactors.r_photo, held, cofactors.r_conditions
+                cofactors.r,
+                cofactors.r_ground,
+                cofactors.r_photo,
+                held,
+                cofactors.r_conditions,
+                None if cofactors.offsets is None else cofactors.offsets.r,
             ),
             rows.sigma,
             vtpv=self.vtpv,
@@ -271,7 +277,7 @@ class AdjustedBlock:
         ]
 
     def prior_rows(self) -> list[Observation[ObservationName]]:
-        """Return the priors on orientations and on additional parameters."""
+        """Return the priors on orientations, on additional parameters and on offsets."""
         _, second, _, fourth = self.observations.starts
         return self.tested.rows(np.arange(second, fourth))
 

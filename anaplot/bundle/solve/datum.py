@@ -14,9 +14,11 @@ from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.conditionscale import ScaleOfConditions
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import Linearised, linearise
+from anaplot.bundle.solve.offsetequations import best_offsets
 from anaplot.bundle.solve.problem import Problem, listed
 from anaplot.bundle.solve.reliability import DatumChange
 from anaplot.errors import NotComputableError
+from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.similarity import (
     Similarity,
     fit_similarity,
@@ -53,6 +55,7 @@ _NAMES = (
 _SCALINGS = 2  # misclosures are linear in the scale: the second time is for rounding
 _SCALE = 0.01  # by which approximate values differ from control that they were laid onto
 _LOOSE = 0.1  # of the extent, or rad: standard deviation with which priors hold no datum
+_NOTHING = 1e-9  # m or rad: what a movement does to something that has no part in it
 _OPEN = 1e-5  # the same of a movement that priors leave open, or hold by the rounding of a line
 _RANK = 1e-7  # singular value over the largest, in the block's own measure
 
@@ -129,6 +132,9 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
                 "there is no control and no prior orientation (a free datum needs none"
                 + (" and takes the scale from the distances)" if scales else ")")
                 if known.rows == 0
+                else "there is no control, and what photos state is only known but for the unknown "
+                f"{_unknown_offsets(problem)}"
+                if linear.offsets is not None and count_control == 0
                 else f"{count_control} control points{' or priors of points' * some_priors}"
                 + " or given ones" * (linear.given is not None)
                 + (f" ({listed([problem.points[k] for k in seen[held.any(axis=1)]])})"
@@ -140,6 +146,12 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
                 f"block {problem.block.name}: not determined: {', '.join(what)}; {hint}"
                 + (f"; {where}" if where else "")
             )
+
+
+def _unknown_offsets(problem: Problem) -> str:
+    """Return which kinds of offsets there are."""
+    names = () if problem.offsets is None else problem.offsets.names
+    return ", ".join(kind for kind in dict.fromkeys(name.kind for name in names))
 
 
 class _Held(NamedTuple):
@@ -172,17 +184,24 @@ def _held(
     photo_null, point_null = null_space(problem, state)
     held = problem.fixed[seen] | (linear.point_weight[:, seen] > 0.0).any(axis=0)
     rows = linear.photo_rows[mine]
+    moved = np.matmul(rows, photo_null[mine])
+    left, of_offsets = _beside_offsets(linear, moved, mine)
     if linear.given is not None:
         held |= linear.given.held_points(state.points.shape)[seen] > 0.0
-        rows = np.concatenate((rows, linear.given.photo_rows(problem.per_photo)[mine]), axis=1)
-    priors = np.matmul(rows, photo_null[mine])
+        given = linear.given.photo_rows(problem.per_photo)[mine]
+        rows = np.concatenate((rows, given), axis=1)
+        moved = np.concatenate((moved, np.matmul(given, photo_null[mine])), axis=1)
+        left = np.concatenate((left, np.matmul(given, photo_null[mine])), axis=1)
     present = np.any(rows != 0.0, axis=2)
     # in the block's own measure: metres over its extent, rotations in radians
     extent = float(np.ptp(state.centres[mine], axis=0).max(initial=0.0))
     extent = max(extent, float(np.ptp(state.points[seen], axis=0).max(initial=0.0)), 1e-9)
     size = np.array([extent] * 3 + [1.0] * 4)
-    stack = np.concatenate((point_null[seen][held], priors[present])) * size
-    length = np.linalg.norm(stack, axis=1, keepdims=True)
+    points = point_null[seen][held]
+    length = np.linalg.norm(
+        np.concatenate((points, moved[present], of_offsets)) * size, axis=1, keepdims=True
+    )
+    stack = np.concatenate((points, left[present], of_offsets)) * size
     stack = stack / np.where(length > 0.0, length, 1.0)
     middle = state.points[seen].mean(axis=0) / extent
     # shifts refer to the middle of the part, so that they do not mix with the rotations
@@ -192,6 +211,35 @@ def _held(
     base[:3, 6] = -middle
     _, singular, right = np.linalg.svd(np.vstack((stack @ base, np.zeros((7, 7)))))
     return _Held(singular, right, size[:, None] * base, held, len(stack))
+
+
+def _beside_offsets(linear: Linearised, moved: Array, mine: Index) -> tuple[Array, Array]:
+    """Return what movements do to photos' priors beside what their offsets take up.
+
+    Parameters
+    ----------
+    linear
+        The bundle at a state.
+    moved
+        (k, 6, 7) what the movements do to the priors of some photos, whitened.
+    mine
+        (k,) which photos.
+
+    Returns
+    -------
+    (k, 6, 7) and (q, 7) arrays
+        What is left of it, and what the movements are for the q offsets of which something is
+        known.
+    """
+    offsets = linear.offsets
+    if offsets is None:
+        return moved, np.zeros((0, 7))
+    every = np.zeros((len(linear.photo_rows), 6, 7))
+    every[mine] = moved
+    own = np.zeros((len(offsets.e), 7))
+    taken = offsets.fitted(every, own)[offsets.laid.weighted]
+    taken[np.abs(taken).max(axis=1, initial=0.0) < _NOTHING] = 0.0
+    return offsets.projected(every, own)[0][mine], taken
 
 
 def _held_whole(problem: Problem, state: BlockState) -> _Held:
@@ -235,26 +283,44 @@ def priors_hold(problem: Problem) -> bool:
     at = np.concatenate((problem.position, problem.expected, places))
     sigmas = np.concatenate((problem.position_sigma, problem.expected_sigma, 0.0 * places + 1.0))
     stated = np.isfinite(sigmas)
-    some = stated.any(axis=1)
+    some = stated.sum(axis=1) > 0
     if not some.any():
         return False
     # a coordinate that is not stated itself lies in the middle: all that the others need of it
     middle = np.array([at[stated[:, k], k].mean() if stated[:, k].any() else 0.0 for k in range(3)])
-    at = np.where(np.isfinite(at), at - middle, 0.0)[some]
+    at = np.where(np.isfinite(at) & some[:, None], at - middle, 0.0)
     extent = max(float(np.abs(at).max()), 1e-9)
     shifts_and_turns = np.array([extent] * 3 + [1.0] * 4)
     positions = similarity_effects(at) * shifts_and_turns
-    positions = (positions / sigmas[some][:, :, None])[stated[some]]
+    positions = np.where(stated[:, :, None], positions / sigmas[:, :, None], 0.0)
+    turned = np.isfinite(problem.rotation_sigma)
+    turns = np.zeros((len(turned), 3, 7))
+    turns[:, range(3), range(3, 6)] = np.where(turned, 1.0 / problem.rotation_sigma, 0.0)
+    n = len(turns)
+    photos = np.concatenate((positions[:n], turns), axis=1)
+    photos, of_offsets = _beside_stated_offsets(problem, photos)
+    positions[:n], turns = photos[:, :3], photos[:, 3:]
+    positions = positions[stated]
     if own is not None:
         count = places.size
         positions[-count:] = own.root @ positions[-count:]
-    sigma = problem.rotation_sigma[np.isfinite(problem.rotation_sigma)]
-    axis = np.nonzero(np.isfinite(problem.rotation_sigma))[1]
-    turns = np.zeros((len(sigma), 7))
-    turns[np.arange(len(sigma)), 3 + axis] = 1.0 / sigma
-    rows = np.vstack((positions.reshape(-1, 7), turns))
+    rows = np.vstack((positions.reshape(-1, 7), turns[turned], of_offsets))
     # the weakest combination of the seven has the standard deviation 1 / singular value
     return len(rows) >= 7 and float(np.linalg.svd(rows, compute_uv=False)[-1]) * _LOOSE > 1.0
+
+
+def _beside_stated_offsets(problem: Problem, photos: Array) -> tuple[Array, Array]:
+    """Return what the offsets leave of (n, 6, 7) movements of what photos state, and (k, 7) theirs.
+
+    Whitened; where the photos are as they are stated.
+    """
+    if problem.offsets is None:
+        return photos, np.zeros((0, 7))
+    stated = problem.rotation
+    rotations = np.array([rotation_matrix(*one) for one in np.nan_to_num(stated).tolist()])
+    still = np.zeros((len(stated), 3))
+    offsets = best_offsets(problem.offsets, still, rotations, stated, problem.prior_sigma)[0]
+    return offsets.projected(photos, np.zeros((len(problem.offsets), 7)))
 
 
 class _GivenPlaces(NamedTuple):

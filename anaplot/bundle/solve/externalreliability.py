@@ -16,8 +16,9 @@ from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.conditionupdate import ConditionUpdate
 from anaplot.bundle.solve.givenequations import GivenUpdate
+from anaplot.bundle.solve.offsetequations import OffsetEquations, OffsetUpdate
 from anaplot.bundle.solve.problem import Group
-from anaplot.bundle.solve.reliability import DatumChange
+from anaplot.bundle.solve.reliability import Cofactors, DatumChange
 
 __all__ = ["MOST_RAYS", "ExternalReliability", "LargestEffect", "external_reliability"]
 
@@ -81,6 +82,7 @@ def external_reliability(block: AdjustedBlock, *, most: int = MOST_RAYS) -> Exte
             farthest.of_photos(),
             farthest.of_parameters(),
             farthest.of_conditions(),
+            farthest.of_offsets(),
         )
         point = rows.gather(*(each.point for each in parts))
         moved = rows.gather(*(each.of_one_sigma for each in parts))
@@ -134,7 +136,9 @@ class _Taken(NamedTuple):
     by_rows: Array
 
     @classmethod
-    def of(cls, added: ConditionUpdate | GivenUpdate, change: DatumChange | None) -> _Taken:
+    def of(
+        cls, added: ConditionUpdate | GivenUpdate | OffsetUpdate, change: DatumChange | None
+    ) -> _Taken:
         """Return it in the datum that is reported."""
         moved = added.points if change is None else change.of_points(added.photos, added.points)
         return cls(added.gain, moved.reshape(-1, moved.shape[2]) @ added.inner)
@@ -143,6 +147,45 @@ class _Taken(NamedTuple):
         """Return (c, p, 3) what is taken of the moves by c errors, from (c, q) G'a'."""
         out: Array = (shown @ self.by_rows.T).reshape(len(shown), -1, 3)
         return out
+
+
+class _OffsetMoves(NamedTuple):
+    """What offsets take of the moves by errors of photos' priors, whose rows they have a part in.
+
+    Attributes
+    ----------
+    equations
+        The offsets.
+    moves
+        (k, 3 p) K^-1 C' times what errors do to the points in which the offsets are held.
+    """
+
+    equations: OffsetEquations
+    moves: Array
+
+    @classmethod
+    def of(cls, cofactors: Cofactors, held: Array, takens: list[_Taken]) -> _OffsetMoves | None:
+        """Return it from (n d, 3 p) K of the photos; None without offsets."""
+        update = cofactors.normal.offset_update(cofactors.factor)
+        if update is None:
+            return None
+        sides = update.sides.reshape(len(held), -1)
+        moves = sides.T @ held
+        for taken in takens:
+            moves -= (sides.T @ taken.gain[0].reshape(len(held), -1)) @ taken.by_rows.T
+        return cls(update.equations, update.equations.inverse @ moves)
+
+    def by_rows(self, photo: int) -> Array:
+        """Return (6, p, 3) for errors of one in the priors of a photo."""
+        laid = self.equations.laid
+        there = np.flatnonzero(laid.columns[photo] < len(laid))
+        rows = self.equations.rows[photo][:, there]
+        return np.asarray((rows @ self.moves[laid.columns[photo, there]]).reshape(6, -1, 3))
+
+    def by_priors(self) -> Array:
+        """Return (k, p, 3) for errors of one in what is known of the offsets."""
+        root = np.sqrt(self.equations.laid.weight)[:, None]
+        return np.asarray((root * self.moves).reshape(len(root), -1, 3))
 
 
 class _Farthest:
@@ -185,6 +228,7 @@ class _Farthest:
         ]
         # a row for every unknown: what a point needs of it lies together
         self._k = np.ascontiguousarray(points.reshape(-1, every).T)
+        self._offsets = _OffsetMoves.of(block.cofactors, self._k[: n * d], self._taken)
 
     def _unknowns(self, rays: Index) -> Index:
         """Return the numbers of the unknowns of a point's photos, and of the shared parameters."""
@@ -266,8 +310,16 @@ class _Farthest:
             moved = (rows[photo] @ self._k[photo * d : (photo + 1) * d]).reshape(6, -1, 3)
             for taken in self._taken:
                 moved -= taken.up(rows[photo] @ taken.gain[0][photo])
+            if self._offsets is not None:
+                moved -= self._offsets.by_rows(photo)
             out.point[photo], out.of_one_sigma[photo] = _largest(moved)
         return out
+
+    def of_offsets(self) -> _Moves:
+        """Return what is known of offsets beforehand (k,) moves."""
+        if self._offsets is None:
+            return _Moves.none((0,))
+        return _Moves(*_largest(-self._offsets.by_priors()))
 
     def of_parameters(self) -> _Moves:
         """Return what the priors on additional parameters move, (n, q) or (g,)."""

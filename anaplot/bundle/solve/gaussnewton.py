@@ -21,6 +21,7 @@ from anaplot.bundle.solve.linearised import (
     rounding,
 )
 from anaplot.bundle.solve.normal import NormalEquations, PointError
+from anaplot.bundle.solve.offsetequations import OffsetsOpenError
 from anaplot.bundle.solve.openmovement import undetermined
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reintersect import reintersected
@@ -237,7 +238,8 @@ def damped_step(
     try:
         normal = NormalEquations(problem, structure, linear, damping, weights)
         factor = normal.factor(None if progress is None else (lambda f: progress("factor", f)))
-    except (NotPositiveError, PointError):
+        normal.offset_update(factor)
+    except (NotPositiveError, PointError, OffsetsOpenError):
         return None
     photos, points, shared = normal.own_gradient
     dx = normal.step(factor)
@@ -288,4 +290,5 @@ def equations_at(
         factor = normal.factor()
     except (PointError, NotPositiveError) as error:
         raise undetermined(problem, structure, linear, tie, error) from error
+    normal.offset_update(factor)
     return normal, factor, tie

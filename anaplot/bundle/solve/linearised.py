@@ -10,6 +10,7 @@ from anaplot.aliases import Array
 from anaplot.bundle.solve.conditions import ConditionEquations
 from anaplot.bundle.solve.givenequations import GivenEquations, given_equations, prior_rounding
 from anaplot.bundle.solve.imaging import BlockState, imaged, imaged_with_derivatives
+from anaplot.bundle.solve.offsetequations import OffsetEquations, best_offsets, wrapped
 from anaplot.bundle.solve.problem import Problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.collinearity import turns
@@ -48,7 +49,7 @@ class Linearised:
         (2, points, 3) weights of control and of the points' priors, and their whitened misclosures.
     photo_rows, photo_e
         (photos, 6, d) rows of the priors of every photo (zero where there is none) and (photos, 6)
-        their misclosures.
+        their misclosures; offsets that photos share are the best ones.
     own_e, shared_e
         Misclosures of the priors on additional parameters.
     own_weight, shared_weight
@@ -59,6 +60,8 @@ class Linearised:
         Of the conditions between points; None without.
     given
         Of the prior that an earlier adjustment leaves; None without.
+    offsets
+        What the photos' priors have in common, eliminated; None without.
     """
 
     a: Array
@@ -76,6 +79,7 @@ class Linearised:
     depth: Array
     conditions: ConditionEquations | None = None
     given: GivenEquations | None = None
+    offsets: OffsetEquations | None = None
 
     @property
     def vtpv(self) -> float:
@@ -85,7 +89,8 @@ class Linearised:
     @property
     def misclosures(self) -> tuple[Array, ...]:
         """Of every kind of observation."""
-        more = tuple(of.e for of in (self.conditions, self.given) if of is not None)
+        others = (self.conditions, self.given, self.offsets)
+        more = tuple(of.e for of in others if of is not None)
         return (self.e, self.point_e, self.photo_e, self.own_e, self.shared_e, *more)
 
 
@@ -93,33 +98,45 @@ def _angles(rotations: Array) -> Array:
     return np.array([rotation_angles(r) for r in rotations]).reshape(-1, 3)
 
 
-def _wrapped(angle: Array) -> Array:
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
-
-
-def _prior_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array, Array, Array]:
-    """Whitened misclosures: control and priors of points, of photos, of additional parameters."""
-    sigmas = problem.ground_sigma
-    off = (state.points - (problem.ground - state.origin)) / sigmas
-    point = np.where(np.isfinite(sigmas), off, 0.0)
+def _photo_misclosures(problem: Problem, state: BlockState) -> tuple[Array, OffsetEquations | None]:
+    """(photos, 6) whitened misclosures of what is stated of photos, and their best offsets."""
+    off = state.centres - (problem.position - state.origin)
+    if problem.lever_arm is not None:
+        off += _arms(problem.lever_arm, state)
+    if problem.offsets is not None:
+        stated, sigma = problem.rotation, problem.prior_sigma
+        offsets, out = best_offsets(problem.offsets, off, state.rotations, stated, sigma)
+        return out, offsets
     photo = np.zeros((len(problem.photos), 6))
     with_position = np.isfinite(problem.position_sigma)
     if with_position.any():
-        off = (state.centres - (problem.position - state.origin)) / problem.position_sigma
-        photo[:, :3] = np.where(with_position, off, 0.0)
+        photo[:, :3] = np.where(with_position, off / problem.position_sigma, 0.0)
     with_rotation = np.isfinite(problem.rotation_sigma).any(axis=1)
     if with_rotation.any():
         found = _angles(state.rotations[with_rotation])
-        off = _wrapped(found - problem.rotation[with_rotation])
+        off = wrapped(found - problem.rotation[with_rotation])
         sigma = problem.rotation_sigma[with_rotation]
         photo[with_rotation, 3:] = np.where(np.isfinite(sigma), off / sigma, 0.0)
+    return photo, None
+
+
+def _arms(lever_arm: Array, state: BlockState) -> Array:
+    """(photos, 3) from projection centres to antennas, in the ground's axes [m]."""
+    return np.asarray(np.einsum("nij,nj->ni", state.rotations, lever_arm))
+
+
+def _prior_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array, Array]:
+    """Whitened misclosures: control and priors of points, of additional parameters."""
+    sigmas = problem.ground_sigma
+    off = (state.points - (problem.ground - state.origin)) / sigmas
+    point = np.where(np.isfinite(sigmas), off, 0.0)
     own, shared = np.zeros_like(state.own), np.zeros_like(state.shared)
     if len(problem.additional_sigma):
         given, sigma = problem.additional_given, problem.additional_sigma
         own = (state.own - given) / sigma if state.own.size else own
         if shared.size:
             shared = (state.shared - given.ravel()) / sigma.ravel()
-    return point, photo, own, shared
+    return point, own, shared
 
 
 def image_misclosures(problem: Problem, state: BlockState) -> tuple[Array, Array]:
@@ -138,8 +155,11 @@ def objective(problem: Problem, state: BlockState) -> tuple[float, Array]:
     if problem.rejected is not None:
         e[problem.rejected] = 0.0
     total = float(np.vdot(e, e))
-    for part in _prior_misclosures(problem, state):
+    photo, offsets = _photo_misclosures(problem, state)
+    for part in (photo, *_prior_misclosures(problem, state)):
         total += float(np.vdot(part, part))
+    if offsets is not None:
+        total += float(offsets.e @ offsets.e)
     try:
         conditions = _condition_equations(problem, state)
     except NotComputableError:
@@ -187,15 +207,21 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
     if problem.rejected is not None:
         for part in (a, b, h, e):
             part[problem.rejected] = 0.0
-    point_e, photo_e, own_e, shared_e = _prior_misclosures(problem, state)
+    point_e, own_e, shared_e = _prior_misclosures(problem, state)
+    photo_e, offsets = _photo_misclosures(problem, state)
     rows = np.zeros((n, 6, d))
     with_position = np.isfinite(problem.position_sigma)
     for axis in range(3):
         rows[:, axis, axis] = np.where(
             with_position[:, axis], 1.0 / problem.position_sigma[:, axis], 0.0
         )
+    if problem.lever_arm is not None:
+        # a small rotation t takes the arm a to a + t x a
+        turned = np.cross(_arms(problem.lever_arm, state)[:, None, :], np.eye(3))
+        rows[:, :3, 3:6] = np.diagonal(rows[:, :3, :3], axis1=1, axis2=2)[:, :, None] * turned
+    seen_by = _boresighted(offsets, state)
     for k in np.nonzero(np.isfinite(problem.rotation_sigma).any(axis=1))[0]:
-        weighted = angle_derivatives(state.rotations[k]) / problem.rotation_sigma[k][:, None]
+        weighted = angle_derivatives(seen_by[k]) / problem.rotation_sigma[k][:, None]
         rows[k, 3:, 3:6] = np.where(np.isfinite(weighted), weighted, 0.0)
     prior = np.zeros((len(problem.additional_groups), seen.parameter.shape[2]))
     if len(problem.additional_sigma):
@@ -216,7 +242,13 @@ def linearise(problem: Problem, state: BlockState) -> Linearised:
         depth=seen.depth,
         conditions=_condition_equations(problem, state),
         given=_given_equations(problem, state),
+        offsets=offsets,
     )
+
+
+def _boresighted(offsets: OffsetEquations | None, state: BlockState) -> Array:
+    """(photos, 3, 3) rotations whose angles are stated."""
+    return state.rotations if offsets is None else offsets.boresighted(state.rotations)
 
 
 def effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearised:
@@ -227,15 +259,20 @@ def effect(problem: Problem, linear: Linearised, unknowns: Unknowns) -> Linearis
     if len(shared):
         of_ray = shared.reshape(-1, linear.h.shape[2])[problem.additional_group]
         e += np.einsum("mij,mj->mi", linear.h, of_ray)
+    photo_e, offsets = np.einsum("nij,nj->ni", linear.photo_rows, photos), linear.offsets
+    if offsets is not None:
+        photo_e, own = offsets.without(photo_e, np.zeros(len(offsets.e)))
+        offsets = offsets.with_e(own)
     return replace(
         linear,
         e=e,
         point_e=np.sqrt(linear.point_weight) * points,
-        photo_e=np.einsum("nij,nj->ni", linear.photo_rows, photos),
+        photo_e=photo_e,
         own_e=np.sqrt(linear.own_weight) * photos[:, 6:],
         shared_e=np.sqrt(linear.shared_weight) * shared,
         conditions=None if linear.conditions is None else linear.conditions.effect(points),
         given=None if linear.given is None else linear.given.effect(photos, points),
+        offsets=offsets,
     )
 
 

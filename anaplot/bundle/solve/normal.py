@@ -21,6 +21,7 @@ from anaplot.bundle.solve.conditionupdate import ConditionUpdate
 from anaplot.bundle.solve.factor import Factor
 from anaplot.bundle.solve.givenequations import GivenUpdate
 from anaplot.bundle.solve.linearised import Linearised, Unknowns
+from anaplot.bundle.solve.offsetequations import OffsetCofactors, OffsetUpdate
 from anaplot.bundle.solve.pointroots import PointError, inverse_roots
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.structure import Piece, Structure
@@ -74,6 +75,7 @@ class NormalEquations:
         self.linear = linear
         self._update: ConditionUpdate | None = None
         self._given: GivenUpdate | None = None
+        self._offsets: OffsetUpdate | None = None
         d, g = problem.per_photo, problem.in_border
         n, m = len(problem.photos), len(problem.photo)
         a, b, h = linear.a, linear.b, linear.h
@@ -220,7 +222,10 @@ class NormalEquations:
         problem, mine = self.problem, self.linear
         ae = np.einsum("mij,mi->mj", mine.a, other.e)
         photos = -(self.structure.by_photo @ ae)
-        photos -= np.einsum("nij,ni->nj", mine.photo_rows, other.photo_e)
+        photo_e = other.photo_e
+        if mine.offsets is not None and other.offsets is not None:
+            photo_e = mine.offsets.without(photo_e, other.offsets.e)[0]
+        photos -= np.einsum("nij,ni->nj", mine.photo_rows, photo_e)
         photos[:, 6:] -= np.sqrt(mine.own_weight) * other.own_e
         be = np.einsum("mij,mi->mj", mine.b, other.e)
         points = np.empty((len(problem.points), 3))
@@ -309,13 +314,42 @@ class NormalEquations:
                 points.reshape(-1, 3, q),
                 np.zeros((len(self.corner), q)),
             )
-            self._given = GivenUpdate.of(equations, self._solve_bare(factor, *sides))
+            self._given = GivenUpdate.of(equations, self._solve_free(factor, *sides))
         return self._given
 
-    def changes(self, factor: Factor) -> tuple[ConditionUpdate | GivenUpdate, ...]:
+    def offset_update(self, factor: Factor) -> OffsetUpdate | None:
+        """Return what offsets of the photos' priors change of solutions; None without any.
+
+        Raises
+        ------
+        OffsetsOpenError
+            The orientations leave some of them open.
+        """
+        equations = self.linear.offsets
+        if equations is None:
+            return None
+        if self._offsets is None:
+            sides = equations.sides(self.linear.photo_rows)
+            q = sides.shape[2]
+            others = np.zeros((len(self.problem.points), 3, q)), np.zeros((len(self.corner), q))
+            gain = self._solve_bare(factor, sides, *others)
+            self._offsets = OffsetUpdate.of(equations, sides, gain)
+        return self._offsets
+
+    def offset_cofactors(self, factor: Factor) -> OffsetCofactors | None:
+        """Return the cofactors of offsets of the photos' priors; None without any."""
+        update = self.offset_update(factor)
+        if update is None:
+            return None
+        q = update.sides.shape[2]
+        others = np.zeros((len(self.problem.points), 3, q)), np.zeros((len(self.corner), q))
+        solved = self.solve(factor, update.sides, *others)[0]
+        return OffsetCofactors.of(update.equations, update.sides, solved)
+
+    def changes(self, factor: Factor) -> tuple[OffsetUpdate | GivenUpdate | ConditionUpdate, ...]:
         """Return what is added to these equations, of which G M^-1 G' goes off the inverse."""
-        both = (self.given_update(factor), self.update(factor))
-        return tuple(one for one in both if one is not None)
+        every = (self.offset_update(factor), self.given_update(factor), self.update(factor))
+        return tuple(one for one in every if one is not None)
 
     def solve(
         self, factor: Factor, photos: Array, points: Array, shared: Array
@@ -335,9 +369,15 @@ class NormalEquations:
 
     def _solve(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
         """Solve without the conditions."""
-        out = self._solve_bare(factor, photos, points, shared)
+        out = self._solve_free(factor, photos, points, shared)
         given = self.given_update(factor)
         return out if given is None else given.applied(out)
+
+    def _solve_free(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
+        """Solve for this matrix with offsets of the photos' priors."""
+        out = self._solve_bare(factor, photos, points, shared)
+        offsets = self.offset_update(factor)
+        return out if offsets is None else offsets.applied(out)
 
     def _solve_bare(self, factor: Factor, photos: Array, points: Array, shared: Array) -> Unknowns:
         """Solve for this matrix itself, in portions."""

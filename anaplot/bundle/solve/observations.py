@@ -30,7 +30,7 @@ __all__ = [
 ObservationName = tuple[str | None, ...]
 """("image", photo, point, model, axis), ("control", point, axis), ("point prior", point, axis),
 ("prior", owner, unknown) or ("condition", id, what, axis)."""
-Unit = Literal["um", "m", "rad", "mm"]
+Unit = Literal["um", "m", "rad", "mm", "m/s", "m/photo"]
 
 GROUND_KINDS = ("control", "point prior")
 """What `Problem.ground` states."""
@@ -65,7 +65,8 @@ class Observations:
         The bundle.
     ground, priors, additional
         (k, 3) of control (0) or priors of points (1), point and axis, (k, 2) photo and unknown, and
-        (k,) numbers of parameters, of the rows that follow the image coordinates.
+        (k,) numbers of parameters, of the rows that follow the image coordinates. After the
+        additional parameters come the numbers of the offsets that the photos' priors share.
     """
 
     problem: Problem = field(repr=False)
@@ -94,6 +95,17 @@ class Observations:
         second = first + len(self.ground)
         third = second + len(self.priors)
         return first, second, third, third + len(self.additional)
+
+    @cached_property
+    def parameters(self) -> int:
+        """Number of additional parameters: from here on `additional` counts offsets."""
+        return int(self.problem.additional_given.size)
+
+    @cached_property
+    def offsets(self) -> Index:
+        """(k,) offsets that are observed, the last ones of `additional`."""
+        found: Index = self.additional[self.additional >= self.parameters] - self.parameters
+        return found
 
     @cached_property
     def control(self) -> int:
@@ -141,10 +153,14 @@ class Observations:
             return ("prior", problem.photos[photo], ORIENTATION[unknown])
         if row >= fourth and problem.conditions is not None:
             return ("condition", *problem.conditions.rows[row - fourth])
+        number = int(self.additional[row - third])
+        if number >= self.parameters and problem.offsets is not None:
+            offset = problem.offsets.names[number - self.parameters]
+            return ("prior", offset.group, f"{offset.kind} {offset.axis}")
         if problem.additional is None:
             raise IndexError(row)
         labels = problem.additional.set.names
-        group, index = divmod(int(self.additional[row - third]), len(labels))
+        group, index = divmod(number, len(labels))
         return ("prior", problem.additional_groups[group], labels[index])
 
     @cached_property
@@ -156,10 +172,18 @@ class Observations:
                 problem.sigma_xy.reshape(-1) * 1e3,
                 problem.ground_sigma[tuple(self.ground.T)],
                 problem.prior_sigma[tuple(self.priors.T)],
-                problem.additional_sigma.ravel()[self.additional],
+                self._parameter_sigma[self.additional],
                 self._condition_sigma,
             )
         )
+
+    @cached_property
+    def _parameter_sigma(self) -> Array:
+        problem = self.problem
+        sigma = np.full(self.parameters, np.inf)
+        if len(problem.additional_sigma):
+            sigma = problem.additional_sigma.ravel()
+        return sigma if problem.offsets is None else np.append(sigma, problem.offsets.sigma)
 
     @cached_property
     def units(self) -> list[Unit]:
@@ -167,7 +191,9 @@ class Observations:
         out: list[Unit] = ["um"] * self.image
         out += ["m"] * len(self.ground)
         out += ["m" if k < 3 else "rad" for k in self.priors[:, 1].tolist()]
-        out += ["mm"] * len(self.additional)
+        out += ["mm"] * (len(self.additional) - len(self.offsets))
+        if self.problem.offsets is not None:
+            out += [self.problem.offsets.names[k].unit for k in self.offsets.tolist()]
         if self.problem.conditions is not None:
             out += ["rad" if angular else "m" for angular in self.problem.conditions.angular]
         return out
@@ -179,15 +205,20 @@ class Observations:
         photos: NDArray[Any],
         parameters: NDArray[Any],
         conditions: NDArray[Any],
+        offsets: NDArray[Any] | None = None,
     ) -> NDArray[Any]:
         """Return (n, ...) of (m, 2, ...), (2, points, 3, ...), (photos, 6, ...), others."""
         shape = image.shape[2:]
+        parameters = parameters.reshape(-1, *shape)
+        if offsets is not None:
+            missing = np.zeros((self.parameters - len(parameters), *shape), parameters.dtype)
+            parameters = np.concatenate((parameters, missing, offsets))
         return np.concatenate(
             (
                 image.reshape(self.image, *shape),
                 ground[tuple(self.ground.T)],
                 photos[tuple(self.priors.T)],
-                parameters.reshape(-1, *shape)[self.additional],
+                parameters[self.additional],
                 conditions.reshape(-1, *shape),
             )
         )
@@ -196,10 +227,14 @@ class Observations:
 def observations_of(cofactors: Cofactors) -> Observations:
     """Return the observations whose cofactors are known."""
     problem, linear = cofactors.normal.problem, cofactors.normal.linear
+    weighted = np.flatnonzero(np.isfinite(problem.additional_sigma))
+    if problem.offsets is not None:
+        after = problem.additional_given.size + np.flatnonzero(problem.offsets.weighted)
+        weighted = np.concatenate((weighted, after))
     return Observations(
         problem,
         np.argwhere(linear.point_weight > 0.0),
         np.argwhere(np.isfinite(cofactors.r_photo)),
-        np.flatnonzero(np.isfinite(problem.additional_sigma)),
+        weighted,
         np.zeros(0) if linear.conditions is None else linear.conditions.sigma,
     )

@@ -259,6 +259,9 @@ def _less(one: Linearised, other: Linearised) -> Linearised:
         own_e=one.own_e - other.own_e,
         shared_e=one.shared_e - other.shared_e,
         given=one.given.less(other.given) if one.given and other.given else None,
+        offsets=one.offsets.with_e(one.offsets.e - other.offsets.e)
+        if one.offsets and other.offsets
+        else None,
     )
 
 
@@ -272,4 +275,7 @@ def _random(linear: Linearised, rng: np.random.Generator, sigma: float) -> Linea
         own_e=rng.normal(size=linear.own_e.shape) * sigma,
         shared_e=rng.normal(size=linear.shared_e.shape) * sigma,
         given=None if linear.given is None else linear.given.random(rng, sigma),
+        offsets=None
+        if linear.offsets is None
+        else linear.offsets.with_e(rng.normal(size=linear.offsets.e.shape) * sigma),
     )

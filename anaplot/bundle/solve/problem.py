@@ -22,12 +22,14 @@ from anaplot.bundle.solve.beforehand import (
 )
 from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
 from anaplot.bundle.solve.givenprior import GivenPrior, locate
+from anaplot.bundle.solve.laidoffsets import LaidOffsets, lay_out_offsets
 from anaplot.bundle.solve.laidparameters import lay_out_parameters
 from anaplot.bundle.solve.priorbending import check_linear
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
 from anaplot.photogrammetry.measuredimage import has_lens, measured_rays
+from anaplot.photogrammetry.rotation import rotation_matrix
 
 __all__ = ["Datum", "Group", "LeftOut", "Problem", "listed", "make_problem", "remeasured"]
 
@@ -145,6 +147,11 @@ class Problem:
     left_open
         How many of the seven movements priors leave open that stay observations of a free network;
         None where they do not.
+    lever_arm
+        (photos, 3) antennas seen from the projection centres, in the images' axes [m]; None where
+        all positions are those of projection centres.
+    offsets
+        What stated positions and angles have in common, or None.
     """
 
     block: Block = field(repr=False)
@@ -201,6 +208,9 @@ class Problem:
         as before.
         """
         return self.xy if self.without_lens is None else self.without_lens
+
+    lever_arm: Array | None = field(default=None, repr=False)
+    offsets: LaidOffsets | None = field(default=None, repr=False)
 
     @property
     def bare(self) -> Problem:
@@ -285,6 +295,19 @@ class Problem:
         return np.concatenate((self.position_sigma, self.rotation_sigma), axis=1)
 
     @property
+    def stated_centres(self) -> Array:
+        """(photos, 3) where projection centres are stated to be [m]; NaN without.
+
+        Where angles are not stated, nobody knows which way the lever arm points.
+        """
+        if self.lever_arm is None:
+            return self.position
+        turned = np.array([rotation_matrix(*angles) for angles in self.rotation.tolist()])
+        arms = np.einsum("nij,nj->ni", turned, self.lever_arm)
+        out: Array = self.position - np.nan_to_num(arms)
+        return out
+
+    @property
     def test(self) -> TestSettings:
         """The test that flags observations."""
         return self.block.test
@@ -328,6 +351,7 @@ class Problem:
         out = 0 if self.rejected is None else int(self.rejected.sum())
         extra += self.conditions.observations if self.conditions else 0
         extra += len(self.given) if self.given else 0
+        extra += int(self.offsets.weighted.sum()) if self.offsets else 0
         return int(2 * len(self.photo) - out + priors + extra)
 
     @property
@@ -335,6 +359,7 @@ class Problem:
         """Number of unknowns u."""
         extra = self.additional_unknowns
         extra += self.conditions.unknowns if self.conditions else 0
+        extra += int(self.offsets.observed(self.prior_sigma).sum()) if self.offsets else 0
         return 6 * len(self.photos) + int((~self.fixed).sum()) + extra
 
     @property
@@ -467,6 +492,7 @@ def make_problem(
     laid = lay_out_conditions(
         block.conditions, used_names, fixed, with_scale=held, scaling=datum == "free"
     )
+    arms = np.array([block.cameras[k].lever_arm or (0.0, 0.0, 0.0) for k in cameras])
     problem = Problem(
         block=block,
         datum=datum,
@@ -507,6 +533,8 @@ def make_problem(
         control_rows=control,
         conditions=laid.conditions,
         compared=laid.compared,
+        lever_arm=arms if arms.any() else None,
+        offsets=_offsets(block, used_photos, priors) if held else None,
     )
     if located is not None:
         given = located.among(new_point, new_photo, problem.per_photo, block.name)
@@ -532,6 +560,11 @@ def remeasured(problem: Problem, block: Block, ideal: Array) -> Problem:
         return replace(problem, block=block, xy=ideal)
     xy = _measured(block, problem.cameras[problem.photo], ideal)
     return replace(problem, block=block, xy=xy, without_lens=ideal)
+
+
+def _offsets(block: Block, used: Index, priors: tuple[Array, ...]) -> LaidOffsets | None:
+    names = [block.photos[k].id for k in used]
+    return lay_out_offsets(block, names, priors[1][used], priors[3][used])
 
 
 def _parted(problem: Problem, count: int, off: Bools) -> Problem:

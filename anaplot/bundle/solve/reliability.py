@@ -20,6 +20,7 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.factor import Factor, SelectedInverse
 from anaplot.bundle.solve.normal import NormalEquations
+from anaplot.bundle.solve.offsetequations import OffsetCofactors
 from anaplot.bundle.solve.problem import Problem
 
 __all__ = ["Cofactors", "DatumChange", "cofactor_column", "compute_cofactors"]
@@ -154,6 +155,8 @@ class Cofactors:
         Of the rows of conditions between points; zero where they are rejected.
     change
         What leads to the reported datum; None where it is that of the solution.
+    offsets
+        Of what the photos' priors have in common, in the datum of the solution; None without.
     """
 
     normal: NormalEquations = field(repr=False)
@@ -172,6 +175,7 @@ class Cofactors:
     r_shared: Array
     r_conditions: Array
     change: DatumChange | None = field(default=None, repr=False)
+    offsets: OffsetCofactors | None = field(default=None, repr=False)
 
     def point_rays(self, point: int) -> tuple[Index, Array]:
         """Return the rays of a point and the (2k, 2k) whitened cofactors of their residuals."""
@@ -371,7 +375,11 @@ def compute_cofactors(
     r_ground = np.where(
         weight > 0.0, np.clip(1.0 - np.einsum("nii->ni", q_points) * weight, 0.0, 1.0), np.nan
     )
-    r_photo = _photo_priors(linear.photo_rows, own)
+    offsets = normal.offset_cofactors(factor)
+    beside = np.zeros((len(own), 6))
+    if offsets is not None and linear.offsets is not None:
+        beside = offsets.of_rows(linear.offsets, linear.photo_rows)
+    r_photo = _photo_priors(linear.photo_rows, own, beside)
     with np.errstate(invalid="ignore"):
         r_own = np.where(
             linear.own_weight > 0.0,
@@ -406,14 +414,15 @@ def compute_cofactors(
         r_shared,
         r_conditions,
         change,
+        offsets,
     )
 
 
-def _photo_priors(rows: Array, own: Array) -> Array:
+def _photo_priors(rows: Array, own: Array, beside: Array) -> Array:
     out = np.full(rows.shape[:2], np.nan)
     some = np.nonzero(np.any(rows != 0.0, axis=(1, 2)))[0]
     if len(some):
-        q = np.einsum("nij,njk,nik->ni", rows[some], own[some], rows[some])
+        q = np.einsum("nij,njk,nik->ni", rows[some], own[some], rows[some]) + beside[some]
         present = np.any(rows[some] != 0.0, axis=2)
         out[some] = np.where(present, np.clip(1.0 - q, 0.0, 1.0), np.nan)
     return out

@@ -161,22 +161,31 @@ class BlockResiduals:
         kind, point, axis = self.rows.ground.T
         held = np.sqrt(linear.point_weight[kind, point, axis])
         at.append((np.arange(first, second), point_start + 3 * point + axis, held))
-        photo, unknown = self.rows.priors.T
+        photo_of, unknown_of = self.rows.priors.T
         at.append(
             (
                 np.arange(second, third)[:, None],
-                wide * photo[:, None] + np.arange(wide),
-                linear.photo_rows[photo, unknown],
+                wide * photo_of[:, None] + np.arange(wide),
+                linear.photo_rows[photo_of, unknown_of],
             )
         )
+        number = self.rows.additional[: fourth - third - len(self.rows.offsets)]
         if problem.photo_invariant:
-            photo, index = np.divmod(self.rows.additional, max(wide - 6, 1))
+            photo, index = np.divmod(number, max(wide - 6, 1))
             column, weight = wide * photo + 6 + index, linear.own_weight[photo, index]
         else:
-            number = self.rows.additional
             column, weight = shared_start + number, linear.shared_weight[number]
-        at.append((np.arange(third, fourth), column, np.sqrt(weight)))
+        at.append((third + np.arange(len(number)), column, np.sqrt(weight)))
         wide = shared_start + shared
+        if linear.offsets is not None:
+            laid, k = linear.offsets.laid, len(linear.offsets.laid)
+            own = laid.columns[photo_of, :]
+            rows_of = linear.offsets.rows[photo_of, unknown_of] * (own < k)
+            at.append((np.arange(second, third)[:, None], wide + np.minimum(own, k - 1), rows_of))
+            mine = self.rows.offsets
+            root = np.sqrt(laid.weight[mine])
+            at.append((fourth - len(mine) + np.arange(len(mine)), wide + mine, root))
+            wide += k
         if linear.conditions is not None:
             derivatives = linear.conditions.derivatives.tocoo()
             white = derivatives.data / linear.conditions.sigma[derivatives.row]
@@ -200,6 +209,7 @@ class BlockResiduals:
         x, p, s = cofactors.normal.solve(cofactors.factor, photos, points, shared)
         out: Array = -_designed(self, x, p, s)
         out[rows, np.arange(len(rows))] += 1.0
+        out -= self._by_offsets(rows)
         fourth = self.rows.starts[3]
         update = cofactors.normal.update(cofactors.factor)
         if update is None:
@@ -215,8 +225,44 @@ class BlockResiduals:
         out[fourth:, mine] = update.rows[:, rows[mine] - fourth]
         return out
 
+    def _units(self, rows: Index) -> tuple[Array, Array]:
+        """(photos, 6, k), (offsets, k): ones where the photos' priors and the offsets' are k rows.
+
+        Zeros for rows of other kinds.
+        """
+        problem, k = self.problem, len(rows)
+        _, second, third, fourth = self.rows.starts
+        offsets = 0 if problem.offsets is None else len(problem.offsets)
+        photos, own = np.zeros((len(problem.photos), 6, k)), np.zeros((offsets, k))
+        at = np.flatnonzero((rows >= second) & (rows < third))
+        photo, unknown = self.rows.priors[rows[at] - second].T
+        photos[photo, unknown, at] = 1.0
+        at = np.flatnonzero((rows >= fourth - len(self.rows.offsets)) & (rows < fourth))
+        own[self.rows.additional[rows[at] - third] - self.rows.parameters, at] = 1.0
+        return photos, own
+
+    def _by_offsets(self, rows: Index) -> Array:
+        """(n, k) columns of D K^-1 D' of the photos' priors: what the offsets take up of errors."""
+        out = np.zeros((len(self.names), len(rows)))
+        equations = self.cofactors.normal.linear.offsets
+        if equations is None:
+            return out
+        photos, own = self._units(rows)
+        return self._of_priors(photos, own) - self._of_priors(*equations.projected(photos, own))
+
+    def _of_priors(self, photos: Array, own: Array) -> Array:
+        """(n, k) rows of (photos, 6, k) priors and of (offsets, k) of the offsets."""
+        out = np.zeros((len(self.names), photos.shape[2]))
+        _, second, third, fourth = self.rows.starts
+        out[second:third] = photos[tuple(self.rows.priors.T)]
+        out[fourth - len(self.rows.offsets) : fourth] = own[self.rows.offsets]
+        return out
+
     def _sides(self, rows: Index) -> tuple[Array, Array, Array]:
-        """Rows of the design as right-hand sides: (photos, d, k), (points, 3, k), (g, k)."""
+        """Rows of the design as right-hand sides: (photos, d, k), (points, 3, k), (g, k).
+
+        Of photos' priors with offsets what is left of the rows without these.
+        """
         normal, problem = self.cofactors.normal, self.problem
         linear = normal.linear
         k = len(rows)
@@ -234,10 +280,14 @@ class BlockResiduals:
         at = np.flatnonzero((rows >= first) & (rows < second))
         kind, point, axis = self.rows.ground[rows[at] - first].T
         points[point, axis, at] = np.sqrt(linear.point_weight[kind, point, axis])
-        at = np.flatnonzero((rows >= second) & (rows < third))
-        photo, unknown = self.rows.priors[rows[at] - second].T
-        photos[photo, :, at] = linear.photo_rows[photo, unknown]
-        at = np.flatnonzero((rows >= third) & (rows < fourth))
+        if linear.offsets is not None:
+            left = linear.offsets.projected(*self._units(rows))[0]
+            photos += np.einsum("nid,nik->ndk", linear.photo_rows, left)
+        else:
+            at = np.flatnonzero((rows >= second) & (rows < third))
+            photo, unknown = self.rows.priors[rows[at] - second].T
+            photos[photo, :, at] = linear.photo_rows[photo, unknown]
+        at = np.flatnonzero((rows >= third) & (rows < fourth - len(self.rows.offsets)))
         number = self.rows.additional[rows[at] - third]
         if problem.photo_invariant:
             photo, index = np.divmod(number, problem.per_photo - 6)
@@ -257,14 +307,20 @@ def _designed(system: BlockResiduals, x: Array, p: Array, s: Array) -> Array:
     out[:first] = normal.seen(x, p, s).reshape(first, k)
     kind, point, axis = system.rows.ground.T
     out[first:second] = np.sqrt(linear.point_weight[kind, point, axis])[:, None] * p[point, axis]
-    photo, unknown = system.rows.priors.T
-    out[second:third] = np.einsum("kd,kdj->kj", linear.photo_rows[photo, unknown], x[photo])
+    if linear.offsets is not None:
+        seen = np.einsum("nid,ndj->nij", linear.photo_rows, x)
+        own = np.zeros((len(linear.offsets.e), k))
+        out += system._of_priors(*linear.offsets.projected(seen, own))
+    else:
+        photo, unknown = system.rows.priors.T
+        out[second:third] = np.einsum("kd,kdj->kj", linear.photo_rows[photo, unknown], x[photo])
+    fourth -= len(system.rows.offsets)
+    number = system.rows.additional[: fourth - third]
     if problem.photo_invariant:
-        photo, index = np.divmod(system.rows.additional, max(problem.per_photo - 6, 1))
+        photo, index = np.divmod(number, max(problem.per_photo - 6, 1))
         out[third:fourth] = np.sqrt(linear.own_weight[photo, index])[:, None] * x[photo, 6 + index]
     else:
-        weight = linear.shared_weight[system.rows.additional]
-        out[third:fourth] = np.sqrt(weight)[:, None] * s[system.rows.additional]
+        out[third:fourth] = np.sqrt(linear.shared_weight[number])[:, None] * s[number]
     return out
 
 
@@ -318,6 +374,7 @@ def block_residuals(
         cofactors.r_photo,
         np.clip(held, 0.0, 1.0),
         cofactors.r_conditions,
+        None if cofactors.offsets is None else cofactors.offsets.r,
     )
     # what one linear adjustment from here leaves; at a minimum nothing changes
     photos, points, shared = normal.step(factor)
@@ -327,6 +384,7 @@ def block_residuals(
         linear.photo_e,
         linear.own_e if own else linear.shared_e,
         normal.conditions_left(factor),
+        None if linear.offsets is None else linear.offsets.e,
     )
     there = BlockResiduals(cofactors, rows, e, r, 0.0, problem.redundancy)
     moved = _designed(there, photos[:, :, None], points[:, :, None], shared[:, None])

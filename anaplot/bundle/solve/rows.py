@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from anaplot.adjustment.tested import Observation
+from anaplot.bundle.solve.laidoffsets import OffsetKind, OffsetUnit
 from anaplot.bundle.solve.observations import ObservationName
 
 __all__ = [
     "Indicators",
+    "OffsetRow",
     "ParameterRow",
     "PhotoRow",
     "PointRow",
@@ -74,6 +76,34 @@ class ParameterRow(NamedTuple):
     s: float | None
     coefficient: float | None = None
     s_coefficient: float | None = None
+
+
+class OffsetRow(NamedTuple):
+    """What stated positions or angles of several photos have in common.
+
+    Attributes
+    ----------
+    kind
+        "shift", "drift" or "boresight".
+    group
+        The strip or camera, or "block".
+    axis
+        X, Y, Z, or of a boresight omega, phi, kappa.
+    unit
+        "m", "m/s", without times "m/photo", or "rad".
+    value, s
+        What is stated minus what is, and its standard deviation.
+    since
+        The time [s] from which a drift is counted; None without times, or no drift.
+    """
+
+    kind: OffsetKind
+    group: str
+    axis: str
+    unit: OffsetUnit
+    value: float
+    s: float | None
+    since: float | None = None
 
 
 class Indicators(NamedTuple):

@@ -76,7 +76,7 @@ def _both_places(problem: Problem, subblock: SubBlock) -> tuple[Array, Array]:
     placed = subblock.placed & np.isfinite(problem.near).any(axis=1)
     stated = subblock.oriented & np.isfinite(problem.position[:, 0])
     source = np.concatenate((subblock.points[placed], subblock.centres[stated]))
-    return source, np.concatenate((problem.near[placed], problem.position[stated]))
+    return source, np.concatenate((problem.near[placed], problem.stated_centres[stated]))
 
 
 def _known_turns(problem: Problem, subblock: SubBlock) -> list[Array]:

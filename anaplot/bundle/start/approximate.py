@@ -235,9 +235,9 @@ def _given(problem: Problem, rays: Array) -> SubBlock | None:
     stated = np.isfinite(problem.position[:, 0]) & np.isfinite(problem.rotation[:, 0])
     if not stated.any():
         return None
-    subblock = SubBlock.empty(problem)
+    subblock, centres = SubBlock.empty(problem), problem.stated_centres
     for k in np.nonzero(stated)[0].tolist():
-        subblock.centres[k] = problem.position[k]
+        subblock.centres[k] = centres[k]
         subblock.rotations[k] = rotation_matrix(*problem.rotation[k].tolist())
     known = np.isfinite(problem.near).all(axis=1)
     subblock.points[known] = problem.near[known]
