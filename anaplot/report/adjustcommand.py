@@ -67,7 +67,7 @@ from anaplot.report.keywords import names_in, takes_options
 from anaplot.report.offsets import offsets_document, with_offsets
 from anaplot.report.parameters import Known, automatic_choice, parameters_of
 from anaplot.report.photocures import naming_wrong_photos
-from anaplot.report.posteriorfile import check_posterior_path, with_given, write_posterior
+from anaplot.report.posteriorfile import check_carried, with_given, write_posterior
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
@@ -314,7 +314,7 @@ def adjust(
         raise InputError("--components operators and --operators FILE go together")
     if prior is not None and components is not None:
         raise InputError("--prior and --components both estimate variances: one of them")
-    _check_carried(given, given_without, posterior, posterior_of, datum, prior)
+    check_carried(given, given_without, posterior, posterior_of, datum, prior)
     question = CovarianceQuestion.of(covariance, covariance_to, posterior)
     measured, where = block_of(block)
     note = journal_note(block, measured)
@@ -484,7 +484,7 @@ def find_gross_errors(
     NotComputableError
         The block has no solution, also without what fits nowhere.
     """
-    _check_carried(given, given_without, None, None, datum, None)
+    check_carried(given, given_without, None, None, datum, None)
     measured, _ = block_of(block)
     note = journal_note(block, measured)
     refuse_unknown_points(measured)
@@ -500,36 +500,6 @@ def find_gross_errors(
         found = clean_block(problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch)
     document = with_journal_notes(errors_document(found), note)
     return Computed(found, document, len(found.rejected) > 0)
-
-
-def _check_carried(
-    given: object,
-    given_without: object,
-    posterior: object,
-    posterior_of: object,
-    datum: Datum,
-    prior: object,
-) -> None:
-    """Refuse what does not go with coordinates that are carried on, before anything is read."""
-    if posterior_of is not None and posterior is None:
-        raise InputError("--posterior-of goes with --posterior")
-    if given_without is not None and given is None:
-        raise InputError("--given-without goes with --given")
-    for option, value in (("--given", given), ("--posterior", posterior)):
-        if value is None:
-            continue
-        if datum != "control":
-            raise InputError(
-                f"{option} goes with the datum of control: in another one coordinates and their "
-                "covariance are those of the datum"
-            )
-        if prior is not None:
-            raise InputError(
-                f"{option} and --prior: C is for the a-priori sigma0, of which --prior makes "
-                "something else; one of them"
-            )
-    if isinstance(posterior, str | os.PathLike):
-        check_posterior_path(Path(posterior))
 
 
 def _document(found: BlockAdjustment, snooping: bool, correlations: float | None) -> Document:

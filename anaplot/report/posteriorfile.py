@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anaplot.bundle.solve.problem import Datum
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.posterior import (
@@ -36,7 +37,13 @@ from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wholefile import replace_whole
 from anaplot.textfiles.wording import place, quoted
 
-__all__ = ["check_posterior_path", "read_posterior", "with_given", "write_posterior"]
+__all__ = [
+    "check_carried",
+    "check_posterior_path",
+    "read_posterior",
+    "with_given",
+    "write_posterior",
+]
 
 
 _HEADER = 16_384  # bytes of an array's header, at most
@@ -109,6 +116,36 @@ def read_posterior(path: Path) -> Posterior:
         raise InputError(f"{place(path)}: no archive of names, x and C that can be read") from error
     return Posterior(_names(path, names), _numbers(path, "x", x), _numbers(path, "C", covariance),
                      place(path))  # fmt: skip
+
+
+def check_carried(
+    given: object,
+    given_without: object,
+    posterior: object,
+    posterior_of: object,
+    datum: Datum,
+    prior: object,
+) -> None:
+    """Refuse what does not go with coordinates that are carried on, before anything is read."""
+    if posterior_of is not None and posterior is None:
+        raise InputError("--posterior-of goes with --posterior")
+    if given_without is not None and given is None:
+        raise InputError("--given-without goes with --given")
+    for option, value in (("--given", given), ("--posterior", posterior)):
+        if value is None:
+            continue
+        if datum != "control":
+            raise InputError(
+                f"{option} goes with the datum of control: in another one coordinates and their "
+                "covariance are those of the datum"
+            )
+        if prior is not None:
+            raise InputError(
+                f"{option} and --prior: C is for the a-priori sigma0, of which --prior makes "
+                "something else; one of them"
+            )
+    if isinstance(posterior, str | os.PathLike):
+        check_posterior_path(Path(posterior))
 
 
 def with_given(

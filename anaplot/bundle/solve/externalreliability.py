@@ -17,7 +17,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.conditionupdate import ConditionUpdate
 from anaplot.bundle.solve.givenequations import GivenUpdate
 from anaplot.bundle.solve.offsetequations import OffsetEquations, OffsetUpdate
-from anaplot.bundle.solve.problem import Group
+from anaplot.bundle.solve.pointgroups import Group
 from anaplot.bundle.solve.reliability import Cofactors, DatumChange
 
 __all__ = ["MOST_RAYS", "ExternalReliability", "LargestEffect", "external_reliability"]

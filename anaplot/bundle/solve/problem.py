@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from anaplot.bundle.solve.conditions import Conditions, lay_out_conditions
 from anaplot.bundle.solve.givenprior import GivenPrior, locate
 from anaplot.bundle.solve.laidoffsets import LaidOffsets, lay_out_offsets
 from anaplot.bundle.solve.laidparameters import lay_out_parameters
+from anaplot.bundle.solve.pointgroups import Group, groups_by_rays
 from anaplot.bundle.solve.priorbending import check_linear
 from anaplot.bundle.solve.selection import LeftOut, select_rays
 from anaplot.errors import InputError, NotComputableError
@@ -31,42 +32,13 @@ from anaplot.photogrammetry.block import Block, ControlPoint, TestSettings
 from anaplot.photogrammetry.measuredimage import has_lens, measured_rays
 from anaplot.photogrammetry.rotation import rotation_matrix
 
-__all__ = ["Datum", "Group", "LeftOut", "Problem", "listed", "make_problem", "remeasured"]
+__all__ = ["Datum", "LeftOut", "Problem", "listed", "make_problem", "remeasured"]
 
 Datum = Literal["control", "minimal", "free"]
 
 _WIDE = 0.1  # of the distance of control: standard deviation of a prior that places nothing
 _SEVEN = 7  # coordinates that a datum needs
 _FULL_CONTROL = 3
-
-
-class Group(NamedTuple):
-    """Points that have the same number of rays, next to each other.
-
-    Attributes
-    ----------
-    rays
-        Rays of each of its points.
-    first_point, points
-        Its points are first_point ... first_point + points - 1.
-    first_ray
-        Their rays begin here.
-    """
-
-    rays: int
-    first_point: int
-    points: int
-    first_ray: int
-
-    @property
-    def point_slice(self) -> slice:
-        """Of arrays over points."""
-        return slice(self.first_point, self.first_point + self.points)
-
-    @property
-    def ray_slice(self) -> slice:
-        """Of arrays over rays."""
-        return slice(self.first_ray, self.first_ray + self.points * self.rays)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -505,7 +477,7 @@ def make_problem(
         xy=xy,
         sigma=sigmas[ray] * 1e-3,
         source=ray,
-        groups=_groups(count[used_points]),
+        groups=groups_by_rays(count[used_points]),
         fixed=fixed,
         known=known[used_points],
         known_sigma=known_sigma[used_points],
@@ -617,14 +589,3 @@ def _check_rows(block: Block, xy: Array, sigmas: Array) -> None:
             f"image point {row.point} of photo {row.photo}: "
             f"the sigma {sigmas[bad[0]]:g} um must be positive"
         )
-
-
-def _groups(count: Index) -> tuple[Group, ...]:
-    """Group points that are already ordered by their number of rays."""
-    groups = []
-    first_point = first_ray = 0
-    for rays, points in zip(*np.unique(count, return_counts=True), strict=True):
-        groups.append(Group(int(rays), first_point, int(points), first_ray))
-        first_point += int(points)
-        first_ray += int(points) * int(rays)
-    return tuple(groups)

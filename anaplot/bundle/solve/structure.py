@@ -10,7 +10,8 @@ from scipy import sparse
 from anaplot.aliases import Array, Bools, Index
 from anaplot.bundle.solve.dissection import dissect
 from anaplot.bundle.solve.factor import SparsityPattern, sparsity_pattern
-from anaplot.bundle.solve.problem import Group, Problem
+from anaplot.bundle.solve.pointgroups import Group
+from anaplot.bundle.solve.problem import Problem
 
 __all__ = ["Piece", "Structure", "make_structure"]
 
