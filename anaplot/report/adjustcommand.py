@@ -53,6 +53,7 @@ from anaplot.report.covariance import (
     covariance_document,
 )
 from anaplot.report.document import BLANK, Document, say
+from anaplot.report.doming import doming_document
 from anaplot.report.doublenames import with_double_names
 from anaplot.report.errorsets import (
     error_sets_document,
@@ -511,6 +512,9 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
     calibrated = calibration_document(found.block)
     if calibrated is not None:
         parts["calibration"] = calibrated
+    bent = doming_document(found.block)
+    if bent is not None:
+        parts["doming"] = bent
     if found.choice is not None:
         parts["choice"] = choice_document(found.choice)
     if snooping:
@@ -542,7 +546,7 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
 
 # what a person reads after the block itself, in this order
 _ORDER = (
-    *("errors_without_control", "errors", "given", "choice", "calibration", "hypotheses"),
+    *("errors_without_control", "errors", "given", "choice", "calibration", "doming", "hypotheses"),
     *("prior_estimate", "components", "snooping", "correlations", "test_sets", "functions"),
     *("covariance", "posterior"),
     *("errors_without_control", "errors", "given", "choice", "offsets", "hypotheses"),
