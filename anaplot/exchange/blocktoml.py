@@ -34,6 +34,7 @@ from anaplot.photogrammetry.block import (
     TieVariance,
     in_pixels,
 )
+from anaplot.photogrammetry.groundsystem import Frame, GroundSystem
 from anaplot.photogrammetry.photorange import photo_range
 from anaplot.photogrammetry.prioroffsets import BoresightScope, OffsetScope, PriorOffsets
 from anaplot.photogrammetry.selection import model_name
@@ -127,7 +128,7 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
     root = parse_toml(text, path)
     root.version(BLOCK_FORMAT)
     tables = (
-        *("format", "precision", "test", "measuring", "gnss", "imu"),
+        *("format", "precision", "test", "measuring", "ground", "gnss", "imu"),
         *("camera", "strip", "photo"),
     )
     name = root.take({"name": NAME}, also=tables)["name"]
@@ -160,6 +161,7 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
         strips=strips,
         measuring=measuring,
         offsets=offsets,
+        ground=_ground(root.table("ground")) if "ground" in root else None,
     )
 
 
@@ -198,6 +200,14 @@ def format_block_toml(block: Block) -> str:
     ]
     lines += measuring_lines(block.measuring)
     lines += _offset_lines(block.offsets)
+    if block.ground is not None:
+        lines += [
+            "",
+            "[ground]",
+            f"crs = {toml_text(block.ground.crs)}",
+            f"frame = {toml_text(block.ground.frame)}",
+            f"origin = {toml_numbers(*block.ground.origin)}",
+        ]
     for camera in block.cameras:
         lines += ["", "[[camera]]", f"id = {toml_text(camera.id)}", f"c = {toml_number(camera.c)}"]
         if camera.file is not None:
@@ -283,6 +293,14 @@ def read_test(table: TomlTable) -> TestSettings:
             "power" if "power" in table else "alpha",
         )
     return settings
+
+
+def _ground(table: TomlTable) -> GroundSystem:
+    """Return the ground's coordinate system; whether there is such a one is not asked here."""
+    stated = table.take({"crs": NAME, "frame": Word(*get_args(Frame)), "origin": Numbers(3)})
+    if stated["frame"] == "local" and not abs(stated["origin"][1]) <= 90.0:
+        raise table.fail("the second is a latitude, from -90 to 90 degrees", "origin")
+    return GroundSystem(**stated)
 
 
 def _pattern(folder: Path, name: str) -> str:

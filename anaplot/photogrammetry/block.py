@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple, cast
 
 from anaplot.aliases import TestKind
 from anaplot.photogrammetry.camera import BrownLens, CameraCalibration
+from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.photogrammetry.posterior import Posterior
 from anaplot.photogrammetry.prioroffsets import PriorOffsets
@@ -351,6 +352,8 @@ class Block:
         Whether image_points.csv has x_px, y_px instead of x, y.
     offsets
         What the stated positions and angles of its photos have in common, or None.
+    ground
+        The coordinate system that the ground coordinates come from, or None: not stated.
     """
 
     name: str
@@ -367,6 +370,7 @@ class Block:
     given: Posterior | None = field(default=None, repr=False, compare=False)
     in_pixels: bool = False
     offsets: PriorOffsets | None = None
+    ground: GroundSystem | None = None
     _camera_ids: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

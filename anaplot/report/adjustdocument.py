@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import parameter_correlations
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.rulesofthumb import RulesOfThumb, rules_of_thumb
+from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.report.adjusttables import (
     check_table,
     condition_table,
@@ -94,8 +96,10 @@ def adjust_document(
         point: suspect_rays(block, point)
         for point in dict.fromkeys(point for _, _, point, _ in block.suspects())
     }
+    ground = block.problem.block.ground
     answer = {
         **_figures(block),
+        "ground": None if ground is None else asdict(ground),
         "photos": photos,
         "points": points,
         "image_points": image_points,
@@ -239,6 +243,7 @@ def _summary(
             len(problem.photo),
             _DATUM[problem.datum] + (", the scale by distances" if _scaled(problem) else ""),
         ),
+        *_ground(problem.block.ground),
         say("  observations {observations}, unknowns {unknowns}, redundancy {redundancy}", **answer)
         + (defect if problem.defect else ""),
         say(
@@ -270,6 +275,21 @@ def _summary(
     elif block.critical is not None:
         lines.append(say("  no image coordinate is flagged"))
     return lines + _spurs(block)
+
+
+def _ground(system: GroundSystem | None) -> list[Line]:
+    """Say in which system the coordinates are."""
+    if system is None:
+        return []
+    if system.frame == "offset":
+        e, n, h = system.origin
+        return [say("  coordinates: {} less {:.10g}, {:.10g}, {:.10g} m", system.crs, e, n, h)]
+    lon, lat, h = system.origin
+    return [
+        say("  coordinates: east, north, up [m] at {:.8f}, {:.8f} deg and", lon, lat)
+        + say(" {:.3f} m of {}", h, system.crs),
+        say("    (`export` writes those of {})", system.crs),
+    ]
 
 
 def _global_test(block: AdjustedBlock) -> list[Line]:
