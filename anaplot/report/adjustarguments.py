@@ -226,8 +226,8 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         action="extend",
         metavar="OF",
         help="after BLOCK: the covariance of any unknowns, with error ellipses and distances: "
-        "points:A,B photos:101 parameters:c,k1; points, photos or parameters for all; point:NAME, "
-        "photo:NAME for a name that holds commas; point:7:Z, photo:101:omega for one unknown",
+        "points:A,B photos:101 parameters:c,k1; points, photos, parameters, offsets for all; "
+        "point:NAME, photo:NAME for a name that holds commas; point:7:Z for one unknown",
     )
     adjust.add_argument(
         "--covariance-to",

@@ -4,29 +4,25 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from anaplot.adjustment.findings import Rejection
 from anaplot.adjustment.watch import Watch
 from anaplot.aliases import Progress, Strategy
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.errors.controllast import ControlLast
 from anaplot.bundle.errors.doublenames import double_names
 from anaplot.bundle.errors.grosserrors import BlockFindings
-from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses, block_hypotheses
-from anaplot.bundle.hypotheses.chosenparameters import ChosenParameters, choose_parameters
-from anaplot.bundle.hypotheses.components import BlockComponents, Grouping, block_components
-from anaplot.bundle.hypotheses.coordinatefunctions import FunctionValue, evaluate_functions
-from anaplot.bundle.hypotheses.errorsets import ErrorSetTest, error_set_tests
-from anaplot.bundle.hypotheses.giventests import GivenTests, given_tests
-from anaplot.bundle.hypotheses.offsettests import OffsetTests, offset_tests
-from anaplot.bundle.hypotheses.priorknowledge import BlockPrior, PriorEstimator, prior_estimate
+from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
+from anaplot.bundle.hypotheses.chosenparameters import choose_parameters
+from anaplot.bundle.hypotheses.components import Grouping, block_components
+from anaplot.bundle.hypotheses.coordinatefunctions import evaluate_functions
+from anaplot.bundle.hypotheses.errorsets import error_set_tests
+from anaplot.bundle.hypotheses.giventests import given_tests
+from anaplot.bundle.hypotheses.offsettests import offset_tests
+from anaplot.bundle.hypotheses.priorknowledge import PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
-from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.covariances import Covariance
-from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.posteriors import coordinates_meant
 from anaplot.bundle.solve.posteriors import posterior_of as posterior_of_block
 from anaplot.bundle.solve.problem import Datum, make_problem
@@ -38,18 +34,16 @@ from anaplot.report.accidentlines import with_photo_accidents
 from anaplot.report.adjustarguments import add_adjust_arguments
 from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
+from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.calibration import calibration_asked, calibration_document
 from anaplot.report.camerafiles import camera_files_asked, write_cameras
 from anaplot.report.chosenparameters import choice_document
 from anaplot.report.components import components_document
 from anaplot.report.computed import Computed
 from anaplot.report.conditionpoints import refuse_unknown_points
-from anaplot.report.correlations import RayPair, correlated_rays, correlations_document
+from anaplot.report.correlations import correlated_rays, correlations_document
 from anaplot.report.covariance import (
-    AskedCovariance,
     CovarianceQuestion,
-    Names,
-    any_covariance,
     covariance_document,
 )
 from anaplot.report.document import BLANK, Document, say
@@ -72,97 +66,12 @@ from anaplot.report.posteriorfile import check_carried, with_given, write_poster
 from anaplot.report.power import check_power
 from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
-from anaplot.report.snooping import SnoopedBlock, snoop_block, snooping_document
+from anaplot.report.snooping import snoop_block, snooping_document
 from anaplot.session.photoaccidents import PhotoAccidentKind, photo_accidents
 
-__all__ = ["BlockAdjustment", "adjust", "find_gross_errors"]
+__all__ = ["adjust", "find_gross_errors"]
 
 _NO_ACCIDENT: tuple[PhotoAccidentKind, ...] = ("turned",)  # a bundle finds it as well
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BlockAdjustment:
-    """An adjusted block with what was asked of it.
-
-    Attributes
-    ----------
-    block
-        The adjusted block, without what is rejected: orientations, points, tested observations.
-    hypotheses
-        Tests of additional parameters, check points and control.
-    errors
-        What the strategy for gross errors found, with control; None without one.
-    errors_without_control
-        Both steps, where control came last.
-    prior_estimate
-        The variance factors of image coordinates and prior knowledge.
-    components
-        The variance components.
-    snooping
-        The modified data snooping beside the exact test.
-    correlations
-        Pairs of a point's rays whose residuals are correlated.
-    test_sets, functions
-        Tests of sets of observations, and functions of coordinates, as they were asked for.
-    choice
-        How additional parameters were chosen, where that was left to the program.
-    given
-        What the observations say to a prior from an earlier adjustment; None without one.
-    posterior
-        What was written for the next one; None where nothing was.
-    asked_covariance
-        What `covariance` asked for; the method of that name gives any other.
-    offsets
-        What the stated positions and angles have in common; None where nothing was asked for.
-    """
-
-    block: AdjustedBlock
-    hypotheses: BlockHypotheses = field(repr=False)
-    errors: BlockFindings | None = field(default=None, repr=False)
-    errors_without_control: ControlLast | None = field(default=None, repr=False)
-    prior_estimate: BlockPrior | None = field(default=None, repr=False)
-    components: BlockComponents | None = field(default=None, repr=False)
-    snooping: SnoopedBlock | None = field(default=None, repr=False)
-    correlations: tuple[RayPair, ...] | None = field(default=None, repr=False)
-    test_sets: tuple[ErrorSetTest, ...] = field(default=(), repr=False)
-    functions: tuple[FunctionValue, ...] = field(default=(), repr=False)
-    choice: ChosenParameters | None = field(default=None, repr=False)
-    given: GivenTests | None = field(default=None, repr=False)
-    posterior: Posterior | None = field(default=None, repr=False)
-    asked_covariance: AskedCovariance | None = field(default=None, repr=False)
-    offsets: OffsetTests | None = field(default=None, repr=False)
-
-    def covariance(
-        self, points: Names = (), photos: Names = (), parameters: Names = ()
-    ) -> Covariance:
-        """Return the covariance of any unknowns with each other.
-
-        Parameters
-        ----------
-        points, photos, parameters
-            Names, or True for all; text is taken apart at its commas, a list is not. One unknown
-            stands behind a colon: "7:Z", "101:omega", of a parameter behind its group.
-
-        Returns
-        -------
-        Covariance
-            In the order points, photos, parameters; m and rad, of parameters their unit.
-
-        Raises
-        ------
-        InputError
-            What the adjusted block does not have, nothing at all, or more than 6000 unknowns.
-        NotComputableError
-            omega or kappa of a photo with phi at 90 degrees.
-        """
-        return any_covariance(self.block, points, photos, parameters)
-
-    @property
-    def rejected(self) -> tuple[Rejection[ObservationName], ...]:
-        """What the strategy rejected, in its order."""
-        first = self.errors_without_control
-        images = () if first is None else first.images.rejected
-        return images + (() if self.errors is None else self.errors.rejected)
 
 
 @takes_options(add_adjust_arguments)

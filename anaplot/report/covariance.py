@@ -13,9 +13,9 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.covariances import Covariance, covariance_of
 from anaplot.bundle.solve.placeaccuracy import Ellipse, pair_accuracies, place_accuracies
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.unknowns import UnknownName, unknowns_meant, unknowns_of
+from anaplot.bundle.solve.unknownnames import UnknownName, unknowns_meant, unknowns_of
 from anaplot.errors import InputError
-from anaplot.photogrammetry.posterior import MOST_COORDINATES
+from anaplot.photogrammetry.posterior import MOST_COORDINATES, CoordinateName
 from anaplot.report.columns import counted
 from anaplot.report.covariancefile import check_covariance_path, write_covariance
 from anaplot.report.document import (
@@ -153,11 +153,12 @@ class CovarianceQuestion:
 
 
 def any_covariance(
-    block: AdjustedBlock, points: Names, photos: Names, parameters: Names
+    block: AdjustedBlock, points: Names, photos: Names, parameters: Names, offsets: Names
 ) -> Covariance:
     """Return the covariance of what is named of each kind; True: all of it."""
     wanted: list[str] = []
-    for kind, given in (("point", points), ("photo", photos), ("parameter", parameters)):
+    of = {"point": points, "photo": photos, "parameter": parameters, "offset": offsets}
+    for kind, given in of.items():
         if isinstance(given, bool):
             wanted += [f"{kind}s"] * given
         else:
@@ -194,7 +195,7 @@ def _unknowns(found: Covariance) -> Table:
         angle = one.unit == "rad"
         factor = _DEGREES if angle else 1.0
         value, s = float(found.values[k]), float(found.deviations[k])
-        form = ".6f" if angle else ".4f" if one.kind != "parameter" else ".6g"
+        form = ".6f" if angle else ".4f" if isinstance(one, CoordinateName) else ".6g"
         rows.append(
             (
                 k + 1,
@@ -279,8 +280,8 @@ def covariance_document(asked: AskedCovariance) -> Document:
     """Return the document of a covariance.
 
     Units are m and rad, of additional parameters mm (c, x0, y0 of a lens, and the effects of other
-    sets) or none; people read angles in degrees. Ellipses are standard ones, directions from X
-    towards Y.
+    sets) or none, of drifts m/s or m/photo; people read angles in degrees. Ellipses are standard
+    ones, directions from X towards Y.
     """
     found, test, gone, file = asked.covariance, asked.test, asked.gone, asked.file
     count = len(found.names)
@@ -331,7 +332,7 @@ def covariance_document(asked: AskedCovariance) -> Document:
     }
     page.append(unknowns)
     if count <= _PRINTED and found.sigma is not None:
-        page += [BLANK, say("  covariances, in m, rad and mm").of("heading")]
+        page += [BLANK, say("  covariances, angles in rad").of("heading")]
         page += _lines(found.matrix.tolist(), _COVARIANCE)
         page += [BLANK, say("  correlations").of("heading")]
         page += _lines(found.correlations.tolist(), _CORRELATION)

@@ -19,7 +19,8 @@ from anaplot.bundle.solve.covariances import covariance_of, unknown_cofactors
 from anaplot.bundle.solve.parameterpriors import ParameterPrior
 from anaplot.bundle.solve.posteriors import posterior_of
 from anaplot.bundle.solve.problem import make_problem
-from anaplot.bundle.solve.unknowns import unknown_values, unknowns_meant
+from anaplot.bundle.solve.unknownnames import unknowns_meant
+from anaplot.bundle.solve.unknowns import unknown_values
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Camera, ControlPoint, TestSettings
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes, rotation_matrix, turn

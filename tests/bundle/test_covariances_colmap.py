@@ -16,7 +16,7 @@ from bundleblocks import make_scene
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.covariances import covariance_of
-from anaplot.bundle.solve.unknowns import unknowns_meant
+from anaplot.bundle.solve.unknownnames import unknowns_meant
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes, rotation_matrix
 

@@ -20,7 +20,7 @@ from anaplot.bundle.solve.placeaccuracy import (
     pair_accuracies,
     place_accuracies,
 )
-from anaplot.bundle.solve.unknowns import unknowns_meant
+from anaplot.bundle.solve.unknownnames import unknowns_meant
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,8 @@ from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import function_cofactors
 from anaplot.bundle.solve.problem import Datum
-from anaplot.bundle.solve.unknowns import UnknownName, unknown_functions, unknown_values
+from anaplot.bundle.solve.unknownnames import UnknownName
+from anaplot.bundle.solve.unknowns import unknown_functions, unknown_values
 
 __all__ = ["Covariance", "covariance_of", "unknown_cofactors"]
 
@@ -98,7 +99,7 @@ def covariance_of(block: AdjustedBlock, names: Sequence[UnknownName]) -> Covaria
 
 def unknown_cofactors(block: AdjustedBlock, names: Sequence[UnknownName]) -> Array:
     """Return (k, k) cofactors of k unknowns in the reported datum; see `covariance_of`."""
-    functions = unknown_functions(block, names)
+    functions, beside = unknown_functions(block, names)
     change = block.cofactors.change
     if change is not None:
         # what the datum holds does not vary: without the rounding of what cancels
@@ -107,4 +108,5 @@ def unknown_cofactors(block: AdjustedBlock, names: Sequence[UnknownName]) -> Arr
         held = [np.einsum("nii->ni", q).ravel() for q in (cofactors.photos, cofactors.points)]
         free[: sum(map(len, held))] = np.concatenate(held) > 0.0
         functions = csr_array(functions.multiply(free))
-    return function_cofactors(block, functions, change)
+    found = function_cofactors(block, functions, change)
+    return found if beside is None else found + beside

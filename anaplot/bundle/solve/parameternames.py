@@ -1,4 +1,4 @@
-"""What additional parameters are called, column by column, and in which unit they are read."""
+"""What additional parameters and offsets are called, one after the other, and their units."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Literal, NamedTuple
 
 from anaplot.bundle.solve.problem import Problem
 
-__all__ = ["ParameterName", "parameter_names"]
+__all__ = ["ParameterName", "offset_names", "parameter_names"]
 
 
 class ParameterName(NamedTuple):
-    """An additional parameter; as text "parameter:block:k1".
+    """What photos share; as text "parameter:block:k1", or "offset:s1:shift_X".
 
     Attributes
     ----------
@@ -19,20 +19,21 @@ class ParameterName(NamedTuple):
     unknown
         Its name.
     unit
-        "mm", or "" for a number.
+        Of parameters "mm", or "" for a number; of offsets m, m/s, m/photo, rad.
     factor
         Its value in that unit, over what is adjusted.
     kind
-        "parameter".
+        "parameter", additional in the image; "offset" of stated positions and angles.
     held
-        Whether it is no unknown, while other groups have it.
+        Whether it is no unknown: a parameter that other groups have, an offset of which nothing is
+        observed.
     """
 
     owner: str
     unknown: str
     unit: str
     factor: float
-    kind: Literal["parameter"] = "parameter"
+    kind: Literal["parameter", "offset"] = "parameter"
     held: bool = False
 
     @property
@@ -61,4 +62,16 @@ def parameter_names(problem: Problem) -> tuple[ParameterName, ...]:
         )
         for k, group in enumerate(problem.additional_groups)
         for j, label in enumerate(labels)
+    )
+
+
+def offset_names(problem: Problem) -> tuple[ParameterName, ...]:
+    """Return what the photos' stated positions and angles have in common, in its order."""
+    laid = problem.offsets
+    if laid is None:
+        return ()
+    there = laid.observed(problem.prior_sigma).tolist()
+    return tuple(
+        ParameterName(one.group, f"{one.kind}_{one.axis}", one.unit, 1.0, "offset", not seen)
+        for one, seen in zip(laid.names, there, strict=True)
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.bundle.solve.covariances import Covariance
+from anaplot.photogrammetry.posterior import CoordinateName
 
 __all__ = [
     "Ellipse",
@@ -132,7 +133,7 @@ def _places(covariance: Covariance) -> dict[Place, list[int]]:
     """Return where X, Y and Z of the places stand."""
     axes: dict[Place, dict[str, int]] = {}
     for k, name in enumerate(covariance.names):
-        if name.kind != "parameter" and name.unknown in "XYZ":
+        if isinstance(name, CoordinateName) and name.axis < 3:
             axes.setdefault(Place(name.kind, name.owner), {})[name.unknown] = k
     return {
         place: [of[axis] for axis in "XYZ"] for place, of in axes.items() if len(of) == len("XYZ")

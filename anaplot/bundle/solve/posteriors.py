@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.covariances import unknown_cofactors
 from anaplot.bundle.solve.problem import Problem
-from anaplot.bundle.solve.unknowns import unknown_values, unknowns_meant
+from anaplot.bundle.solve.unknownnames import unknowns_meant
+from anaplot.bundle.solve.unknowns import unknown_values
 from anaplot.errors import InputError
 from anaplot.photogrammetry.posterior import MOST_COORDINATES, CoordinateName, Posterior
 
