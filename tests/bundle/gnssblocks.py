@@ -12,6 +12,8 @@ from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 
 LEVER = (0.35, -0.6, 1.8)
 BORESIGHT = (0.01, -0.015, 0.02)
+_HIGHER = np.array([1.0, 1.0, 1.5])  # heights are worse than the plan
+_ROUND = np.array([1.0, 1.0, 2.0])  # and headings than the rest
 
 
 @dataclass
@@ -33,6 +35,7 @@ def flown(
     timed=True,
     far=(0.0, 0.0, 0.0),
     angles=True,
+    drift=((0.01, -0.02, 0.015), (0.01, -0.01, 0.015)),
     **options,
 ) -> Flown:
     """Fly a block there and back, with GNSS (and IMU) errors of `noise` standard deviations."""
@@ -54,7 +57,7 @@ def flown(
                 truth["shift", name, axis] = value
     for k, name in enumerate(groups if offsets.drift == "strip" else ["block"]):
         if offsets.drift:
-            for axis, value in zip("XYZ", (0.01, -0.02 + 0.01 * k, 0.015), strict=True):
+            for axis, value in zip("XYZ", drift[k], strict=True):
                 truth["drift", name, axis] = value
     boresight = np.array(BORESIGHT) if offsets.boresight else np.zeros(3)
     if offsets.boresight:
@@ -74,16 +77,16 @@ def flown(
                 continue
             since = time[photo.id] - middle[group] if kind == "drift" else 1.0
             at["XYZ".index(axis)] += value * since
-        at = at + rng.normal(size=3) * position * noise
+        at = at + rng.normal(size=3) * (position * _HIGHER) * noise
         seen = rotation_angles(turned @ rotation_matrix(*boresight))
-        seen = np.array(seen) + rng.normal(size=3) * rotation * noise
+        seen = np.array(seen) + rng.normal(size=3) * (rotation * _ROUND) * noise
         photos.append(
             replace(
                 photo,
                 position=tuple(at.tolist()),
-                position_sigma=(position, position, 1.5 * position),
+                position_sigma=tuple((position * _HIGHER).tolist()),
                 rotation=tuple(seen.tolist()) if angles else None,
-                rotation_sigma=(rotation, rotation, 2.0 * rotation) if angles else None,
+                rotation_sigma=tuple((rotation * _ROUND).tolist()) if angles else None,
                 time=time[photo.id] if timed else None,
             )
         )
