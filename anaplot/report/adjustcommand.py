@@ -455,12 +455,9 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
 
 # what a person reads after the block itself, in this order
 _ORDER = (
-    *("errors_without_control", "errors", "given", "choice", "calibration", "doming", "hypotheses"),
-    *("prior_estimate", "components", "snooping", "correlations", "test_sets", "functions"),
-    *("covariance", "posterior"),
-    *("errors_without_control", "errors", "given", "choice", "offsets", "hypotheses"),
-    "prior_estimate",
-    *("components", "snooping", "correlations", "test_sets", "functions", "posterior"),
+    *("errors_without_control", "errors", "given", "choice", "calibration", "doming", "offsets"),
+    *("hypotheses", "prior_estimate", "components", "snooping", "correlations", "test_sets"),
+    *("functions", "covariance", "posterior"),
 )
 
 

@@ -117,7 +117,7 @@ def test_what_is_weighted_is_an_observation_among_the_priors(folder, capsys) -> 
 def test_a_person_reads_values_and_tests(folder, capsys) -> None:
     assert main(["adjust", str(folder), "--gnss-shift", "strip", "--imu-boresight", "block"]) == 0
     page = capsys.readouterr().out
-    assert "OFFSETS of what photos state" in page
+    assert page.count("OFFSETS of what photos state") == page.count("HYPOTHESES") == 1
     lines = [line for line in page.splitlines() if line.startswith("  shift")]
     assert len(lines) == 6
     assert "<< not zero" in lines[0]
