@@ -15,6 +15,8 @@ __all__ = ["add_export_arguments", "add_import_arguments", "refuse_unused"]
 
 _NAMES = {
     "sigma_px": "--sigma-px",
+    "sigma_um": "--sigma-um",
+    "sigma_classes": "--sigma-class",
     "pixel_um": "--pixel-um",
     "columns": "--column",
     "files": "--with",
@@ -36,6 +38,17 @@ def add_import_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="PX",
         help="a-priori sigma of an image coordinate, default one pixel",
+    )
+    parser.add_argument(
+        "--sigma-um", type=positive, metavar="UM", help="the same, where coordinates are lengths"
+    )
+    parser.add_argument(
+        "--sigma-class",
+        dest="sigma_classes",
+        type=_length_pair,
+        action=_Pairs,
+        metavar="GROUP=UM",
+        help="the same of a group of the source's; may be given again",
     )
     parser.add_argument("--unit", choices=("px", "mm", "um"), help="of image coordinates")
     parser.add_argument(
@@ -111,6 +124,11 @@ def _pair(text: str) -> tuple[str, str]:
     if not (name and sign and value):
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=VALUE")
     return name, value
+
+
+def _length_pair(text: str) -> tuple[str, float]:
+    name, value = _pair(text)
+    return name, positive(value)
 
 
 def _file(text: str) -> tuple[str, Path]:

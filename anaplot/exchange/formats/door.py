@@ -56,8 +56,10 @@ class ImportOptions:
 
     Attributes
     ----------
-    sigma_px
-        A-priori standard deviation of a measured coordinate [px].
+    sigma_px, sigma_um
+        A-priori standard deviation of a measured coordinate [px] or [um].
+    sigma_classes
+        The same [um] by a class of the source's: the name of a group.
     unit
         Of image coordinates: "px", "mm" or "um".
     columns
@@ -77,6 +79,8 @@ class ImportOptions:
     """
 
     sigma_px: float | None = None
+    sigma_um: float | None = None
+    sigma_classes: Mapping[str, float] = field(default_factory=dict)
     unit: Literal["px", "mm", "um"] | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     camera: Path | None = None

@@ -54,7 +54,17 @@ class Format(NamedTuple):
     adjusted: bool = False
 
 
-_ALL: tuple[Format, ...] = ()
+_STATED = ("sigma_um", "camera", "c", "pixels", "pixel_um")
+
+_ALL: tuple[Format, ...] = (
+    Format(
+        "patb",
+        "PAT-B .im, .con, .ori and -99 files",
+        import_options=(*_STATED, "sigma_classes", "unit", "order", "files"),
+        export_options=("unit", "order"),
+        adjusted=True,
+    ),
+)
 
 FORMATS = {one.kind: one for one in _ALL}
 """Formats by kind, in the order in which a source is looked at."""
