@@ -7,11 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from anaplot.aliases import Array
 from anaplot.exchange.formats.door import Note
-from anaplot.photogrammetry.block import Camera, ImagePoint, Use
-from anaplot.photogrammetry.measuredimage import ideal_rays, mm_of_pixels
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint, Use
+from anaplot.photogrammetry.measuredimage import (
+    ideal_rays,
+    measured_rays,
+    mm_of_pixels,
+    pixels_of_mm,
+)
 
-__all__ = ["TWICE", "MeasuredRay", "image_points_of"]
+__all__ = ["TWICE", "MeasuredRay", "image_points_of", "measured_places"]
 
 TWICE = "a second time in the photo"
 """Why a ray does not count whose point stands in its photo already."""
@@ -118,6 +124,40 @@ def image_points_of(
         text = "rays of a point that is in the photo already: kept with ~2, and do not count"
         notes.append(Note("doubled", int(twice.sum()), text, _some(rays, twice)))
     return tuple(made), tuple(notes)
+
+
+def measured_places(block: Block, *, pixels: bool) -> Array:
+    """Return (n, 2) coordinates of a block's image points as they were measured.
+
+    Parameters
+    ----------
+    block
+        The block.
+    pixels
+        Whether pixels are wanted, which every camera must have then, or mm about the principal
+        point, y up. Where that is what the block's file has, the numbers are the same.
+    """
+    cameras = {camera.id: camera for camera in block.cameras}
+    of_photo = {photo.id: photo.camera for photo in block.photos}
+    by_camera: dict[str, list[int]] = {}
+    for k, row in enumerate(block.image_points):
+        by_camera.setdefault(of_photo[row.photo], []).append(k)
+    out = np.empty((len(block.image_points), 2))
+    for name, rows in by_camera.items():
+        camera = cameras[name]
+        mine = [block.image_points[k] for k in rows]
+        stated = [k for k, row in zip(rows, mine, strict=True) if row.measured is not None]
+        given = np.array([row.measured for row in mine if row.measured is not None])
+        rest = [k for k, row in zip(rows, mine, strict=True) if row.measured is None]
+        if rest:
+            ideal = [(row.x, row.y) for row in mine if row.measured is None]
+            seen = measured_rays(camera, ideal)
+            out[rest] = pixels_of_mm(camera, seen) if pixels else seen
+        if stated and pixels != block.in_pixels:
+            given = pixels_of_mm(camera, given) if pixels else mm_of_pixels(camera, given)
+        if stated:
+            out[stated] = given
+    return out
 
 
 def _numbered(rays: Sequence[MeasuredRay]) -> tuple[list[str], list[bool]]:

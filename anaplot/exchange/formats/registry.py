@@ -58,6 +58,12 @@ _STATED = ("sigma_um", "camera", "c", "pixels", "pixel_um")
 
 _ALL: tuple[Format, ...] = (
     Format(
+        "pixels",
+        "image points of any program, as a table",
+        import_options=(*_STATED, "sigma_px", "unit", "columns", "order", "files"),
+        export_options=("unit",),
+    ),
+    Format(
         "patb",
         "PAT-B .im, .con, .ori and -99 files",
         import_options=(*_STATED, "sigma_classes", "unit", "order", "files"),
