@@ -11,6 +11,7 @@ from typing import Any, get_args
 
 from anaplot.aliases import TestKind
 from anaplot.errors import InputError
+from anaplot.exchange.airtoml import air_lines, read_air
 from anaplot.exchange.camerafile import (
     FRAME,
     LENS,
@@ -128,7 +129,7 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
     root = parse_toml(text, path)
     root.version(BLOCK_FORMAT)
     tables = (
-        *("format", "precision", "test", "measuring", "ground", "gnss", "imu"),
+        *("format", "precision", "test", "measuring", "refinement", "ground", "gnss", "imu"),
         *("camera", "strip", "photo"),
     )
     name = root.take({"name": NAME}, also=tables)["name"]
@@ -139,6 +140,8 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
     measuring = Measuring(**root.table("measuring").take({}, stated))
     offsets = _offsets(root.table("gnss"), root.table("imu"))
     cameras = root.each("camera", partial(_camera, path.parent, camera_files or {}))
+    ground = _ground(root.table("ground")) if "ground" in root else None
+    air = read_air(root.table("refinement"), cameras, ground)
     known = {camera.id for camera in cameras}
     photos = root.each("photo", partial(_photo, known), least=0)
     only = cameras[0].id if len(cameras) == 1 else None
@@ -161,7 +164,8 @@ def parse_block_toml(text: str, path: Path, camera_files: Mapping[str, str] | No
         strips=strips,
         measuring=measuring,
         offsets=offsets,
-        ground=_ground(root.table("ground")) if "ground" in root else None,
+        ground=ground,
+        air=air,
     )
 
 
@@ -208,6 +212,7 @@ def format_block_toml(block: Block) -> str:
             f"frame = {toml_text(block.ground.frame)}",
             f"origin = {toml_numbers(*block.ground.origin)}",
         ]
+    lines += air_lines(block.air)
     for camera in block.cameras:
         lines += ["", "[[camera]]", f"id = {toml_text(camera.id)}", f"c = {toml_number(camera.c)}"]
         if camera.file is not None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, cast
 
 from anaplot.aliases import TestKind
+from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.camera import BrownLens, CameraCalibration
 from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.photogrammetry.objectconditions import ObjectCondition
@@ -346,6 +347,8 @@ class Block:
         Rows of control.csv that are priors of points, in file order.
     measuring
         With what it is measured.
+    air
+        What of air and earth is taken off where plates become image coordinates, or None.
     given
         What an earlier adjustment says of its points and photos, or None: no part of the folder.
     in_pixels
@@ -367,6 +370,7 @@ class Block:
     conditions: tuple[ObjectCondition, ...] = field(default=(), repr=False)
     priors: tuple[PointPrior, ...] = field(default=(), repr=False)
     measuring: Measuring = Measuring()
+    air: AirAndEarth | None = None
     given: Posterior | None = field(default=None, repr=False, compare=False)
     in_pixels: bool = False
     offsets: PriorOffsets | None = None

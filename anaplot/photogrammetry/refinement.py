@@ -5,7 +5,8 @@ ideal = measured - principal point - distortion, the distortion taken at the mea
 point where a camera states no other, r = abs(d): radial distortion is dr(r) d / r, decentring
 distortion (P1 (r^2 + 2 x^2) + 2 P2 x y, P2 (r^2 + 2 y^2) + 2 P1 x y). A camera whose file states a
 [lens] has that instead, and it goes the other way: from the ideal place to the measured one
-(`photogrammetry/lens.py`).
+(`photogrammetry/lens.py`). Refraction and the earth's curvature come last, about the principal
+point (`photogrammetry/airandearth.py`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import InputError, NotComputableError
+from anaplot.photogrammetry.airandearth import AirAndEarth, RadialShift
 from anaplot.photogrammetry.camera import CameraCalibration, RadialPolynomial, RadialTable
 from anaplot.photogrammetry.lens import through_lens, without_lens
 from anaplot.photogrammetry.planar import as_points, solve_pairs
@@ -48,6 +50,8 @@ class Refinement:
         [mm] in the fiducial system, or None: the principal point.
     lens
         (10,) `LENS_PARAMETERS` about the principal point, instead of all this; or None.
+    beyond
+        What displaces the image before the lens, or None.
     """
 
     principal_point: tuple[float, float] = (0.0, 0.0)
@@ -55,10 +59,11 @@ class Refinement:
     decentring: tuple[float, float] = (0.0, 0.0)
     symmetry_point: tuple[float, float] | None = None
     lens: tuple[float, ...] | None = None
+    beyond: RadialShift | None = None
 
     @classmethod
-    def of(cls, calibration: CameraCalibration) -> Self:
-        """Return the refinement of a camera.
+    def of(cls, calibration: CameraCalibration, air: AirAndEarth | None = None) -> Self:
+        """Return the refinement of a camera, and of a block's air and earth.
 
         Raises
         ------
@@ -75,6 +80,7 @@ class Refinement:
             calibration.decentring,
             calibration.symmetry_point,
             lens,
+            None if air is None else air.shift(calibration.c),
         )
         made._refuse_fold(calibration)
         return made
@@ -92,7 +98,10 @@ class Refinement:
         ndarray
             (n, 2) [mm], origin at the principal point; NaN where a lens images nothing.
         """
-        measured = as_points(xy)
+        ideal = self._without_camera(as_points(xy))
+        return ideal if self.beyond is None else self.beyond.taken_off(ideal)
+
+    def _without_camera(self, measured: Array) -> Array:
         if self.lens is not None:
             away = measured - np.array(self.principal_point)
             direction: Array = without_lens(away, np.array(self.lens))
@@ -114,14 +123,18 @@ class Refinement:
         NotComputableError
             A place that no measured one refines to.
         """
+        xy = as_points(xy)
+        return self._through_camera(xy if self.beyond is None else self.beyond.put_on(xy))
+
+    def _through_camera(self, xy: Array) -> Array:
         if self.lens is not None:
-            ideal = as_points(xy)
+            ideal = xy
             seen = through_lens(ideal / self.lens[0], np.array(self.lens)).xy
             laid: Array = seen + np.array(self.principal_point)
-            if not np.allclose(self.refine(laid), ideal, rtol=0.0, atol=1e-9):
+            if not np.allclose(self._without_camera(laid), ideal, rtol=0.0, atol=1e-9):
                 raise NotComputableError("the lens folds the image at an ideal place")
             return laid
-        ideal = as_points(xy) + (np.array(self.principal_point) - self._centre())
+        ideal = xy + (np.array(self.principal_point) - self._centre())
         away = ideal.copy()
         for _ in range(_STEPS):
             distortion, slope = self._distortion(away)
@@ -133,7 +146,7 @@ class Refinement:
         gap = np.abs(away - self._distortion(away)[0] - ideal).max(axis=1, initial=0.0)
         lost = np.flatnonzero(~(gap <= _CLOSED * (1.0 + np.abs(ideal).max(axis=1, initial=0.0))))
         if lost.size:
-            x, y = as_points(xy)[lost[0]].tolist()
+            x, y = xy[lost[0]].tolist()
             raise NotComputableError(
                 f"the distortion cannot be inverted at x = {x:.6g}, y = {y:.6g} mm"
             )
@@ -142,7 +155,14 @@ class Refinement:
 
     def jacobian(self, xy: Array) -> Array:
         """Return (n, 2, 2) derivatives of `refine` at (n, 2) measured coordinates [mm]."""
-        away = as_points(xy) - self._centre()
+        jacobian = self._camera_jacobian(as_points(xy))
+        if self.beyond is None:
+            return jacobian
+        chained: Array = self.beyond.jacobian(self._without_camera(as_points(xy))) @ jacobian
+        return chained
+
+    def _camera_jacobian(self, measured: Array) -> Array:
+        away = measured - self._centre()
         if self.lens is not None:
             seen = through_lens(without_lens(away, np.array(self.lens)), np.array(self.lens))
             inverse = self.lens[0] * np.linalg.inv(seen.by_direction)

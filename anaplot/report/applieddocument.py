@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
+from math import hypot
 
 from anaplot.photogrammetry.inneradvice import inner_advice
 from anaplot.report.columns import counted
@@ -76,11 +78,13 @@ def applied_document(
         "replaced": len(replaced),
         "replaced_off": off,
         "without_points": list(without),
+        "refinement": None if measured.block.air is None else asdict(measured.block.air),
         "photos": rows,
     }
     page: list[Block] = [rows, BLANK, *_said(measured, photos, count, len(replaced), off)]
     if without:
         page.append(say("  fiducials, but no points: {}", named(without, _MOST)))
+    page += _taken_off(measured, groups)
     page += _advice(groups)
     for camera in {group.camera.id: group.camera for group in groups}.values():
         page += camera_remarks(camera)
@@ -112,6 +116,24 @@ def _said(
             .of("remark")
             .folded(4)
         )
+    return said
+
+
+def _taken_off(measured: Measured, groups: Sequence[InnerGroup]) -> list[Line]:
+    """Return what of air and earth is taken off, at the corner of each camera's format."""
+    air = measured.block.air
+    said = []
+    for camera in {group.camera.id: group.camera for group in groups}.values():
+        radius = camera.c if camera.format is None else 0.5 * hypot(*camera.format)
+        for what, part in () if air is None else air.parts():
+            um = 1e3 * part.shift(camera.c).at(radius)
+            said.append(
+                say(
+                    "  {} is taken off: {:.1f} um {}wards at {:.1f} mm from the principal point "
+                    "of camera {}",
+                    *(what, abs(um), "out" if um > 0.0 else "in", radius, camera.id),
+                )
+            )
     return said
 
 

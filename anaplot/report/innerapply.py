@@ -34,6 +34,7 @@ from anaplot.exchange.platepointscsv import (
     read_plate_points,
     refuse_in_two_files,
 )
+from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint
 from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.photogrammetry.measuredimage import measured_rays
@@ -168,7 +169,9 @@ def carried(
             _check_camera(measured, camera, at.file)
             if not as_given:
                 _check_accepted(photo, at, oriented)
-            done.setdefault(photo, []).append(_in_image(file, points, at, camera))
+            done.setdefault(photo, []).append(
+                _in_image(file, points, at, camera, measured.block.air)
+            )
     before: dict[str, list[ImagePoint]] = {}
     for row in measured.block.image_points:
         before.setdefault(row.photo, []).append(row)
@@ -278,12 +281,16 @@ def _check_accepted(photo: str, at: OrientedPhoto, others: Mapping[str, Oriented
 
 
 def _in_image(
-    file: PlatePoints, points: Sequence[PlatePoint], at: OrientedPhoto, camera: Camera
+    file: PlatePoints,
+    points: Sequence[PlatePoint],
+    at: OrientedPhoto,
+    camera: Camera,
+    air: AirAndEarth | None,
 ) -> tuple[list[ImagePoint], float | None]:
     """Return rows of image_points.csv, and the largest standard deviation from the fiducials."""
     transformation = at.inner.transformation
     plate = np.array([(point.measured.x, point.measured.y) for point in points])
-    image = PlateSystem(transformation, at.file.camera).to_images(plate)
+    image = PlateSystem(transformation, at.file.camera, air).to_images(plate)
     scale = _scale(transformation.jacobian(plate))
     reach_x, reach_y = camera.reach()
     rows = []

@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from anaplot.aliases import Array, Side
+from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.platetransformation import PlateTransformation
 from anaplot.photogrammetry.readings import Position
@@ -77,10 +78,13 @@ class PlateSystem:
         Plate to fiducial system; None where the inner orientation is still to be accepted.
     calibration
         Of the camera; None where plate coordinates are image coordinates.
+    air
+        What of air and earth is taken off, or None.
     """
 
     transformation: PlateTransformation | None = field(default_factory=PlateTransformation)
     calibration: CameraCalibration | None = None
+    air: AirAndEarth | None = None
 
     @property
     def oriented(self) -> bool:
@@ -98,7 +102,7 @@ class PlateSystem:
         if self.transformation is None or self.calibration is None:
             return [(x, y) for x, y in plate.tolist()]
         measured = self.transformation.to_image(plate)
-        ideal = _refinement(self.calibration).refine(measured).tolist()
+        ideal = _refinement(self.calibration, self.air).refine(measured).tolist()
         return [(round(x, _DIGITS), round(y, _DIGITS)) for x, y in ideal]
 
     def to_plate(self, x: float, y: float) -> tuple[float, float]:
@@ -111,14 +115,14 @@ class PlateSystem:
         """
         if self.transformation is None or self.calibration is None:
             return x, y
-        measured = _refinement(self.calibration).distort(np.array([[x, y]]))
+        measured = _refinement(self.calibration, self.air).distort(np.array([[x, y]]))
         plate = self.transformation.to_plate(measured)[0].tolist()
         return plate[0], plate[1]
 
 
 @lru_cache(maxsize=64)
-def _refinement(calibration: CameraCalibration) -> Refinement:
-    return Refinement.of(calibration)
+def _refinement(calibration: CameraCalibration, air: AirAndEarth | None) -> Refinement:
+    return Refinement.of(calibration, air)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +149,8 @@ def plates_of_model(state: SessionState, model: ModelState) -> Plates:
     def system(photo: str, side: Side) -> PlateSystem:
         inner = model.inner_of(side)
         transformation = PlateTransformation() if inner is None else inner.accepted
-        return PlateSystem(transformation, state.block.camera_of(photo).calibration)
+        block = state.block
+        return PlateSystem(transformation, block.camera_of(photo).calibration, block.air)
 
     if model.mono:
         there = system(model.photo(model.laid or "left"), model.laid or "left")

@@ -9,6 +9,7 @@ import numpy as np
 
 from anaplot.aliases import Side
 from anaplot.errors import InputError
+from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.platetransformation import PlateTransformation, random_placement
@@ -73,9 +74,10 @@ def laid_photographs(
         Points where the camera's distortion cannot be inverted.
     """
     cameras = {photo.id: block.camera_of(photo.id).calibration for photo in block.photos}
+    air = block.air
     left, right = (
         {
-            photo: _laid(points, cameras.get(photo), placements.get((photo, side)), side)
+            photo: _laid(points, cameras.get(photo), air, placements.get((photo, side)), side)
             for photo, points in truth.items()
         }
         for side in SIDES
@@ -86,13 +88,14 @@ def laid_photographs(
 def _laid(
     points: Mapping[str, tuple[float, float]],
     calibration: CameraCalibration | None,
+    air: AirAndEarth | None,
     placement: PlateTransformation | None,
     side: Side,
 ) -> dict[str, tuple[float, float]]:
     if calibration is None:
         return dict(points)
     ideal = np.array(list(points.values()), dtype=np.float64).reshape(-1, 2)
-    measured = Refinement.of(calibration).distort(ideal)
+    measured = Refinement.of(calibration, air).distort(ideal)
     fiducials = expected_fiducials(calibration)
     unknown = [name for name in calibration.fiducial_names() if name not in fiducials]
     if unknown:

@@ -25,6 +25,7 @@ from anaplot.photogrammetry.refinement import Refinement
 from anaplot.report.innerapply import merged, points_of, write
 from anaplot.report.innercommand import run_inner
 from anaplot.session.plates import PlateSystem
+from anaplot.simulation.laidplates import laid_photographs
 
 CAMERA = """\
 format = 1
@@ -383,6 +384,49 @@ def test_a_camera_with_a_lens(make_bench):
     for key, place in bench.truth.items():
         assert (found[key].x, found[key].y) == pytest.approx(place, abs=1e-7)
         assert found[key].measured != (found[key].x, found[key].y)
+
+
+AIR = """\
+[refinement]
+refraction = true
+earth_curvature = true
+flying_height = 1900.0
+ground_height = 200.0
+"""
+
+
+def test_refraction_and_curvature_are_taken_off(make_bench, capsys):
+    """Plates laid by the inverse of all of it, as the simulated plotter lays them."""
+    bench = make_bench(toml=BLOCK.replace("[[camera]]", AIR + "[[camera]]"))
+    block = read_declared(bench.block)
+    by_photo = {
+        photo: {point: place for (of, point), place in bench.truth.items() if of == photo}
+        for photo in ("102", "101")
+    }
+    lie = MM.transformation()
+    left, _ = laid_photographs(block, by_photo, {("101", "left"): lie, ("102", "left"): lie})
+    rows = [
+        f"{photo},{point},{left[photo][point][0]!r},{left[photo][point][1]!r}"
+        for photo, point in bench.truth
+    ]
+    bench.points.write_text("photo,point,x,y\n" + "\n".join(rows) + "\n")
+    assert bench.run("--json") == 0
+    answer = json.loads(capsys.readouterr().out)["applied"]
+    assert answer["refinement"]["flying_height"] == 1900.0
+    for key, place in bench.truth.items():
+        assert (bench.rows()[key].x, bench.rows()[key].y) == pytest.approx(place, abs=0.52e-7)
+    # without the table the same plates are up to some micrometres off
+    (bench.block / "block.toml").write_text(BLOCK)
+    assert bench.run("--replace") == 0
+    assert "taken off" not in capsys.readouterr().out
+    rows = bench.rows()
+    off = [np.hypot(rows[k].x - x, rows[k].y - y) for k, (x, y) in bench.truth.items()]
+    assert 2e-3 < max(off) < 15e-3
+    (bench.block / "block.toml").write_text(BLOCK.replace("[[camera]]", AIR + "[[camera]]"))
+    assert bench.run("--replace") == 0
+    out = capsys.readouterr().out
+    assert "refraction is taken off: 7.1 um outwards at 162.6 mm from the principal point" in out
+    assert "earth curvature is taken off: 24.7 um inwards at 162.6 mm" in out
 
 
 def test_pixels_have_no_fiducials(make_bench):

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from anaplot.cli import main
+from anaplot.exchange.blocktoml import parse_block_toml
 from anaplot.exchange.camerafile import parse_camera
+from anaplot.photogrammetry.airandearth import HIGHEST, AirAndEarth, refraction_constant
 from anaplot.photogrammetry.camera import RadialTable
 
 PAGE = (Path(__file__).parents[2] / "docs" / "inner-orientation.md").read_text(encoding="utf-8")
@@ -62,3 +64,13 @@ def test_the_commands_make_the_block(tmp_path, monkeypatch, capsys):
     assert "mirrored: y runs down, or seen from behind" in capsys.readouterr().out
     assert main(["inner", "scan.toml", "--points", "scan.csv", "--apply", "survey"]) == 2
     assert "--replace" in capsys.readouterr().err
+
+
+def test_refraction_is_as_large_as_the_page_says(tmp_path):
+    (tmp_path / "rc30.toml").write_text(blocks("toml")[0])
+    text = 'format = 1\nname = "t"\n' + blocks("toml")[2] + '[[camera]]\nfile = "rc30.toml"\n'
+    air = parse_block_toml(text, tmp_path / "block.toml").air
+    assert air == AirAndEarth(1900.0, 200.0, refraction=True)
+    shift = AirAndEarth(1900.0, 0.0, refraction=True).shift(153.0)
+    assert [round(1e3 * shift.at(radius)) for radius in (70.0, 140.0)] == [2, 6]
+    assert refraction_constant(HIGHEST, 0.0) > 0.0
