@@ -108,7 +108,7 @@ def adjust_problem(problem: Problem, *, progress: Progress | None = None) -> Adj
 
 def _adjusted(problem: Problem, progress: Progress | None) -> AdjustedBlock:
     bare = problem.bare
-    found, robust = _searched(bare, progress)
+    found, robust = _searched(bare, progress, problem)
     if bare is problem:
         return evaluate(problem, found, robust=robust, progress=progress)
     # orientations wait neither for additional parameters nor for conditions between points
@@ -165,8 +165,25 @@ def with_additional(problem: Problem, state: BlockState) -> BlockState:
     )
 
 
-def _searched(problem: Problem, progress: Progress | None) -> tuple[Minimum, BlockState | None]:
-    """Return the best minimum, and a robust solution where one was looked for."""
+def _explained_by_lens(whole: Problem, found: Minimum, progress: Progress | None) -> bool:
+    """Whether nothing but a lens is missing at a minimum: with its parameters, all fits."""
+    if whole.lens_units is None or whole.photo_invariant:
+        return False
+    start = with_additional(whole, found.state)
+    try:
+        structure = make_structure(whole, start.centres)
+        return _fits(whole, find_minimum(whole, start, structure, progress=progress))
+    except (NotComputableError, np.linalg.LinAlgError):
+        return False
+
+
+def _searched(
+    problem: Problem, progress: Progress | None, whole: Problem
+) -> tuple[Minimum, BlockState | None]:
+    """Return the best minimum, and a robust solution where one was looked for.
+
+    `whole` is the bundle with the additional parameters that the search does without.
+    """
     best: Minimum | None = None
     closest: _Closest | None = None
     failure: NotComputableError | None = None
@@ -217,6 +234,9 @@ def _searched(problem: Problem, progress: Progress | None) -> tuple[Minimum, Blo
         found = minimum(start, structure)
         if found is not None and _fits(problem, found):
             break
+        # no gross error is looked for where a lens that is unknown yet bends everything
+        if found is not None and _explained_by_lens(whole, found, progress):
+            return found, None
         solution = robust(start if found is None else found.state, structure)
         if found is not None and not (solution and solution.explains(len(problem.photo))):
             solution = robust(start, structure) or solution

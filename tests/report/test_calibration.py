@@ -7,91 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calibrationblocks import TRUTH, make_block, stated
 
 import anaplot
 from anaplot.bundle.solve.cameracalibration import CalibratedCamera
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_block
 from anaplot.exchange.camerafile import read_camera
-from anaplot.photogrammetry.block import (
-    Block,
-    Camera,
-    ControlPoint,
-    ImagePoint,
-    Photo,
-    Precision,
-    TestSettings,
-    in_pixels,
-)
 from anaplot.photogrammetry.camera import BrownLens, CameraCalibration, RadialPolynomial
-from anaplot.photogrammetry.collinearity import project
-from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
-from anaplot.photogrammetry.measuredimage import ideal_rays
-from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.photogrammetry.lens import LENS_PARAMETERS
 from anaplot.report.camerafiles import calibration_file
-
-NOISE = 0.002  # mm
-SIZE = (6000, 4000)
-TRUTH = {
-    "drone": (35.02, 0.03, -0.05, -0.06, 0.02, 0.0, 4e-4, -3e-4, 0.0, 0.0),
-    "metric": (28.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    "phone/7": (24.1, 0.0, 0.04, 0.08, -0.05, 0.0, 0.0, 5e-4, 1e-3, 5e-4),
-}
-"""What the cameras do: ideal to measured coordinates."""
-
-
-def stated(name: str) -> Camera:
-    """What their owner believes: round numbers, and nothing of the lens."""
-    c = float(round(TRUTH[name][0]))
-    return in_pixels(Camera(name, c), SIZE, 6.0, (3010.0, 1990.0))
-
-
-def make_block(
-    cameras: tuple[str, ...] = tuple(TRUTH), *, seed: int = 1, noise: float = NOISE, pixels=True
-) -> Block:
-    """Photos from two heights, some turned and tilted, over ground with relief and control."""
-    rng = np.random.default_rng(seed)
-    points = np.column_stack((rng.uniform(-60.0, 60.0, (45, 2)), rng.uniform(-12.0, 12.0, 45)))
-    photos, rows = [], []
-    k = 0
-    for height in (90.0, 130.0):
-        for x in (-40.0, 0.0, 40.0):
-            for y in (-25.0, 25.0):
-                camera = cameras[(k + k // 3) % len(cameras)]
-                name, k = f"p{k:02d}", k + 1
-                lean = rng.normal(size=2) * 0.15
-                turned = rotation_matrix(lean[0] - y / 150.0, lean[1] + x / 150.0, k * 1.7)
-                photos.append(Photo(name, camera))
-                n = len(points)
-                seen = project(
-                    np.broadcast_to((x, y, height), (n, 3)),
-                    np.broadcast_to(turned, (n, 3, 3)),
-                    np.ones(n),
-                    points,
-                )
-                xy = through_lens(seen.xy, np.array(TRUTH[camera])).xy
-                xy = xy + rng.normal(size=xy.shape) * noise
-                inside = (np.abs(xy) < (17.5, 11.5)).all(axis=1) & (seen.depth > 0.0)
-                ideal = ideal_rays(stated(camera), xy) if pixels else xy
-                rows += [
-                    ImagePoint(name, f"g{p}", float(ideal[p, 0]), float(ideal[p, 1]))
-                    for p in np.flatnonzero(inside).tolist()
-                ]
-    control = [
-        ControlPoint(f"g{p}", tuple(points[p].tolist()), (0.002,) * 3) for p in range(0, 45, 4)
-    ]
-    own = tuple(stated(c) if pixels else Camera(c, round(TRUTH[c][0])) for c in cameras)
-    return Block(
-        "calibration",
-        Precision(image_um=1e3 * NOISE),
-        TestSettings(),
-        own,
-        photos=tuple(photos),
-        strips=(),
-        image_points=tuple(rows),
-        control=tuple(control),
-        in_pixels=pixels,
-    )
 
 
 def values(found) -> dict[tuple[str, str], dict]:
