@@ -13,6 +13,7 @@ from anaplot.bundle.errors.suspects import ImageCoordinate, Suspect, likeliest_s
 from anaplot.bundle.errors.wrongray import SuspectRay, suspect_rays
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import MOST_RAYS, external_reliability
+from anaplot.bundle.solve.networkscale import scale_deviation
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.bundle.solve.parametercorrelations import parameter_correlations
 from anaplot.bundle.solve.problem import Problem
@@ -23,6 +24,7 @@ from anaplot.report.adjusttables import (
     condition_table,
     control_table,
     image_point_table,
+    is_fine,
     parameter_table,
     photo_table,
     point_prior_table,
@@ -50,6 +52,7 @@ from anaplot.report.rules import rules_json, rules_lines
 __all__ = ["adjust_document"]
 
 _ALARM = 0.05  # significance of a test of sigma0 as an alarm
+_FEW = 3  # of flagged observations of other kinds
 _MOST = 30  # of flagged rows, spurs and correlations in the summary; the tables hold them all
 
 _DATUM = {
@@ -187,7 +190,11 @@ def _figures(block: AdjustedBlock) -> Answer:
         "datum": {
             "kind": problem.datum,
             "defect": problem.defect,
-            **({"scale": "distances"} if _scaled(problem) else {}),
+            **(
+                {"scale": "distances", "scale_s": scale_deviation(block)}
+                if _scaled(problem)
+                else {}
+            ),
         },
         "iterations": block.convergence.iterations,
     }
@@ -196,6 +203,13 @@ def _figures(block: AdjustedBlock) -> Answer:
 def _scaled(problem: Problem) -> bool:
     """Whether distances give the scale."""
     return problem.conditions is not None and problem.conditions.gives_scale
+
+
+def _scale_line(block: AdjustedBlock) -> list[Line]:
+    s = scale_deviation(block)
+    if s is None:
+        return []
+    return [say("  standard deviation of the scale by distances: {:.3g} ppm", 1e6 * s)]
 
 
 def _indicators(block: AdjustedBlock) -> Answer:
@@ -243,6 +257,7 @@ def _summary(
             len(problem.photo),
             _DATUM[problem.datum] + (", the scale by distances" if _scaled(problem) else ""),
         ),
+        *_scale_line(block),
         *_ground(problem.block.ground),
         say("  observations {observations}, unknowns {unknowns}, redundancy {redundancy}", **answer)
         + (defect if problem.defect else ""),
@@ -261,7 +276,9 @@ def _summary(
         *_global_test(block),
         say("  reliability  RI x {RI_x:.3f}  y {RI_y:.3f}  all {RI:.3f}", **answer["indicators"]),
         say(
-            "  accuracy     AI X {AI_X:.4f}  Y {AI_Y:.4f}  Z {AI_Z:.4f}  all {AI:.4f} m",
+            "  accuracy     AI X {AI_X:.4f}  Y {AI_Y:.4f}  Z {AI_Z:.4f}  all {AI:.4f} m"
+            if not is_fine(block)
+            else "  accuracy     AI X {AI_X:.6f}  Y {AI_Y:.6f}  Z {AI_Z:.6f}  all {AI:.6f} m",
             **answer["indicators"],
         ),
         *rules_lines(rules, "  "),
@@ -274,7 +291,19 @@ def _summary(
         lines += _suspects(block, suspects, accused)
     elif block.critical is not None:
         lines.append(say("  no image coordinate is flagged"))
-    return lines + _spurs(block)
+    return [*lines, *_others_flagged(block), *_spurs(block)]
+
+
+def _others_flagged(block: AdjustedBlock) -> list[Line]:
+    """Say what is flagged beside image coordinates."""
+    others = [(w, what) for w, what, kind in block.flagged_observations() if kind != "image"]
+    if not others:
+        return []
+    some = [say("{} (w {:.2f})", what, w) for w, what in others[:_FEW]]
+    head = f"  {counted(len(others), 'other observation')} {'is' if len(others) == 1 else 'are'}"
+    return [say("{} flagged: {}", head, named(some)).of("look")] + (
+        [say("    and {} more in the tables", len(others) - _FEW)] if len(others) > _FEW else []
+    )
 
 
 def _ground(system: GroundSystem | None) -> list[Line]:

@@ -7,6 +7,7 @@ angles in degrees and effects on the ground in millimetres.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from math import hypot, pi
 from typing import Any, TypeAlias
 
@@ -83,13 +84,31 @@ _PHOTO_ORDER = (
 )
 
 
+_FINE = 5e-4  # m: mean standard deviation of points below which tenths of a millimetre are coarse
+
+
+def is_fine(block: AdjustedBlock) -> bool:
+    """Whether a block is determined so well that people read coordinates to a micrometre."""
+    found = block.indicators().ai
+    return block.sigma is not None and 0.0 < block.sigma * found < _FINE
+
+
+def _finer(columns: tuple[Column, ...], block: AdjustedBlock) -> tuple[Column, ...]:
+    """Return columns whose lengths have six decimals in a block that is so fine."""
+    if not is_fine(block):
+        return columns
+    return tuple(
+        replace(one, decimals=6) if one.unit == "m" and one.decimals else one for one in columns
+    )
+
+
 def photo_table(block: AdjustedBlock) -> Table:
     """Return the orientations."""
     rows = (
         (row.photo, *row.position, *row.angles, *row.s_position, *row.s_angles)
         for row in block.photo_rows()
     )
-    return table("photos", _PHOTOS, rows, shown=_PHOTO_ORDER)
+    return table("photos", _finer(_PHOTOS, block), rows, shown=_PHOTO_ORDER)
 
 
 _POINTS = (
@@ -105,7 +124,7 @@ _POINTS = (
 def point_table(block: AdjustedBlock) -> Table:
     """Return the points."""
     rows = ((row.point, *row.xyz, *row.s_xyz, row.rays) for row in block.point_rows())
-    return table("points", _POINTS, rows)
+    return table("points", _finer(_POINTS, block), rows)
 
 
 _CONTROL = (
@@ -242,7 +261,8 @@ _CHECK = (
 
 def check_table(block: AdjustedBlock) -> Table:
     """Return the differences at check points, adjusted minus given."""
-    return table("check", _CHECK, ((point, *found, "") for point, found in block.check_rows()))
+    rows = ((point, *found, "") for point, found in block.check_rows())
+    return table("check", _finer(_CHECK, block), rows)
 
 
 _PARAMETERS = (

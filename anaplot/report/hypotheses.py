@@ -8,6 +8,7 @@ from typing import Any
 
 from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses
 from anaplot.bundle.hypotheses.checktests import CheckTests
+from anaplot.bundle.hypotheses.conditiontests import ConditionTests
 from anaplot.bundle.hypotheses.controltests import ControlTests
 from anaplot.bundle.hypotheses.parametertests import ComponentTest, ParameterTests, SetTest
 from anaplot.bundle.hypotheses.verdict import Verdict
@@ -62,6 +63,8 @@ def hypotheses_document(found: BlockHypotheses) -> Document:
         page += _additional(found.additional, found.settings.correlated)
     if found.check is not None:
         page += _check(found.check)
+    if found.conditions is not None:
+        page += _conditions(found.conditions)
     if found.control is not None:
         page += _control(found.control)
     if page:
@@ -345,6 +348,36 @@ def _check(found: CheckTests) -> list[Block]:
     return [*page, BLANK]
 
 
+_CONDITIONS = (
+    *for_programs("id", "what", "axis"),
+    name("", "CHECK", _WIDTH),
+    name("unit", gap=1, head="  "),
+    number("difference", "difference", 6, 12),
+    number("s", "s", 6, 10),
+    number("s_given", "s given", 6, 10),
+    _P,
+    number("detectable", "detectable", 6, 12),
+    _VERDICT,
+)
+
+
+def _conditions(found: ConditionTests) -> list[Block]:
+    head = "    rms [m]  expected" if found.distances else ""
+    sizes = say("{:11.6c}{:10.6c}", found.rms, found.expected) if found.distances else say("")
+    page: list[Block] = [
+        _head("CHECK DISTANCES" if found.distances else "CHECKS", _WIDTH, head),
+        *_global("all agree", _WIDTH, found.everything, "not tested together", sizes),
+    ]
+    rows = sorted(found.single, key=lambda row: _order(row.verdict))
+    cells = (
+        (row.id, row.what, row.axis, f"{row.axis} {row.what}", row.unit, row.difference, row.s,
+         row.s_given, _p(row.verdict), row.mdb, row.verdict)
+        for row in rows
+    )  # fmt: skip
+    tally = say("  {}", _tally("check", [one.verdict for one in found.single]))
+    return [*page, BLANK, tally, _tests("hypotheses_conditions", _CONDITIONS, cells), BLANK]
+
+
 def _tallies(found: CheckTests | ControlTests) -> Line:
     points = _tally("point", [one.verdict for one in found.points])
     return say("  {}; {}", points, _tally("coordinate", [one.verdict for one in found.coordinates]))
@@ -409,6 +442,7 @@ def _json(found: BlockHypotheses) -> Json:
         "additional": None if found.additional is None else _additional_json(found.additional),
         "check": None if found.check is None else _check_json(found.check),
         "control": None if found.control is None else _control_json(found.control),
+        "conditions": None if found.conditions is None else _conditions_json(found.conditions),
     }
 
 
@@ -474,6 +508,16 @@ def _check_json(found: CheckTests) -> Json:
         "coordinates": [_row_json(row) for row in found.coordinates],
         "deformations": [_row_json(row) for row in found.deformations],
         "remarks": list(found.remarks),
+    }
+
+
+def _conditions_json(found: ConditionTests) -> Json:
+    return {
+        "all": verdict_json(found.everything),
+        "distances": found.distances,
+        "rms": found.rms,
+        "expected": found.expected,
+        "rows": [_row_json(row) for row in found.single],
     }
 
 

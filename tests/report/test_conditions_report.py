@@ -78,6 +78,83 @@ def test_every_row_is_told_like_any_observation(folder, capsys) -> None:
     assert "p7 p13" in line
 
 
+def test_the_summary_says_what_is_flagged_beside_image_coordinates(folder, capsys) -> None:
+    assert main(["adjust", str(folder)]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if "other obs" in line]
+    assert line.startswith(
+        "  1 other observation is flagged: distance of p7 p13 in distances.csv:3"
+    )
+    path = folder / "distances.csv"
+    path.write_text("\n".join(path.read_text().splitlines()[:2]) + "\n")
+    assert main(["adjust", str(folder)]) == 0
+    assert "other observation" not in capsys.readouterr().out
+
+
+def test_check_distances_are_tested_together_and_one_by_one(adjusted, folder, capsys) -> None:
+    _, points = adjusted
+    path = folder / "distances.csv"
+    length = float(np.linalg.norm(points["p8"] - points["p14"]))
+    path.write_text(
+        path.read_text().replace("p7,p13", "p8,p14", 1).replace(",control", ",off")
+        + f"p8,p14,{length + 5.0:.4f},0.02,check\n"
+    )
+    got = answer_of(capsys, "adjust", str(folder))
+    found = got["hypotheses"]["conditions"]
+    assert (found["distances"], found["all"]["rejected"]) == (2, True)
+    good, wrong = found["rows"]
+    shown = [row for row in got["conditions"] if row["use"] == "check"]
+    for row, other in zip((good, wrong), shown, strict=True):
+        assert (row["id"], row["what"], row["unit"]) == (other["id"], other["what"], "m")
+        assert row["difference"] == pytest.approx(other["v"])
+        assert row["s"] * got["sigma0"] == pytest.approx(other["s"])
+        assert row["s_given"] == pytest.approx(0.02)
+    assert not good["verdict"]["rejected"]
+    assert wrong["verdict"]["rejected"]
+    assert wrong["detectable"] < 5.0
+    assert found["rms"] == pytest.approx(
+        ((good["difference"] ** 2 + wrong["difference"] ** 2) / 2.0) ** 0.5
+    )
+    assert main(["adjust", str(folder)]) == 0
+    page = capsys.readouterr().out
+    assert page.count("CHECK DISTANCES") == 1
+    assert "  1 of 2 checks rejected" in page
+    (line,) = [line for line in page.splitlines() if line.startswith("  distance p8 p14")]
+    assert line.endswith("<< REJECTED")
+    path.unlink()
+    assert answer_of(capsys, "adjust", str(folder))["hypotheses"]["conditions"] is None
+
+
+def test_a_free_network_says_how_well_distances_give_its_scale(folder, capsys) -> None:
+    got = answer_of(capsys, "adjust", str(folder), "--datum", "free")
+    assert got["datum"]["scale"] == "distances"
+    assert 0.0 < got["datum"]["scale_s"] < 1.0
+    assert main(["adjust", str(folder), "--datum", "free"]) == 0
+    page = capsys.readouterr().out
+    assert "standard deviation of the scale by distances: " in page
+    (line,) = [line for line in page.splitlines() if line.startswith("  accuracy ")]
+    assert len(line.split()[3].split(".")[1]) == 4
+
+
+def test_a_network_of_micrometres_is_shown_in_micrometres(adjusted, tmp_path, capsys) -> None:
+    block, points = adjusted
+    near = tmp_path / "near"
+    write_new_block(near, block)
+    write_image_points(near, block.image_points)
+    length = float(np.linalg.norm(points["p6"] - points["p12"])) / 2000.0
+    (near / "distances.csv").write_text(f"from,to,distance,sigma\np6,p12,{length:.7f},0.00001\n")
+    got = answer_of(capsys, "adjust", str(near), "--datum", "free")
+    assert 0.0 < got["indicators"]["AI"] < 5e-4
+    assert main(["adjust", str(near), "--datum", "free"]) == 0
+    page = capsys.readouterr().out.splitlines()
+    (line,) = [line for line in page if line.startswith("  accuracy ")]
+    assert float(line.split()[3]) == pytest.approx(got["indicators"]["AI_X"], abs=1e-6)
+    first = got["points"][0]
+    (shown,) = [line.split() for line in page if line.startswith(f"  {first['point']} ")]
+    assert [float(one) for one in shown[1:4]] == pytest.approx(
+        [first["X"], first["Y"], first["Z"]], abs=1e-6
+    )
+
+
 def test_a_strategy_names_the_wrong_row(folder, capsys) -> None:
     got = answer_of(capsys, "adjust", str(folder), "--errors", "baarda")
     (gone,) = got["errors"]["rejected"]

@@ -1,10 +1,11 @@
-"""The hypotheses of an adjusted block: additional parameters, check points, control."""
+"""The hypotheses of an adjusted block: additional parameters, checks, control."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from anaplot.bundle.hypotheses.checktests import CheckTests, check_tests
+from anaplot.bundle.hypotheses.conditiontests import ConditionTests, condition_tests
 from anaplot.bundle.hypotheses.controltests import ControlTests, control_tests
 from anaplot.bundle.hypotheses.parametertests import ParameterTests, parameter_tests
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
@@ -23,12 +24,15 @@ class BlockHypotheses:
         Significance, power, limit of correlation.
     additional, check, control
         The tests of additional parameters, of check points and of control.
+    conditions
+        Those of conditions between points that are compared: check distances and others.
     """
 
     settings: HypothesisSettings
     additional: ParameterTests | None
     check: CheckTests | None
     control: ControlTests | None
+    conditions: ConditionTests | None = None
 
 
 def block_hypotheses(
@@ -41,4 +45,5 @@ def block_hypotheses(
         parameter_tests(block, settings),
         check_tests(block, settings),
         control_tests(block, settings),
+        condition_tests(block, settings),
     )

@@ -7,11 +7,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from anaplot.aliases import Array
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.conditions import ConditionRow, Conditions
 from anaplot.errors import NotComputableError
 
-__all__ = ["ComparedRow", "compared_conditions"]
+__all__ = ["CheckedConditions", "ComparedRow", "checked_conditions", "compared_conditions"]
 
 
 class ComparedRow(NamedTuple):
@@ -46,16 +47,54 @@ class ComparedRow(NamedTuple):
         return self.difference / self.s if self.s and self.difference is not None else None
 
 
+class CheckedConditions(NamedTuple):
+    """Conditions that check an adjusted block, all together.
+
+    Attributes
+    ----------
+    rows, units
+        What the k rows are called, "m" or "rad".
+    differences
+        (k,) adjusted minus given.
+    cofactors
+        (k, k) of the differences, of the adjusted points and of what is given.
+    given
+        (k,) standard deviations of what is given.
+    """
+
+    rows: tuple[ConditionRow, ...]
+    units: tuple[Literal["m", "rad"], ...]
+    differences: Array
+    cofactors: Array
+    given: Array
+
+
+def checked_conditions(block: AdjustedBlock) -> CheckedConditions | None:
+    """Return the conditions with `use` = check that mean something; None without any.
+
+    Nor in a datum without scale, in which lengths mean nothing.
+    """
+    of = block.problem.compared
+    if of is None:
+        return None
+    sound = [k for k in _sound(block, of) if of.conditions[k].use == "check"]
+    if not sound:
+        return None
+    of = of.those(sound)
+    differences, cofactors = _spread(block, of)
+    if cofactors is None:
+        return None
+    units: list[Literal["m", "rad"]] = ["rad" if angular else "m" for angular in of.angular]
+    given = of.equations(block.state.points, block.problem.fixed).sigma
+    return CheckedConditions(tuple(of.rows), tuple(units), differences, cofactors, given)
+
+
 def compared_conditions(block: AdjustedBlock) -> list[ComparedRow]:
     """Return the rows of the conditions that are compared only, or off."""
-    of, fixed = block.problem.compared, block.problem.fixed
+    of = block.problem.compared
     if of is None:
         return []
-    sound = set()
-    for k in range(len(of.conditions)):
-        with suppress(NotComputableError):
-            of.those([k]).equations(block.state.points, fixed)
-            sound.add(k)
+    sound = _sound(block, of)
     found = iter(_compared(block, of.those(sorted(sound))) if sound else [])
     out = []
     for row, k, angular in zip(of.rows, of.of_row.tolist(), of.angular.tolist(), strict=True):
@@ -73,13 +112,32 @@ def compared_conditions(block: AdjustedBlock) -> list[ComparedRow]:
     return out
 
 
+def _sound(block: AdjustedBlock, of: Conditions) -> set[int]:
+    """Return which conditions mean something where the points are."""
+    sound = set()
+    for k in range(len(of.conditions)):
+        with suppress(NotComputableError):
+            of.those([k]).equations(block.state.points, block.problem.fixed)
+            sound.add(k)
+    return sound
+
+
 def _compared(block: AdjustedBlock, of: Conditions) -> list[tuple[float | None, float | None]]:
     """Return differences of the rows of conditions, and their standard deviations."""
+    differences, cofactors = _spread(block, of)
+    if block.sigma is None or cofactors is None:
+        return [(difference, None) for difference in differences.tolist()]
+    s = np.sqrt(np.maximum(np.diag(cofactors), 0.0)) * block.sigma
+    return list(zip(differences.tolist(), s.tolist(), strict=True))
+
+
+def _spread(block: AdjustedBlock, of: Conditions) -> tuple[Array, Array | None]:
+    """Return differences of the rows of conditions, and their cofactors; None without scale."""
     problem, normal = block.problem, block.cofactors.normal
     equations = of.equations(block.state.points, problem.fixed)
     change = block.cofactors.change
-    if block.sigma is None or (change is not None and not change.gives_scale):
-        return [(difference, None) for difference in equations.misclosure.tolist()]
+    if change is not None and not change.gives_scale:
+        return equations.misclosure, None
     q = equations.whitened.shape[0]
     photos = np.zeros((len(problem.photos), problem.per_photo, q))
     points = equations.whitened.toarray().T.reshape(len(problem.points), 3, q)
@@ -92,6 +150,6 @@ def _compared(block: AdjustedBlock, of: Conditions) -> list[tuple[float | None, 
     moved = normal.solve(block.cofactors.factor, photos, points, shared)
     spread += points.reshape(-1, q).T @ moved[1].reshape(-1, q)
     contrasts = equations.contrasts
-    variance = (contrasts @ (contrasts @ spread).T).diagonal() * equations.sigma**2
-    s = np.sqrt(np.maximum(variance, 0.0)) * block.sigma
-    return list(zip(equations.misclosure.tolist(), s.tolist(), strict=True))
+    whole = contrasts @ (contrasts @ spread).T
+    cofactors: Array = whole * equations.sigma[:, None] * equations.sigma
+    return equations.misclosure, cofactors
