@@ -34,7 +34,7 @@ __all__ = ["MOST_RAYS", "DomingFlight", "FlightKind", "doming_flights"]
 
 FlightKind = Literal["as it is", "across", "higher", "oblique", "control in the middle"]
 
-MOST_RAYS = 60_000
+MOST_RAYS = 200_000
 """Of a block for which flights are computed."""
 
 _SHARE = 0.1  # of the photos that are taken once more
@@ -130,7 +130,7 @@ def _spread(found: Doming, problem: Problem, state: BlockState) -> LensSpread | 
         weights[at[name]] = weight
     try:
         return lens_spread(problem, *equations_of(problem, state), weights)
-    except (NotPositiveError, PointError):
+    except (NotPositiveError, PointError, np.linalg.LinAlgError):
         return None
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from anaplot.bundle.solve.additional import AdditionalParameters, physical
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.bundle.solve.cameracalibration import calibrated_cameras
+from anaplot.bundle.solve.cameracalibration import CalibratedParameter, calibrated_cameras
 from anaplot.bundle.solve.parameterpriors import ParameterPrior, checked_priors
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block, Camera
@@ -174,6 +174,15 @@ def _correction(camera: Camera, said: _Said) -> float:
     return value - camera.lens_parameters[at]
 
 
+def _lengths(row: CalibratedParameter, *, in_px: bool) -> tuple[float | str | None, ...]:
+    """Return value, s, unit, stated and correction; lengths in px where a pixel has no size."""
+    unit = "mm" if row.name in _LENGTHS else ""
+    if not (unit and in_px):
+        return row.value, row.s, unit, row.stated, row.correction
+    s = None if row.s is None else 1e3 * row.s
+    return 1e3 * row.value, s, "px", 1e3 * row.stated, 1e3 * row.correction
+
+
 _PARAMETERS = (
     name("camera", "CAMERA", 6),
     name("name", "PARAMETER", 9, gap=1),
@@ -194,9 +203,10 @@ def calibration_document(block: AdjustedBlock) -> Document | None:
     if not cameras:
         return None
     rows = [row for one in cameras for row in one.parameters]
+    pixels = {one.stated.id for one in cameras if one.stated.pixels and not one.stated.pixel_um}
     cells = [
-        (row.camera, row.name, row.value, row.s, "mm" if row.name in _LENGTHS else "",
-         row.stated, row.correction, row.value_px, row.s_px, row.freedom)
+        (row.camera, row.name, *_lengths(row, in_px=row.camera in pixels), row.value_px, row.s_px,
+         row.freedom)
         for row in rows
     ]  # fmt: skip
     in_px = any(row.value_px is not None for row in rows)

@@ -153,9 +153,9 @@ def _flights(found: Doming, flights: tuple[DomingFlight, ...]) -> list[Line]:
     best = others[0]
     photos = max((one.photos for one in others), key=len)
     point = next((one.point for one in others if one.point is not None), None)
-    what = say("  taken once more: {}", named(list(photos), 12))
+    what = [say("taken once more: {}", named(list(photos), 12))] if photos else []
     if point is not None:
-        what += say("; control in the middle: {}", point)
+        what.append(say("control in the middle: {}", point))
     if best.bend > _HELPS * now.bend:
         advice = say("  none of these flights would tell the lens from the heights much better:")
     else:
@@ -165,7 +165,7 @@ def _flights(found: Doming, flights: tuple[DomingFlight, ...]) -> list[Line]:
             best.bend,
             now.bend,
         )
-    return [advice, what]
+    return [advice, say("  {}", named(what, separator="; "))]
 
 
 def _json(found: Doming, flights: tuple[DomingFlight, ...]) -> dict[str, object]:

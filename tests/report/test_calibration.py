@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from calibrationblocks import TRUTH, make_block, stated
+from calibrationblocks import SIZE, TRUTH, make_block, stated
 
 import anaplot
 from anaplot.bundle.solve.cameracalibration import CalibratedCamera
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_block
 from anaplot.exchange.camerafile import read_camera
+from anaplot.photogrammetry.block import in_pixels
 from anaplot.photogrammetry.camera import BrownLens, CameraCalibration, RadialPolynomial
 from anaplot.photogrammetry.lens import LENS_PARAMETERS
 from anaplot.report.camerafiles import calibration_file
@@ -244,3 +245,22 @@ def test_a_file_that_corrects_by_a_table_of_distortion_holds_no_lens_beside_it()
         calibration_file(found)
     kept = calibration_file(found._replace(camera=replace(own, c=35.1)))
     assert (kept.c, kept.radial) == (35.1, table.radial)
+
+
+@pytest.mark.slow
+def test_lengths_are_shown_in_pixels_where_a_pixel_has_no_size() -> None:
+    block = make_block(("drone",))
+    [camera] = block.cameras
+    bare = in_pixels(replace(camera, c=35.0 / 6.0), SIZE, None, camera.principal_px)
+    rows = tuple(replace(row, x=row.x / 6.0, y=row.y / 6.0) for row in block.image_points)
+    bare_block = replace(
+        block, cameras=(bare,), image_points=rows, precision=replace(block.precision, image_um=0.35)
+    )
+    found = anaplot.adjust(bare_block, calibrate="c,k1")
+    known = values(found)["drone", "c"]
+    assert known["value_px"] == pytest.approx(1e3 * known["value"])
+    text = found.text()
+    table = text[text.index("CALIBRATION") :].splitlines()
+    cells = next(line.split() for line in table if line.split()[:2] == ["drone", "c"])
+    assert cells[4] == "px"
+    assert float(cells[2]) == pytest.approx(known["value_px"], abs=1e-6)

@@ -201,7 +201,7 @@ class Doming:
     differences
         Of control and check points.
     control_s
-        Median standard deviation of control heights [m]; None without.
+        Median standard deviation of control heights [m]; None where all are free of error.
     problem, state
         Bundle with these parameters, and where it was linearised.
     """
@@ -259,6 +259,11 @@ def _as_adjusted(trial: Problem, adjusted: Problem) -> Problem:
         rejected=adjusted.rejected,
         sigma=adjusted.sigma,
         axis_factor=adjusted.axis_factor,
+        known_sigma=adjusted.known_sigma,
+        expected_sigma=adjusted.expected_sigma,
+        position_sigma=adjusted.position_sigma,
+        rotation_sigma=adjusted.rotation_sigma,
+        conditions=adjusted.conditions,
     )
 
 
@@ -270,9 +275,9 @@ def _verdict(
         return None
     try:
         normal, factor = equations_of(problem, state)
-    except (NotPositiveError, PointError):
+        spread = lens_spread(problem, normal, factor, weights)
+    except (NotPositiveError, PointError, np.linalg.LinAlgError):
         return None  # the lens is left open altogether; what is open is told elsewhere
-    spread = lens_spread(problem, normal, factor, weights)
     along = weights @ spread.points[:, 2, :]
     size = np.sqrt(np.diag(spread.q) * max(spread.of_lens, np.finfo(float).tiny))
     labels = _labels(problem)
@@ -285,7 +290,7 @@ def _verdict(
             unit, s = float(problem.lens_units.flat[k]), sigma * sqrt(float(spread.q[j, j]))
             camera, name = labels[k]
             freed.append(FreedLens(camera, name, float(shared[k]) * unit, s * unit))
-    given = [s for use, _, _, s in _heights(problem) if use == "control"]
+    given = [s for use, _, _, s in _heights(problem) if use == "control" and s > 0.0]
     return Doming(
         tuple(labels[k] for k in spread.free.tolist()),
         held,
@@ -383,8 +388,12 @@ def _differences(
     state, known = block.state, _heights(problem)
     out = []
     for use in ("control", "check"):
-        # control free of error has no difference
-        rows = [row[1:] for row in known if row[0] == use and (use == "check" or row[3] > 0.0)]
+        # control free of error has no difference, and what was rejected is none
+        rows = [
+            row[1:]
+            for row in known
+            if row[0] == use and (use == "check" or np.isfinite(problem.known_sigma[row[1], 2]))
+        ]
         rows = rows[:: ceil(len(rows) / _MOST) or 1]
         if not rows:
             continue
