@@ -24,6 +24,7 @@ __all__ = [
     "condition_table",
     "control_table",
     "image_point_table",
+    "is_fine",
     "parameter_table",
     "photo_table",
     "point_prior_table",
