@@ -54,21 +54,32 @@ class Format(NamedTuple):
     adjusted: bool = False
 
 
-_STATED = ("sigma_um", "camera", "c", "pixels", "pixel_um")
+_STATED = ("camera", "c", "pixels", "pixel_um")
 
 _ALL: tuple[Format, ...] = (
     Format(
         "pixels",
         "image points of any program, as a table",
-        import_options=(*_STATED, "sigma_px", "unit", "columns", "order", "files"),
+        import_options=(*_STATED, "sigma_um", "sigma_px", "unit", "columns", "order", "files"),
         export_options=("unit",),
     ),
     Format(
         "patb",
         "PAT-B .im, .con, .ori and -99 files",
-        import_options=(*_STATED, "sigma_classes", "unit", "order", "files"),
+        import_options=(*_STATED, "sigma_um", "sigma_classes", "unit", "order", "files"),
         export_options=("unit", "order"),
         adjusted=True,
+    ),
+    Format(
+        "dbat",
+        "DBAT's scripts and tables",
+        import_options=(*_STATED, "sigma_px", "order", "files"),
+    ),
+    Format(
+        "photomodeler",
+        "PhotoModeler's 2D export",
+        writes=False,
+        import_options=(*_STATED, "sigma_px", "order", "files"),
     ),
 )
 

@@ -15,7 +15,9 @@ from anaplot.photogrammetry.block import (
     Precision,
     Strip,
     TestSettings,
+    in_pixels,
 )
+from anaplot.photogrammetry.measuredimage import pixels_of_mm
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 C = 152.4
@@ -69,3 +71,29 @@ def without_poses(block: Block) -> Block:
 def rays_of(block: Block) -> dict[tuple[str, str], tuple[float, float]]:
     """Image coordinates by photo and point."""
     return {(row.photo, row.point): (row.x, row.y) for row in block.image_points}
+
+
+def pixel_table_block() -> Block:
+    """The same, measured in pixels of 12.5 um with a principal point beside the middle."""
+    block = without_poses(table_block(strips=False))
+    camera = in_pixels(block.cameras[0], (18500, 18400), 12.5, (9243.25, 9206.5))
+    places = pixels_of_mm(camera, [(row.x, row.y) for row in block.image_points]).tolist()
+    rays = tuple(
+        replace(row, measured=(x, y), sigma_um=6.25 if k % 3 else 12.5)
+        for k, (row, (x, y)) in enumerate(zip(block.image_points, places, strict=True))
+    )
+    control = tuple(replace(row, sigma=(0.02, 0.03, 0.05)) for row in block.control)
+    precision = Precision(image_um=12.5)
+    return replace(
+        block,
+        precision=precision,
+        cameras=(camera,),
+        image_points=rays,
+        control=(replace(control[0], use="check"), *control[1:]),
+        in_pixels=True,
+    )
+
+
+def measured_of(block: Block) -> dict[tuple[str, str], tuple[float, float]]:
+    """What was measured by photo and point."""
+    return {(row.photo, row.point): row.measured for row in block.image_points}

@@ -1,0 +1,174 @@
+"""A script of DBAT: which tables it reads, their columns and standard deviations, its camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from anaplot.exchange.camerafile import MAX_PIXELS, camera_path
+from anaplot.exchange.formats.sourcelines import SourceLine
+from anaplot.exchange.formats.xmltree import Node, read_xml
+from anaplot.photogrammetry.block import Camera, in_pixels
+from anaplot.textfiles.wording import quoted
+
+__all__ = ["Script", "Table", "read_script"]
+
+_MAX_BYTES = 5_000_000
+_IMAGE = ("id", "im", "x", "y", "sxy")
+_CONTROL = ("id", "label", "x", "y", "z", "sx", "sy", "sz")
+
+
+class Table(NamedTuple):
+    """A table that a script names.
+
+    Attributes
+    ----------
+    path
+        Its file.
+    columns
+        What its columns are.
+    sigma_px
+        Standard deviation [px] of all its rows, or None.
+    keep, remove
+        Points that alone are taken, or are left out; None where there is no such filter.
+    """
+
+    path: Path
+    columns: tuple[str, ...]
+    sigma_px: float | None
+    keep: frozenset[str] | None
+    remove: frozenset[str]
+
+
+class Script(NamedTuple):
+    """What a script reads: tables and the camera."""
+
+    images: list[Table]
+    control: list[Table]
+    check: list[Table]
+    names: list[Table]
+    camera: Camera | None
+
+
+def read_script(path: Path, *, camera: bool) -> Script:
+    """Read a script.
+
+    Parameters
+    ----------
+    path
+        The file.
+    camera
+        Whether its camera is wanted.
+
+    Raises
+    ------
+    InputError
+        What is wrong, with file and line; a lens, which has no place here.
+    """
+    root = read_xml(path, _MAX_BYTES)
+    found = root.first("input")
+    if root.name != "document" or found is None:
+        raise root.fail("no script of DBAT: no input")
+    made = {
+        name: _tables(found.first(name), path.parent, columns)
+        for name, columns in (
+            ("image_pts", _IMAGE),
+            ("ctrl_pts", _CONTROL),
+            ("check_pts", _CONTROL),
+            ("images", ("id", "path")),
+        )
+    }
+    if not made["image_pts"]:
+        raise found.fail("names no table of image points")
+    cameras = found.first("cameras")
+    all_of = [] if cameras is None else list(cameras.all("camera"))
+    if camera and len(all_of) > 1:
+        raise all_of[1].fail("a second camera: one is read (--camera FILE)")
+    return Script(
+        made["image_pts"],
+        made["ctrl_pts"],
+        made["check_pts"],
+        made["images"],
+        _camera(all_of[0]) if camera and all_of else None,
+    )
+
+
+def _tables(node: Node | None, folder: Path, usual: tuple[str, ...]) -> list[Table]:
+    if node is None:
+        return []
+    keep: frozenset[str] | None = None
+    remove: frozenset[str] = frozenset()
+    for one in node.all("filter"):
+        ids = frozenset(part.strip() for part in one.attributes.get("id", "").split(","))
+        if one.text == "keep":
+            keep = ids if keep is None else keep & ids
+        elif one.text == "remove":
+            remove |= ids
+        else:
+            raise one.fail(f"{quoted(one.text)}: only keep and remove are known")
+    out = []
+    for file in node.all("file"):
+        stated = file.attributes.get("format")
+        columns = usual if stated is None else tuple(part.strip() for part in stated.split(","))
+        stray = next((name for name in columns if name not in usual), None)
+        if stray is not None:
+            raise file.fail(f"column {quoted(stray)} of its format is not known")
+        sigma = file.attributes.get("sxy")
+        px = None if sigma is None else _numbers(file, sigma, 1)[0]
+        if px is not None and not px > 0.0:
+            raise file.fail(f"sxy must be greater than 0, not {px:g}")
+        out.append(Table(_file(file, folder), columns, px, keep, remove))
+    return out
+
+
+def _file(node: Node, folder: Path) -> Path:
+    """Return the path of a file inside the folder, in a sub-folder or beside the script."""
+    name = node.text.replace("\\", "/")
+    try:
+        path = camera_path(folder, name)
+    except ValueError as error:
+        raise node.fail(str(error)) from None
+    if Path(name).is_absolute():
+        raise node.fail(f"{quoted(name)} leads out of the folder")
+    beside = folder / Path(name).name
+    return beside if not path.exists() and beside.exists() else path
+
+
+def _numbers(node: Node, text: str, count: int) -> list[float]:
+    line = SourceLine(node.path, node.line, text)
+    values = line.numbers_of([part.strip() for part in text.split(",")], node.name)
+    if len(values) != count:
+        raise node.fail(f"{len(values)} numbers instead of {count}")
+    return values
+
+
+def _camera(node: Node) -> Camera:
+    def numbers(name: str, count: int) -> list[float]:
+        found = node.first(name)
+        if found is None:
+            raise node.fail(f"states no {name}")
+        return _numbers(found, found.text, count)
+
+    unit = node.first("unit")
+    if unit is not None and unit.text != "mm":
+        raise unit.fail(f"{quoted(unit.text)}: only mm is known")
+    for name, usual in (("K", 0.0), ("P", 0.0), ("skew", 0.0), ("aspect", 1.0)):
+        found = node.first(name)
+        if found is not None:
+            values = _numbers(found, found.text, found.text.count(",") + 1)
+            if any(value != usual for value in values):
+                raise found.fail("is not read: state the camera by --camera FILE, with its [lens]")
+    c = numbers("cc", 1)[0]
+    width, height = numbers("image", 2)
+    sensor, principal = numbers("sensor", 2), numbers("pp", 2)
+    size = int(width), int(height)
+    if not all(0 < a <= MAX_PIXELS and a == b for a, b in zip(size, (width, height), strict=True)):
+        raise node.fail("image must state its width and height in whole pixels")
+    if not (c > 0.0 and sensor[0] > 0.0):
+        raise node.fail("cc and sensor must be greater than 0")
+    um = float(f"{1000.0 * sensor[0] / width:.12g}")
+    if abs(1000.0 * sensor[1] / height - um) > 1e-6 * um:
+        raise node.fail("its pixels are not square: state the camera by --camera FILE")
+    # 1, 1 is the middle of the upper left pixel
+    at = principal[0] / um * 1000.0 - 0.5, principal[1] / um * 1000.0 - 0.5
+    return in_pixels(Camera("camera", c), size, um, (round(at[0], 9), round(at[1], 9)))
