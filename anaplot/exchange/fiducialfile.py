@@ -12,12 +12,14 @@
     [photo.102]
     1 = [13.877, 226.240]
 
-The fiducials' names are those of the camera file; a fiducial that was not measured is left out.
-Axes may lie in any direction, and y may run down, as it does in a scan.
+Where there are many photos, `measured = "fiducials.csv"` names a table photo,fiducial,x,y instead
+of the tables [photo.NAME]. The fiducials' names are those of the camera file; a fiducial that was
+not measured is left out. Axes may lie in any direction, and y may run down, as it does in a scan.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -28,9 +30,12 @@ from anaplot.exchange.camerafile import camera_path, read_camera
 from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.plateunits import MILLIMETRE, PLATE_UNITS, PlateUnit
+from anaplot.textfiles.csvtable import read_csv
 from anaplot.textfiles.kinds import (
     PHOTO,
     POSITIVE,
+    Fields,
+    Kind,
     KnownName,
     Made,
     MapOf,
@@ -50,6 +55,9 @@ __all__ = [
 ]
 
 FIDUCIALS_FORMAT = 1
+
+Fail = Callable[[str, str], InputError]
+_Places = Mapping[str, Mapping[str, tuple[float, ...]]]
 _MAX_BYTES = 16_000_000
 
 
@@ -89,6 +97,8 @@ class FiducialMeasurements:
         Of plate coordinates.
     path
         The file.
+    measured_file
+        The table that holds the measured fiducials, where it is one of its own.
     """
 
     camera: CameraCalibration
@@ -98,13 +108,14 @@ class FiducialMeasurements:
     photos: tuple[PhotoFiducials, ...]
     unit: PlateUnit = MILLIMETRE
     path: Path = field(default=Path(), compare=False)
-    _root: TomlTable | None = field(default=None, repr=False, compare=False)
+    measured_file: Path | None = field(default=None, compare=False)
+    _fail: Fail | None = field(default=None, repr=False, compare=False)
 
     def fail(self, photo: str, message: str) -> InputError:
         """Return the error about a photo's fiducials, with file and line."""
-        if self._root is None:
+        if self._fail is None:
             return InputError(f"photo {quoted(photo)}: {message}")
-        return self._root.fail(message, "photo", photo)
+        return self._fail(photo, message)
 
 
 def read_fiducials(path: Path) -> FiducialMeasurements:
@@ -120,7 +131,7 @@ def read_fiducials(path: Path) -> FiducialMeasurements:
     camera_file = Made(Text(), partial(camera_path, path.parent))
     stated = root.take(
         {"camera": camera_file},
-        {"sigma_um": POSITIVE, "unit": Word(*PLATE_UNITS)},
+        {"sigma_um": POSITIVE, "unit": Word(*PLATE_UNITS), "measured": camera_file},
         also=("format", "test", "photo"),
     )
     unit = PLATE_UNITS[stated.get("unit", MILLIMETRE.name)]
@@ -130,13 +141,13 @@ def read_fiducials(path: Path) -> FiducialMeasurements:
     if not known:
         raise root.fail(f"camera {quoted(camera.id)} states no fiducials", "camera")
     fiducial = KnownName(f"fiducial of camera {quoted(camera.id)}:", known)
-    plate = Numbers(2, Number(-unit.most, unit.most))
-    photos = root.optional("photo", MapOf(PHOTO, MapOf(fiducial, plate)), {})
-    if not photos:
-        raise root.fail("no photo: tables [photo.NAME] hold the measured fiducials")
-    for name, places in photos.items():
-        if not places:
-            raise root.fail("no fiducial is measured", "photo", name)
+    coordinate = Number(-unit.most, unit.most)
+    if "measured" in stated and "photo" in root:
+        raise root.fail("[photo] beside measured: only one of them", "photo")
+    if "measured" in stated:
+        photos, fail = _from_table(stated["measured"], fiducial, coordinate)
+    else:
+        photos, fail = _from_toml(root, fiducial, coordinate)
     return FiducialMeasurements(
         camera=camera,
         camera_file=stated["camera"],
@@ -148,5 +159,33 @@ def read_fiducials(path: Path) -> FiducialMeasurements:
         ),
         unit=unit,
         path=path,
-        _root=root,
+        measured_file=stated.get("measured"),
+        _fail=fail,
     )
+
+
+def _from_toml(
+    root: TomlTable, fiducial: Kind[str], coordinate: Kind[float]
+) -> tuple[_Places, Fail]:
+    """Return the places of fiducials by photo, and what makes an error about a photo."""
+    photos = root.optional("photo", MapOf(PHOTO, MapOf(fiducial, Numbers(2, coordinate))), {})
+    if not photos:
+        raise root.fail("no photo: tables [photo.NAME] hold the measured fiducials")
+    for name, places in photos.items():
+        if not places:
+            raise root.fail("no fiducial is measured", "photo", name)
+    return photos, lambda photo, message: root.fail(message, "photo", photo)
+
+
+def _from_table(path: Path, fiducial: Kind[str], coordinate: Kind[float]) -> tuple[_Places, Fail]:
+    kinds: Fields = {"photo": PHOTO, "fiducial": fiducial, "x": coordinate, "y": coordinate}
+    table = read_csv(path, kinds)
+    table.refuse_twice("fiducial", "photo")
+    photos: dict[str, dict[str, tuple[float, ...]]] = {}
+    first: dict[str, int] = {}
+    for row, (photo, mark, x, y) in enumerate(zip(*(table[one] for one in kinds), strict=True)):
+        photos.setdefault(photo, {})[mark] = x, y
+        first.setdefault(photo, row)
+    if not photos:
+        raise table.fail(None, None, "no photo")
+    return photos, lambda photo, said: table.fail(first[photo], f"photo {quoted(photo)}", said)

@@ -45,6 +45,8 @@ def inner_advice(inner: InnerOrientation, unit: PlateUnit = MILLIMETRE) -> tuple
         out.append(
             f"the scale of the plate is {scale_x:.4f} along x and {scale_y:.4f} along y: {question}"
         )
+    if unit.name == "px" and not place.mirrored:
+        out.append("y of these pixels runs up, or the photograph is seen from behind")
     if inner.unmeasured:
         out.append(f"not measured: {', '.join(inner.unmeasured)}")
     return tuple(out)

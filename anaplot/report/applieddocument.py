@@ -21,7 +21,7 @@ from anaplot.report.document import (
     whole,
 )
 from anaplot.report.innerapply import CarriedPhoto, Measured
-from anaplot.report.innerdocument import InnerGroup, camera_remarks, inner_documents
+from anaplot.report.innerdocument import InnerGroup, camera_remarks, inner_documents, side_remarks
 
 __all__ = ["applied_document"]
 
@@ -33,6 +33,7 @@ _PHOTOS = (
     whole("points", "POINTS", 7),
     number("inner_um", "INNER", 2, 8, unit="um"),
     whole("replaced", "REPLACED", 9),
+    name("", "verdict", head="", look=bool),
 )
 _MOST = 6
 
@@ -65,7 +66,8 @@ def applied_document(
         _PHOTOS,
         [
             (one.photo, one.inner.kind, len(one.inner.rows) // 2, one.inner.sigma0_um,
-             len(one.rows), one.carried_um, len(one.replaced))
+             len(one.rows), one.carried_um, len(one.replaced),
+             "< flagged" if one.inner.flagged or one.inner.refused else "")
             for one in photos
         ],
         units=">",
@@ -86,6 +88,7 @@ def applied_document(
         page.append(say("  fiducials, but no points: {}", named(without, _MOST)))
     page += _taken_off(measured, groups)
     page += _advice(groups)
+    page += side_remarks(groups)
     for camera in {group.camera.id: group.camera for group in groups}.values():
         page += camera_remarks(camera)
     return Document({**inner.answer, "applied": applied}, tuple(page), (*inner.tables, rows))

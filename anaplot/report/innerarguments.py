@@ -22,6 +22,8 @@ FILE holds the measured fiducials of one or several photos, on the plate or in t
   1 = [14.021, 226.110]
   2 = [226.017, 225.934]
 
+(of many photos: measured = "fiducials.csv" with photo,fiducial,x,y instead of [photo.NAME])
+
 and the camera file what its certificate says:
 
   format = 1

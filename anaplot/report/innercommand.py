@@ -50,6 +50,7 @@ def run_inner(options: argparse.Namespace) -> int:
     _refuse_twice(files)
     output = Output.of(options)
     reads = [*options.file, *options.points, *(file.camera_file for file in files)]
+    reads += [file.measured_file for file in files if file.measured_file is not None]
     if options.apply is not None:
         reads += block_files(options.apply)
     output.check({"is read": reads})

@@ -22,6 +22,7 @@ from anaplot.report.document import (
     Table,
     for_programs,
     name,
+    named,
     number,
     say,
     stacked,
@@ -35,6 +36,7 @@ __all__ = [
     "inner_document",
     "inner_documents",
     "photo_document",
+    "side_remarks",
 ]
 
 _FIDUCIALS = (
@@ -100,6 +102,7 @@ def inner_documents(groups: Sequence[InnerGroup]) -> Document:
         for k, (key, columns) in enumerate((("fiducials", _FIDUCIALS), ("distances", _DISTANCES)))
     ]
     answer = {"camera": next(iter(cameras)) if len(cameras) == 1 else None, "photos": answers}
+    page += side_remarks(groups)
     page += [line for camera in cameras.values() for line in camera_remarks(camera)]
     return Document(answer, tuple(page), tuple(tables))
 
@@ -242,6 +245,25 @@ def _shrinkage(inner: InnerOrientation, unit: PlateUnit) -> tuple[float, float] 
     place = inner.placement
     per_mm = unit.per_mm
     return (1.0 - place.scale_x / per_mm) * 1e6, (1.0 - place.scale_y / per_mm) * 1e6
+
+
+def side_remarks(groups: Sequence[InnerGroup]) -> list[Line]:
+    """Return a sentence on photographs of one file that are seen from different sides."""
+    said = []
+    for group in groups:
+        sides: dict[bool, list[str]] = {True: [], False: []}
+        for photo, inner in group.photos:
+            if not isinstance(inner, str):
+                sides[inner.placement.mirrored].append(photo)
+        if sides[True] and sides[False]:
+            mirrored, upright = (named(sides[side], 6) for side in (True, False))
+            said.append(
+                say(
+                    "mirrored: {}; not mirrored: {}: were fiducials measured in another order?",
+                    *(mirrored, upright),
+                ).of("remark")
+            )
+    return said
 
 
 def camera_remarks(camera: CameraCalibration) -> list[Line]:

@@ -18,6 +18,7 @@ from test_innercommand import options
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, read_declared
 from anaplot.exchange.camerafile import parse_camera
+from anaplot.exchange.fiducialfile import read_fiducials
 from anaplot.exchange.lockfile import FolderLock
 from anaplot.photogrammetry.inner import InnerOrientation, orient_inner
 from anaplot.photogrammetry.platetransformation import Placement
@@ -327,6 +328,62 @@ def test_several_files_of_both_kinds(make_bench, tmp_path, capsys):
     )
 
 
+def as_table(bench: Bench) -> Path:
+    """Bring the bench's fiducials into a table of their own."""
+    head, _, photos = bench.fiducials.read_text().partition("[photo")
+    rows = ["photo,fiducial,x,y"]
+    for line in ("[photo" + photos).splitlines():
+        if line.startswith("["):
+            photo = line.split('"')[1]
+        else:
+            name, _, place = line.partition(" = ")
+            rows.append(f"{photo},{name},{place.strip('[]')}")
+    table = bench.fiducials.with_name("fid.csv")
+    table.write_text("\n".join(rows) + "\n")
+    bench.fiducials.write_text(head + 'measured = "fid.csv"\n')
+    return table
+
+
+def test_fiducials_in_a_table(make_bench):
+    bench = make_bench(SCAN, "px")
+    before = read_fiducials(bench.fiducials)
+    table = as_table(bench)
+    assert read_fiducials(bench.fiducials) == before
+    assert bench.run() == 0
+    assert bench.rows()["101", "3"].x == pytest.approx(bench.truth["101", "3"][0], abs=1e-7)
+    good, toml = table.read_text(), bench.fiducials.read_text()
+    for old, new, words in [
+        ("101,1,", "101,9,", "fid.csv line 2: fiducial: unknown fiducial of camera 'rmk': '9'"),
+        ("101,2,", "101,1,", "fid.csv line 3: fiducial '1' twice in photo '101'"),
+        ("101,2,", "101,2,1e10,5\n101,2,", "fid.csv line 3: x: must lie between"),
+        (good, "photo,fiducial,x,y\n", "fid.csv: no photo"),
+        ("fiducial,", "mark,", "unknown column 'mark'"),
+    ]:
+        table.write_text(good.replace(old, new, 1))
+        assert words in bench.refused("--replace"), words
+    wrong = next(line for line in good.splitlines() if line.startswith("101,7,"))
+    x, y = map(float, wrong.split(",")[2:])
+    table.write_text(good.replace(wrong, f"101,7,{x + 9.0},{y}"))
+    assert "fid.csv line 2: photo '101': its test flags 7" in bench.refused("--replace")
+    table.write_text(good)
+    assert "it is read" in bench.refused("--replace", "--csv", table)
+    bench.fiducials.write_text(toml + "[photo.101]\n1 = [2, 3]\n")
+    assert "[photo] beside measured" in bench.refused("--replace")
+    bench.fiducials.write_text(toml.replace("fid.csv", "../fid.csv"))
+    assert "leads out of the folder" in bench.refused("--replace")
+
+
+def test_sides_that_do_not_agree(make_bench, tmp_path, capsys):
+    bench = make_bench(SCAN, "px")
+    upright = SCAN._replace(mirrored=False)
+    other = fiducial_text(("103",), upright, "px").partition("[photo")[2]
+    bench.fiducials.write_text(bench.fiducials.read_text() + "[photo" + other)
+    assert run_inner(options(bench.fiducials)) == 0
+    out = capsys.readouterr().out
+    assert "mirrored: 101, 102; not mirrored: 103: were fiducials measured in another order?" in out
+    assert out.count("y of these pixels runs up, or the photograph is seen from behind") == 1
+
+
 def test_a_new_block_is_named_where_there_is_none(make_bench, tmp_path):
     bench = make_bench()
     none = bench._replace(block=tmp_path / "nowhere")
@@ -499,7 +556,9 @@ def test_a_flagged_fiducial_is_not_applied_unless_it_is_asked_for(make_bench, ca
     assert f"fid.toml line {at}: [photo.101]: its test flags 7" in message
     assert "--as-given applies it as it is" in message
     assert bench.run("--as-given", "--fail-on-flag") == 1
-    assert "remeasure 7 (y)" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "remeasure 7 (y)" in out
+    assert [line.split()[0] for line in out.splitlines() if "< flagged" in line] == ["101"]
     assert len(bench.rows()) == 26
 
 
