@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from math import degrees
 from pathlib import Path
 
 import pytest
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
@@ -19,6 +21,8 @@ from anaplot.photogrammetry.block import (
     Strip,
     TestSettings,
 )
+from anaplot.photogrammetry.camera import BrownLens
+from anaplot.photogrammetry.measuredimage import measured_rays
 
 FOLDER = next(
     (
@@ -100,3 +104,26 @@ def test_the_report_of_dbat(strips) -> None:
         assert row.s_position == pytest.approx(s_position, rel=5e-3)
     assert [name for name, _ in block.check_rows()] == ["410", "351"]
     assert not block.remarks
+
+
+def test_a_lens_of_0_3_mm_is_no_obstacle_stated_or_found() -> None:
+    """The same rays through a lens: stated, nothing changes; free, it is found."""
+    block = sxb(())
+    plain = adjust_block(block)
+    [camera] = block.cameras
+    strong = replace(camera, lens=BrownLens(k1=0.075, k2=-0.003, p1=2e-4))
+    measured = measured_rays(strong, [(row.x, row.y) for row in block.image_points]).tolist()
+    away = [max(abs(x - r.x), abs(y - r.y)) for r, (x, y) in zip(block.image_points, measured,
+                                                                strict=True)]  # fmt: skip
+    assert max(away) > 0.3
+    stated = adjust_block(replace(block, cameras=(strong,)))
+    # a measuring error is larger by the lens's magnification, a per cent at most
+    assert stated.sigma0 == pytest.approx(plain.sigma0, rel=0.01)
+    rows = tuple(
+        replace(row, x=x, y=y) for row, (x, y) in zip(block.image_points, measured, strict=True)
+    )
+    free = additional_parameters("physical:k1,k2,p1,p2:camera")
+    found = adjust_block(replace(block, image_points=rows), additional=free)
+    assert found.sigma0 < 1.01 * stated.sigma0
+    for row, wanted in zip(found.parameter_rows(), (0.075, -0.003, 2e-4), strict=False):
+        assert abs(row.coefficient - wanted) < 4.0 * row.s_coefficient, row.name
