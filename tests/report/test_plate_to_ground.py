@@ -71,8 +71,11 @@ def survey(folder: Path, refinement: str, hills: float = 0.0) -> np.ndarray:
     draw = np.random.default_rng(7)
     cameras = {str(k): np.array([k * BASE, 0.0, FLYING]) for k in range(4)}
     grid = [(x, y) for x in np.arange(-1000.0, 8600.0, 1200.0) for y in (-2700.0, 0.0, 2700.0)]
-    points = {str(k): np.array([x + 3.0, y + 5.0, GROUND + h]) for k, ((x, y), h) in
-              enumerate(zip(grid, draw.uniform(-hills, hills, len(grid)), strict=True))}  # fmt: skip
+    above = draw.uniform(-hills, hills, len(grid)).tolist()
+    points = {
+        str(k): np.array([x + 3.0, y + 5.0, GROUND + h])
+        for k, ((x, y), h) in enumerate(zip(grid, above, strict=True))
+    }
     lie = SCAN.transformation()
     fiducials = ["format = 1", 'camera = "k.toml"', 'unit = "px"']
     rows = ["photo,point,x,y"]
