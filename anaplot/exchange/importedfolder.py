@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import write_block
 from anaplot.exchange.blocktoml import format_block_toml
-from anaplot.exchange.formats.door import Imported
-from anaplot.exchange.formats.sourcelines import MAX_SOURCE_BYTES
-from anaplot.textfiles.inputfile import open_input
+from anaplot.exchange.formats.door import SOURCE, Imported
+from anaplot.exchange.formats.filecopy import pieces
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
 from anaplot.textfiles.wording import place, plain
 
-__all__ = ["SOURCE", "write_imported"]
-
-SOURCE = "source"
-_PIECE = 1 << 20  # bytes
+__all__ = ["write_imported"]
 
 
 def write_imported(folder: Path, imported: Imported) -> None:
@@ -47,11 +42,5 @@ def write_imported(folder: Path, imported: Imported) -> None:
             target = source.joinpath(*name.split("/"))
             for parent in reversed(target.relative_to(folder).parents):
                 make_folder(folder / parent)
-            create_whole(target, _pieces(path))
+            create_whole(target, pieces(path))
         write_block(folder, imported.block, text=text.lstrip("\n"))
-
-
-def _pieces(path: Path) -> Iterator[bytes]:
-    with open_input(path, MAX_SOURCE_BYTES) as file:
-        while piece := file.read(_PIECE):
-            yield piece

@@ -26,6 +26,7 @@ __all__ = ["LENS_PARAMETERS", "LensImage", "through_lens", "without_lens"]
 
 _HALVINGS = 20  # of the interval in which a radius lies; Newton's steps do the rest
 _STEPS = 20
+_NOTHING = 1e-60  # a coefficient that does nothing at any radius
 _CLOSED = 1e-12  # between a place and that of its direction, relative to c
 
 
@@ -111,7 +112,11 @@ def without_lens(xy: Array, parameters: Array) -> Array:
         (n, 2) ideal coordinates divided by c, y up; NaN where no direction within the lens's
         first fold, beyond which it sees everything twice, is measured there.
     """
-    measured = as_points(xy)
+    with np.errstate(all="ignore"):  # what parameters out of a damaged file do is NaN
+        return _without_lens(as_points(xy), parameters)
+
+
+def _without_lens(measured: Array, parameters: Array) -> Array:
     c, x0, y0, k1, k2, k3, _, _, b1, b2 = parameters
     dy = (measured[:, 1] - y0) / c
     bent = np.column_stack((((measured[:, 0] - x0) / c - b2 * dy) / (1.0 + b1), dy))
@@ -134,18 +139,17 @@ def without_lens(xy: Array, parameters: Array) -> Array:
         low, high = np.where(short, middle, low), np.where(short, high, middle)
     scale = np.divide(0.5 * (low + high), radius, out=np.ones_like(radius), where=radius > 0.0)
     direction = bent * scale[:, None]
-    with np.errstate(all="ignore"):
-        for _ in range(_STEPS):
-            seen = through_lens(direction, parameters)
-            step = solve_pairs(seen.by_direction, seen.xy - measured)
-            direction = direction - step
-            if not (np.abs(step) > 1e-16 * (1.0 + np.abs(direction))).any():
-                break
+    for _ in range(_STEPS):
         seen = through_lens(direction, parameters)
-        gap = np.abs(seen.xy - measured).max(axis=1, initial=0.0)
-        reach = np.abs(measured).max(axis=1, initial=0.0) + abs(c)
-        upright = np.linalg.det(seen.by_direction) * (1.0 + b1) > 0.0
-        good = (gap <= _CLOSED * reach) & upright & (np.hypot(*direction.T) <= 1.001 * fold)
+        step = solve_pairs(seen.by_direction, seen.xy - measured)
+        direction = direction - step
+        if not (np.abs(step) > 1e-16 * (1.0 + np.abs(direction))).any():
+            break
+    seen = through_lens(direction, parameters)
+    gap = np.abs(seen.xy - measured).max(axis=1, initial=0.0)
+    reach = np.abs(measured).max(axis=1, initial=0.0) + abs(c)
+    upright = np.linalg.det(seen.by_direction) * (1.0 + b1) > 0.0
+    good = (gap <= _CLOSED * reach) & upright & (np.hypot(*direction.T) <= 1.001 * fold)
     return np.where(good[:, None], direction, np.nan)
 
 
@@ -157,6 +161,10 @@ def _radial(r: Array, k1: float, k2: float, k3: float) -> Array:
 
 def _fold(k1: float, k2: float, k3: float) -> float:
     """Return the radius, divided by c, from which on a lens folds the image back; or infinity."""
-    squares = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
+    powers = [0.0 if abs(k) < _NOTHING else k for k in (7.0 * k3, 5.0 * k2, 3.0 * k1)]
+    try:
+        squares = np.roots([*powers, 1.0])
+    except np.linalg.LinAlgError:  # numbers beyond all measure: nothing is imaged
+        return 0.0
     real = squares.real[(np.abs(squares.imag) < 1e-9 * np.abs(squares)) & (squares.real > 0.0)]
     return float(np.sqrt(real.min())) if real.size else np.inf

@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
-from anaplot.exchange.formats.door import Exporting, ExportOptions
+from anaplot.exchange.formats.door import SOURCE, Exporting, ExportOptions
 from anaplot.exchange.formats.registry import format_of, module_of
 from anaplot.report.columns import counted
 from anaplot.report.document import Document, say
@@ -35,7 +35,9 @@ def run_export(options: argparse.Namespace) -> int:
     if os.path.lexists(options.output):
         raise InputError(f"{place(options.output)}: exists already and is not overwritten")
     block = read_block(options.block)
-    adjusted = adjusted_result(block) if chosen.adjusted else None
+    source = options.block / SOURCE
+    starts = any(os.path.lexists(source / name) for name in chosen.starts_from)
+    adjusted = adjusted_result(block) if chosen.adjusted and not starts else None
     written = module_of(chosen.kind).write(
         Exporting(block, options.block, given, adjusted), options.output
     )

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 from anaplot.photogrammetry.block import Block
 
 __all__ = [
+    "SOURCE",
     "AdjustedResult",
     "ExportOptions",
     "Exported",
@@ -21,6 +22,9 @@ __all__ = [
     "PointResult",
     "What",
 ]
+
+SOURCE = "source"
+"""Folder within a block's, of the files that it was imported from."""
 
 What = Literal["assumed", "dropped", "joined", "doubled", "changed", "not held"]
 
@@ -223,7 +227,7 @@ class Exporting:
     options
         What was asked for.
     adjusted
-        The adjusted block, where the format needs it.
+        The adjusted block, where the format needs it and has no source to start from.
     """
 
     block: Block

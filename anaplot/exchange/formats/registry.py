@@ -43,6 +43,8 @@ class Format(NamedTuple):
         Options of the door that it has a use for.
     adjusted
         Whether what it writes is adjusted first.
+    starts_from
+        Files under `source/`: where one of them is there, nothing is adjusted.
     """
 
     kind: str
@@ -52,11 +54,19 @@ class Format(NamedTuple):
     import_options: tuple[str, ...] = ()
     export_options: tuple[str, ...] = ()
     adjusted: bool = False
+    starts_from: tuple[str, ...] = ()
 
 
 _STATED = ("camera", "c", "pixels", "pixel_um")
 
 _ALL: tuple[Format, ...] = (
+    Format(
+        "colmap",
+        "COLMAP model",
+        import_options=("sigma_px", "pixel_um"),
+        adjusted=True,
+        starts_from=("images.bin", "images.txt"),
+    ),
     Format(
         "pixels",
         "image points of any program, as a table",

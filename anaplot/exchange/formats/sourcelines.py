@@ -61,9 +61,13 @@ class SourceLine(NamedTuple):
 
 
 def source_lines(
-    path: Path, max_bytes: int = MAX_SOURCE_BYTES, *, encoding: str = "utf-8-sig"
+    path: Path,
+    max_bytes: int = MAX_SOURCE_BYTES,
+    *,
+    encoding: str = "utf-8-sig",
+    ends: bool = False,
 ) -> Iterator[SourceLine]:
-    """Yield the lines of a text file without their ends, one at a time.
+    """Yield the lines of a text file, without their ends unless asked for, one at a time.
 
     Raises
     ------
@@ -80,4 +84,4 @@ def source_lines(
                 text = raw.decode(encoding)
             except UnicodeDecodeError:
                 raise not_utf8(path, number) from None
-            yield SourceLine(path, number, text.rstrip("\r\n"))
+            yield SourceLine(path, number, text if ends else text.rstrip("\r\n"))

@@ -1,0 +1,248 @@
+"""COLMAP's camera models: held as they are, or measured pixels made those of a pinhole camera.
+
+With u = (X / Z, Y / Z), x right and y down, a model says where u is measured. SIMPLE_PINHOLE to
+OPENCV, and FULL_OPENCV without a denominator, are our lens. The others are polynomials in u, or of
+a fisheye in a = u atan(|u|) / |u|, whose length is the angle off the axis,
+
+    d = a (1 + k1 r2 + ..) / (1 + k4 r2 + ..) + (2 p1 x y + p2 (r2 + 2 x^2) + s1 r2,
+                                                 2 p2 x y + p1 (r2 + 2 y^2) + s2 r2),
+
+undone by Newton's method, or FOV and division models, undone in closed form. The source is COLMAP's
+`sensor/models.h`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.photogrammetry.camera import BrownLens
+from anaplot.photogrammetry.planar import solve_pairs
+
+__all__ = ["MODELS", "ColmapCamera", "model_number", "our_lens", "pinhole_directions"]
+
+
+class _Model(NamedTuple):
+    name: str
+    two: bool  # fx, fy instead of f
+    more: int  # parameters behind the principal point
+    kind: str = "lens"  # "lens", "polynomial", "fisheye", "fov", "division"; "" is not read
+
+    @property
+    def parameters(self) -> int:
+        """How many it has."""
+        return (4 if self.two else 3) + self.more
+
+
+MODELS = {
+    0: _Model("SIMPLE_PINHOLE", False, 0),
+    1: _Model("PINHOLE", True, 0),
+    2: _Model("SIMPLE_RADIAL", False, 1),
+    3: _Model("RADIAL", False, 2),
+    4: _Model("OPENCV", True, 4),
+    5: _Model("OPENCV_FISHEYE", True, 4, "fisheye"),
+    6: _Model("FULL_OPENCV", True, 8, "polynomial"),
+    7: _Model("FOV", True, 1, "fov"),
+    8: _Model("SIMPLE_RADIAL_FISHEYE", False, 1, "fisheye"),
+    9: _Model("RADIAL_FISHEYE", False, 2, "fisheye"),
+    10: _Model("THIN_PRISM_FISHEYE", True, 8, "fisheye"),
+    11: _Model("RAD_TAN_THIN_PRISM_FISHEYE", True, 12, ""),
+    12: _Model("SIMPLE_DIVISION", False, 1, "division"),
+    13: _Model("DIVISION", True, 1, "division"),
+    14: _Model("SIMPLE_FISHEYE", False, 0, "fisheye"),
+    15: _Model("FISHEYE", True, 0, "fisheye"),
+    16: _Model("EUCM", True, 2, ""),
+    17: _Model("EQUIRECTANGULAR", False, 0, ""),
+}
+"""Camera models by COLMAP's numbers."""
+
+_STEEPEST = np.tan(np.radians(80.0))  # what lies farther off the axis is no ray of a pinhole
+_SAMPLES = 4000
+_HALVINGS = 24
+_STEPS = 20
+_CLOSED = 1e-12
+
+
+def model_number(name: str) -> int | None:
+    """Return COLMAP's number of a camera model, or None."""
+    return next((number for number, model in MODELS.items() if model.name == name), None)
+
+
+class ColmapCamera(NamedTuple):
+    """A camera as COLMAP has it.
+
+    Attributes
+    ----------
+    id
+        COLMAP's number.
+    model
+        COLMAP's number of its model.
+    width, height
+        Of its images [px].
+    params
+        Parameters of the model, in COLMAP's order.
+    """
+
+    id: int
+    model: int
+    width: int
+    height: int
+    params: tuple[float, ...]
+
+    @property
+    def focal(self) -> tuple[float, float]:
+        """fx, fy [px]."""
+        return self.params[0], self.params[1 if MODELS[self.model].two else 0]
+
+    @property
+    def principal(self) -> tuple[float, float]:
+        """cx, cy [px]."""
+        at = 2 if MODELS[self.model].two else 1
+        return self.params[at], self.params[at + 1]
+
+    @property
+    def more(self) -> tuple[float, ...]:
+        """What stands behind the principal point."""
+        return self.params[4 if MODELS[self.model].two else 3 :]
+
+
+def our_lens(camera: ColmapCamera) -> BrownLens | None:
+    """Return the lens that holds a camera's model exactly; None where there is none."""
+    fx, fy = camera.focal
+    b1 = fx / fy - 1.0
+    more = camera.more
+    match MODELS[camera.model].name:
+        case "SIMPLE_PINHOLE" | "PINHOLE":
+            return BrownLens(b1=b1)
+        case "SIMPLE_RADIAL" | "RADIAL":
+            return replace(BrownLens(*more), b1=b1)
+        case "OPENCV":
+            return BrownLens(more[0], more[1], 0.0, more[2], more[3], b1)
+        case "FULL_OPENCV" if not any(more[5:]):
+            return BrownLens(more[0], more[1], more[4], more[2], more[3], b1)
+        case _:
+            return None
+
+
+def pinhole_directions(camera: ColmapCamera, pixels: Array) -> Array:
+    """Return (n, 2) directions X / Z, Y / Z, y down, of (n, 2) pixels of a camera.
+
+    NaN where the model images no direction within 80 degrees of its axis there.
+    """
+    measured = (pixels - camera.principal) / camera.focal
+    kind = MODELS[camera.model].kind
+    if kind == "fov":
+        bent = _undo_fov(measured, camera.more[0])
+    elif kind == "division":
+        bent = measured / (1.0 + camera.more[0] * _squares(measured))[:, None]
+        bent[1.0 + camera.more[0] * _squares(measured) <= 0.0] = np.nan
+    else:
+        most = np.radians(80.0) if kind == "fisheye" else _STEEPEST
+        bent = _undo(measured, _coefficients(camera), float(most))
+        if kind == "fisheye":
+            angle = np.hypot(*bent.T)
+            small = angle < 1e-8
+            bent = bent * np.where(small, 1.0, np.tan(angle) / np.where(small, 1.0, angle))[:, None]
+    bent[~(np.hypot(*bent.T) <= _STEEPEST * (1.0 + 1e-9))] = np.nan
+    return bent
+
+
+class _Coefficients(NamedTuple):
+    above: tuple[float, ...]  # of r2, r2^2, ..
+    below: tuple[float, ...]
+    p1: float
+    p2: float
+    s1: float
+    s2: float
+
+
+def _coefficients(camera: ColmapCamera) -> _Coefficients:
+    k = camera.more
+    match MODELS[camera.model].name:
+        case "FULL_OPENCV":
+            return _Coefficients((k[0], k[1], k[4]), k[5:], k[2], k[3], 0.0, 0.0)
+        case "THIN_PRISM_FISHEYE":
+            return _Coefficients((k[0], k[1], k[4], k[5]), (), k[2], k[3], k[6], k[7])
+        case _:
+            return _Coefficients(k, (), 0.0, 0.0, 0.0, 0.0)
+
+
+def _squares(xy: Array) -> Array:
+    out: Array = (xy * xy).sum(axis=1)
+    return out
+
+
+def _undo_fov(measured: Array, omega: float) -> Array:
+    """Undo FOV: |d| = atan(2 |u| tan(omega / 2)) / omega; a small omega as COLMAP computes it."""
+    away = np.hypot(*measured.T)
+    square = omega * omega
+    if square < 1e-4:
+        # COLMAP has |d| = |u| (1 + omega^2 (|u|^2 / 3 - 1/12)) there
+        base = 1.0 - square / 12.0
+        series = _Coefficients((square / 3.0 / base,), (), 0.0, 0.0, 0.0, 0.0)
+        return _undo(measured / base, series, float(_STEEPEST))
+    angle = away * abs(omega)
+    true = np.tan(np.minimum(angle, 1.57)) / (2.0 * np.tan(abs(omega) / 2.0))
+    out: Array = measured * np.divide(true, away, out=np.ones_like(away), where=away > 0)[:, None]
+    out[angle >= 1.57] = np.nan
+    return out
+
+
+def _radial(r2: Array, of: _Coefficients) -> tuple[Array, Array]:
+    """Return the radial factor and its derivative by r2."""
+    above, below = (np.polynomial.Polynomial([1.0, *part]) for part in (of.above, of.below))
+    up, down = above(r2), below(r2)
+    return up / down, (above.deriv()(r2) - up / down * below.deriv()(r2)) / down
+
+
+def _seen(xy: Array, of: _Coefficients) -> tuple[Array, Array]:
+    """Return where (n, 2) places are measured, and the (n, 2, 2) derivatives."""
+    x, y = xy.T
+    r2 = x * x + y * y
+    factor, slope = _radial(r2, of)
+    across = 2.0 * x * y
+    out = np.stack(
+        (
+            x * factor + of.p1 * across + of.p2 * (r2 + 2.0 * x * x) + of.s1 * r2,
+            y * factor + of.p2 * across + of.p1 * (r2 + 2.0 * y * y) + of.s2 * r2,
+        ),
+        axis=1,
+    )
+    by = np.empty((len(xy), 2, 2))
+    both = slope * across + 2.0 * of.p1 * x + 2.0 * of.p2 * y
+    by[:, 0, 0] = factor + 2.0 * x * x * slope + 2.0 * of.p1 * y + 6.0 * of.p2 * x + 2.0 * of.s1 * x
+    by[:, 0, 1] = both + 2.0 * of.s1 * y
+    by[:, 1, 0] = both + 2.0 * of.s2 * x
+    by[:, 1, 1] = factor + 2.0 * y * y * slope + 2.0 * of.p2 * x + 6.0 * of.p1 * y + 2.0 * of.s2 * y
+    return out, by
+
+
+def _undo(measured: Array, of: _Coefficients, most: float) -> Array:
+    """Return what is measured there, no farther from the axis than `most`; NaN where nothing is."""
+    with np.errstate(all="ignore"):
+        grid = np.linspace(0.0, 1.05 * most, _SAMPLES)
+        factor, slope = _radial(grid * grid, of)
+        rising = factor + 2.0 * grid * grid * slope > 0.0
+        fold = float(grid[-1] if rising.all() else grid[max(int(np.argmin(rising)) - 1, 0)])
+        radius = np.hypot(*measured.T)
+        low, high = np.zeros(len(measured)), np.full(len(measured), fold)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            short = middle * _radial(middle * middle, of)[0] < radius
+            low, high = np.where(short, middle, low), np.where(short, high, middle)
+        start = np.divide(0.5 * (low + high), radius, out=np.ones_like(radius), where=radius > 0)
+        xy = measured * start[:, None]
+        for _ in range(_STEPS):
+            seen, by = _seen(xy, of)
+            step = solve_pairs(by, seen - measured)
+            xy = xy - step
+            if not (np.abs(step) > 1e-16 * (1.0 + np.abs(xy))).any():
+                break
+        seen, by = _seen(xy, of)
+        gap = np.abs(seen - measured).max(axis=1, initial=0.0)
+        good = (gap <= _CLOSED * (1.0 + radius)) & (np.linalg.det(by) > 0.0)
+        good &= np.hypot(*xy.T) <= 1.001 * fold
+    return np.where(good[:, None], xy, np.nan)
