@@ -8,7 +8,14 @@ import numpy as np
 
 from anaplot.aliases import Array
 
-__all__ = ["angle_derivatives", "rotation_angles", "rotation_axes", "rotation_matrix", "turn"]
+__all__ = [
+    "angle_derivatives",
+    "axis_angle",
+    "rotation_angles",
+    "rotation_axes",
+    "rotation_matrix",
+    "turn",
+]
 
 
 def rotation_matrix(omega: float, phi: float, kappa: float) -> Array:
@@ -83,3 +90,22 @@ def turn(x: float, y: float, z: float) -> Array:
             [k * x * z - s * y, k * y * z + s * x, c + k * z * z],
         ]
     )
+
+
+def axis_angle(rotation: Array) -> tuple[float, float, float]:
+    """Return the vector of which `turn` makes a (3, 3) rotation; its length is at most pi."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    # four times the products of the quaternion (w, x, y, z): the largest row is well determined
+    rows = np.array(
+        [
+            [1.0 + a + e + i, h - f, c - g, d - b],
+            [h - f, 1.0 + a - e - i, b + d, c + g],
+            [c - g, b + d, 1.0 - a + e - i, f + h],
+            [d - b, c + g, f + h, 1.0 - a - e + i],
+        ]
+    )
+    row = rows[int(np.argmax(np.diag(rows)))]
+    w, x, y, z = (row / np.linalg.norm(row) * (-1.0 if row[0] < 0.0 else 1.0)).tolist()
+    sine = hypot(x, y, z)
+    scale = 2.0 if sine < 1e-12 else 2.0 * atan2(sine, w) / sine
+    return scale * x, scale * y, scale * z

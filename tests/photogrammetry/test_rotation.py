@@ -1,6 +1,6 @@
 """Rotations: convention, round trip, derivatives."""
 
-from math import cos, pi, sin
+from math import cos, hypot, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from anaplot.photogrammetry.rotation import (
     angle_derivatives,
+    axis_angle,
     rotation_angles,
     rotation_axes,
     rotation_matrix,
@@ -99,3 +100,18 @@ def test_turn_is_a_right_handed_rotation_about_its_vector(v, shrink):
 
 def test_turn_about_z():
     assert turn(0.0, 0.0, 0.5) == pytest.approx(rotation_matrix(0.0, 0.0, 0.5), abs=1e-15)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.0, 3.1415))
+def test_a_rotation_has_its_vector(x: float, y: float, z: float, angle: float) -> None:
+    length = sqrt(x * x + y * y + z * z)
+    if length < 1e-3:
+        x, length = 1.0, sqrt(1.0 + y * y + z * z)
+    vector = [part * angle / length for part in (x, y, z)]
+    rotation = turn(*vector)
+    found = axis_angle(rotation)
+    assert hypot(*found) <= pi + 1e-12
+    assert np.abs(turn(*found) - rotation).max() < 4e-15
+    assert np.abs(np.subtract(found, vector)).max() < 2e-11
+    half_turn = axis_angle(np.diag([-1.0, 1.0, -1.0]))
+    assert half_turn == (0.0, pi, 0.0)

@@ -91,6 +91,13 @@ _ALL: tuple[Format, ...] = (
         writes=False,
         import_options=(*_STATED, "sigma_px", "order", "files"),
     ),
+    Format(
+        "bal",
+        "a BAL problem",
+        import_options=("sigma_px",),
+        adjusted=True,
+        starts_from=("problem.txt",),
+    ),
 )
 
 FORMATS = {one.kind: one for one in _ALL}

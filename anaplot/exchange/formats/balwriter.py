@@ -1,0 +1,142 @@
+"""A block as a BAL problem: what it was imported from without the rays that are off, or anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from anaplot.errors import InputError
+from anaplot.exchange.formats.dbatwriter import pixels_of_rays
+from anaplot.exchange.formats.door import SOURCE, AdjustedResult, Exported, Exporting, Note
+from anaplot.exchange.formats.gathered import not_held, rays_that_count
+from anaplot.exchange.formats.sourcelines import source_lines
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint
+from anaplot.photogrammetry.rotation import axis_angle, rotation_matrix
+from anaplot.photogrammetry.selection import rows_by_photo
+from anaplot.textfiles.wholefile import create_whole
+from anaplot.textfiles.wording import quoted
+
+__all__ = ["BAL_SOURCE", "write_bal"]
+
+BAL_SOURCE = "problem.txt"
+"""What a problem is called under `source/`."""
+
+
+def write_bal(exporting: Exporting, target: Path) -> Exported:
+    """Write a block.
+
+    Where the problem that it was imported from is kept in `source/`, this is written again, without
+    the rays that are off or doubled, and not a digit of the rest is changed. Else the adjusted
+    block is written, with photos and points by numbers.
+
+    Raises
+    ------
+    InputError
+        A camera has no pixels or a lens that is not k1 and k2, or the file cannot be written.
+    """
+    block = exporting.block
+    kept = exporting.folder / SOURCE / BAL_SOURCE
+    if kept.exists():
+        lines, notes = _without_off(block, kept)
+    else:
+        lines, notes = _anew(block, exporting.adjusted)
+    create_whole(target, (f"{line}\n".encode() for line in lines))
+    return Exported((target,), tuple(notes))
+
+
+def _without_off(block: Block, source: Path) -> tuple[Iterator[str], list[Note]]:
+    off = {(row.photo, row.point) for row in block.image_points if row.use == "off"}
+    half = sum(row.use in ("x", "y") for row in block.image_points)
+    seen: set[tuple[str, str]] = set()
+    out: set[int] = set()
+    left = -1
+    for line in source_lines(source):
+        fields = line.text.split()
+        if not fields:
+            continue
+        if left < 0:
+            left = int(fields[2])
+            continue
+        if not left:
+            break
+        left -= 1
+        ray = fields[0], fields[1]
+        if ray in off or ray in seen:
+            out.add(line.number)
+        seen.add(ray)
+
+    def lines() -> Iterator[str]:
+        first = True
+        for line in source_lines(source):
+            if first and line.text.strip():
+                cameras, points, count = line.text.split()
+                first = False
+                yield f"{cameras} {points} {int(count) - len(out)}"
+            elif line.number not in out:
+                yield line.text
+
+    notes = []
+    if out:
+        text = "rays that are off or doubled: everything else is as it was"
+        notes.append(Note("dropped", len(out), text))
+    if half:
+        notes.append(Note("not held", half, "rays of which one coordinate counts: written whole"))
+    return lines(), notes
+
+
+def _anew(block: Block, adjusted: AdjustedResult | None) -> tuple[Iterator[str], list[Note]]:
+    if adjusted is None:
+        raise InputError("bal: the block has to be adjusted")
+    points = {row.point: k for k, row in enumerate(adjusted.points)}
+    rays, notes = rays_that_count(block)
+    single = [row for row in rays if row.point not in points]
+    if single:
+        notes.append(Note("dropped", len(single), "rays of points that are not determined"))
+    rays = [row for row in rays if row.point in points]
+    notes += not_held(block, holds=("lens",))
+    control = sum(row.use == "control" for row in block.control)
+    if control:
+        notes.append(Note("not held", control, "control points"))
+    notes.append(Note("not held", None, "names of photos and points, which are counted from 0"))
+    photos = {row.photo: k for k, row in enumerate(adjusted.photos)}
+    rays = [row for row in rays if row.photo in photos]
+    for camera in block.cameras:
+        _check_camera(camera)
+
+    def lines() -> Iterator[str]:
+        yield f"{len(photos)} {len(points)} {len(rays)}"
+        for photo, rows in rows_by_photo(rays).items():
+            yield from _observations(block.camera_of(photo), rows, photos[photo], points)
+        for row in adjusted.photos:
+            camera = block.camera_of(row.photo)
+            turned = rotation_matrix(*row.rotation).T
+            moved = -turned @ np.array(row.position)
+            lens = camera.lens_parameters
+            f = float(Decimal(repr(camera.c / camera.pixel_mm)))
+            for value in (*axis_angle(turned), *moved.tolist(), f, lens[3], lens[4]):
+                yield repr(value)
+        for point in adjusted.points:
+            yield from map(repr, point.xyz)
+
+    return lines(), notes
+
+
+def _check_camera(camera: Camera) -> None:
+    if camera.pixels is None:
+        raise InputError(f"camera {quoted(camera.id)} has no pixels, which BAL needs")
+    if any(camera.lens_parameters[5:]):
+        raise InputError(f"camera {quoted(camera.id)}: of a lens BAL has k1 and k2 alone")
+
+
+def _observations(
+    camera: Camera, rows: list[ImagePoint], photo: int, points: dict[str, int]
+) -> Iterator[str]:
+    width, height = camera.pixels or (0, 0)
+    centre = camera.principal_px or (width / 2.0, height / 2.0)
+    cx, cy = (Decimal(repr(value)) for value in centre)
+    for row, (px, py) in zip(rows, pixels_of_rays(camera, rows), strict=True):
+        x, y = Decimal(repr(px)) - cx, cy - Decimal(repr(py))
+        yield f"{photo} {points[row.point]} {x} {y}"
