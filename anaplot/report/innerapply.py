@@ -38,6 +38,7 @@ from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint
 from anaplot.photogrammetry.inner import InnerOrientation
 from anaplot.photogrammetry.measuredimage import measured_rays
+from anaplot.report.columns import counted
 from anaplot.session.plates import PlateSystem
 from anaplot.textfiles.wording import place, plain, quoted
 
@@ -212,7 +213,7 @@ def merged(
         if photo.replaced and not replace:
             raise InputError(
                 f"{place(block_files(measured.folder)[1])}: photo {quoted(photo.photo)} has "
-                f"{len(photo.replaced)} rows already; --replace puts the new ones in their place"
+                f"{counted(len(photo.replaced), 'row')} already; --replace puts the new ones in their place"
             )
     new = {photo.photo for photo in photos}
     kept = (row for row in measured.block.image_points if row.photo not in new)

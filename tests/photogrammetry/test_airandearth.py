@@ -95,6 +95,17 @@ def test_nothing_asked_for_is_nothing():
     np.testing.assert_array_equal(shift.taken_off(places), places)
 
 
+def test_its_parts_add_up():
+    both = AirAndEarth(1900.0, 200.0, refraction=True, earth_curvature=True)
+    (first, air), (second, earth) = both.parts()
+    assert (first, second) == ("refraction", "earth curvature")
+    um = [1e3 * one.shift(C).at(140.0) for one in (air, earth, both)]
+    assert um[0] > 0.0 > um[1]
+    assert um[0] + um[1] == pytest.approx(um[2])
+    assert AirAndEarth(1900.0, 200.0).parts() == []
+    assert [what for what, _ in earth.parts()] == ["earth curvature"]
+
+
 heights = st.tuples(st.floats(-500.0, 19_000.0), st.floats(1.0, 19_000.0)).map(
     lambda pair: (min(pair[0] + pair[1], 20_000.0), pair[0])
 )

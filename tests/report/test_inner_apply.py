@@ -293,7 +293,7 @@ def test_rows_of_other_photos_stay_and_of_the_same_only_go_when_asked(make_bench
     old = "photo,point,x,y,use,reason\n103,7,1.5,2.5,xy,\n102,99,3.0,4.0,off,mine\n"
     (bench.block / "image_points.csv").write_text(old)
     message = bench.refused()
-    assert "image_points.csv: photo '102' has 1 rows already; --replace" in message
+    assert "image_points.csv: photo '102' has 1 row already; --replace" in message
     assert bench.run("--replace") == 0
     out = capsys.readouterr().out
     assert "1 row is replaced, 1 of them had coordinates switched off" in out
@@ -560,6 +560,21 @@ def test_a_flagged_fiducial_is_not_applied_unless_it_is_asked_for(make_bench, ca
     assert "remeasure 7 (y)" in out
     assert [line.split()[0] for line in out.splitlines() if "< flagged" in line] == ["101"]
     assert len(bench.rows()) == 26
+
+
+def test_flagged_photos_are_counted(make_bench):
+    """One by its fiducial, one by its sigma0 alone."""
+    bench = make_bench()
+    lines = bench.fiducials.read_text().splitlines()
+    four = lines.index('[photo."102"]') + 5
+    del lines[four:]  # of four fiducials none can be flagged
+    for k in (7, len(lines) - 1):
+        name, _, place = lines[k].partition(" = ")
+        x, y = json.loads(place)
+        lines[k] = f"{name} = [{x}, {y + 0.2}]"
+    bench.fiducials.write_text("\n".join(lines) + "\n")
+    assert "[photo.102]: sigma0 " in bench.refused()
+    assert " (and 1 more photo): measure again" in bench.refused()
 
 
 def test_a_sigma0_beyond_its_limit_is_not_applied_either(make_bench):
