@@ -15,6 +15,7 @@ __all__ = ["add_export_arguments", "add_import_arguments", "refuse_unused"]
 
 _NAMES = {
     "sigma_px": "--sigma-px",
+    "control_m": "--control-m",
     "sigma_um": "--sigma-um",
     "sigma_classes": "--sigma-class",
     "pixel_um": "--pixel-um",
@@ -66,6 +67,12 @@ def add_import_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--pixel-um", type=positive, metavar="UM", help="size of a pixel")
     parser.add_argument("--crs", metavar="CRS", help="of the ground coordinates: EPSG:25832")
+    parser.add_argument(
+        "--control-m",
+        type=positive,
+        metavar="M",
+        help="a-priori sigma of control that states none, default 0.05",
+    )
     parser.add_argument(
         "--order", metavar="WORD", help="what the source does not say; the format's own words"
     )

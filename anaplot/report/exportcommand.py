@@ -37,7 +37,8 @@ def run_export(options: argparse.Namespace) -> int:
     block = read_block(options.block)
     source = options.block / SOURCE
     starts = any(os.path.lexists(source / name) for name in chosen.starts_from)
-    adjusted = adjusted_result(block) if chosen.adjusted and not starts else None
+    wanted = bool(block.control) if chosen.adjusted == "control" else chosen.adjusted
+    adjusted = adjusted_result(block) if wanted and not starts else None
     written = module_of(chosen.kind).write(
         Exporting(block, options.block, given, adjusted), options.output
     )

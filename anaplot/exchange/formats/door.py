@@ -12,6 +12,7 @@ from anaplot.photogrammetry.block import Block
 __all__ = [
     "SOURCE",
     "AdjustedResult",
+    "ControlResult",
     "ExportOptions",
     "Exported",
     "Exporting",
@@ -76,6 +77,8 @@ class ImportOptions:
         Width and height of the images [px], and the size of a pixel [um].
     crs
         Coordinate system of the ground, "EPSG:25832".
+    control_m
+        A-priori standard deviation of control that states none [m].
     order
         How something is ordered or turned that the source does not say; the format's own words.
     files
@@ -92,6 +95,7 @@ class ImportOptions:
     pixels: tuple[int, int] | None = None
     pixel_um: float | None = None
     crs: str | None = None
+    control_m: float | None = None
     order: str | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
 
@@ -178,6 +182,28 @@ class PointResult(NamedTuple):
     use: str
 
 
+class ControlResult(NamedTuple):
+    """What an adjustment says of a control or check point.
+
+    Attributes
+    ----------
+    point
+        Name.
+    use
+        "control" or "check".
+    r_plan, r_height
+        Mean redundancy number of X, Y, and that of Z; None where there is none.
+    verdict
+        One word: "good", "look" or "unchecked".
+    """
+
+    point: str
+    use: str
+    r_plan: float | None
+    r_height: float | None
+    verdict: str
+
+
 @dataclass(frozen=True, slots=True)
 class AdjustedResult:
     """What an adjustment says of a block, for formats that have a place for it.
@@ -188,11 +214,14 @@ class AdjustedResult:
         In the order of the block's files.
     sigma0
         Estimated factor of the a-priori sigmas; None without redundancy.
+    control
+        Control and check points.
     """
 
     photos: tuple[PhotoResult, ...]
     points: tuple[PointResult, ...]
     sigma0: float | None
+    control: tuple[ControlResult, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, cast
 
 from anaplot.errors import InputError
 from anaplot.textfiles.wording import hint, place, quoted
@@ -42,7 +42,7 @@ class Format(NamedTuple):
     import_options, export_options
         Options of the door that it has a use for.
     adjusted
-        Whether what it writes is adjusted first.
+        Whether what it writes is adjusted first; "control": where there is control.
     starts_from
         Files under `source/`: where one of them is there, nothing is adjusted.
     """
@@ -53,11 +53,13 @@ class Format(NamedTuple):
     writes: bool = True
     import_options: tuple[str, ...] = ()
     export_options: tuple[str, ...] = ()
-    adjusted: bool = False
+    adjusted: bool | Literal["control"] = False
     starts_from: tuple[str, ...] = ()
 
 
 _STATED = ("camera", "c", "pixels", "pixel_um")
+
+_OPENSFM = ("sigma_px", "pixel_um", "crs", "control_m", "order", "files")
 
 _ALL: tuple[Format, ...] = (
     Format(
@@ -67,6 +69,8 @@ _ALL: tuple[Format, ...] = (
         adjusted=True,
         starts_from=("images.bin", "images.txt"),
     ),
+    Format("opensfm", "an OpenSfM model", import_options=_OPENSFM, adjusted="control"),
+    Format("odm", "an OpenDroneMap project", import_options=_OPENSFM, adjusted="control"),
     Format(
         "pixels",
         "image points of any program, as a table",
