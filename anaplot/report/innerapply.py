@@ -211,9 +211,10 @@ def merged(
     """
     for photo in photos:
         if photo.replaced and not replace:
+            there = counted(len(photo.replaced), "row")
             raise InputError(
                 f"{place(block_files(measured.folder)[1])}: photo {quoted(photo.photo)} has "
-                f"{counted(len(photo.replaced), 'row')} already; --replace puts the new ones in their place"
+                f"{there} already; --replace puts the new ones in their place"
             )
     new = {photo.photo for photo in photos}
     kept = (row for row in measured.block.image_points if row.photo not in new)
