@@ -85,6 +85,12 @@ _ALL: tuple[Format, ...] = (
         adjusted=True,
     ),
     Format(
+        "bingo",
+        "BINGO's image file, geoin and itera",
+        import_options=(*_STATED, "sigma_um", "order", "files"),
+        adjusted=True,
+    ),
+    Format(
         "dbat",
         "DBAT's scripts and tables",
         import_options=(*_STATED, "sigma_px", "order", "files"),

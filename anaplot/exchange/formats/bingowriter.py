@@ -1,0 +1,93 @@
+"""A block as BINGO's image file, geoin and itera in a new folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from anaplot.errors import InputError
+from anaplot.exchange.formats.bingofiles import GON, bluh_angles
+from anaplot.exchange.formats.door import Exported, Exporting, Note
+from anaplot.exchange.formats.gathered import not_held, rays_that_count, whole_name
+from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.rotation import rotation_matrix
+from anaplot.photogrammetry.selection import rows_by_photo
+from anaplot.textfiles.names import MAX_NAME
+from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wording import quoted
+
+__all__ = ["write_bingo"]
+
+_WORDS = {"control": "CONT", "check": "CHCK"}
+
+
+def write_bingo(exporting: Exporting, target: Path) -> Exported:
+    """Write a block; all of it, or nothing.
+
+    Raises
+    ------
+    InputError
+        A name that the files cannot hold, a control point without all coordinates, or a file that
+        cannot be written.
+    """
+    block = exporting.block
+    rays, notes = rays_that_count(block)
+    notes += not_held(block, holds=("check",))
+    made = {"image.dat": "".join(_images(block, rays)), "geoin.dat": "".join(_geoin(block))}
+    itera = "".join(_itera(exporting))
+    if itera:
+        made["itera.dat"] = itera
+    with all_or_nothing():
+        make_folder(target)
+        for name, text in made.items():
+            create_whole(target / name, text.encode())
+    notes.append(Note("assumed", None, "rotations of BLUH: phi, omega, kappa in gon"))
+    return Exported(tuple(target / name for name in made), tuple(notes))
+
+
+def _name(what: str, name: str) -> str:
+    if name == "C":
+        raise InputError(f"{what} {quoted(name)} would be a comment in BINGO")
+    return whole_name(what, name, MAX_NAME, "BINGO")
+
+
+def _images(block: Block, rays: list[ImagePoint]) -> Iterator[str]:
+    rows = rows_by_photo(rays)
+    for photo in block.photos:
+        yield f"{_name('photo', photo.id)} {_name('camera', photo.camera)}\n"
+        for row in rows.get(photo.id, ()):
+            yield f"{_name('point', row.point)} {row.x!r} {row.y!r}\n"
+        yield "-99\n"
+
+
+def _geoin(block: Block) -> Iterator[str]:
+    yield "* CAPA camera . c x0 y0 [mm], CONT and CHCK id E N H [m]\n"
+    for camera in block.cameras:
+        yield f"CAPA {_name('camera', camera.id)} 0 {camera.c!r} 0.0 0.0\n"
+    for row in block.control:
+        if row.use not in _WORDS:
+            continue
+        if any(value is None for value in row.xyz):
+            raise InputError(f"control point {quoted(row.point)}: BINGO has E, N and H, or nothing")
+        values = " ".join(repr(value) for value in row.xyz)
+        yield f"{_WORDS[row.use]} {_name('point', row.point)} {values}\n"
+
+
+def _itera(exporting: Exporting) -> Iterator[str]:
+    adjusted = exporting.adjusted
+    if adjusted is not None:
+        poses = [(row.photo, row.position, row.rotation) for row in adjusted.photos]
+    else:
+        poses = [
+            (photo.id, photo.position, photo.rotation)
+            for photo in exporting.block.photos
+            if photo.position is not None and photo.rotation is not None
+        ]
+    if poses:
+        yield "* ORIA photo X Y Z [m] phi omega kappa [gon] flag; CORD id X Y Z\n"
+    for photo, position, angles in poses:
+        turned = (value / GON for value in bluh_angles(rotation_matrix(*angles)))
+        numbers = " ".join(repr(value) for value in (*position, *turned))
+        yield f"ORIA {_name('photo', photo)} {numbers} 0\n"
+    for point in () if adjusted is None else adjusted.points:
+        yield f"CORD {_name('point', point.point)} {' '.join(repr(v) for v in point.xyz)}\n"
