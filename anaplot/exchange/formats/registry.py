@@ -78,6 +78,12 @@ _ALL: tuple[Format, ...] = (
         export_options=("unit",),
     ),
     Format(
+        "blocksexchange",
+        "BlocksExchange XML (iTwin Capture, ContextCapture, Metashape)",
+        import_options=("sigma_px", "crs"),
+        adjusted=True,
+    ),
+    Format(
         "patb",
         "PAT-B .im, .con, .ori and -99 files",
         import_options=(*_STATED, "sigma_um", "sigma_classes", "unit", "order", "files"),
