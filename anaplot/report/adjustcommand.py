@@ -59,6 +59,7 @@ from anaplot.report.givenprior import given_document, posterior_document
 from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import names_in, takes_options
+from anaplot.report.lengthunits import with_lengths_of
 from anaplot.report.offsets import offsets_document, with_offsets
 from anaplot.report.parameters import Known, automatic_choice, parameters_of
 from anaplot.report.photocures import naming_wrong_photos
@@ -348,7 +349,8 @@ def adjust(
     document = with_photo_accidents(document, wrong)
     if prior is None:  # which weights a second adjustment would take anew
         document = with_double_names(document, double_names(adjusted, watch))
-    return Computed(found, with_journal_notes(document, note), flagged)
+    document = with_lengths_of(measured, with_journal_notes(document, note))
+    return Computed(found, document, flagged)
 
 
 @takes_options(add_adjust_arguments)
@@ -408,7 +410,7 @@ def find_gross_errors(
     watch = progress if isinstance(progress, Watch) else Watch(progress)
     with naming_wrong_photos(measured, _NO_ACCIDENT), watch.searching():
         found = clean_block(problem, errors, partner, pairs=pairs, as_given=as_given, watch=watch)
-    document = with_journal_notes(errors_document(found), note)
+    document = with_lengths_of(measured, with_journal_notes(errors_document(found), note))
     return Computed(found, document, len(found.rejected) > 0)
 
 

@@ -12,6 +12,12 @@ from anaplot.errors import AnaplotError, NotComputableError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.photogrammetry.block import Block
 from anaplot.report.accidentlines import accidents_answer, photos_answer, unchecked_line
+from anaplot.report.blockcontents import (
+    BlockContents,
+    contents_answer,
+    contents_lines,
+    contents_of,
+)
 from anaplot.report.columns import counted
 from anaplot.report.document import (
     BLANK,
@@ -27,6 +33,7 @@ from anaplot.report.document import (
 )
 from anaplot.report.document import Block as Part
 from anaplot.report.journalnote import journal_answer
+from anaplot.report.lengthunits import with_lengths_of
 from anaplot.report.output import Output
 from anaplot.report.stabilizing import stabilizing_json, stabilizing_lines
 from anaplot.session.blockaccidents import block_accidents
@@ -52,6 +59,7 @@ _MODELS = (
     whole("off", "OFF", 5),
     whole("ties", "TIES", 6),
 )
+_NO_STRIPS = say("no strips: models cannot be formed, the block is adjusted as a whole")
 _MOST_SPOTS = 10
 _MOST_WEAK = 6  # photos for which points are found that would help
 _IN_STRIP = for_programs(
@@ -70,13 +78,14 @@ def run_status(options: argparse.Namespace) -> int:
     """
     output = Output.of(options)
     output.check({"is read": (options.block,)})
-    status, found = block_status(options.block)
-    output.show(status_document(options.block, status, found))
+    status, found, contents, block = block_status(options.block)
+    document = status_document(options.block, status, found, contents)
+    output.show(with_lengths_of(block, document))
     return 0
 
 
-def block_status(folder: Path) -> tuple[BlockStatus, Journaled]:
-    """Return where the block in a folder stands, and what its journal says.
+def block_status(folder: Path) -> tuple[BlockStatus, Journaled, BlockContents, Block]:
+    """Return where the block in a folder stands, its journal, what there is in it, and the block.
 
     Raises
     ------
@@ -86,7 +95,8 @@ def block_status(folder: Path) -> tuple[BlockStatus, Journaled]:
     block = read_block(folder)
     found = journaled(folder, block)
     name = plain(shlex.quote(str(folder)))
-    return status_of(block, found.state, _view(block), name, block_accidents(block)), found
+    status = status_of(block, found.state, _view(block), name, block_accidents(block))
+    return status, found, contents_of(block), block
 
 
 def _view(block: Block) -> BlockView | None:
@@ -144,7 +154,9 @@ class _Patience:
             raise NotComputableError(self.remark)
 
 
-def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Document:
+def status_document(
+    folder: Path, status: BlockStatus, found: Journaled, contents: BlockContents
+) -> Document:
     """Return the document of where a block stands.
 
     Parameters
@@ -155,6 +167,8 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
         Where it stands.
     found
         What its journal says; where that is something else than the files, it is a remark.
+    contents
+        What there is in it.
     """
     note = journal_answer(folder, found)
     remarks = [] if note is None else [note["remark"]]
@@ -180,6 +194,7 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
         "recomputed": [_recomputed(one) for one in status.recomputed],
         "lateral_ties": seen.lateral_ties,
         "control": {"points": seen.control, "seen": seen.control_seen},
+        "contents": contents_answer(contents),
         "accidents": accidents_answer(status.accidents),
         "next": {key: value or None for key, value in status.next._asdict().items()},
         "remarks": remarks + _unsolved(status.block),
@@ -187,9 +202,7 @@ def status_document(folder: Path, status: BlockStatus, found: Journaled) -> Docu
     answer |= photos_answer(status.accidents.photos)
     if note is not None:
         answer["differs_from_journal"] = note
-    page: list[Part] = (
-        [models, BLANK] if rows else [say("no strips: models cannot be formed"), BLANK]
-    )
+    page: list[Part] = [models, BLANK] if rows else [*contents_lines(contents), _NO_STRIPS, BLANK]
     if len(status.strips) > 1:
         page.append(say("lateral ties: {}", seen.lateral_ties))
     if seen.control:

@@ -286,8 +286,18 @@ def status_of(
         wrong = accidents.surest
         step = NextStep("return", f"anaplot open {folder}", wrong.model, point=wrong.accident.point)
     else:
-        step = following(opened, measured, view, folder)
+        step = following(opened, measured, view, folder, held=_held(block))
     return BlockStatus(strips, recomputed, view, coverage_of(block), step, accidents)
+
+
+def _held(block: Block) -> bool:
+    """Return whether anything says where the block lies, enough of it or not."""
+    return (
+        any(row.use == "control" for row in block.control)
+        or bool(block.priors)
+        or block.given is not None
+        or any(photo.position_sigma is not None for photo in block.photos)
+    )
 
 
 def _wrong_photo(block: Block, accidents: BlockAccidents) -> tuple[str, str] | None:
@@ -412,6 +422,8 @@ def following(
     folder: str,
     state: SessionState | None = None,
     ahead: Outlook | None = None,
+    *,
+    held: bool = True,
 ) -> NextStep:
     """Return what is to be done next: the model in work, what is surely wrong, the next model.
 
@@ -427,6 +439,8 @@ def following(
         How the command line names the block.
     state, ahead
         The session with a model in work, and what follows from it; None without one.
+    held
+        Whether anything ties the block to the ground.
     """
     opening = f"anaplot open {folder}"
     if state is not None and state.current is not None and ahead is not None:
@@ -442,6 +456,6 @@ def following(
         return NextStep("measure", opening, opened)
     if measured:
         # what the control does not determine yet needs a free datum
-        free = view is not None and view.datum == "free"
+        free = not held or (view is not None and view.datum == "free")
         return NextStep("adjust", f"anaplot adjust {folder}" + (" --datum free" if free else ""))
     return NextStep("measure", opening)

@@ -129,8 +129,8 @@ def check_datum(problem: Problem, state: BlockState, linear: Linearised) -> None
             )
             some_priors = bool(np.isfinite(problem.expected_sigma[seen]).any())
             hint = (
-                "there is no control and no prior orientation (a free datum needs none"
-                + (" and takes the scale from the distances)" if scales else ")")
+                "there is no control and no prior orientation: adjust --datum free needs "
+                "none" + (" and takes the scale from the distances" if scales else "")
                 if known.rows == 0
                 else "there is no control, and what photos state is only known but for the unknown "
                 f"{_unknown_offsets(problem)}"
