@@ -20,6 +20,7 @@ from anaplot.bundle.hypotheses.components import Grouping, block_components
 from anaplot.bundle.hypotheses.coordinatefunctions import evaluate_functions
 from anaplot.bundle.hypotheses.errorsets import error_set_tests
 from anaplot.bundle.hypotheses.giventests import given_tests
+from anaplot.bundle.hypotheses.offsetadvice import offset_advice
 from anaplot.bundle.hypotheses.offsettests import offset_tests
 from anaplot.bundle.hypotheses.priorknowledge import PriorEstimator, prior_estimate
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
@@ -60,7 +61,7 @@ from anaplot.report.hypotheses import hypotheses_document
 from anaplot.report.journalnote import journal_note, with_journal_notes
 from anaplot.report.keywords import names_in, takes_options
 from anaplot.report.lengthunits import with_lengths_of
-from anaplot.report.offsets import offsets_document, with_offsets
+from anaplot.report.offsets import offsets_document, with_offset_advice, with_offsets
 from anaplot.report.parameters import Known, automatic_choice, parameters_of
 from anaplot.report.photocures import naming_wrong_photos
 from anaplot.report.posteriorfile import check_carried, with_given, write_posterior
@@ -349,6 +350,7 @@ def adjust(
     document = with_photo_accidents(document, wrong)
     if prior is None:  # which weights a second adjustment would take anew
         document = with_double_names(document, double_names(adjusted, watch))
+    document = with_offset_advice(document, offset_advice(adjusted))
     document = with_lengths_of(measured, with_journal_notes(document, note))
     return Computed(found, document, flagged)
 

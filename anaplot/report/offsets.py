@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import degrees, radians
 from typing import Any
 
+from anaplot.bundle.hypotheses.offsetadvice import OffsetAdvice
 from anaplot.bundle.hypotheses.offsettests import OffsetTests
 from anaplot.bundle.hypotheses.verdict import Verdict
 from anaplot.bundle.solve.problem import Datum
@@ -17,7 +18,7 @@ from anaplot.report.document import BLANK, Column, Document, Line, for_programs,
 from anaplot.report.document import Block as PageBlock
 from anaplot.report.verdicts import TEST_HEAD, labelled, probability, verdict_cells, verdict_json
 
-__all__ = ["offsets_document", "with_offsets"]
+__all__ = ["offsets_document", "with_offset_advice", "with_offsets"]
 
 _OPTIONS = {"shift": "--gnss-shift", "drift": "--gnss-drift", "boresight": "--imu-boresight"}
 _WIDTH = 30
@@ -65,6 +66,36 @@ def with_offsets(
             changed[f"{kind}_sigma"] = (each, each, each)
         offsets = replace(offsets, **changed)
     return replace(block, offsets=offsets if offsets.any else None)
+
+
+def with_offset_advice(document: Document, found: Sequence[OffsetAdvice]) -> Document:
+    """Return a document that ends with the offsets its block should have, where there are any."""
+    if not found:
+        return document
+    lines = [
+        say(
+            "note: stated {} are off by the same: with {} {} v'Pv falls by about {:.4g} of {:.4g} "
+            "({} unknowns, P {})",
+            "angles" if one.kind == "boresight" else "positions",
+            _OPTIONS[one.kind],
+            one.scope,
+            one.falls,
+            one.vtpv,
+            one.unknowns,
+            probability(one.test.significance),
+        ).of("remark")
+        for one in found
+    ]
+    advised = [
+        {
+            "option": f"{_OPTIONS[one.kind]} {one.scope}",
+            **{key: value for key, value in one._asdict().items() if key != "test"},
+            "probability": one.test.significance,
+        }
+        for one in found
+    ]
+    answer = document.answer | {"offsets_advised": advised}
+    return replace(document, answer=answer, page=(*document.page, *lines))
 
 
 _COLUMNS = (

@@ -13,6 +13,7 @@ from gnssblocks import Dense, flown
 from anaplot.bundle.adjust import adjust_block, adjust_problem
 from anaplot.bundle.epochs.displacements import compare_epochs
 from anaplot.bundle.errors.grosserrors import block_gross_errors
+from anaplot.bundle.hypotheses.offsetadvice import offset_advice
 from anaplot.bundle.hypotheses.offsettests import offset_rows, offset_tests
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.datum import priors_hold
@@ -22,6 +23,7 @@ from anaplot.bundle.solve.residuals import block_residuals, residuals_of
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.photogrammetry.prioroffsets import PriorOffsets
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 
 EVERY = PriorOffsets("strip", "strip", "block")
 WEIGHTED = PriorOffsets(
@@ -361,3 +363,49 @@ def test_offsets_are_tested_with_the_sigma_of_the_block():
     y = np.array([one.row.value for one in found.single])[its]
     square = float(y @ np.linalg.solve(q, y)) / 3.0 / adjusted.sigma0**2
     assert shift.verdict.estimated.statistic == pytest.approx(square)
+
+
+def small(block):
+    """The block with a shift of one strip of 0.2 m more, and a boresight of 0.6 mrad."""
+    first = set(block.strips[0].photos)
+    photos = []
+    for photo in block.photos:
+        shift = np.array([0.2, -0.1, 0.2]) * (photo.id in first)
+        turned = rotation_matrix(*photo.rotation) @ rotation_matrix(6e-4, -6e-4, 8e-4)
+        position = np.array(photo.position) + shift
+        angles = rotation_angles(turned)
+        photos.append(replace(photo, position=tuple(position.tolist()), rotation=angles))
+    return replace(block, photos=tuple(photos))
+
+
+def test_what_positions_and_angles_ask_for_is_advised():
+    block = small(flown(PriorOffsets(), seed=8).scene.block)
+    bare = adjust_block(block)
+    advised = {one.kind: one for one in offset_advice(bare)}
+    assert {kind: one.scope for kind, one in advised.items()} == {
+        "shift": "strip", "boresight": "block",
+    }  # fmt: skip
+    assert [one.unknowns for one in advised.values()] == [6, 3]
+    both_there = PriorOffsets("strip", boresight="block")
+    least = adjust_block(replace(block, offsets=both_there)).vtpv
+    for kind, other in (("shift", "boresight"), ("boresight", "shift")):
+        without = replace(both_there, **{kind: None})
+        alone = adjust_block(replace(block, offsets=without))
+        assert getattr(alone.problem.block.offsets, other) is not None
+        # to first order: what is there has moved the photos
+        assert advised[kind].falls == pytest.approx(alone.vtpv - least, rel=0.02)
+        assert advised[kind].vtpv == bare.vtpv
+    assert offset_advice(alone) == []  # some are declared
+    # without control the shift of all is the datum: angles alone can tell
+    there = [one.kind for one in offset_advice(adjust_block(without_control(block)))]
+    assert there == ["boresight"]
+    assert offset_advice(adjust_block(block, datum="free")) == []
+
+
+def test_good_positions_and_angles_ask_for_nothing():
+    # alpha .001 of two tests a block: more than two of 60 have a probability of .0003
+    found = sum(
+        len(offset_advice(adjust_block(flown(PriorOffsets(), seed=seed).scene.block)))
+        for seed in range(30)
+    )
+    assert found <= 2

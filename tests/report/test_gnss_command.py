@@ -13,8 +13,8 @@ import anaplot
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block, write_block
 
-SHIFT = np.array([0.8, -0.5, 1.4])
-DRIFT = np.array([0.02, 0.03, -0.02])
+SHIFT = np.array([0.3, -0.2, 0.5])
+DRIFT = np.array([0.008, 0.012, -0.008])
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def folder(tmp_path_factory):
         at = np.array(row.position) + rng.normal(size=3) * 0.05
         if photo.id in block.strips[0].photos:
             at += SHIFT + DRIFT * (block.strips[0].photos.index(photo.id) - 1.5) * 10.0
-        angles = np.array(row.angles) + rng.normal(size=3) * 1e-4 + [0.0, radians(0.5), 0.0]
+        angles = np.array(row.angles) + rng.normal(size=3) * 1e-4 + [0.0, radians(0.05), 0.0]
         photos.append(
             replace(
                 photo,
@@ -72,7 +72,7 @@ def test_options_and_block_toml_say_the_same(folder, tmp_path, capsys) -> None:
     assert rows["drift", "1", "X"]["since"] == 115.0
     assert rows["shift", "1", "X"]["since"] is None
     [turn] = [row for row in found["unknowns"] if row["axis"] == "phi"]
-    assert turn["value"] == pytest.approx(radians(0.5), abs=4e-4)
+    assert turn["value"] == pytest.approx(radians(0.05), abs=2e-4)
     assert turn["group"] == read_block(folder).cameras[0].id
     judged = {(row["kind"], row["group"]): row["verdict"]["rejected"] for row in found["groups"]}
     assert judged["shift", "1"]
@@ -90,6 +90,18 @@ def test_options_and_block_toml_say_the_same(folder, tmp_path, capsys) -> None:
     plain = answer(capsys, str(said), *none)
     assert "offsets" not in plain
     assert plain == answer(capsys, str(folder))
+    # which is what it would have
+    advised = {one["kind"]: one for one in plain["offsets_advised"]}
+    assert advised["shift"]["option"] == "--gnss-shift strip"
+    assert advised["boresight"]["option"] == "--imu-boresight block"
+    assert advised["shift"]["probability"] < 1e-3
+    assert plain["redundancy"] - advised["shift"]["unknowns"] - 3 == got["redundancy"] + 6
+    assert "offsets_advised" not in got
+    assert main(["adjust", str(folder)]) == 0
+    last = capsys.readouterr().out.splitlines()[-2:]
+    assert [line.split(": with ")[0] for line in last] == [
+        "note: stated positions are off by the same", "note: stated angles are off by the same",
+    ]  # fmt: skip
     assert plain["sigma0"] > 2.0 > got["sigma0"]
     assert plain["redundancy"] == got["redundancy"] + 15
 

@@ -15,6 +15,7 @@ from anaplot.bundle.solve.laidparameters import groups_of_photos
 from anaplot.bundle.solve.weightrange import check_weighted
 from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.prioroffsets import PriorOffsets
 from anaplot.textfiles.wording import quoted
 
 __all__ = [
@@ -128,7 +129,11 @@ class LaidOffsets:
 
 
 def lay_out_offsets(
-    block: Block, photos: Sequence[str], position_sigma: Array, rotation_sigma: Array
+    block: Block,
+    photos: Sequence[str],
+    position_sigma: Array,
+    rotation_sigma: Array,
+    wanted: PriorOffsets | None = None,
 ) -> LaidOffsets | None:
     """Lay out the offsets of a bundle; None where the block declares none.
 
@@ -140,6 +145,8 @@ def lay_out_offsets(
         Names of its n photos.
     position_sigma, rotation_sigma
         (n, 3) standard deviations of what is stated of them; NaN where nothing is observed.
+    wanted
+        Others than the block declares, or None.
 
     Raises
     ------
@@ -149,7 +156,7 @@ def lay_out_offsets(
     NotComputableError
         A drift of positions of one time.
     """
-    wanted = block.offsets
+    wanted = block.offsets if wanted is None else wanted
     if wanted is None or not wanted.any:
         return None
     declared = {photo.id: photo for photo in block.photos}

@@ -1,0 +1,130 @@
+"""Would stated positions or angles fit if they were allowed to be off by the same.
+
+With the rows D of unknowns y that the adjustment is without, its residuals e and R = Q_vv P, v'Pv
+would fall by (D'e)'(D'R D)^-1 D'e: the multipliers of "y is zero". Of D'R D = K - C'N^-1 C all is
+there, see `anaplot.bundle.solve.offsetequations`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.adjustment.hypothesis import FTest, f_test
+from anaplot.aliases import Array, Index
+from anaplot.bundle.hypotheses.verdict import VarianceFactor
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.laidoffsets import OFFSET_KINDS, OffsetKind, OffsetName, lay_out_offsets
+from anaplot.bundle.solve.offsetequations import OffsetsOpenError, OffsetUpdate, best_offsets
+from anaplot.photogrammetry.prioroffsets import BoresightScope, OffsetScope, PriorOffsets
+from anaplot.photogrammetry.rotation import rotation_angles
+
+__all__ = ["OffsetAdvice", "offset_advice"]
+
+_ALPHA = 1e-3  # significance: a remark that nobody asked for is not made by chance
+
+
+class OffsetAdvice(NamedTuple):
+    """Unknowns that stated positions or angles ask for.
+
+    Attributes
+    ----------
+    kind, scope
+        "shift" of "strip" or "block", or "boresight" of "camera" or "block".
+    unknowns
+        How many.
+    falls, vtpv
+        What v'Pv would fall by to first order, beside the other kinds, and what it is.
+    test
+        Of "all are zero", with what is left of v'Pv.
+    """
+
+    kind: OffsetKind
+    scope: str
+    unknowns: int
+    falls: float
+    vtpv: float
+    test: FTest
+
+
+def offset_advice(block: AdjustedBlock) -> list[OffsetAdvice]:
+    """Return what a block without offsets should have; nothing where it has some.
+
+    Each kind is tested beside the others: what is left of v'Pv once all are there decides.
+    """
+    problem = block.problem
+    if problem.datum != "control" or problem.offsets is not None:
+        return []
+    shift: OffsetScope | None = None
+    boresight: BoresightScope | None = None
+    if np.isfinite(problem.position_sigma).any():
+        shift = "strip" if len(problem.block.strips) > 1 else "block"
+    if np.isfinite(problem.rotation_sigma).any():
+        boresight = "camera" if len(problem.block.cameras) > 1 else "block"
+    every = PriorOffsets(shift, None, boresight)
+    # without control positions hold the datum, and nothing tells of their shift
+    for wanted in (every, replace(every, shift=None)):
+        if wanted.any and (found := _Multipliers.of(block, wanted)) is not None:
+            return found.advice(block, wanted)
+    return []
+
+
+class _Multipliers(NamedTuple):
+    """Of "all offsets are zero": names of the k offsets, D'e and D'R D."""
+
+    names: tuple[OffsetName, ...]
+    told: Array
+    matrix: Array
+
+    @classmethod
+    def of(cls, block: AdjustedBlock, wanted: PriorOffsets) -> _Multipliers | None:
+        """Return them; None where the offsets could not be determined."""
+        problem, normal, factor = block.problem, block.cofactors.normal, block.cofactors.factor
+        stated = problem.position_sigma, problem.rotation_sigma
+        laid = lay_out_offsets(problem.block, problem.photos, *stated, wanted)
+        if laid is None or len(laid) >= block.redundancy:
+            return None
+        # as if all were stated as it is: the derivatives where there are no offsets
+        rotations, fitting = block.state.rotations, np.zeros((len(problem.photos), 3))
+        angles = np.array([rotation_angles(one) for one in rotations])
+        equations, _ = best_offsets(laid, fitting, rotations, angles, problem.prior_sigma)
+        sides = equations.sides(normal.linear.photo_rows)
+        others = np.zeros((len(problem.points), 3, len(laid)))
+        shared = np.zeros((problem.in_border, len(laid)))
+        try:
+            update = OffsetUpdate.of(equations, sides, normal.solve(factor, sides, others, shared))
+        except OffsetsOpenError:
+            return None
+        told = equations.gathered(normal.linear.photo_e[:, :, None])[:, 0]
+        matrix = np.asarray(-np.linalg.inv(update.inner), dtype=np.float64)
+        return cls(laid.names, told, matrix)
+
+    def falls(self, its: Index) -> float:
+        """Return what v'Pv falls by with some of them."""
+        if not len(its):
+            return 0.0
+        return float(
+            self.told[its] @ np.linalg.solve(self.matrix[np.ix_(its, its)], self.told[its])
+        )
+
+    def advice(self, block: AdjustedBlock, wanted: PriorOffsets) -> list[OffsetAdvice]:
+        """Return those that are needed beside the others."""
+        kinds = np.array([name.kind for name in self.names])
+        whole = self.falls(np.arange(len(kinds)))
+        left = VarianceFactor(
+            max(block.vtpv - whole, 0.0), block.redundancy - len(kinds), by_known=False
+        )
+        sigma = max(1.0, left.sigma or 0.0)
+        out = []
+        for kind in OFFSET_KINDS:
+            its, others = np.flatnonzero(kinds == kind), np.flatnonzero(kinds != kind)
+            if not len(its):
+                continue
+            falls = max(whole - self.falls(others), 0.0)
+            test = f_test(falls, len(its), alpha=_ALPHA, sigma=sigma, redundancy=left.redundancy)
+            if test.rejected:
+                scope = getattr(wanted, kind)
+                out.append(OffsetAdvice(kind, scope, len(its), falls, block.vtpv, test))
+        return out
