@@ -108,6 +108,12 @@ _ALL: tuple[Format, ...] = (
         import_options=(*_STATED, "sigma_px", "order", "files"),
     ),
     Format(
+        "aicon",
+        "AICON's .phc, .ior, .eor, .obc and .scale",
+        import_options=(*_STATED, "sigma_um", "order", "files"),
+        adjusted=True,
+    ),
+    Format(
         "bal",
         "a BAL problem",
         import_options=("sigma_px",),
