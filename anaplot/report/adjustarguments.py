@@ -236,6 +236,12 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         "numpy.load; of more unknowns than are shown",
     )
     adjust.add_argument(
+        "--control-page",
+        action="store_true",
+        help="add a page for every control and check point: which errors in it would be found, "
+        "what they would move, and what the block is without it",
+    )
+    adjust.add_argument(
         "--components",
         nargs="?",
         const="axes",

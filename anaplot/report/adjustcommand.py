@@ -17,6 +17,7 @@ from anaplot.bundle.errors.grosserrors import BlockFindings
 from anaplot.bundle.hypotheses.blockhypotheses import block_hypotheses
 from anaplot.bundle.hypotheses.chosenparameters import choose_parameters
 from anaplot.bundle.hypotheses.components import Grouping, block_components
+from anaplot.bundle.hypotheses.controlpages import control_pages
 from anaplot.bundle.hypotheses.coordinatefunctions import evaluate_functions
 from anaplot.bundle.hypotheses.errorsets import error_set_tests
 from anaplot.bundle.hypotheses.giventests import given_tests
@@ -42,6 +43,7 @@ from anaplot.report.chosenparameters import choice_document
 from anaplot.report.components import components_document
 from anaplot.report.computed import Computed
 from anaplot.report.conditionpoints import refuse_unknown_points
+from anaplot.report.controlpages import control_pages_document
 from anaplot.report.correlations import correlated_rays, correlations_document
 from anaplot.report.covariance import (
     CovarianceQuestion,
@@ -117,6 +119,7 @@ def adjust(
     plant: Sequence[str] | None = None,
     test_set: Sequence[str] | None = None,
     function: Sequence[str] | None = None,
+    control_page: bool = False,
     progress: Progress | None = None,
 ) -> Computed[BlockAdjustment]:
     """Adjust a block as one bundle, from nothing but its measurements.
@@ -202,6 +205,9 @@ def adjust(
         "ray:PHOTO:POINT".
     function
         Functions of coordinates: "distance A B", "height A B", "centre A B C ...".
+    control_page
+        Add a page for every control and check point: what of an error in it would be found, and
+        what would move with and without it.
     progress
         Called with what is being done and the fraction of it (0 to 1); a `Watch` also ends the
         search for gross errors early when it is stopped.
@@ -339,6 +345,7 @@ def adjust(
         left,
         spread,
         offset_tests(adjusted, settings),
+        control_pages(adjusted) if control_page else None,
     )
     flagged = adjusted.any_flagged or len(found.rejected) > 0
     flagged = flagged or (agreed is not None and agreed.flagged)
@@ -446,6 +453,8 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
         parts["posterior"] = posterior_document(found.posterior)
     if found.asked_covariance is not None:
         parts["covariance"] = covariance_document(found.asked_covariance)
+    if found.control_pages is not None:
+        parts["control_pages"] = control_pages_document(found.control_pages)
     if found.test_sets:
         parts["test_sets"] = error_sets_document(found.test_sets)
     if found.functions:
@@ -460,7 +469,15 @@ def _document(found: BlockAdjustment, snooping: bool, correlations: float | None
 # what a person reads after the block itself, in this order
 _ORDER = (
     *("errors_without_control", "errors", "given", "choice", "calibration", "doming", "offsets"),
-    *("hypotheses", "prior_estimate", "components", "snooping", "correlations", "test_sets"),
+    *(
+        "hypotheses",
+        "control_pages",
+        "prior_estimate",
+        "components",
+        "snooping",
+        "correlations",
+        "test_sets",
+    ),
     *("functions", "covariance", "posterior"),
 )
 

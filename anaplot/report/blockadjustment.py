@@ -10,6 +10,7 @@ from anaplot.bundle.errors.grosserrors import BlockFindings
 from anaplot.bundle.hypotheses.blockhypotheses import BlockHypotheses
 from anaplot.bundle.hypotheses.chosenparameters import ChosenParameters
 from anaplot.bundle.hypotheses.components import BlockComponents
+from anaplot.bundle.hypotheses.controlpages import ControlPage
 from anaplot.bundle.hypotheses.coordinatefunctions import FunctionValue
 from anaplot.bundle.hypotheses.errorsets import ErrorSetTest
 from anaplot.bundle.hypotheses.giventests import GivenTests
@@ -64,6 +65,8 @@ class BlockAdjustment:
         What `covariance` asked for; the method of that name gives any other.
     offsets
         What the stated positions and angles have in common; None where nothing was asked for.
+    control_pages
+        Control and check points, each by itself; None where nobody asked.
     """
 
     block: AdjustedBlock
@@ -81,6 +84,7 @@ class BlockAdjustment:
     posterior: Posterior | None = field(default=None, repr=False)
     asked_covariance: AskedCovariance | None = field(default=None, repr=False)
     offsets: OffsetTests | None = field(default=None, repr=False)
+    control_pages: tuple[ControlPage, ...] | None = field(default=None, repr=False)
 
     def covariance(
         self,

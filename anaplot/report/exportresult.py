@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from anaplot.bundle.adjust import adjust_block
-from anaplot.exchange.formats.door import AdjustedResult, PhotoResult, PointResult
+from anaplot.bundle.hypotheses.controlpages import ControlPage, ControlPart, control_pages
+from anaplot.exchange.formats.door import (
+    AdjustedResult,
+    ControlResult,
+    PhotoResult,
+    PointResult,
+)
 from anaplot.photogrammetry.block import Block
 
 __all__ = ["adjusted_result"]
@@ -70,4 +76,13 @@ def adjusted_result(block: Block) -> AdjustedResult:
             for row in adjusted.point_rows()
         ),
         adjusted.sigma0,
+        tuple(map(_control_result, control_pages(adjusted))),
     )
+
+
+def _control_result(page: ControlPage) -> ControlResult:
+    def r(part: ControlPart | None) -> float | None:
+        return None if part is None else part.r
+
+    use = "check" if page.use == "check" else "control"
+    return ControlResult(page.point, use, r(page.plan), r(page.height), page.verdict)

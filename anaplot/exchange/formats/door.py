@@ -194,7 +194,7 @@ class ControlResult(NamedTuple):
     r_plan, r_height
         Mean redundancy number of X, Y, and that of Z; None where there is none.
     verdict
-        One word: "good", "look" or "unchecked".
+        One word: "good", "look" (something is flagged), "weak" or "unchecked".
     """
 
     point: str

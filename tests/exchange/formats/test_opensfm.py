@@ -193,7 +193,10 @@ def test_a_project_goes_in_and_out_by_the_command(
     listed = (out / "gcp_list.txt").read_text().splitlines()
     assert listed[:2] == ["EPSG:4326", "# a remark"]
     assert sum(line.startswith("# off: ") for line in listed) == 1
-    assert len(listed) == 2 + len(flight.control_rays)
+    words = [line.split()[-3:] for line in listed[2:] if not line.startswith("#")]
+    assert len(words) == len(flight.control_rays) - 1
+    assert {word for word, _, _ in words} <= {"good", "weak"}
+    assert all(r.startswith("r_plan=0.") and z.startswith("r_height=0.") for _, r, z in words)
     # and in again: what was removed is no more, the rest is the same
     again = odm.read(out, ImportOptions()).block
     before = {(row.photo, row.point): row.measured for row in read_block(block).image_points

@@ -1,0 +1,144 @@
+"""A page for a control point says what the block would be without it: adjusted again, it is so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundleblocks import aerial
+
+from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.hypotheses.controlpages import ControlPage, control_pages
+from anaplot.bundle.hypotheses.errorsets import ErrorSet, error_set_tests
+from anaplot.photogrammetry.block import Block
+from anaplot.report.adjustcommand import adjust
+
+
+@pytest.fixture(scope="module")
+def block() -> Block:
+    # sigmas of control in metres at a flying height of 1000 m, and errors of that size
+    found = aerial(noise_um=5.0).block
+    rng = np.random.default_rng(11)
+    control = tuple(
+        replace(
+            row,
+            xyz=tuple((np.array(row.xyz) + rng.normal(0.0, 0.02, 3)).tolist()),
+            sigma=(0.02, 0.02, 0.03),
+            use="control",
+        )
+        for row in found.control
+    )
+    return replace(found, control=control)
+
+
+def _pages(block: Block) -> dict[str, ControlPage]:
+    return {page.point: page for page in control_pages(adjust_block(block))}
+
+
+def _as(block: Block, point: str, use: str) -> Block:
+    control = tuple(
+        replace(row, use=use) if row.point == point else row  # type: ignore[arg-type]
+        for row in block.control
+    )
+    return replace(block, control=control)
+
+
+def test_without_a_point_is_the_adjustment_without_it(block: Block) -> None:
+    pages = _pages(block)
+    before = {row.point: np.array(row.xyz) for row in adjust_block(block).point_rows()}
+    assert len(pages) == len(block.control)
+    for name, page in list(pages.items())[:3]:
+        assert page.without is not None
+        other = adjust_block(_as(block, name, "check"))
+        (difference,) = [found for point, found in other.check_rows() if point == name]
+        assert np.array(page.without.difference) == pytest.approx(np.array(difference), rel=1e-3)
+        moved = {row.point: np.array(row.xyz) - before[row.point] for row in other.point_rows()}
+        del moved[name]
+        farthest = max(moved, key=lambda point: float(np.linalg.norm(moved[point])))
+        assert page.without.farthest is not None
+        assert page.without.farthest.point == farthest
+        assert np.array(page.without.farthest.by) == pytest.approx(moved[farthest], rel=2e-2)
+        up = np.array([by[2] for by in moved.values()])
+        assert page.without.heights[1] == pytest.approx(np.sqrt((up**2).mean()), rel=2e-2)
+        # the standard deviations of the difference, of both, as the check point has them
+        then = {one.point: one for one in control_pages(other)}[name]
+        sigma = adjust_block(block).sigma
+        assert sigma is not None
+        assert other.sigma is not None
+        assert np.array(page.without.s) / sigma == pytest.approx(
+            np.array(then.s) / other.sigma, rel=1e-2
+        )
+
+
+def test_parts_are_those_of_the_sets(block: Block) -> None:
+    adjusted = adjust_block(block)
+    page = control_pages(adjusted)[0]
+    rows = [row for row in adjusted.control_rows() if row.key[1] == page.point]
+    (found,) = error_set_tests(adjusted, [ErrorSet("plan", tuple(row.key for row in rows[:2]))])
+    assert page.plan is not None
+    assert page.height is not None
+    assert page.plan.r == pytest.approx((rows[0].r + rows[1].r) / 2)
+    assert page.height.r == pytest.approx(rows[2].r)
+    assert page.plan.detectable == pytest.approx(
+        np.hypot(*[one.worst for one in found.errors])  # type: ignore[arg-type]
+    )
+    # the worst direction is no better than either axis alone
+    assert page.plan.detectable > max(row.mdb or 0.0 for row in rows[:2]) * 0.99
+    assert page.plan.effect is not None
+
+
+def test_a_wrong_point_is_looked_at_and_weak_ones_are_named(block: Block) -> None:
+    first = block.control[0]
+    x, y, z = first.xyz
+    assert z is not None
+    wrong = replace(first, xyz=(x, y, z + 1.0))
+    pages = _pages(replace(block, control=(wrong, *block.control[1:])))
+    assert pages[first.point].verdict == "look"
+    without = pages[first.point].without
+    assert without is not None
+    assert without.difference[2] == pytest.approx(-1.0, abs=0.1)
+    # three points hold seven of a datum's parameters with nine coordinates
+    few = tuple(replace(row, sigma=(1e-4,) * 3) for row in block.control[:3])
+    left = tuple(replace(row, use="off") for row in block.control[3:])
+    held = _pages(replace(block, control=(*few, *left)))
+    assert {page.verdict for page in held.values()} <= {"weak", "unchecked"}
+    assert all(page.without is None or page.verdict == "weak" for page in held.values())
+
+
+def test_fixed_and_check_points_have_pages(block: Block) -> None:
+    first, second, third, *others = block.control
+    mixed = (
+        replace(first, sigma=(0.0, 0.0, 0.0)), replace(second, use="check"),
+        replace(third, xyz=(third.xyz[0], third.xyz[1], None)), *others,
+    )  # fmt: skip
+    pages = _pages(replace(block, control=mixed))
+    assert pages[first.point].use == "fixed"
+    assert pages[first.point].plan is None
+    check = pages[second.point]
+    assert check.use == "check"
+    assert check.height is not None
+    assert check.height.detectable is not None
+    assert check.height.r is None
+    assert all(value is not None for value in check.difference)
+    assert pages[third.point].height is None
+    without = pages[third.point].without
+    assert without is not None
+    assert without.difference[2] is None
+
+
+def test_a_free_network_has_none(block: Block) -> None:
+    assert control_pages(adjust_block(block, datum="free")) == ()
+
+
+def test_the_library_and_the_page_say_the_same(block: Block) -> None:
+    found = adjust(block, control_page=True)
+    pages = found.result.control_pages
+    assert pages is not None
+    answer = found.to_dict()["control_pages"]
+    assert [one["point"] for one in answer] == [page.point for page in pages]
+    assert answer[0]["plan"]["mdb"] == pages[0].plan.detectable  # type: ignore[union-attr]
+    text = str(found)
+    assert "CONTROL AND CHECK POINTS" in text
+    assert f"{pages[0].point}  control, {len(pages[0].rays)} images: " in text
+    assert adjust(block).result.control_pages is None
