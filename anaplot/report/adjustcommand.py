@@ -247,11 +247,9 @@ def adjust(
     measured = with_offsets(
         measured,
         datum,
-        {
-            "shift": (gnss_shift, gnss_shift_sigma),
-            "drift": (gnss_drift, gnss_drift_sigma),
-            "boresight": (imu_boresight, imu_boresight_sigma),
-        },
+        shift=(gnss_shift, gnss_shift_sigma),
+        drift=(gnss_drift, gnss_drift_sigma),
+        boresight=(imu_boresight, imu_boresight_sigma),
     )
     check_power("--hypothesis-alpha", hypothesis_alpha, measured.test, where)
     who = None
@@ -374,6 +372,12 @@ def find_gross_errors(
     additional_reference_mm: float | None = None,
     calibrate: str | Sequence[str] | None = None,
     calibrate_sigma: str | Sequence[str] | None = None,
+    gnss_shift: Literal["none", "block", "strip"] | None = None,
+    gnss_shift_sigma: float | None = None,
+    gnss_drift: Literal["none", "block", "strip"] | None = None,
+    gnss_drift_sigma: float | None = None,
+    imu_boresight: Literal["none", "block", "camera"] | None = None,
+    imu_boresight_sigma: float | None = None,
     partner: float | None = None,
     as_given: bool = False,
     pairs: bool = False,
@@ -390,7 +394,8 @@ def find_gross_errors(
     errors
         Name of the strategy.
     datum, additional, additional_sigma_um, additional_prior, additional_reference_mm, calibrate,
-    calibrate_sigma, partner, as_given, pairs, given, given_without, progress
+    calibrate_sigma, gnss_shift, gnss_shift_sigma, gnss_drift, gnss_drift_sigma, imu_boresight,
+    imu_boresight_sigma, partner, as_given, pairs, given, given_without, progress
         As `adjust` has them.
 
     Returns
@@ -410,6 +415,13 @@ def find_gross_errors(
     note = journal_note(block, measured)
     refuse_unknown_points(measured)
     measured = with_given(measured, given, names_in(given_without or ()))
+    measured = with_offsets(
+        measured,
+        datum,
+        shift=(gnss_shift, gnss_shift_sigma),
+        drift=(gnss_drift, gnss_drift_sigma),
+        boresight=(imu_boresight, imu_boresight_sigma),
+    )
     chosen = calibration_asked(measured, calibrate, calibrate_sigma, additional)
     if chosen is None:
         chosen = parameters_of(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import degrees, radians
 from typing import Any
@@ -21,12 +21,13 @@ from anaplot.report.verdicts import TEST_HEAD, labelled, probability, verdict_ce
 __all__ = ["offsets_document", "with_offset_advice", "with_offsets"]
 
 _OPTIONS = {"shift": "--gnss-shift", "drift": "--gnss-drift", "boresight": "--imu-boresight"}
+_Asked = tuple[str | None, float | None]
 _WIDTH = 30
 _SHORT = "{:.5g}".format
 
 
 def with_offsets(
-    block: Block, datum: Datum, asked: Mapping[str, tuple[str | None, float | None]]
+    block: Block, datum: Datum, *, shift: _Asked, drift: _Asked, boresight: _Asked
 ) -> Block:
     """Return a block whose positions and angles have in common what options say.
 
@@ -36,9 +37,9 @@ def with_offsets(
         The block, with what its file says.
     datum
         Of the adjustment.
-    asked
-        Of "shift", "drift" and "boresight" the scope, or "none", and the standard deviation [m,
-        m/s, degrees]; None: as the file has it.
+    shift, drift, boresight
+        Of each the scope, or "none", and the standard deviation [m, m/s, degrees]; None: as the
+        file has it.
 
     Raises
     ------
@@ -46,6 +47,7 @@ def with_offsets(
         A standard deviation of what is not asked for, or a datum in which nothing stated is
         observed.
     """
+    asked = {"shift": shift, "drift": drift, "boresight": boresight}
     if not any(value is not None for pair in asked.values() for value in pair):
         return block
     offsets = block.offsets or PriorOffsets()

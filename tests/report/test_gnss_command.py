@@ -121,6 +121,9 @@ def test_what_is_weighted_is_an_observation_among_the_priors(folder, capsys) -> 
     r = sum(row["rx"] + row["ry"] for row in got["image_points"])
     r += sum(row["r"] for row in (*got["control"], *got["priors"]))
     assert r == pytest.approx(got["redundancy"], abs=1e-6)
+    search = anaplot.find_gross_errors(folder, gnss_shift="strip", gnss_shift_sigma=2.0)
+    rows = search.result.block.prior_rows()
+    assert any(row.key == ("prior", "2", "shift Y") for row in rows)
     free = answer(capsys, str(folder), "--gnss-shift", "strip", "--imu-boresight", "block")
     assert free["redundancy"] == got["redundancy"] - 9
     assert free["sigma0"] == pytest.approx(got["sigma0"], rel=0.1)
