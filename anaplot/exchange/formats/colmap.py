@@ -19,6 +19,7 @@ from anaplot.exchange.formats.colmapbinary import binary_model
 from anaplot.exchange.formats.colmapcamera import (
     MODELS,
     ColmapCamera,
+    canvas,
     our_lens,
     pinhole_directions,
 )
@@ -249,14 +250,7 @@ def _camera(
     if lens is None:
         seen = pinhole_directions(of, measured)
         lost = np.isnan(seen).any(axis=1)
-        measured = seen * of.focal + principal
-        # room for all of them: what a wide lens sees lies far outside of its own image
-        low = np.floor(np.minimum(np.nanmin(measured, axis=0, initial=0.0), 0.0))
-        high = np.ceil(np.maximum(np.nanmax(measured, axis=0, initial=0.0), size))
-        measured -= low
-        width, height = (high - low).tolist()
-        size = int(width), int(height)
-        principal = principal[0] - float(low[0]), principal[1] - float(low[1])
+        measured, size, principal = canvas(seen * of.focal + principal, size, principal)
         lens = BrownLens(b1=fx / fy - 1.0)
         name = MODELS[of.model].name
         text = (

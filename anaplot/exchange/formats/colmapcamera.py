@@ -22,7 +22,15 @@ from anaplot.aliases import Array
 from anaplot.photogrammetry.camera import BrownLens
 from anaplot.photogrammetry.planar import solve_pairs
 
-__all__ = ["MODELS", "ColmapCamera", "model_number", "our_lens", "pinhole_directions"]
+__all__ = [
+    "MODELS",
+    "ColmapCamera",
+    "canvas",
+    "model_number",
+    "our_lens",
+    "pinhole_directions",
+    "undistorted",
+]
 
 
 class _Model(NamedTuple):
@@ -148,6 +156,28 @@ def pinhole_directions(camera: ColmapCamera, pixels: Array) -> Array:
             bent = bent * np.where(small, 1.0, np.tan(angle) / np.where(small, 1.0, angle))[:, None]
     bent[~(np.hypot(*bent.T) <= _STEEPEST * (1.0 + 1e-9))] = np.nan
     return bent
+
+
+def undistorted(measured: Array, radial: tuple[float, ...], p1: float, p2: float) -> Array:
+    """Return (n, 2) directions of (n, 2) measured ones, y down, of OPENCV with any radial terms.
+
+    NaN where nothing is imaged within 80 degrees of the axis.
+    """
+    return _undo(measured, _Coefficients(radial, (), p1, p2, 0.0, 0.0), float(_STEEPEST))
+
+
+def canvas(
+    pixels: Array, size: tuple[int, int], principal: tuple[float, float]
+) -> tuple[Array, tuple[int, int], tuple[float, float]]:
+    """Return pixels, size and principal point of an image that has room for all of the pixels.
+
+    What a wide lens sees lies far outside of its own image when it is corrected.
+    """
+    low = np.floor(np.minimum(np.nanmin(pixels, axis=0, initial=0.0), 0.0))
+    high = np.ceil(np.maximum(np.nanmax(pixels, axis=0, initial=0.0), size))
+    width, height = (high - low).tolist()
+    place = principal[0] - float(low[0]), principal[1] - float(low[1])
+    return pixels - low, (int(width), int(height)), place
 
 
 class _Coefficients(NamedTuple):

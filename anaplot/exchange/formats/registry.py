@@ -84,6 +84,11 @@ _ALL: tuple[Format, ...] = (
         adjusted=True,
     ),
     Format(
+        "metashape",
+        "Metashape's camera XML with markers",
+        import_options=("sigma_px", "crs"),
+    ),
+    Format(
         "patb",
         "PAT-B .im, .con, .ori and -99 files",
         import_options=(*_STATED, "sigma_um", "sigma_classes", "unit", "order", "files"),

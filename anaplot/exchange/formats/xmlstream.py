@@ -16,7 +16,8 @@ __all__ = ["Element", "elements", "first_tag"]
 
 _PIECE = 1 << 16  # bytes
 _MAX_DEPTH = 40
-_MAX_TEXT = 20_000  # characters of an element
+_MAX_TEXT = 1_000_000  # characters of an element
+_MAX_WORDS = 20_000  # characters of all its attributes
 _MAX_TOKEN = 1 << 20  # bytes without anything that ends
 _MAX_CHILDREN = 1_000_000
 _MAX_ATTRIBUTES = 100
@@ -170,8 +171,8 @@ class _Reader:
             raise self._at().fail(f"elements within elements, more than {_MAX_DEPTH}")
         if len(attributes) > _MAX_ATTRIBUTES:
             raise self._at().fail(f"more than {_MAX_ATTRIBUTES} attributes")
-        if sum(map(len, attributes.values())) > _MAX_TEXT:
-            raise self._at().fail(f"attributes of more than {_MAX_TEXT} characters")
+        if sum(map(len, attributes.values())) > _MAX_WORDS:
+            raise self._at().fail(f"attributes of more than {_MAX_WORDS} characters")
         around = self._open[-1] if self._open else None
         self._tags.append(tag)
         chosen = "/".join(self._tags) in self._wanted

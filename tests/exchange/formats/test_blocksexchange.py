@@ -265,7 +265,7 @@ HARM = [
     ("<BlocksExchange>" + "<a>" * 100_000, "elements within elements, more than 40"),
     ("<BlocksExchange " + " ".join(f'a{k}="1"' for k in range(200)) + "/>", "100 attributes"),
     (f'<BlocksExchange a="{"x" * 30_000}"/>', "attributes of more than 20000"),
-    (f"<BlocksExchange><Block><Name>{'x' * 30_000}", "more than 20000 characters"),
+    (f"<BlocksExchange><Block><Name>{'x' * 1_100_000}", "more than 1000000 characters"),
     (f"<BlocksExchange {'x' * 3_000_000}", "without an end of a tag|attributes|not XML"),
     ("<Blocks/>", "<Blocks> is not <BlocksExchange>"),
     ("<BlocksExchange><Block>", "not XML: no element found"),
