@@ -93,9 +93,17 @@ _PRECISION: Fields = {
 }
 _TEST: Fields = {"kind": Word(*get_args(TestKind)), "alpha": FRACTION, "power": FRACTION}
 _CAMERA: Fields = {"id": NAME, "c": POSITIVE}
-_BESIDE: Fields = {"lever_arm": Numbers(3)}  # of a camera in one aircraft: no part of its file
+_FAR = 1e4  # m that an antenna may be away
+_LONG = 1e13  # s, or ms, from anywhere
+# of a camera in one aircraft: no part of its file
+_BESIDE: Fields = {"lever_arm": Numbers(3, Number(-_FAR, _FAR))}
 _SIGMAS: Fields = {"position_sigma": Numbers(3, POSITIVE), "rotation_sigma": _rotation(POSITIVE)}
-_PHOTO: Fields = {"position": Numbers(3), "rotation": ROTATION, "time": NUMBER, **_SIGMAS}
+_PHOTO: Fields = {
+    "position": Numbers(3),
+    "rotation": ROTATION,
+    **_SIGMAS,
+    "time": Number(-_LONG, _LONG),
+}
 _SCOPE = Word(*get_args(OffsetScope))
 _GNSS: Fields = {
     "shift": _SCOPE,

@@ -362,6 +362,8 @@ def test_what_is_measured_in_flight():
     assert "greater than 0" in refused(text.replace("[1, 2, 3]\ndrift", "[1, 0, 3]\ndrift"))
     assert "3 numbers, not 2" in refused(text.replace("-0.6, 1.8", "1.8"))
     assert "time" in refused(text.replace("-345600.25", '"noon"'))
+    assert "time: must" in refused(text.replace("-345600.25", "1e300"))
+    assert "lever_arm" in refused(text.replace("0.35", "1e300"))
 
 
 # -- writing ---------------------------------------------------------------------------------
