@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import json
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from tiltedblock import CX, CY, FX, FY, HEIGHT, K1, K2, P1, P2, WIDTH, TiltedBlock
 
+LOCAL = 'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]'
 AXES = {"Right": (1, 0), "Left": (-1, 0), "Down": (0, 1), "Up": (0, -1)}
 ORIENTATIONS = [
     f"X{x}Y{y}" for x, y in itertools.permutations(AXES, 2) if np.dot(AXES[x], AXES[y]) == 0
@@ -151,3 +154,98 @@ def blocks_exchange(
         f"<TiePoints>{''.join(ties)}</TiePoints></Block></BlocksExchange>\n"
     )
     return file
+
+
+def camera_file(
+    scene: TiltedBlock, file: Path, *, k4: float = 0.0, control: int = 5, system: str = LOCAL
+) -> Path:
+    """Write Metashape's file; the chunk is half as large, and turned by 90 degrees about its z."""
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    shift = np.array([10.0, -20.0, 5.0])
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>\n<document version="1.5.0"><chunk label="c">',
+        '<sensors next_id="1"><sensor id="0" label="FC" type="frame">',
+        f'<resolution width="{WIDTH}" height="{HEIGHT}"/>',
+        '<property name="pixel_width" value="0.0025"/>',
+        '<property name="pixel_height" value="0.0025"/>',
+        '<calibration type="frame" class="initial"><f>1</f></calibration>',
+        '<calibration type="frame" class="adjusted">',
+        f"<f>{FY}</f><cx>{CX - WIDTH / 2}</cx><cy>{CY - HEIGHT / 2}</cy><b1>{FX - FY!r}</b1>",
+        f"<k1>{K1}</k1><k2>{K2}</k2><k4>{k4}</k4><p1>{P2}</p1><p2>{P1}</p2></calibration>",
+        "<rolling_shutter>true</rolling_shutter></sensor></sensors>",
+        '<components><component id="0"><transform>',
+        f"<rotation>{' '.join(map(str, turn.ravel()))}</rotation>",
+        f"<translation>{' '.join(map(str, shift))}</translation><scale>2</scale>",
+        "</transform><partition><camera_ids>0 1</camera_ids></partition></component></components>",
+        "<cameras>",
+    ]
+    for k, name in enumerate(scene.names):
+        pose = np.eye(4)
+        pose[:3, :3] = turn.T @ scene.rotations[k].T
+        pose[:3, 3] = turn.T @ (scene.centres[k] - shift) / 2.0
+        cells = " ".join(repr(float(v)) for v in pose.ravel())
+        lines.append(
+            f'<camera id="{k}" sensor_id="0" component_id="0" label="{name}">'
+            f"<transform>{cells}</transform></camera>\n"
+        )
+    lines.append('<camera id="99" sensor_id="0" label="unused"/></cameras>')
+    lines.append(f"<reference>{system.replace(chr(34), '&quot;')}</reference><markers>")
+    for j, (x, y, z) in enumerate(scene.points.tolist()):
+        given = f'<reference x="{x!r}" y="{y!r}" z="{z!r}" sx="0.02" sy="0.02" sz="0.03" enabled="'
+        given += f'{"true" if j < control - 1 else "false"}"/>'
+        lines.append(f'<marker id="{j}" label="m {j}">{given if j < control else ""}</marker>')
+    lines.append('</markers><frames><frame id="0"><markers>\n')
+    for j in range(len(scene.points)):
+        lines.append(f'  <marker marker_id="{j}">\n')
+        lines += [
+            f'    <location camera_id="{k}" pinned="true" x="{x!r}" y="{y!r}"/>\n'
+            for k, i, x, y in scene.pixels
+            if i == j
+        ]
+        lines.append("  </marker>\n")
+    lines.append("</markers></frame></frames><settings>")
+    lines.append('<property name="accuracy_projections" value="0.4"/>')
+    lines.append("</settings></chunk></document>\n")
+    file.write_text("".join(lines))
+    return file
+
+
+def opensfm_model(scene: TiltedBlock, folder: Path) -> Path:
+    """Write reconstruction.json and tracks.csv: divided by the width, from the middle."""
+    folder.mkdir()
+    shots = {
+        name: {
+            "rotation": Rotation.from_matrix(rotation).as_rotvec().tolist(),
+            "translation": (-rotation @ centre).tolist(),
+            "camera": "own",
+        }
+        for name, rotation, centre in zip(scene.names, scene.rotations, scene.centres, strict=True)
+    }
+    camera = {
+        "projection_type": "brown",
+        "width": WIDTH,
+        "height": HEIGHT,
+        "focal_x": FX / WIDTH,
+        "focal_y": FY / WIDTH,
+        "c_x": (CX - WIDTH / 2) / WIDTH,
+        "c_y": (CY - HEIGHT / 2) / WIDTH,
+        "k1": K1,
+        "k2": K2,
+        "k3": 0.0,
+        "p1": P1,
+        "p2": P2,
+    }
+    points = {
+        str(j + 1): {"coordinates": xyz, "color": [1, 2, 3]}
+        for j, xyz in enumerate(scene.points.tolist())
+    }
+    model = [{"cameras": {"own": camera}, "shots": shots, "points": points}]
+    (folder / "reconstruction.json").write_text(json.dumps(model))
+    rows = [
+        f"{scene.names[k]}\t{j + 1}\t{at}\t{(x - WIDTH / 2) / WIDTH!r}\t"
+        f"{(y - HEIGHT / 2) / WIDTH!r}\t0.002\t1\t2\t3\t-1\t-1"
+        for at, (k, j, x, y) in enumerate(scene.pixels)
+    ]
+    text = "\n".join(["OPENSFM_TRACKS_VERSION_v2", *rows]) + "\n"
+    (folder / "tracks.csv").write_text(text)
+    return folder

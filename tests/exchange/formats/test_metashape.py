@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiltedblock import CX, CY, FX, FY, HEIGHT, K1, K2, P1, P2, WIDTH, TiltedBlock, tilted_block
-from tiltedfiles import colmap_model
+from tiltedblock import CX, CY, FX, FY, K1, K2, P1, P2, TiltedBlock, tilted_block
+from tiltedfiles import camera_file, colmap_model
 
 from anaplot.cli import main
 from anaplot.errors import InputError
@@ -17,7 +17,6 @@ from anaplot.exchange.formats.door import ImportOptions
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 PLAIN = ImportOptions()
-LOCAL = 'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]'
 UTM = (
     'PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84",AUTHORITY["EPSG","4326"]],'
     'AUTHORITY["EPSG","32632"]]'
@@ -27,60 +26,6 @@ UTM = (
 @pytest.fixture(scope="module")
 def scene() -> TiltedBlock:
     return tilted_block()
-
-
-def camera_file(
-    scene: TiltedBlock, file: Path, *, k4: float = 0.0, control: int = 5, system: str = LOCAL
-) -> Path:
-    """Write the scene; the chunk is half as large, and turned by 90 degrees about its z."""
-    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    shift = np.array([10.0, -20.0, 5.0])
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>\n<document version="1.5.0"><chunk label="c">',
-        '<sensors next_id="1"><sensor id="0" label="FC" type="frame">',
-        f'<resolution width="{WIDTH}" height="{HEIGHT}"/>',
-        '<property name="pixel_width" value="0.0025"/>',
-        '<property name="pixel_height" value="0.0025"/>',
-        '<calibration type="frame" class="initial"><f>1</f></calibration>',
-        '<calibration type="frame" class="adjusted">',
-        f"<f>{FY}</f><cx>{CX - WIDTH / 2}</cx><cy>{CY - HEIGHT / 2}</cy><b1>{FX - FY!r}</b1>",
-        f"<k1>{K1}</k1><k2>{K2}</k2><k4>{k4}</k4><p1>{P2}</p1><p2>{P1}</p2></calibration>",
-        "<rolling_shutter>true</rolling_shutter></sensor></sensors>",
-        '<components><component id="0"><transform>',
-        f"<rotation>{' '.join(map(str, turn.ravel()))}</rotation>",
-        f"<translation>{' '.join(map(str, shift))}</translation><scale>2</scale>",
-        "</transform><partition><camera_ids>0 1</camera_ids></partition></component></components>",
-        "<cameras>",
-    ]
-    for k, name in enumerate(scene.names):
-        pose = np.eye(4)
-        pose[:3, :3] = turn.T @ scene.rotations[k].T
-        pose[:3, 3] = turn.T @ (scene.centres[k] - shift) / 2.0
-        cells = " ".join(repr(float(v)) for v in pose.ravel())
-        lines.append(
-            f'<camera id="{k}" sensor_id="0" component_id="0" label="{name}">'
-            f"<transform>{cells}</transform></camera>\n"
-        )
-    lines.append('<camera id="99" sensor_id="0" label="unused"/></cameras>')
-    lines.append(f"<reference>{system.replace(chr(34), '&quot;')}</reference><markers>")
-    for j, (x, y, z) in enumerate(scene.points.tolist()):
-        given = f'<reference x="{x!r}" y="{y!r}" z="{z!r}" sx="0.02" sy="0.02" sz="0.03" enabled="'
-        given += f'{"true" if j < control - 1 else "false"}"/>'
-        lines.append(f'<marker id="{j}" label="m {j}">{given if j < control else ""}</marker>')
-    lines.append('</markers><frames><frame id="0"><markers>\n')
-    for j in range(len(scene.points)):
-        lines.append(f'  <marker marker_id="{j}">\n')
-        lines += [
-            f'    <location camera_id="{k}" pinned="true" x="{x!r}" y="{y!r}"/>\n'
-            for k, i, x, y in scene.pixels
-            if i == j
-        ]
-        lines.append("  </marker>\n")
-    lines.append("</markers></frame></frames><settings>")
-    lines.append('<property name="accuracy_projections" value="0.4"/>')
-    lines.append("</settings></chunk></document>\n")
-    file.write_text("".join(lines))
-    return file
 
 
 def test_a_camera_file_is_the_block_that_colmap_has(tmp_path: Path, scene: TiltedBlock) -> None:
