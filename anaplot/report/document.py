@@ -34,6 +34,7 @@ __all__ = [
     "name",
     "named",
     "number",
+    "plain_values",
     "say",
     "stacked",
     "table",

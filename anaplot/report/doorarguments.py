@@ -101,6 +101,12 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--order", metavar="WORD", help="how something is turned; the format's own words"
     )
+    parser.add_argument(
+        "--ellipses",
+        type=positive,
+        metavar="FACTOR",
+        help="draw standard ellipses, so many times as large as they are",
+    )
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
     parser.set_defaults(all=False)
 

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import partial
+
 import numpy as np
 
 from anaplot.bundle.adjust import adjust_block
 from anaplot.bundle.hypotheses.controlpages import ControlPage, ControlPart, control_pages
+from anaplot.bundle.solve.adjusted import AdjustedBlock
+from anaplot.bundle.solve.externalreliability import external_reliability
 from anaplot.exchange.formats.door import (
     AdjustedResult,
     ControlResult,
     PhotoResult,
     PointResult,
+    ResultColumn,
+    ResultTable,
 )
 from anaplot.photogrammetry.block import Block
+from anaplot.report.adjusttables import (
+    check_table,
+    control_table,
+    image_point_table,
+    photo_table,
+    point_table,
+)
+from anaplot.report.document import Table, plain_values
 
 __all__ = ["adjusted_result"]
 
@@ -77,7 +92,36 @@ def adjusted_result(block: Block) -> AdjustedResult:
         ),
         adjusted.sigma0,
         tuple(map(_control_result, control_pages(adjusted))),
+        partial(_tables, adjusted),
     )
+
+
+def _tables(adjusted: AdjustedBlock) -> tuple[ResultTable, ...]:
+    """Return the tables that `adjust --to` writes."""
+    external = external_reliability(adjusted)
+    tables = (
+        photo_table(adjusted),
+        point_table(adjusted),
+        image_point_table(adjusted, external),
+        control_table(adjusted, external),
+        check_table(adjusted),
+    )
+    return tuple(
+        ResultTable(table.key, tuple(_columns(table)))
+        for table in tables
+        if len(table) or table.key in ("photos", "points", "image_points")
+    )
+
+
+def _columns(table: Table) -> Iterator[ResultColumn]:
+    units = {column.key: column.unit for column, _ in table.for_programs()}
+    units |= {
+        f"{column.key}_{part}": column.unit
+        for column, _ in table.for_programs()
+        for part in column.parts
+    }
+    for name, values in table.components():
+        yield ResultColumn(name, units[name], tuple(plain_values(values)))
 
 
 def _control_result(page: ControlPage) -> ControlResult:

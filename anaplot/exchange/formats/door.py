@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from anaplot.photogrammetry.block import Block
 
@@ -21,6 +21,8 @@ __all__ = [
     "Note",
     "PhotoResult",
     "PointResult",
+    "ResultColumn",
+    "ResultTable",
     "What",
 ]
 
@@ -204,6 +206,43 @@ class ControlResult(NamedTuple):
     verdict: str
 
 
+class ResultColumn(NamedTuple):
+    """A column of a table of results.
+
+    Attributes
+    ----------
+    name
+        As `--json` has it.
+    unit
+        Of its values, or empty.
+    values
+        Numbers, names, true and false, lists of names; None where there is none.
+    """
+
+    name: str
+    unit: str
+    values: tuple[Any, ...]
+
+
+class ResultTable(NamedTuple):
+    """A table of results.
+
+    Attributes
+    ----------
+    name
+        "photos", "points", "image_points", "control" or "check".
+    columns
+        In order, of one length.
+    """
+
+    name: str
+    columns: tuple[ResultColumn, ...]
+
+
+def _no_tables() -> tuple[ResultTable, ...]:
+    return ()
+
+
 @dataclass(frozen=True, slots=True)
 class AdjustedResult:
     """What an adjustment says of a block, for formats that have a place for it.
@@ -216,12 +255,17 @@ class AdjustedResult:
         Estimated factor of the a-priori sigmas; None without redundancy.
     control
         Control and check points.
+    tables
+        Makes the tables of `adjust`, photos, points and image_points always among them.
     """
 
     photos: tuple[PhotoResult, ...]
     points: tuple[PointResult, ...]
     sigma0: float | None
     control: tuple[ControlResult, ...] = ()
+    tables: Callable[[], tuple[ResultTable, ...]] = field(
+        default=_no_tables, repr=False, compare=False
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,11 +280,14 @@ class ExportOptions:
         Coordinate system of what is written.
     order
         How something is ordered or turned; the format's own words.
+    ellipses
+        How many times as large as they are standard ellipses are drawn; None: not at all.
     """
 
     unit: Literal["px", "mm", "um"] | None = None
     crs: str | None = None
     order: str | None = None
+    ellipses: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

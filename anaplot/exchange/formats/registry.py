@@ -125,6 +125,15 @@ _ALL: tuple[Format, ...] = (
         adjusted=True,
         starts_from=("problem.txt",),
     ),
+    Format(
+        "geojson",
+        "photo centres and points as GeoJSON",
+        reads=False,
+        export_options=("ellipses",),
+        adjusted=True,
+    ),
+    Format("csv", "results as tables", reads=False, adjusted=True),
+    Format("parquet", "results as tables for data frames", reads=False, adjusted=True),
 )
 
 FORMATS = {one.kind: one for one in _ALL}

@@ -1,0 +1,178 @@
+"""Results as GeoJSON (RFC 7946): photo centres and points with ellipses, redundancy and verdict.
+
+The standard ellipse of a point has the semi-axes a >= b, the roots of the eigenvalues of the
+covariance in plan, and the azimuth of a, clockwise from north (of the frame's y axis).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.errors import InputError
+from anaplot.exchange.formats.crs import GroundFrame
+from anaplot.exchange.formats.door import Exported, Exporting, Note, PhotoResult, PointResult
+from anaplot.textfiles.wholefile import create_whole
+
+__all__ = ["Ellipse", "standard_ellipse", "write"]
+
+_CORNERS = 36
+_DEGREE_DIGITS, _METRE_DIGITS = 12, 6  # a tenth of a micrometre, a micrometre
+_LOCAL = "local metres: no coordinate system is known, so this is no WGS84"
+_WORLD = "WGS84: longitude, latitude [degrees], ellipsoidal height [m]"
+
+
+class Ellipse(NamedTuple):
+    """A standard ellipse.
+
+    Attributes
+    ----------
+    a, b
+        Semi-axes [m], the larger first.
+    azimuth
+        Of a, clockwise from north [degrees], from 0 to 180.
+    """
+
+    a: float
+    b: float
+    azimuth: float
+
+
+def standard_ellipse(covariance: Sequence[Sequence[float]]) -> Ellipse:
+    """Return the standard ellipse of (3, 3) or (2, 2) covariances [m^2] of x, y."""
+    values, vectors = np.linalg.eigh(np.array(covariance, dtype=float)[:2, :2])
+    b, a = np.sqrt(np.maximum(values, 0.0)).tolist()
+    x, y = vectors[:, 1].tolist()
+    azimuth = math.degrees(math.atan2(x, y)) % 180.0
+    return Ellipse(a, b, 0.0 if azimuth == 180.0 else azimuth)
+
+
+def write(exporting: Exporting, target: Path) -> Exported:
+    """Write a file.
+
+    Raises
+    ------
+    InputError
+        The coordinate system is unknown, or pyproj is missing; or it cannot be written.
+    """
+    found, larger = exporting.adjusted, exporting.options.ellipses
+    if found is None:
+        raise InputError("nothing was adjusted")
+    system = exporting.block.ground
+    frame = None if system is None else GroundFrame.of(system)
+    verdicts = {one.point: one.verdict for one in found.control}
+    features = _placed([(one.position, _photo(one)) for one in found.photos], frame)
+    features += _placed(
+        [(one.xyz, _point(one, verdicts.get(one.point))) for one in found.points], frame
+    )
+    notes = []
+    if larger is not None:
+        features += [_drawn(one, larger, frame) for one in found.points]
+        text = f"ellipses are drawn {larger:g} times as large as they are"
+        notes.append(Note("changed", None, text))
+    if frame is None:
+        text = "no coordinate system: coordinates are local metres, against RFC 7946"
+        notes.append(Note("not held", None, text))
+    answer = {
+        "type": "FeatureCollection",
+        "coordinates_are": _LOCAL if frame is None else _WORLD,
+        "sigma0": found.sigma0,
+        "features": features,
+    }
+    create_whole(target, (json.dumps(answer, allow_nan=False, ensure_ascii=False) + "\n").encode())
+    return Exported((target,), tuple(notes))
+
+
+def _placed(
+    items: Sequence[tuple[tuple[float, float, float], dict[str, Any]]], frame: GroundFrame | None
+) -> list[dict[str, Any]]:
+    if not items:
+        return []
+    places = _coordinates(np.array([at for at, _ in items]), frame)
+    return [
+        _feature({"type": "Point", "coordinates": at}, properties)
+        for at, (_, properties) in zip(places, items, strict=True)
+    ]
+
+
+def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _coordinates(xyz: Array, frame: GroundFrame | None) -> list[list[float]]:
+    if frame is None:
+        return [[round(v, _METRE_DIGITS) for v in row] for row in xyz.tolist()]
+    places = frame.degrees(xyz)
+    places[:, 0] = (places[:, 0] + 180.0) % 360.0 - 180.0
+    return [
+        [round(x, _DEGREE_DIGITS), round(y, _DEGREE_DIGITS), round(z, _METRE_DIGITS)]
+        for x, y, z in places.tolist()
+    ]
+
+
+def _xyz(at: tuple[float, float, float]) -> dict[str, float]:
+    return dict(zip("XYZ", at, strict=True))
+
+
+def _photo(one: PhotoResult) -> dict[str, Any]:
+    angles = ("omega_deg", "phi_deg", "kappa_deg")
+    return {
+        "kind": "photo",
+        "name": one.photo,
+        **_xyz(one.position),
+        **dict(zip(("sX", "sY", "sZ"), one.position_sigma, strict=True)),
+        **dict(zip(angles, map(math.degrees, one.rotation), strict=True)),
+        "rays": one.rays,
+        "redundancy": one.redundancy,
+        "flagged": one.flagged,
+        "verdict": _verdict(one.flagged, one.redundancy),
+    }
+
+
+def _point(one: PointResult, verdict: str | None) -> dict[str, Any]:
+    ellipse = standard_ellipse(one.covariance)
+    return {
+        "kind": "point",
+        "name": one.point,
+        "use": one.use,
+        **_xyz(one.xyz),
+        "ellipse_a_m": ellipse.a,
+        "ellipse_b_m": ellipse.b,
+        "ellipse_azimuth_deg": ellipse.azimuth,
+        "sigma_height_m": math.sqrt(max(one.covariance[2][2], 0.0)),
+        "rays": one.rays,
+        "redundancy": one.redundancy,
+        "flagged": one.flagged,
+        "verdict": verdict or _verdict(one.flagged, one.redundancy),
+    }
+
+
+def _verdict(flagged: int, redundancy: float | None) -> str:
+    if flagged:
+        return "look"
+    if redundancy is None or redundancy < 1e-9:
+        return "unchecked"
+    return "weak" if redundancy < 0.1 else "good"
+
+
+def _drawn(one: PointResult, larger: float, frame: GroundFrame | None) -> dict[str, Any]:
+    """Return the ellipse as a polygon: counterclockwise, its first corner again at the end."""
+    ellipse = standard_ellipse(one.covariance)
+    turn = math.radians(90.0 - ellipse.azimuth)
+    along = np.array([math.cos(turn), math.sin(turn)])
+    across = np.array([-along[1], along[0]])
+    t = 2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
+    flat = larger * (
+        ellipse.a * np.cos(t)[:, None] * along + ellipse.b * np.sin(t)[:, None] * across
+    )
+    ring = _coordinates(np.array(one.xyz) + np.column_stack((flat, np.zeros(_CORNERS))), frame)
+    return _feature(
+        {"type": "Polygon", "coordinates": [[*ring, ring[0]]]},
+        {"kind": "ellipse", "name": one.point, "drawn_larger": larger},
+    )
