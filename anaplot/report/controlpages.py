@@ -8,7 +8,7 @@ from typing import Any
 
 from anaplot.bundle.hypotheses.controlpages import ControlPage, ControlPart, Movement, WithoutPoint
 from anaplot.report.columns import counted
-from anaplot.report.document import Answer, Block, Document, Line, say
+from anaplot.report.document import Answer, Block, Document, Line, named, say
 
 __all__ = ["control_pages_document"]
 
@@ -37,10 +37,17 @@ def control_pages_document(pages: Sequence[ControlPage]) -> Document:
 
 
 def _lines(page: ControlPage) -> list[Block]:
-    kind = {"control": "control", "check": "check point", "fixed": "control, free of error"}
+    kind = {
+        "control": "control",
+        "check": "check point",
+        "fixed": "control, free of error",
+        "rejected": "control, rejected",
+    }
     head = say("  {}  {}, {}: {}", page.point, kind[page.use],
                counted(len(page.rays), "image"), _WORDS[page.verdict])  # fmt: skip
     lines: list[Block] = [head.of("look") if page.verdict == "look" else head]
+    if page.rejected and page.use == "control":
+        lines.append(say("    rejected: {}", named(page.rejected)).of("look"))
     for word, part in (("plan", page.plan), ("height", page.height)):
         if part is not None:
             lines.append(_part(word, part))
@@ -99,6 +106,7 @@ def _json(page: ControlPage) -> Answer:
         "point": page.point,
         "use": page.use,
         "verdict": page.verdict,
+        "rejected": list(page.rejected),
         "images": len(page.rays),
         "plan": _part_json(page.plan),
         "height": _part_json(page.height),

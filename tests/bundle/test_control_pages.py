@@ -142,3 +142,21 @@ def test_the_library_and_the_page_say_the_same(block: Block) -> None:
     assert "CONTROL AND CHECK POINTS" in text
     assert f"{pages[0].point}  control, {len(pages[0].rays)} images: " in text
     assert adjust(block).result.control_pages is None
+
+
+def test_what_was_rejected_is_named(block: Block) -> None:
+    first, *others = block.control
+    x, y, z = first.xyz
+    assert x is not None
+    assert y is not None
+    assert z is not None
+    wrong = replace(first, xyz=(x + 5.0, y + 4.0, z + 6.0))
+    found = adjust(replace(block, control=(wrong, *others)), errors="odds", control_page=True)
+    gone = {row.name[2] for row in found.result.rejected if row.name[0] == "control"}
+    assert gone
+    pages = found.result.control_pages
+    assert pages is not None
+    assert set(pages[0].rejected) == gone
+    assert pages[0].verdict == "look"
+    assert not any(page.rejected for page in pages[1:])
+    assert "rejected" in str(found)

@@ -131,7 +131,8 @@ class ControlPage:
     point
         Its name.
     use
-        "control", "check", or "fixed": control that is free of error.
+        "control", "check", "fixed": control that is free of error, or "rejected": none of it is an
+        observation any more.
     rays
         Where it is seen.
     plan, height
@@ -147,7 +148,7 @@ class ControlPage:
     """
 
     point: str
-    use: Literal["control", "check", "fixed"]
+    use: Literal["control", "check", "fixed", "rejected"]
     rays: tuple[ControlRay, ...]
     plan: ControlPart | None
     height: ControlPart | None
@@ -155,6 +156,7 @@ class ControlPage:
     difference: tuple[float | None, float | None, float | None]
     s: tuple[float | None, float | None, float | None]
     verdict: ControlVerdict
+    rejected: tuple[str, ...] = ()
 
 
 def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
@@ -167,6 +169,7 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
     if problem.datum != "control":
         return ()
     there = set(problem.points)
+    held = dict(zip(problem.points, problem.fixed.tolist(), strict=True))
     rays: dict[str, list[RayRow]] = {}
     wanted = {name for name, row in problem.control_rows.items() if row.use != "off"} & there
     for ray in block.ray_rows():
@@ -197,11 +200,18 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
             page = _bare(name, seen, look) if known is None else known.page(name, seen, look)
             pages.append(page)
             continue
+        gone = tuple(
+            axis
+            for axis, value, fixed in zip(_AXES, row.xyz, held[name], strict=True)
+            if value is not None and not fixed and axis not in mine.get(name, {})
+        )
+        look = look or bool(gone)
         if name not in mine:
             verdict: ControlVerdict = "look" if look else "unchecked"
+            use: Literal["fixed", "rejected"] = "rejected" if gone else "fixed"
             nothing = (None, None, None)
             pages.append(
-                ControlPage(name, "fixed", seen, None, None, None, nothing, nothing, verdict)
+                ControlPage(name, use, seen, None, None, None, nothing, nothing, verdict, gone)
             )
             continue
         plan, height, every = (tests.get((name, part)) for part in ("plan", "height", "all"))
@@ -213,7 +223,8 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
         nothing = (None, None, None)
         pages.append(
             ControlPage(
-                name, "control", seen, in_plan, in_height, without, nothing, nothing, verdict
+                *(name, "control", seen, in_plan, in_height, without, nothing, nothing, verdict),
+                gone,
             )
         )
     return tuple(pages)

@@ -106,24 +106,28 @@ def read_reconstructions(path: Path) -> tuple[Reconstruction, ...]:
     return found
 
 
-def read_reference(path: Path) -> tuple[float, float, float]:
-    """Return longitude, latitude [degrees] and height [m] of reference_lla.json."""
+def read_reference(path: Path) -> tuple[float, float, float] | None:
+    """Return longitude, latitude [degrees] and height [m] of reference_lla.json.
+
+    None where they are zeros, which OpenSfM writes without any position.
+    """
     return _reference(read_json(path, 100_000))
 
 
-def _reference(found: JsonPlace) -> tuple[float, float, float]:
-    return (
+def _reference(found: JsonPlace) -> tuple[float, float, float] | None:
+    place_of_it = (
         found.get("longitude").number(-360.0, 360.0),
         found.get("latitude").number(-90.0, 90.0),
         found.get("altitude").number(-1e5, 1e7),
     )
+    return place_of_it if any(place_of_it) else None
 
 
 def _reconstruction(found: JsonPlace) -> Reconstruction:
     cameras = dict(found.get("cameras").items())
     shots = tuple(_shot(name, one, cameras) for name, one in found.get("shots").items())
     points = found.get("points").items()
-    # old files have the origin elsewhere; one of zeros is none
+    # old files have the origin in reference_lla.json only
     reference = _reference(found.get("reference_lla")) if "reference_lla" in found else None
     return Reconstruction(cameras, shots, frozenset(name for name, _ in points), reference)
 

@@ -206,6 +206,27 @@ def test_a_project_goes_in_and_out_by_the_command(
     assert after == before
 
 
+def test_without_a_place_the_control_has_the_origin(tmp_path: Path) -> None:
+    flight = Flight(noise_px=0.3)
+    flight.write(tmp_path)
+    zeros = {"latitude": 0.0, "longitude": 0.0, "altitude": 0.0}
+    (tmp_path / "reference_lla.json").write_text(json.dumps(zeros))
+    bare = _read(tmp_path)
+    assert bare.block.ground is None
+    assert "no place on earth" in _said(bare)
+    degrees = GroundFrame.of(local_system("WGS84", (LON, LAT, HEIGHT))).out_of_block(flight.control)
+    (tmp_path / "gcp_list.txt").write_text(flight.gcp_list("EPSG:4326", degrees))
+    found = _read(tmp_path, sigma_px=0.3)
+    assert found.block.ground is not None
+    assert np.abs(np.array(found.block.ground.origin[:2]) - (LON, LAT)).max() < 1e-3
+    assert all(photo.position is None for photo in found.block.photos)
+    # the points lie where they are on earth, not where the model's frame has them
+    adjusted = adjust_block(found.block)
+    rows = {row.point: row.xyz for row in adjusted.point_rows()}
+    at = GroundFrame.of(found.block.ground).out_of_block(np.array([rows["P4"]]))
+    assert np.abs(at[0, :2] - degrees[4, :2]).max() < 1e-6
+
+
 def test_what_is_not_from_there_cannot_go_there(tmp_path: Path) -> None:
     flight = Flight()
     flight.write(tmp_path / "s")
