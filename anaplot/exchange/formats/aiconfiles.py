@@ -27,11 +27,10 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Note
-from anaplot.exchange.formats.gathered import fields_of, number
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, fields_of, number
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.camera import RadialPolynomial
 from anaplot.photogrammetry.refinement import Refinement
-from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.wording import place, plain, quoted
 
 __all__ = [
@@ -225,7 +224,7 @@ def read_interior(path: Path) -> Interior:
 
 
 def _rows(path: Path) -> Iterator[tuple[SourceLine, list[str]]]:
-    for line in source_lines(path, MAX_CSV_BYTES):
+    for line in source_lines(path, MAX_TABLE_BYTES):
         fields = fields_of(line, "#%;*")
         if fields:
             yield line, fields

@@ -24,6 +24,7 @@ import numpy as np
 from anaplot.errors import InputError
 from anaplot.exchange.formats.balwriter import BAL_SOURCE, write_bal
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.block import (
@@ -36,7 +37,6 @@ from anaplot.photogrammetry.block import (
 )
 from anaplot.photogrammetry.camera import BrownLens
 from anaplot.photogrammetry.rotation import rotation_angles, turn
-from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.inputfile import open_input
 from anaplot.textfiles.wording import place, quoted
 
@@ -75,7 +75,7 @@ def recognises(source: Path) -> bool:
 def read(source: Path, options: ImportOptions) -> Imported:
     """Read a problem; raises InputError."""
     notes: list[Note] = []
-    with open_input(source, MAX_CSV_BYTES) as file:
+    with open_input(source, MAX_TABLE_BYTES) as file:
         size = os.fstat(file.fileno()).st_size
     lines = (line for line in source_lines(source) if line.text.strip())
     cameras, points, count = _counts(lines, source, size)

@@ -20,10 +20,9 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Note
-from anaplot.exchange.formats.gathered import number
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, number
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
-from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.wording import place, plain, quoted
 
 __all__ = [
@@ -99,7 +98,7 @@ def read_images(path: Path, notes: list[Note]) -> list[PhotoRows]:
     photos: list[PhotoRows] = []
     seen: dict[str, int] = {}
     inside, more = False, 0
-    for line in source_lines(path, MAX_CSV_BYTES):
+    for line in source_lines(path, MAX_TABLE_BYTES):
         fields = line.text.split()
         if not fields or fields[0] in ("-99", "-99."):
             inside = False
@@ -196,7 +195,7 @@ def _xyz(line: SourceLine, texts: list[str]) -> XYZ:
 
 
 def _records(path: Path) -> Iterator[tuple[SourceLine, list[str]]]:
-    for line in source_lines(path, MAX_CSV_BYTES):
+    for line in source_lines(path, MAX_TABLE_BYTES):
         if line.text.strip() and not _is_comment(line.text):
             yield line, line.text.split()
 

@@ -13,6 +13,7 @@ from anaplot.photogrammetry.block import Block, Camera, ImagePoint, in_pixels
 from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = [
+    "MAX_TABLE_BYTES",
     "check_with",
     "fields_of",
     "image_sigma",
@@ -22,6 +23,9 @@ __all__ = [
     "stated_camera",
     "whole_name",
 ]
+
+MAX_TABLE_BYTES = 50_000_000
+"""Largest table of text that is read; in memory it is forty times as large."""
 
 
 def fields_of(line: SourceLine, marks: str = "#") -> list[str]:

@@ -87,7 +87,13 @@ class _Found:
 
 def recognises(source: Path) -> bool:
     """Return whether a file is XML of a Metashape document."""
-    return source.is_file() and source.suffix.lower() == ".xml" and first_tag(source) == _ROOT
+    if not (source.is_file() and source.suffix.lower() == ".xml" and first_tag(source) == _ROOT):
+        return False
+    try:
+        with source.open("rb") as file:
+            return b"dbat_script_version" not in file.read(4000)  # DBAT calls its root so, too
+    except OSError:
+        return False
 
 
 def read(source: Path, options: ImportOptions) -> Imported:

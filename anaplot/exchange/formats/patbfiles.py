@@ -15,10 +15,9 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import InputError
-from anaplot.exchange.formats.gathered import fields_of, number
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, fields_of, number
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.rotation import rotation_angles
-from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = [
@@ -213,7 +212,7 @@ def read_orientations(path: Path, order: str | None) -> tuple[list[Orientation],
         What is wrong, with file and line; a matrix that is no rotation.
     """
     said, records = None, list[SourceLine]()
-    for line in source_lines(path, MAX_CSV_BYTES):
+    for line in source_lines(path, MAX_TABLE_BYTES):
         if line.text.lstrip().startswith("#"):
             words = line.text.lower().replace("-", " ")
             said = next((s for s in SENSES if s.replace("-", " ") in words), said)
@@ -279,7 +278,7 @@ def unit_of_project(path: Path) -> str | None:
 
 
 def _content(path: Path) -> Iterator[tuple[SourceLine, list[str]]]:
-    for line in source_lines(path, MAX_CSV_BYTES):
+    for line in source_lines(path, MAX_TABLE_BYTES):
         fields = fields_of(line)
         if fields:
             yield line, fields

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
-from anaplot.exchange.formats.gathered import check_with
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, check_with
 from anaplot.exchange.formats.pixeltables import (
     PixelRow,
     pixel_block,
@@ -18,7 +18,6 @@ from anaplot.exchange.formats.pixeltables import (
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.exchange.formats.statedcameras import needed_camera
 from anaplot.photogrammetry.block import ControlPoint
-from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.wording import place, plain
 
 __all__ = ["read", "recognises", "write"]
@@ -64,7 +63,7 @@ def write(exporting: Exporting, target: Path) -> Exported:
 def _rows(source: Path, notes: list[Note]) -> list[PixelRow]:
     rows: list[PixelRow] = []
     header: list[str] = []
-    for line in source_lines(source, MAX_CSV_BYTES):
+    for line in source_lines(source, MAX_TABLE_BYTES):
         fields = _fields(line)
         if not any(fields):
             continue

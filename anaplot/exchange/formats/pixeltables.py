@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import ImportOptions, Note
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.block import (
@@ -23,7 +24,6 @@ from anaplot.photogrammetry.block import (
     Precision,
     TestSettings,
 )
-from anaplot.textfiles.csvtable import MAX_CSV_BYTES
 from anaplot.textfiles.wording import hint, place, plain, quoted
 
 __all__ = [
@@ -58,7 +58,7 @@ class PixelRow(NamedTuple):
 
 def comma_rows(path: Path) -> Iterator[tuple[SourceLine, list[str]]]:
     """Yield the fields of every row of a table; lines that begin with # are comments."""
-    for line in source_lines(path, MAX_CSV_BYTES):
+    for line in source_lines(path, MAX_TABLE_BYTES):
         text = line.text.strip()
         if text and not text.startswith("#"):
             yield line, [field.strip() for field in text.split(",")]

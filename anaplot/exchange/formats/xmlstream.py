@@ -151,6 +151,8 @@ class _Reader:
             raise InputError(
                 f"{place(self._path, error.lineno)}: not XML: {expat.ErrorString(error.code)}"
             ) from None
+        except (LookupError, ValueError) as error:  # an encoding nobody knows
+            raise InputError(f"{place(self._path)}: not XML: {plain(str(error), 100)}") from None
         if not last and self._fed - self._parser.CurrentByteIndex > _MAX_TOKEN + _PIECE:
             raise self._at().fail(f"more than {_MAX_TOKEN} bytes without an end of a tag or text")
         done, self._done = self._done, []

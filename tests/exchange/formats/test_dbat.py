@@ -13,7 +13,6 @@ from anaplot.errors import InputError
 from anaplot.exchange.formats import dbat, photomodeler
 from anaplot.exchange.formats.door import Exporting, ImportOptions
 from anaplot.exchange.formats.registry import recognised
-from anaplot.exchange.formats.xmltree import read_xml
 from anaplot.photogrammetry.block import BrownLens
 
 CAMERA = ImportOptions(c=100.0, pixels=(8858, 12996), pixel_um=6.0)
@@ -170,8 +169,8 @@ def test_a_script_says_what_is_read(tmp_path: Path) -> None:
         ("<cc>50</cc>", "<cc>inf</cc>", "cc must be a finite number"),
         ("keep", "drop", "only keep and remove"),
         ("remove</filter>", "keep</filter>", "twice"),
-        ("</input>", "", "line 10: no XML: mismatched tag"),
-        ('version="1.0"?>', 'version="1.0" encoding="x-none"?>', "no XML"),
+        ("</input>", "", "line 10: not XML"),
+        ('version="1.0"?>', 'version="1.0" encoding="x-none"?>', "not XML"),
     ):
         assert old in SCRIPT
         (tmp_path / "s.xml").write_text(SCRIPT.replace(old, new))
@@ -183,22 +182,20 @@ def test_a_script_says_what_is_read(tmp_path: Path) -> None:
 
 def test_hostile_xml_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "a.xml"
-    entity = '<!DOCTYPE a [<!ENTITY b "c"><!ENTITY d "&b;&b;">]><a>&d;</a>'
-    outside = '<!DOCTYPE a SYSTEM "file:///etc/passwd"><a/>'
+    head = '<document dbat_script_version="1.0">'
+    entity = '<!DOCTYPE document [<!ENTITY b "c"><!ENTITY d "&b;&b;">]>'
     for text, message in (
-        (entity, "a document type or an entity is not read"),
-        (outside, "a document type or an entity is not read"),
-        ("<a>" * 100 + "</a>" * 100, "nested more than 60 deep"),
-        ("<a>&x;</a>", "no XML: undefined entity"),
-        ("", "no XML: no element found"),
-        ("<a>\x00</a>", "no XML"),
+        (f"{entity}{head}<input>&d;</input></document>", "document type or entity"),
+        (f'<!DOCTYPE document SYSTEM "file:///etc/passwd">{head}</document>', "document type"),
+        (head + "<a>" * 100 + "</a>" * 100 + "</document>", "elements within elements"),
+        (f"{head}<input>&x;</input></document>", "not XML"),
+        ("", "not XML"),
+        (f"{head}</document>", "no script of DBAT"),
+        ("<other/>", "is not <document>"),
     ):
         file.write_text(text)
         with pytest.raises(InputError, match=message):
-            read_xml(file, 10_000)
-    file.write_text("<a>" + " " * 10_000 + "</a>")
-    with pytest.raises(InputError, match="more than"):
-        read_xml(file, 10_000)
+            dbat.read(file, ImportOptions())
 
 
 def test_photomodeler(tmp_path: Path) -> None:

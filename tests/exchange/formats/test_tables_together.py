@@ -1,0 +1,140 @@
+"""Formats of tables beside each other: each knows its own, and none is led astray by damage."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from tableblock import pixel_table_block, table_block
+
+from anaplot.errors import InputError
+from anaplot.exchange.blockfolder import read_block
+from anaplot.exchange.formats.door import AdjustedResult, Exporting, ImportOptions, PhotoResult
+from anaplot.exchange.formats.door import PointResult as Point
+from anaplot.exchange.formats.registry import FORMATS, module_of, recognised
+from anaplot.exchange.importedfolder import write_imported
+from anaplot.photogrammetry.objectconditions import ObjectCondition
+
+PM = "Object Point ID,Photo #,X,Y,Residual X,Residual Y\n7,1,10.5,20.5,.1,.2\n7,2,11,21,0,0\n"
+NEEDS = {"photomodeler": ImportOptions(c=100.0, pixels=(2000, 1500), pixel_um=6.0)}
+KINDS = ("patb", "bingo", "aicon", "dbat", "bal", "photomodeler")
+
+
+def result(block) -> AdjustedResult:
+    """What an adjustment could say, without one."""
+    zero, some = (0.0, 0.0, 0.0), ((1e-4, 0.0, 0.0), (0.0, 1e-4, 0.0), (0.0, 0.0, 1e-4))
+    photos = table_block().photos
+    points = dict.fromkeys(row.point for row in block.image_points)
+    return AdjustedResult(
+        tuple(PhotoResult(p.id, p.position, zero, p.rotation, zero, 9, 0.5, 0) for p in photos),
+        tuple(Point(name, (1.0, 2.0, 3.0), some, 3, 0.5, 0, "tie") for name in points),
+        1.0,
+    )
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A source of every kind, in as few rows as show everything."""
+    folder = tmp_path_factory.mktemp("samples")
+    (folder / "pm.csv").write_text(PM)
+    found = {"photomodeler": folder / "pm.csv"}
+    bar = ObjectCondition("distance", ("1000", "1004"), 1250.125, 0.001)
+    for kind in KINDS[:-1]:
+        block = pixel_table_block() if kind in ("dbat", "bal") else table_block()
+        few = {"1000", "1004", "1005", "1009"}
+        rays = tuple(row for row in block.image_points if row.point in few)
+        conditions = (bar,) if kind == "aicon" else ()
+        block = replace(block, image_points=rays, conditions=conditions)
+        module_of(kind).write(Exporting(block, folder, adjusted=result(block)), folder / kind)
+        found[kind] = folder / kind
+    return found
+
+
+def test_each_source_is_of_one_kind(samples: dict[str, Path]) -> None:
+    for kind, source in samples.items():
+        assert recognised(source).kind == kind
+    singles = {
+        "patb": "patb.im",
+        "bingo": "image.dat",
+        "aicon": "aicon.phc",
+        "dbat": "imagepts.txt",
+    }
+    for kind, name in singles.items():
+        assert recognised(samples[kind] / name).kind == kind
+    # and what belongs to one is no source of another
+    for name in ("patb/patb.con", "bingo/geoin.dat", "bingo/itera.dat", "aicon/aicon.eor"):
+        path = samples["patb"].parent / name
+        knows = [k for k, one in FORMATS.items() if one.reads and module_of(k).recognises(path)]
+        assert not set(knows) & set(KINDS), name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damage_is_refused_or_makes_a_block(
+    samples: dict[str, Path], tmp_path_factory: pytest.TempPathFactory, kind: str, data
+) -> None:
+    source = samples[kind]
+    folder = tmp_path_factory.mktemp(kind)
+    copy = folder / source.name
+    shutil.copytree(source, copy) if source.is_dir() else shutil.copy(source, copy)
+    files = sorted(copy.iterdir()) if copy.is_dir() else [copy]
+    file = data.draw(st.sampled_from(files))
+    raw = file.read_bytes()
+    lines = raw.split(b"\n")
+    where = data.draw(st.integers(0, len(lines) - 1))
+    fields = lines[where].split(b" ")
+    at = data.draw(st.integers(0, len(fields) - 1))
+    what = data.draw(
+        st.sampled_from(["cut", "drop", "twice", "swap", "field", "field", "field", "bytes"])
+    )
+    if what == "cut":
+        raw = raw[: data.draw(st.integers(0, len(raw)))]
+    elif what == "bytes":
+        k = data.draw(st.integers(0, len(raw)))
+        raw = raw[:k] + data.draw(st.binary(max_size=4)) + raw[k:]
+    else:
+        if what == "drop":
+            del lines[where]
+        elif what == "twice":
+            lines.insert(where, lines[where])
+        elif what == "swap":
+            lines[0], lines[where] = lines[where], lines[0]
+        else:
+            words = [
+                b"nan",
+                b"1e999",
+                b"-1",
+                b"0",
+                b"",
+                b"-99",
+                b"1e18",
+                b"x" * 300,
+                b"\x1b[2J",
+                b"#",
+            ]
+            fields[at] = data.draw(st.sampled_from(words))
+            lines[where] = b" ".join(fields)
+        raw = b"\n".join(lines)
+    file.write_bytes(raw)
+    options = NEEDS.get(kind, ImportOptions())
+    if kind == "aicon" and (copy / "aicon-control.obc").exists():
+        options = ImportOptions(files={"control": copy / "aicon-control.obc"})
+    assert module_of(kind).recognises(copy) in (True, False)
+    refused = ""
+    try:
+        found = module_of(kind).read(copy, options)
+        write_imported(folder / "block", found)
+    except InputError as error:
+        refused = str(error)
+    if refused:
+        assert refused.isprintable()  # one line, and nothing that controls a terminal
+        assert not (folder / "block").exists()
+        return
+    block = read_block(folder / "block")
+    assert len(block.image_points) == len(found.block.image_points)
+    assert [photo.id for photo in block.photos] == [photo.id for photo in found.block.photos]
