@@ -16,6 +16,7 @@ __all__ = ["add_export_arguments", "add_import_arguments", "refuse_unused"]
 _NAMES = {
     "sigma_px": "--sigma-px",
     "control_m": "--control-m",
+    "position_m": "--position-m",
     "sigma_um": "--sigma-um",
     "sigma_classes": "--sigma-class",
     "pixel_um": "--pixel-um",
@@ -72,6 +73,12 @@ def add_import_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="M",
         help="a-priori sigma of control that states none, default 0.05",
+    )
+    parser.add_argument(
+        "--position-m",
+        type=positive,
+        metavar="M",
+        help="a-priori sigma of positions measured in flight, which become priors",
     )
     parser.add_argument(
         "--order", metavar="WORD", help="what the source does not say; the format's own words"

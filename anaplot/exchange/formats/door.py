@@ -81,6 +81,8 @@ class ImportOptions:
         Coordinate system of the ground, "EPSG:25832".
     control_m
         A-priori standard deviation of control that states none [m].
+    position_m
+        That of positions measured in flight [m], which become priors.
     order
         How something is ordered or turned that the source does not say; the format's own words.
     files
@@ -98,6 +100,7 @@ class ImportOptions:
     pixel_um: float | None = None
     crs: str | None = None
     control_m: float | None = None
+    position_m: float | None = None
     order: str | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
 

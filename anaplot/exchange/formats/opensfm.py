@@ -18,6 +18,7 @@ from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.opensfmexport import write_cleaned
 from anaplot.exchange.formats.opensfmmodel import (
     Reconstruction,
+    Shot,
     TrackRow,
     camera_of,
     read_reconstructions,
@@ -156,9 +157,9 @@ def read_files(files: OpensfmFiles, options: ImportOptions, name: str) -> Import
         TestSettings(kind="tau"),
         cameras,
         tuple(
-            Photo(shot.name, camera_by_photo[shot.name].id)
-            if not placed_there
-            else Photo(shot.name, camera_by_photo[shot.name].id, shot.centre, shot.rotation)
+            _photo(shot, camera_by_photo[shot.name], options.position_m)
+            if placed_there
+            else Photo(shot.name, camera_by_photo[shot.name].id)
             for shot in shots
         ),
         (),
@@ -253,6 +254,14 @@ def _names_beside(listed: GcpList, tracks: frozenset[str]) -> tuple[dict[str, st
     return names, notes
 
 
+def _photo(shot: Shot, camera: Camera, position_m: float | None) -> Photo:
+    """Return a photo with its pose; where it was measured and that is asked for, with a prior."""
+    if position_m is None or shot.measured is None:
+        return Photo(shot.name, camera.id, shot.centre, shot.rotation)
+    sigma = (position_m, position_m, position_m)
+    return Photo(shot.name, camera.id, shot.measured, shot.rotation, sigma)
+
+
 def _precision(options: ImportOptions) -> Precision:
     pixel = 1.0 if options.pixel_um is None else options.pixel_um
     sigma = (1.0 if options.sigma_px is None else options.sigma_px) * pixel
@@ -280,9 +289,14 @@ def _assumed(
     if not placed_there:
         text = "photos without a position: no reference_lla says where their frame lies"
         notes.append(Note("dropped", len(found.shots), text))
-    measured = sum(shot.measured_position for shot in found.shots)
-    if measured:
-        text = "positions measured in flight: not taken as priors (no sigma is stated)"
+    measured = sum(shot.measured is not None for shot in found.shots)
+    if options.position_m is not None and not (measured and placed_there):
+        raise InputError("--position-m: no photo has a position measured in flight, in this frame")
+    if options.position_m is not None:
+        text = f"positions measured in flight are priors, with a sigma of {options.position_m:g} m"
+        notes.append(Note("assumed", measured, text))
+    elif measured:
+        text = "positions measured in flight: no priors without --position-m, their sigma"
         notes.append(Note("dropped", measured, text))
     if reference is None and not control:
         notes.append(Note("assumed", None, "the frame is the model's own: no place on earth"))

@@ -39,6 +39,7 @@ __all__ = [
 MAX_SIDE = 10**6  # px
 _LENSES = ("perspective", "brown", "simple_radial", "radial", "pinhole")
 _VERSION = "OPENSFM_TRACKS_VERSION_v"
+_NO_POSITION = 999_999.0  # gps_dop of a photo that has none
 _COLUMNS = {0: 8, 1: 9, 2: 11}  # image, track, feature, x, y, [scale], r, g, b, [labels]
 
 
@@ -53,15 +54,15 @@ class Shot(NamedTuple):
         Projection centre [m], east, north, up.
     rotation
         omega, phi, kappa [rad] of this program's rotation.
-    measured_position
-        Whether the file has a position measured in flight.
+    measured
+        Position measured in flight [m], east, north, up; None where there is none.
     """
 
     name: str
     camera: str
     centre: tuple[float, float, float]
     rotation: tuple[float, float, float]
-    measured_position: bool
+    measured: tuple[float, float, float] | None
 
 
 class Reconstruction(NamedTuple):
@@ -143,7 +144,11 @@ def _shot(name: str, found: JsonPlace, cameras: Mapping[str, JsonPlace]) -> Shot
     shift = np.array(found.get("translation").vector(3))
     x, y, z = (-rotation.T @ shift).tolist()
     ours = rotation.T @ np.diag([1.0, -1.0, -1.0])
-    return Shot(name, camera, (x, y, z), rotation_angles(ours), "gps_position" in found)
+    measured = None
+    if "gps_position" in found and found.optional("gps_dop", 0.0) < _NO_POSITION:
+        east, north, up = found.get("gps_position").vector(3)
+        measured = (east, north, up)
+    return Shot(name, camera, (x, y, z), rotation_angles(ours), measured)
 
 
 def unheld_model(found: JsonPlace) -> str | None:

@@ -59,7 +59,7 @@ class Format(NamedTuple):
 
 _STATED = ("camera", "c", "pixels", "pixel_um")
 
-_OPENSFM = ("sigma_px", "pixel_um", "crs", "control_m", "order", "files")
+_OPENSFM = ("sigma_px", "pixel_um", "crs", "control_m", "position_m", "order", "files")
 
 _ALL: tuple[Format, ...] = (
     Format(

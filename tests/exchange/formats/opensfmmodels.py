@@ -71,7 +71,8 @@ class Flight:
                 "rotation": Rotation.from_matrix(rotation).as_rotvec().tolist(),
                 "translation": shift.tolist(),
                 "camera": "v2 own 4000 3000 brown 0.85",
-                "gps_position": [0.0, 0.0, 0.0],
+                "gps_position": (-rotation.T @ shift).tolist(),
+                "gps_dop": 15.0,
             }
         points = {
             str(k): {"coordinates": at.tolist(), "color": [1.0, 2.0, 3.0]}

@@ -43,7 +43,7 @@ def test_what_comes_in_has_no_misclosure(tmp_path: Path, version: int, camera: d
     assert len(block.photos) == 12
     assert len(block.image_points) == len(flight.rays)
     assert block.ground == GroundSystem("EPSG:4326", "local", (LON, LAT, HEIGHT))
-    assert "not taken as priors" in _said(found)
+    assert "no priors without --position-m" in _said(found)
     # the poses of the file, the lens and the pixels agree: rays meet where the points are
     from anaplot.photogrammetry.rotation import rotation_matrix
 
@@ -204,6 +204,26 @@ def test_a_project_goes_in_and_out_by_the_command(
     after = {(row.photo, row.point): row.measured for row in again.image_points}
     del before[(mine[0]["photo"], point)]
     assert after == before
+
+
+def test_positions_measured_in_flight_are_priors_when_asked(tmp_path: Path) -> None:
+    flight = Flight(noise_px=0.3)
+    flight.write(tmp_path)
+    model = flight.reconstruction()
+    without = next(iter(model["shots"].values()))
+    without |= {"gps_position": [0.0, 0.0, 0.0], "gps_dop": 999999.0}
+    (tmp_path / "reconstruction.json").write_text(json.dumps([model]))
+    found = _read(tmp_path, sigma_px=0.3, position_m=0.02)
+    assert "assumed 11 positions measured in flight are priors" in _said(found)
+    assert [photo.position_sigma for photo in found.block.photos] == [None] + 11 * [(0.02,) * 3]
+    adjusted = adjust_block(found.block)
+    for row in adjusted.point_rows():
+        assert np.abs(np.array(row.xyz) - flight.points[int(row.point)]).max() < 0.2
+    for shot in model["shots"].values():
+        del shot["gps_position"]
+    (tmp_path / "reconstruction.json").write_text(json.dumps([model]))
+    with pytest.raises(InputError, match="no photo has a position"):
+        _read(tmp_path, position_m=0.02)
 
 
 def test_without_a_place_the_control_has_the_origin(tmp_path: Path) -> None:
