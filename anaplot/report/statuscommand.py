@@ -26,6 +26,7 @@ from anaplot.report.document import (
     Line,
     for_programs,
     name,
+    named,
     number,
     say,
     table,
@@ -216,7 +217,7 @@ def status_document(
     if len(spots) > _MOST_SPOTS:
         page.append(say("  and {} more to look at", len(spots) - _MOST_SPOTS).of("look"))
     page += unchecked_line(status.accidents)
-    page += _weak_lines(status.block)
+    page += _weak_lines(status.block, bool(rows))
     page += [say("remark: {}", remark).of("remark") for remark in remarks]
     page.append(_next_line(status.next).of("heading"))
     return Document(answer, tuple(page), (models, suspects))
@@ -270,11 +271,14 @@ def _block(view: BlockView | None, suspects: object) -> Answer | None:
     }
 
 
-def _weak_lines(view: BlockView | None) -> list[Part]:
+def _weak_lines(view: BlockView | None, strips: bool) -> list[Part]:
+    """Return the weak photos, and where they lie in an instrument what would help them."""
     if view is None or not view.weak:
         return []
     count = say("weak: {} of {} photos have few redundant observations beside the others",
                 len(view.weak), view.photos)  # fmt: skip
+    if not strips:
+        return [count, say("  {}", named(view.weak, _MOST_WEAK))]
     lines = [count, *stabilizing_lines(view.stabilizing)]
     if _left_out(view):
         lines.append(say("and {} more, for which nothing was looked for", _left_out(view)))

@@ -60,7 +60,10 @@ def test_a_model_goes_through(
     assert main(["adjust", "block"]) == 4
     assert "--datum free" in capsys.readouterr().err
     assert main([*command.split()[1:], "--fail-on-flag"]) == 1
-    capsys.readouterr()
+    notes = [line for line in capsys.readouterr().out.splitlines() if "note:" in line]
+    assert len(notes) == 1  # of rays that images have twice, all in one line
+    assert "points are left out: " in notes[0]
+    assert "each has no ray left" in notes[0]
 
     free = ["adjust", "block", "--datum", "free"]
     assert main([*free, "--errors", "baarda", "--apply", "--to", "tables"]) == 0
