@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from anaplot.exchange.formats.door import Exporting, ExportOptions, ImportOption
 from anaplot.exchange.formats.patbfiles import read_orientations
 from anaplot.exchange.formats.patbwriter import orientation_records
 from anaplot.exchange.formats.registry import recognised
+from anaplot.photogrammetry.block import Precision
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.exportresult import adjusted_result
 
@@ -324,3 +326,31 @@ def test_what_is_something_else_is_not_recognised(tmp_path: Path) -> None:
         file.write_bytes(data)
         assert not patb.recognises(file)
     assert not patb.recognises(tmp_path / "nothing")
+
+
+@pytest.mark.slow
+def test_strips_of_the_files_in_use_are_bridged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = replace(table_block(), precision=Precision(image_um=4.0))
+    write_block(tmp_path / "mine", block)
+    out = ["1 2 3 4"]
+    for photo in block.photos:
+        name = f"-{photo.id}" if photo.id in ("103", "106") else photo.id
+        out.append(f"{name:>12} 0")
+        mine = (row for row in block.image_points if row.photo == photo.id)
+        out += [f"{row.point:>12}{row.x:14.4f}{row.y:14.4f}" for row in mine]
+        out.append("-99 0 0")
+    (tmp_path / "flight.dat").write_text("\n".join(out) + "\n")
+    source = [str(tmp_path / "flight.dat"), "--c", str(C), "--sigma-um", "4"]
+    assert main(["import", *source, "-o", str(tmp_path / "b")]) == 0
+    capsys.readouterr()
+    found = []
+    for name in ("mine", "b"):
+        assert main(["bridge", str(tmp_path / name), "--json"]) == 0
+        strips = json.loads(capsys.readouterr().out)["strips"]
+        models = [model for strip in strips for model in strip["models"]]
+        found.append({(m["left"], m["right"]): m["sigma0_um"] for m in models})
+    assert list(found[1]) == [("101", "102"), ("102", "103"), ("104", "105"), ("105", "106")]
+    for pair, sigma in found[0].items():
+        assert found[1][pair] == pytest.approx(sigma, abs=0.2)  # four digits of a millimetre
