@@ -62,8 +62,21 @@ class Refinement:
     beyond: RadialShift | None = None
 
     @classmethod
-    def of(cls, calibration: CameraCalibration, air: AirAndEarth | None = None) -> Self:
+    def of(
+        cls,
+        calibration: CameraCalibration,
+        air: AirAndEarth | None = None,
+        *,
+        folds: bool = False,
+    ) -> Self:
         """Return the refinement of a camera, and of a block's air and earth.
+
+        Parameters
+        ----------
+        calibration, air
+            The camera, and what of air and earth is taken off.
+        folds
+            Whether it may fold the image: of a camera that was accepted when it was read.
 
         Raises
         ------
@@ -82,7 +95,8 @@ class Refinement:
             lens,
             None if air is None else air.shift(calibration.c),
         )
-        made._refuse_fold(calibration)
+        if not folds:
+            made._refuse_fold(calibration)
         return made
 
     def refine(self, xy: Array) -> Array:
@@ -205,7 +219,9 @@ class Refinement:
         return out, derivative
 
     def _refuse_fold(self, calibration: CameraCalibration) -> None:
-        if calibration.format is None:
+        if calibration.pixels is not None:
+            reach = _reach_of_pixels(calibration.pixels, calibration)
+        elif calibration.format is None:
             reach = max([calibration.c, *(hypot(m.x, m.y) for m in calibration.fiducials)])
         else:
             reach = 0.5 * hypot(*calibration.format) + hypot(*self._centre())
@@ -229,6 +245,14 @@ class Refinement:
                 f"camera {calibration.id!r}: the distortion folds the image at radius "
                 f"{where:.4g} mm: its coefficients refer to r in mm"
             )
+
+
+def _reach_of_pixels(pixels: tuple[int, int], calibration: CameraCalibration) -> float:
+    """Return how far the corners of an image lie from its principal point [mm]."""
+    middle = (pixels[0] / 2.0, pixels[1] / 2.0)
+    at = calibration.principal_px or middle
+    far = hypot(*(abs(a - m) + m for a, m in zip(at, middle, strict=True)))
+    return far * 1e-3 * (1.0 if calibration.pixel_um is None else calibration.pixel_um)
 
 
 def _interpolate(table: RadialTable, radius: Array) -> tuple[Array, Array]:

@@ -196,3 +196,18 @@ def test_a_camera_file_and_its_block_agree_on_pixels(
     (tmp_path / "image_points.csv").write_text(POINTS)
     with pytest.raises(InputError, match=said):
         read_block(tmp_path)
+
+
+def test_a_lens_in_pixels_is_asked_as_far_as_the_image_reaches() -> None:
+    long = (
+        'format = 1\n[camera]\nid = "far"\nc = 100.0\npixels = [6000, 4000]\npixel_um = 4.0\n'
+        '[lens]\nmodel = "brown"\nk1 = -2.5\n'
+    )
+    # a corner lies 14.4 mm off, the lens folds the image at 24.3 mm, and c is 100
+    made = parse_camera(long, Path("far.toml"))
+    assert made.lens == BrownLens(k1=-2.5)
+    # with the principal point aside a corner is 28.3 mm off; 1.5 folds at 31.4
+    aside = long.replace("pixel_um", "principal_px = [100.0, 3900.0]\npixel_um")
+    parse_camera(aside.replace("-2.5", "-1.5"), Path("far.toml"))
+    with pytest.raises(InputError, match=r"images nothing at radius 24\.\d+ mm"):
+        parse_camera(aside, Path("far.toml"))
