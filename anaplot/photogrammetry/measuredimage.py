@@ -12,11 +12,28 @@ from collections.abc import Sequence
 import numpy as np
 
 from anaplot.aliases import Array
-from anaplot.photogrammetry.block import Camera
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint
+from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.photogrammetry.lens import through_lens, without_lens
 from anaplot.photogrammetry.planar import as_points
 
-__all__ = ["has_lens", "ideal_rays", "measured_rays", "mm_of_pixels", "pixels_of_mm"]
+__all__ = [
+    "COMPUTED_DIGITS",
+    "computed_place",
+    "has_lens",
+    "ideal_rays",
+    "measured_rays",
+    "mm_of_pixels",
+    "pixels_of_mm",
+    "plate_calibration",
+]
+
+COMPUTED_DIGITS = 7
+"""Decimals of computed image coordinates [mm].
+
+Far below what any instrument resolves, and above what the arithmetic of different machines leaves
+uncertain: a replay finds the same coordinates to the last digit.
+"""
 
 Pairs = Sequence[tuple[float, float]] | Array
 
@@ -64,6 +81,27 @@ def measured_rays(camera: Camera, ideal: Pairs) -> Array:
     if not has_lens(camera):
         return places
     return through_lens(places / camera.c, np.array(camera.lens_parameters)).xy
+
+
+def computed_place(row: ImagePoint) -> tuple[float, float]:
+    """Return x and y [mm] of a row as a session that measured it has them.
+
+    What pixels or a lens stand between comes back from its file with other last digits.
+    """
+    if row.measured is None:
+        return row.x, row.y
+    return round(row.x, COMPUTED_DIGITS), round(row.y, COMPUTED_DIGITS)
+
+
+def plate_calibration(block: Block, photo: str) -> CameraCalibration | None:
+    """Return by what ideal coordinates of a photo follow from its plate; None: they are the same.
+
+    The camera's file, else its lens; rows in pixels are computed ones even without any.
+    """
+    camera = block.camera_of(photo)
+    if camera.calibration is None and (has_lens(camera) or block.in_pixels):
+        return CameraCalibration(camera.id, camera.c, format=camera.format, lens=camera.lens)
+    return camera.calibration
 
 
 def _principal(camera: Camera) -> tuple[float, float]:

@@ -1,8 +1,8 @@
 """From the plotter's plates to the photographs' ideal image systems, and back.
 
 Plate to ideal image is the accepted inner orientation and then the camera's refinement. A photo
-whose camera states no calibration lies in the image system, and where there are no fiducials
-plate and fiducial system are the same.
+whose camera states neither calibration nor lens lies in the image system, and where there are no
+fiducials plate and fiducial system are the same.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from anaplot.aliases import Array, Side
 from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.photogrammetry.measuredimage import COMPUTED_DIGITS, plate_calibration
 from anaplot.photogrammetry.platetransformation import PlateTransformation
 from anaplot.photogrammetry.readings import Position
 from anaplot.photogrammetry.refinement import Refinement
@@ -31,13 +32,6 @@ __all__ = [
     "plates_of",
     "plates_of_model",
 ]
-
-_DIGITS = 7
-"""Decimals of computed image coordinates [mm].
-
-Far below what any instrument resolves, and above what the arithmetic of different machines leaves
-uncertain: a replay finds the same coordinates to the last digit.
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +71,7 @@ class PlateSystem:
     transformation
         Plate to fiducial system; None where the inner orientation is still to be accepted.
     calibration
-        Of the camera; None where plate coordinates are image coordinates.
+        Of the camera, or its lens alone; None where plate coordinates are image coordinates.
     air
         What of air and earth is taken off, or None.
     """
@@ -103,7 +97,7 @@ class PlateSystem:
             return [(x, y) for x, y in plate.tolist()]
         measured = self.transformation.to_image(plate)
         ideal = _refinement(self.calibration, self.air).refine(measured).tolist()
-        return [(round(x, _DIGITS), round(y, _DIGITS)) for x, y in ideal]
+        return [(round(x, COMPUTED_DIGITS), round(y, COMPUTED_DIGITS)) for x, y in ideal]
 
     def to_plate(self, x: float, y: float) -> tuple[float, float]:
         """Return plate coordinates [mm] of image coordinates [mm].
@@ -122,7 +116,7 @@ class PlateSystem:
 
 @lru_cache(maxsize=64)
 def _refinement(calibration: CameraCalibration, air: AirAndEarth | None) -> Refinement:
-    return Refinement.of(calibration, air)
+    return Refinement.of(calibration, air, folds=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +143,7 @@ def plates_of_model(state: SessionState, model: ModelState) -> Plates:
     def system(photo: str, side: Side) -> PlateSystem:
         inner = model.inner_of(side)
         transformation = PlateTransformation() if inner is None else inner.accepted
-        block = state.block
-        return PlateSystem(transformation, block.camera_of(photo).calibration, block.air)
+        return PlateSystem(transformation, plate_calibration(state.block, photo), state.block.air)
 
     if model.mono:
         there = system(model.photo(model.laid or "left"), model.laid or "left")

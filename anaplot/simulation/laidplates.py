@@ -12,6 +12,7 @@ from anaplot.errors import InputError
 from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.camera import CameraCalibration
+from anaplot.photogrammetry.measuredimage import plate_calibration
 from anaplot.photogrammetry.platetransformation import PlateTransformation, random_placement
 from anaplot.photogrammetry.refinement import Refinement
 from anaplot.planning.fiducialplan import expected_fiducials
@@ -73,7 +74,7 @@ def laid_photographs(
     NotComputableError
         Points where the camera's distortion cannot be inverted.
     """
-    cameras = {photo.id: block.camera_of(photo.id).calibration for photo in block.photos}
+    cameras = {photo.id: plate_calibration(block, photo.id) for photo in block.photos}
     air = block.air
     left, right = (
         {
@@ -95,7 +96,7 @@ def _laid(
     if calibration is None:
         return dict(points)
     ideal = np.array(list(points.values()), dtype=np.float64).reshape(-1, 2)
-    measured = Refinement.of(calibration, air).distort(ideal)
+    measured = Refinement.of(calibration, air, folds=True).distort(ideal)
     fiducials = expected_fiducials(calibration)
     unknown = [name for name in calibration.fiducial_names() if name not in fiducials]
     if unknown:

@@ -11,6 +11,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import IMAGE_POINTS_CSV
 from anaplot.exchange.journal import read_journal
 from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.measuredimage import computed_place
 from anaplot.session.events import EVENT_KINDS, DecisionsTakenOver
 from anaplot.session.modelstate import ModelState
 from anaplot.session.state import SessionState, apply, start
@@ -159,11 +160,11 @@ def edited_rows(
 
     def differs(row: ImagePoint) -> bool:
         mine = own.get(_name(row))
-        if mine is not None and (mine.x, mine.y) == (row.x, row.y):
+        if mine is not None and (mine.x, mine.y) == computed_place(row):
             return uses and mine.use != row.use and _name(row) not in agreed
         if row.model is None or row.model not in of_session:
             return False  # from elsewhere
-        return mine is not None or (row.photo, row.point, row.x, row.y) not in measured
+        return mine is not None or (row.photo, row.point, *computed_place(row)) not in measured
 
     other = [row for row in block.image_points if differs(row)]
     if not other:
@@ -171,9 +172,10 @@ def edited_rows(
     written, ever = _written(folder, block, {row.photo for row in other})
 
     def known(row: ImagePoint) -> bool:
-        if (row.photo, row.point, row.x, row.y) not in ever:
+        place = computed_place(row)
+        if (row.photo, row.point, *place) not in ever:
             return False
-        return not uses or (*_name(row), row.x, row.y, row.use) in written
+        return not uses or (*_name(row), *place, row.use) in written
 
     return tuple(EditedRow(row, own.get(_name(row))) for row in other if not known(row))
 
@@ -215,7 +217,7 @@ def written_once(folder: Path, block: Block, state: SessionState) -> frozenset[K
     """
     photos = {photo for model in state.models if model.mono for photo in model.photos}
     shared = {
-        (row.photo, row.point, row.x, row.y)
+        (row.photo, row.point, *computed_place(row))
         for row in block.image_points
         if row.model is None and row.photo in photos
     }
@@ -287,7 +289,7 @@ def _told(row: ImagePoint, mine: ImagePoint | None) -> str:
         return (
             f"{where} is not in the session's journal: take the row out, or leave its model blank"
         )
-    if (mine.x, mine.y) != (row.x, row.y):
+    if (mine.x, mine.y) != computed_place(row):
         return (
             f"{where} was changed outside the session: x, y are {row.x}, {row.y} there and "
             f"{mine.x}, {mine.y} in the journal: put them back, then measure again in the console"

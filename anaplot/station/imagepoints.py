@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from anaplot.exchange.rejectedrows import STRATEGIES, rejecting_reason, rejects
 from anaplot.photogrammetry.block import ImagePoint, Use
+from anaplot.photogrammetry.measuredimage import computed_place
 from anaplot.session.events import Event, ModelAccepted
 from anaplot.session.reasons import REASONS, RowReason, reason_of
 from anaplot.session.state import ModelState
@@ -151,7 +152,7 @@ def merged_rows(
         row
         for row in existing
         if (row.model is None or row.model not in of_session)
-        and (row.model is not None or (row.photo, row.point, row.x, row.y) not in own)
+        and (row.model is not None or (row.photo, row.point, *computed_place(row)) not in own)
     )
     agreed = agreeing(existing, models)
     decided = {
@@ -172,4 +173,4 @@ def _of_session(reason: str | None) -> bool:
 
 
 def _key(row: ImagePoint) -> tuple[str, str, str | None, float, float]:
-    return row.photo, row.point, row.model, row.x, row.y
+    return row.photo, row.point, row.model, *computed_place(row)

@@ -12,7 +12,8 @@ from anaplot.exchange.blockfolder import (
     read_block,
     write_image_points,
 )
-from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.measuredimage import computed_place
 from anaplot.planning.modelplan import Candidates
 from anaplot.session.events import Event
 from anaplot.session.modelstate import ModelState
@@ -114,7 +115,7 @@ class PointsFile:
             found = read_block(self._folder).image_points
         self.once |= measured_once(models)
         rows = merged_rows(found, models, self.of_session, reasons, self.once)
-        if rows != found:
+        if _recorded(rows) != _recorded(found):
             digest = write_image_points(self._folder, rows, self.block)
         self.block = replace(self.block, image_points=rows)
         self._digest = digest
@@ -125,11 +126,20 @@ class PointsFile:
         known: dict[str, dict[str, tuple[float, float]]] = {}
         own = measured_here(models) | self.once
         for row in self.block.image_points:
-            if (row.photo, row.point, row.x, row.y) in own:
+            if (row.photo, row.point, *computed_place(row)) in own:
                 continue
             if row.model is None or row.model not in self.of_session:
                 known.setdefault(row.photo, {})[row.point] = (row.x, row.y)
         return known or None
+
+
+def _recorded(rows: Iterable[ImagePoint]) -> list[ImagePoint]:
+    """Return rows with the coordinates that a session knows them by."""
+    out = []
+    for row in rows:
+        x, y = computed_place(row)
+        out.append(row if row.measured is None else replace(row, x=x, y=y))
+    return out
 
 
 def _accepted(state: SessionState) -> _Written:

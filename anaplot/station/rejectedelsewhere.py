@@ -14,6 +14,7 @@ from anaplot.aliases import Axis, Strategy
 from anaplot.exchange.blockfolder import image_points_identity
 from anaplot.exchange.rejectedrows import STRATEGIES, as_before, rejected_axes, rejects, said_by
 from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.measuredimage import computed_place
 from anaplot.photogrammetry.selection import points_of, rows_by_photo, rows_off
 from anaplot.session.events import DecidedRow, DecisionsTakenOver, Event
 from anaplot.session.modelstate import Measured, ModelState
@@ -199,4 +200,4 @@ def _in_files(rows: Mapping[str, list[ImagePoint]], model: ModelState) -> Iterat
 
 
 def _same(m: Measured, left: ImagePoint, right: ImagePoint) -> bool:
-    return (m.xl, m.yl, m.xr, m.yr) == (left.x, left.y, right.x, right.y)
+    return (m.xl, m.yl, m.xr, m.yr) == (*computed_place(left), *computed_place(right))
