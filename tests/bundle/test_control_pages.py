@@ -144,6 +144,7 @@ def test_the_library_and_the_page_say_the_same(block: Block) -> None:
     assert adjust(block).result.control_pages is None
 
 
+@pytest.mark.slow
 def test_what_was_rejected_is_named(block: Block) -> None:
     first, *others = block.control
     x, y, z = first.xyz
