@@ -33,14 +33,13 @@ from anaplot.bundle.solve.rows import (
     PointRow,
     RayRow,
 )
+from anaplot.bundle.solve.selection import left_out_sentences
 from anaplot.photogrammetry.block import ControlPoint
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_axes
 
 __all__ = ["AdjustedBlock"]
 
 
-_MOST_LEFT_OUT = 20  # that are named in the remarks
-_MOST_ALIKE = 4  # points left out for the same reason that are named one by one
 _PORTION = 4096  # rays that are rows at a time
 
 _Difference = tuple[float | None, float | None, float | None]
@@ -82,28 +81,7 @@ class AdjustedBlock:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences for a person: what of the block takes no part, then the warnings."""
-        alike: dict[tuple[str, str], list[str]] = {}
-        for one in self.problem.left_out:
-            alike.setdefault((one.kind, one.reason), []).append(one.name)
-        several = {
-            key for key, names in alike.items() if key[0] == "point" and len(names) > _MOST_ALIKE
-        }
-        out = [
-            f"{kind} {name} is left out: it {reason}"
-            for (kind, reason), names in alike.items()
-            if (kind, reason) not in several
-            for name in names
-        ]
-        more = len(out) - _MOST_LEFT_OUT
-        if more > 0:
-            out[_MOST_LEFT_OUT:] = [f"{more} more are left out"]
-        out += [
-            f"{len(names)} points are left out: {', '.join(names[:_MOST_ALIKE])}, ...: "
-            f"each {reason}"
-            for (kind, reason), names in alike.items()
-            if (kind, reason) in several
-        ]
-        return (*out, *self.warnings)
+        return (*left_out_sentences(self.problem.left_out), *self.warnings)
 
     @cached_property
     def test(self) -> AppliedTest:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -9,7 +10,10 @@ import numpy as np
 from anaplot.aliases import Bools, Index
 from anaplot.photogrammetry.block import Block
 
-__all__ = ["LeftOut", "select_rays"]
+__all__ = ["LeftOut", "left_out_sentences", "select_rays"]
+
+_MOST_LEFT_OUT = 20  # that are named
+_MOST_ALIKE = 4  # points left out for the same reason that are named one by one
 
 
 class LeftOut(NamedTuple):
@@ -87,3 +91,28 @@ def select_rays(
         alive &= ~gone_photos[pair_photo]
         if not few.any():
             return alive[pair_of] & counted.any(axis=1), left
+
+
+def left_out_sentences(left_out: Iterable[LeftOut]) -> list[str]:
+    """Return sentences for a person: what takes no part; many points of one reason are one."""
+    alike: dict[tuple[str, str], list[str]] = {}
+    for one in left_out:
+        alike.setdefault((one.kind, one.reason), []).append(one.name)
+    several = {
+        key for key, names in alike.items() if key[0] == "point" and len(names) > _MOST_ALIKE
+    }
+    out = [
+        f"{kind} {name} is left out: it {reason}"
+        for (kind, reason), names in alike.items()
+        if (kind, reason) not in several
+        for name in names
+    ]
+    more = len(out) - _MOST_LEFT_OUT
+    if more > 0:
+        out[_MOST_LEFT_OUT:] = [f"{more} more are left out"]
+    out += [
+        f"{len(names)} points are left out: {', '.join(names[:_MOST_ALIKE])}, ...: each {reason}"
+        for (kind, reason), names in alike.items()
+        if (kind, reason) in several
+    ]
+    return out
