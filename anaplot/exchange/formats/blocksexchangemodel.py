@@ -95,7 +95,8 @@ class Group(NamedTuple):
             return at.x + HALF, at.y + HALF
         if self.camera.pixel_um is None:
             raise at.at.fail("xmm and ymm, but nothing says how large a pixel is")
-        away = self.axes @ (at.x, at.y) / self.camera.pixel_mm
+        with np.errstate(over="ignore"):  # it lies outside then
+            away = self.axes @ (at.x, at.y) / self.camera.pixel_mm
         cx, cy = self.camera.principal_px or (0.0, 0.0)
         return cx + float(away[0]), cy + float(away[1])
 

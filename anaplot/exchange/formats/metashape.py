@@ -200,6 +200,8 @@ def _settings(found: _Found) -> dict[str, float]:
         name = one.attributes.get("name", "")
         if name in ("accuracy_projections", "accuracy_markers"):
             value = one.at.number_of(one.attribute("value"), name)
+            if value > 1e6:
+                raise one.at.fail(f"{name} of {value:g}")
             if value > 0.0:
                 out[name] = value
     return out

@@ -239,6 +239,14 @@ def test_two_photos_of_one_path_and_a_point_twice(tmp_path: Path, scene: TiltedB
     assert {note.what for note in found.notes} >= {"changed", "doubled", "dropped"}
 
 
+def test_millimetres_beyond_all_numbers_lie_outside(tmp_path: Path, scene: TiltedBlock) -> None:
+    file = blocks_exchange(scene, tmp_path / "b.xml", mm=True)
+    head, ties = file.read_text().split("<TiePoints>")
+    file.write_text(f"{head}<TiePoints>{ties.replace('<xmm>', '<xmm>1e308</xmm><xmm>', 1)}")
+    found = blocksexchange.read(file, PLAIN)
+    assert [n.count for n in found.notes if n.text == "rays outside their image"] == [1]
+
+
 def test_skew_is_a_shear_and_said(tmp_path: Path, scene: TiltedBlock) -> None:
     file = blocks_exchange(scene, tmp_path / "b.xml")
     file.write_text(file.read_text().replace("<Skew>0<", "<Skew>3.118<"))
@@ -267,6 +275,7 @@ HARM = [
     (f'<BlocksExchange a="{"x" * 30_000}"/>', "attributes of more than 20000"),
     (f"<BlocksExchange><Block><Name>{'x' * 1_100_000}", "more than 1000000 characters"),
     (f"<BlocksExchange {'x' * 3_000_000}", "without an end of a tag|attributes|not XML"),
+    ('<?xml version="1.0" encoding="UTF5e15"?><BlocksExchange/>', "not XML: unknown encoding"),
     ("<Blocks/>", "<Blocks> is not <BlocksExchange>"),
     ("<BlocksExchange><Block>", "not XML: no element found"),
     ("<BlocksExchange></Block>", "not XML: mismatched tag"),

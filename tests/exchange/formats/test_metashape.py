@@ -14,6 +14,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block
 from anaplot.exchange.formats import colmap, metashape
 from anaplot.exchange.formats.door import ImportOptions
+from anaplot.exchange.formats.metashapewriter import without_locations
 from anaplot.photogrammetry.rotation import rotation_matrix
 
 PLAIN = ImportOptions()
@@ -106,6 +107,20 @@ def test_what_is_off_is_left_out_of_the_file_and_nothing_else(
         assert f'x="{row.split(",")[2]}"' in line
     again = metashape.read(out, PLAIN).block.image_points
     assert len(again) == len(read_block(block).image_points) - 2
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", ""])
+@pytest.mark.parametrize("close", ["/>", "></location>"])
+def test_a_location_goes_with_its_line_and_nothing_else(
+    tmp_path: Path, end: str, close: str
+) -> None:
+    rows = [f'  <location camera_id="{k}" x=">"{close}{end}' for k in range(3)]
+    head, tail = f'<a><marker marker_id="7">{end}', "</marker><!-- b --></a>"
+    (tmp_path / "f").write_bytes("".join((head, *rows, tail)).encode())
+    data, count = without_locations(tmp_path / "f", {("7", "1"), ("6", "2")})
+    left = (rows[0], rows[2]) if end else (rows[0], "  ", rows[2])
+    assert data.decode() == "".join((head, *left, tail))
+    assert count == 1
 
 
 def test_adjusted_it_gives_the_points_that_were_there(
@@ -204,6 +219,7 @@ WRONG = [
     (' pinned="true" x="', ' pinned="true" z="', "<location> has no x"),
     ('label="m 0"', 'label="&#9;m"', "begins or ends|cannot be printed"),
     ('sx="0.02"', 'sx="-1"', "sx must not be negative"),
+    ('_projections" value="0.4"', '_projections" value="1e308"', "accuracy_projections of 1e"),
     ("LOCAL_CS", "FOREIGN_CS", "--crs EPSG:25832 says what it is"),
     ("<frames>", "<framed>", "not XML"),
     ('<?xml version="1.0" encoding="UTF-8"?>', "<!DOCTYPE a [<!ENTITY b 'c'>]>", "document type"),
