@@ -38,7 +38,11 @@ from anaplot.report.adjustdocument import adjust_document
 from anaplot.report.adjusterrors import clean_block, clean_step_by_step, errors_document
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.calibration import calibration_asked, calibration_document
-from anaplot.report.camerafiles import camera_files_asked, write_cameras
+from anaplot.report.camerafiles import (
+    camera_files_asked,
+    with_moved_points,
+    write_cameras,
+)
 from anaplot.report.chosenparameters import choice_document
 from anaplot.report.components import components_document
 from anaplot.report.computed import Computed
@@ -48,6 +52,7 @@ from anaplot.report.correlations import correlated_rays, correlations_document
 from anaplot.report.covariance import (
     CovarianceQuestion,
     covariance_document,
+    write_asked,
 )
 from anaplot.report.document import BLANK, Document, say
 from anaplot.report.doming import doming_document
@@ -72,6 +77,7 @@ from anaplot.report.priorknowledge import prior_document
 from anaplot.report.running import BlockOrFolder, block_of
 from anaplot.report.snooping import snoop_block, snooping_document
 from anaplot.session.photoaccidents import PhotoAccidentKind, photo_accidents
+from anaplot.textfiles.wholefile import all_or_nothing
 
 __all__ = ["adjust", "find_gross_errors"]
 
@@ -347,15 +353,18 @@ def adjust(
     )
     flagged = adjusted.any_flagged or len(found.rejected) > 0
     flagged = flagged or (agreed is not None and agreed.flagged)
-    if left is not None and posterior is not None:
-        write_posterior(Path(posterior), left)
-    write_cameras(camera_files, adjusted)
+    with all_or_nothing():
+        cameras = write_cameras(camera_files, adjusted)
+        if left is not None and posterior is not None:
+            write_posterior(Path(posterior), left)
+        write_asked(spread)
     document = planting.with_planting(_document(found, snooping, correlations), planted)
     wrong = [one for one in photo_accidents(measured) if one.kind not in _NO_ACCIDENT]
     document = with_photo_accidents(document, wrong)
     if prior is None:  # which weights a second adjustment would take anew
         document = with_double_names(document, double_names(adjusted, watch))
     document = with_offset_advice(document, offset_advice(adjusted))
+    document = with_moved_points(document, cameras)
     document = with_lengths_of(measured, with_journal_notes(document, note))
     return Computed(found, document, flagged)
 

@@ -111,7 +111,7 @@ def calibration_of(
             if key not in values or weights.get(key) == 0.0:
                 still.add(key)
             value, sigma = values.get(key), weights.get(key) or None
-            if value is not None or sigma is not None:
+            if value is not None or key in weights:
                 priors.append(ParameterPrior(parameter, value or 0.0, sigma, camera))
     return AdditionalParameters(
         chosen, "camera", priors=checked_priors(priors), still=frozenset(still)

@@ -34,6 +34,7 @@ from anaplot.report.document import (
     whole,
 )
 from anaplot.report.keywords import names_in
+from anaplot.textfiles.wholefile import check_place
 
 __all__ = [
     "MOST_SHOWN",
@@ -42,6 +43,7 @@ __all__ = [
     "Names",
     "any_covariance",
     "covariance_document",
+    "write_asked",
 ]
 
 Names: TypeAlias = str | Sequence[str] | bool
@@ -119,6 +121,7 @@ class CovarianceQuestion:
         path = None if file is None else Path(file)
         if path is not None:
             check_covariance_path(path)
+            check_place(path)
             if isinstance(posterior, str | os.PathLike) and Path(posterior) == path:
                 raise InputError("--posterior and --covariance-to name one file")
         return cls((wanted,) if isinstance(wanted, str) else tuple(wanted), path)
@@ -128,12 +131,12 @@ class CovarianceQuestion:
         return replace(self, names=self._meant(problem))
 
     def answered(self, block: AdjustedBlock) -> AskedCovariance:
-        """Return the covariance, written where it is to be.
+        """Return the covariance; `write_asked` writes it where it is to be.
 
         Raises
         ------
         InputError
-            What is not in the block, or cannot be written.
+            What is not in the block.
         NotComputableError
             omega or kappa of a photo with phi at 90 degrees.
         """
@@ -142,14 +145,18 @@ class CovarianceQuestion:
         there = {one.text: one for one in unknowns_of(block.problem)}
         found = covariance_of(block, [there[one.text] for one in names if one.text in there])
         gone = tuple(one for one in names if one.text not in there)
-        if self.file is not None:
-            write_covariance(self.file, found)
         return AskedCovariance(found, block.problem.test.kind, gone, self.file)
 
     def _meant(self, problem: Problem) -> tuple[UnknownName, ...]:
         most = MOST_SHOWN if self.file is None else MOST_COORDINATES
         more = f"; --covariance-to FILE.npz takes {MOST_COORDINATES}" if self.file is None else ""
         return _unknowns_meant(problem, self.wanted, most, more)
+
+
+def write_asked(found: AskedCovariance | None) -> None:
+    """Write a covariance where it was asked to be written; raises as `write_covariance`."""
+    if found is not None and found.file is not None:
+        write_covariance(found.file, found.covariance)
 
 
 def any_covariance(

@@ -34,7 +34,7 @@ from anaplot.photogrammetry.posterior import (
 )
 from anaplot.textfiles.inputfile import read_bytes
 from anaplot.textfiles.names import name_fault
-from anaplot.textfiles.wholefile import replace_whole
+from anaplot.textfiles.wholefile import check_place, replace_whole
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = [
@@ -146,6 +146,7 @@ def check_carried(
             )
     if isinstance(posterior, str | os.PathLike):
         check_posterior_path(Path(posterior))
+        check_place(Path(posterior))
 
 
 def with_given(

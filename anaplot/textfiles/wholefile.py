@@ -18,6 +18,7 @@ from anaplot.textfiles.wording import place, reason
 
 __all__ = [
     "all_or_nothing",
+    "check_place",
     "clear_left_over",
     "create_whole",
     "make_folder",
@@ -97,6 +98,20 @@ def create_whole(path: Path, data: bytes | Iterable[bytes]) -> None:
     """
     _write_aside(path, data, may_replace=False)
     _was_made(path)
+
+
+def check_place(path: Path) -> None:
+    """Refuse a file for which there is no place, before what it is to hold is computed.
+
+    Raises
+    ------
+    InputError
+        There is no folder around it, or a folder of its name.
+    """
+    if not path.parent.is_dir():
+        raise InputError(f"{place(path)}: cannot be written: there is no such folder")
+    if path.is_dir():
+        raise InputError(f"{place(path)}: cannot be written: it is a folder")
 
 
 def clear_left_over(path: Path) -> None:

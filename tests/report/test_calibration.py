@@ -14,10 +14,12 @@ from anaplot.bundle.solve.cameracalibration import CalibratedCamera
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_block
 from anaplot.exchange.camerafile import read_camera
-from anaplot.photogrammetry.block import in_pixels
+from anaplot.photogrammetry.block import Block, Camera, in_pixels
 from anaplot.photogrammetry.camera import BrownLens, CameraCalibration, RadialPolynomial
 from anaplot.photogrammetry.lens import LENS_PARAMETERS
-from anaplot.report.camerafiles import calibration_file
+from anaplot.photogrammetry.refinement import Refinement
+from anaplot.report.calibration import calibration_asked
+from anaplot.report.camerafiles import calibration_file, camera_files_asked
 
 
 def values(found) -> dict[tuple[str, str], dict]:
@@ -234,6 +236,11 @@ def test_a_principal_point_in_mm_goes_into_the_file_for_the_next_inner_orientati
         rows["drone", "k1"]["value"],
     )
     assert rows["drone", "c"]["value_px"] is None
+    x, y = written.principal_point
+    note = f"old principal point: {x:+.4f}, {y:+.4f} mm go into the file alone"
+    assert note in " ".join(found.text().split())
+    told = found.to_dict()["principal_points_in_file_alone"]
+    assert told == [{"camera": "drone", "offset": [x, y]}]
 
 
 def test_a_file_that_corrects_by_a_table_of_distortion_holds_no_lens_beside_it() -> None:
@@ -244,7 +251,80 @@ def test_a_file_that_corrects_by_a_table_of_distortion_holds_no_lens_beside_it()
     with pytest.raises(InputError, match=r"\[distortion\] of 'd.toml'"):
         calibration_file(found)
     kept = calibration_file(found._replace(camera=replace(own, c=35.1)))
-    assert (kept.c, kept.radial) == (35.1, table.radial)
+    assert (kept.c, kept.radial, kept.symmetry_point) == (35.1, table.radial, None)
+    # known before anything is adjusted
+    block = replace(make_block(("drone",)), cameras=(own,))
+    with pytest.raises(InputError, match=r"\[distortion\] of 'd.toml'"):
+        asked(block, "c,k1", "x.toml")
+    assert asked(block, "c,x0", "x.toml") == {"drone": Path("x.toml")}
+
+
+@pytest.mark.parametrize("pixels", [False, True])
+def test_distortion_stays_where_it_is_when_the_principal_point_moves(pixels: bool) -> None:
+    camera = stated("drone") if pixels else Camera("drone", 35.0)
+    table = CameraCalibration(
+        "drone", 35.0, (0.01, -0.02), radial=RadialPolynomial((0.0, 3e-5, 0.0, 0.0))
+    )
+    own = replace(camera, calibration=table, file="d.toml")
+    written = calibration_file(CalibratedCamera(own, (), own, (0.3, -0.4)))
+    # in pixels the plate counts from the principal point, which has moved itself
+    moved = np.array((0.3, -0.4))
+    at = np.array([[9.0, 7.0], [-12.0, 3.0]])
+    before = Refinement.of(table).refine(at) - (at - table.principal_point)
+    shift = moved if pixels else np.zeros(2)
+    after = Refinement.of(written).refine(at - shift) - (at - shift - written.principal_point)
+    np.testing.assert_allclose(after, before, atol=1e-12)
+    assert np.abs(before).max() > 1e-3
+
+
+def asked(block: Block, calibrate, *files: str) -> dict[str, Path]:
+    chosen = calibration_asked(block, calibrate, None, None)
+    return camera_files_asked(block, list(files), chosen)
+
+
+def test_what_a_camera_file_cannot_be_is_told_before_the_adjustment(tmp_path: Path) -> None:
+    two = make_block(("drone", "phone/7"))
+    with pytest.raises(InputError, match="nothing of camera 'phone/7' is calibrated"):
+        asked(two, "drone:c,k1", "phone/7=zz.toml")
+    with pytest.raises(InputError, match="there is no such folder"):
+        asked(two, "c", f"drone={tmp_path / 'none' / 'd.toml'}")
+    one = make_block(("drone",))
+    with pytest.raises(InputError, match=r"of which camera.*did you mean 'drone'"):
+        asked(one, "c", "dron=foo.toml")
+    # names with = in them
+    odd = replace(one, cameras=(replace(one.cameras[0], id="a=b"),))
+    odd = replace(odd, photos=tuple(replace(photo, camera="a=b") for photo in odd.photos))
+    assert asked(odd, "c", "a=b=c.toml") == {"a=b": Path("c.toml")}
+    file = tmp_path / "none" / "a.npz"
+    for option in ({"posterior": file}, {"covariance": "photos:p00", "covariance_to": file}):
+        with pytest.raises(InputError, match="there is no such folder"):
+            anaplot.adjust(one, **option)
+
+
+@pytest.mark.slow
+def test_no_file_is_left_where_one_cannot_be_written(tmp_path: Path, monkeypatch) -> None:
+    def full(*_: object) -> None:
+        raise InputError("no space left")
+
+    monkeypatch.setattr("anaplot.report.covariance.write_covariance", full)
+    with pytest.raises(InputError, match="no space left"):
+        anaplot.adjust(
+            make_block(("drone",)),
+            calibrate="c",
+            write_camera=tmp_path / "d.toml",
+            covariance="photos:p00",
+            covariance_to=tmp_path / "a.npz",
+        )
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_parameter_that_is_held_where_it_was_stated_is_told() -> None:
+    block = make_block(("drone",))
+    for calibrate in ("c=35,k1", "c,k1"):
+        rows = values(anaplot.adjust(block, calibrate=calibrate, calibrate_sigma="c=0"))
+        assert (rows["drone", "c"]["freedom"], rows["drone", "c"]["value"]) == ("held", 35.0)
+        assert rows["drone", "k1"]["freedom"] == "free"
 
 
 @pytest.mark.slow

@@ -94,6 +94,7 @@ def calibrated_cameras(block: AdjustedBlock) -> tuple[CalibratedCamera, ...]:
         return ()
     names = additional.set.names
     still = problem.additional_still
+    asked = {(prior.group, prior.parameter) for prior in additional.priors}
     rows = {(row.group, row.name): row for row in block.parameter_rows()}
     out = []
     for k, (group, camera) in enumerate(zip(problem.additional_groups, cameras, strict=True)):
@@ -108,7 +109,7 @@ def calibrated_cameras(block: AdjustedBlock) -> tuple[CalibratedCamera, ...]:
             q = float(problem.additional_given[k, j]) if fixed else rows[group, name].value
             s = None if fixed else rows[group, name].s_coefficient
             lens[at] += q * unit
-            if fixed and lens[at] == stated[at]:
+            if fixed and lens[at] == stated[at] and (group, name) not in asked:
                 continue  # as the camera states it: nothing was asked of it
             weighted = len(problem.additional_sigma) and np.isfinite(problem.additional_sigma[k, j])
             freedom: Freedom = "held" if fixed else "weighted" if weighted else "free"
