@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from anaplot.bundle.hypotheses.doming import Doming, HeightDifferences, doming
+from anaplot.bundle.hypotheses.doming import LEAST_HEIGHTS, Doming, HeightDifferences, doming
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.planning.domingflights import MOST_RAYS, DomingFlight, doming_flights
 from anaplot.report.columns import counted
@@ -114,6 +114,10 @@ def _difference(one: HeightDifferences) -> list[Line]:
     if one.bend is not None:
         verdict = "more than is expected" if one.bent else "no more than is expected"
         lines[0] += say("; bent by {:+.4f} m (s {:.4f}): {}", *one.bend, verdict)
+    elif one.count < LEAST_HEIGHTS:
+        lines[0] += say("; a bend is told by {:d} heights at least", LEAST_HEIGHTS)
+    else:
+        lines[0] += "; they lie so that they tell no bend from a tilt"
     why = one.explained
     if why is None:
         return lines

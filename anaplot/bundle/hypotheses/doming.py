@@ -29,6 +29,7 @@ from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
 
 __all__ = [
+    "LEAST_HEIGHTS",
     "Bend",
     "Doming",
     "Explained",
@@ -44,11 +45,12 @@ __all__ = [
 _RADIAL = ("c", "k1", "k2", "k3")
 _FREED = ("k1", "k2")  # of a lens that is held
 _LOOKS_DOWN = 0.7  # cosine: photos that look along heights
-_LEAST = 6  # points, or height differences, of which a bend says something
+LEAST_HEIGHTS = 6  # points, or height differences, of which a bend says something
 _FLAT = 1e-3  # singular values of plane and parabola beyond which they are one
 _SURE = 3.0  # standard deviations of a bend that are expected
 _ALPHA = 0.05
 _NEARLY = 0.1  # of what photographs demand: what is left then counts for nothing
+_ALIKE = 1.5  # root mean squares of few differences that are the same for all that is known
 _MOST = 200  # heights of control or check points that are looked at together; of more a share
 
 
@@ -67,7 +69,7 @@ class Explained(NamedTuple):
     left
         Root mean square of what is left of them [m].
     camera, name, change, s
-        The parameter of a lens that is held whose change explains most, what it is, and its
+        The parameter of a lens that is held whose change explains them best, what it is, and its
         standard deviation by the differences alone; None where the lens is free: then it is what
         its uncertainty leaves open.
     contradiction, demand, critical
@@ -227,7 +229,7 @@ def doming(block: AdjustedBlock) -> Doming | None:
     photos look down or up, and heights are known.
     """
     problem, sigma = block.problem, block.sigma
-    if problem.datum != "control" or sigma is None or len(problem.points) < _LEAST:
+    if problem.datum != "control" or sigma is None or len(problem.points) < LEAST_HEIGHTS:
         return None
     down = np.abs(block.state.rotations[:, 2, 2])
     heights = _heights(problem)
@@ -363,7 +365,7 @@ def bend_weights(places: Array) -> tuple[float, Array | None]:
     at = places[:, :2] - places[:, :2].mean(axis=0)
     square = np.einsum("ni,ni->n", at, at)
     radius = sqrt(float(square.max()))
-    if len(places) < _LEAST or not radius > 0.0:
+    if len(places) < LEAST_HEIGHTS or not radius > 0.0:
         return radius, None
     design = np.column_stack((np.ones(len(at)), at / radius, -square / radius**2))
     size = np.linalg.svd(design, compute_uv=False)
@@ -416,7 +418,7 @@ def _differences(
         )
         if changed is not None:
             if found.bent:
-                explained = _by_one(problem, spread, by_lens, changed, d, q, sigma)
+                explained = _by_one(problem, spread, by_lens, changed, d, q, sigma, expected)
                 found = replace(found, explained=explained)
         elif use == "check":
             left = d - of_lens @ np.linalg.pinv(q, hermitian=True) @ d
@@ -433,8 +435,12 @@ def _by_one(
     d: Array,
     q: Array,
     sigma: float,
+    expected: float,
 ) -> Explained | None:
-    """Return the one parameter of held lenses whose change leaves least of height differences.
+    """Return the one parameter of held lenses whose change explains height differences best.
+
+    What leaves about as little as is expected of them, or as the one that leaves least, explains
+    them; of several that do, it is the one that the photographs have least against.
 
     Parameters
     ----------
@@ -448,22 +454,27 @@ def _by_one(
         (n,) differences [m], and their cofactors.
     sigma
         The factor of standard deviations.
+    expected
+        Root mean square of the standard deviations of the differences [m].
     """
     squares = np.einsum("nk,nk->k", by_lens, by_lens)
     if problem.lens_units is None or not (squares > 0.0).any():
         return None
     best = np.divide(-(d @ by_lens), squares, out=np.zeros_like(squares), where=squares > 0.0)
     left = np.array([_rms(d + by_lens[:, k] * size) for k, size in enumerate(best)])
-    k = int(np.argmin(left))
-    off = -changed
-    off[k] += best[k]
-    contradiction, demand = (
-        float(one @ np.linalg.solve(spread.q, one)) / sigma**2 / len(off) for one in (off, changed)
+    # beside nothing (the last row), what the photographs have against each change by itself
+    off = np.vstack((np.diag(best), np.zeros(len(best)))) - changed
+    against = np.einsum("ik,ki->i", off, np.linalg.solve(spread.q, off.T))
+    *contradictions, demand = (against / sigma**2 / len(best)).tolist()
+    k = min(
+        np.flatnonzero(left <= _ALIKE * max(expected, float(left.min()))).tolist(),
+        key=contradictions.__getitem__,
     )
+    contradiction = contradictions[k]
     unit = float(problem.lens_units.flat[spread.free[k]])
     s = sigma * sqrt(max(float(by_lens[:, k] @ q @ by_lens[:, k]), 0.0)) / float(squares[k])
     camera, name = _labels(problem)[int(spread.free[k])]
-    limit = critical_f(_ALPHA, len(off))
+    limit = critical_f(_ALPHA, len(best))
     return Explained(
         float(left[k]), camera, name, float(best[k]) * unit, s * unit, contradiction, demand, limit
     )
