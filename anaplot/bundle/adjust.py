@@ -152,7 +152,8 @@ def calibrated(
         if not problem.frees_parameters:
             raise
         # there is a minimum without them
-        raise NoConvergenceError(parameters_left_open(problem), error.state) from error
+        there = with_additional(problem, bare)
+        raise NoConvergenceError(parameters_left_open(problem, there), error.state) from error
 
 
 def with_additional(problem: Problem, state: BlockState) -> BlockState:

@@ -21,6 +21,7 @@ from anaplot.bundle.solve.problem import Datum, make_problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 from anaplot.planning.blockplan import BlockPlan, plan_block
+from anaplot.report.calibration import calibration_of
 
 pytestmark = pytest.mark.slow
 
@@ -135,3 +136,15 @@ def test_gross_errors_of_a_determined_block_are_still_blamed_and_rescued(datum: 
     with pytest.raises(NoConvergenceError, match="in photo 102 disagrees"):
         adjust_block(block, datum=datum)
     assert adjust_without_misfits(make_problem(block, datum=datum)).left_out
+
+
+def test_parameters_of_cameras_that_are_left_open_are_named() -> None:
+    """Over flat ground: c and the flying height, y0 and omega; what is weighted is left out."""
+    block = aerial(1, 3, noise_um=5.0, relief=0.0).block
+    for sigma, names in (([], r"\bc, y0 of 'cam'"), (["c=0.01"], r": y0 of 'cam'")):
+        chosen = calibration_of(block, ["c,x0,y0"], sigma)
+        with pytest.raises(NotComputableError, match=names) as caught:
+            adjust_block(block, datum="free", additional=chosen)
+        assert "use fewer or weight them (--calibrate-sigma, --add" in str(caught.value)
+    chosen = calibration_of(block, ["c,x0,y0"], ["c=0.01,y0=0.01"])
+    assert adjust_block(block, datum="free", additional=chosen).sigma0 < 2.0

@@ -22,8 +22,9 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import Linearised, Unknowns, effect, linearise, move
 from anaplot.bundle.solve.normal import NormalEquations, PointError
 from anaplot.bundle.solve.problem import Problem, listed
-from anaplot.bundle.solve.structure import Structure
+from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.errors import NotComputableError
+from anaplot.textfiles.wording import quoted
 
 __all__ = ["held_by_noise", "parameters_left_open", "undetermined"]
 
@@ -34,6 +35,7 @@ _WEAKEST = 8  # movements that are looked at
 _NOISES = 4  # realisations of noise
 _NOISE = 0.1  # of a movement's resistance that changes with noise: all of it may be noise
 _APART = 0.2  # of what noise does to the movements left open: to the others it does less
+_AS_WEAK = 0.01  # of how much the weakest movement yields: what is as good as open as well
 _MOST = 10.0  # sigmas that errors spoil the geometry by, at most: larger ones lose their pull
 _FAR = 20.0  # sigmas that a photo's rays are off in the median: it lies nowhere near its place
 
@@ -72,9 +74,8 @@ def undetermined(
     except (PointError, NotPositiveError):
         photo = "" if error.photo is None else f": photo {problem.photos[error.photo]}"
         return NotComputableError(f"block {name}: not determined{photo}")
-    return NotComputableError(
-        _left_open(problem, _share(_weakest(normal, factor, 1).size[:, :, 0]))
-    )
+    found = _weakest(normal, factor, 1)
+    return NotComputableError(_left_open(problem, _share(found.size[:, :, 0]), normal, factor))
 
 
 def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> str | None:
@@ -119,25 +120,69 @@ def held_by_noise(problem: Problem, structure: Structure, state: BlockState) -> 
     for photo in np.flatnonzero(share > _MOVES).tolist():
         if not np.median(off[problem.photo == photo]) <= _FAR:
             return None
-    return _left_open(problem, share)
+    return _left_open(problem, share, normal, factor)
 
 
-def parameters_left_open(problem: Problem) -> str:
-    """Return the remark on free additional parameters that are not determined."""
+def parameters_left_open(problem: Problem, state: BlockState) -> str:
+    """Return the remark on free additional parameters that are not determined.
+
+    Parameters
+    ----------
+    problem
+        The bundle.
+    state
+        Where it is linearised to find out which ones.
+    """
+    structure = make_structure(problem, state.centres)
+    tie = anchor(problem, state) if problem.defect else None
+    linear = replace(linearise(problem, state), conditions=None)
+    weights = None if tie is None else tie.weights
+    solvable = _solvable(problem, structure, linear, weights)
+    return _parameters_left_open(problem, "" if solvable is None else _loose(*solvable))
+
+
+def _parameters_left_open(problem: Problem, names: str) -> str:
     assert problem.additional is not None
+    chosen = problem.additional
+    weights = " (--calibrate-sigma, --additional-sigma-um)" if names else ""
     return (
         f"block {problem.block.name}: not determined: the additional parameters "
-        f"({problem.additional.set.name}, {problem.additional.scope}-invariant) together with "
-        "the orientations; use fewer or weight them"
+        f"({chosen.set.name}, {chosen.scope}-invariant) together with the orientations"
+        f"{names}; use fewer or weight them{weights}"
     )
 
 
-def _left_open(problem: Problem, share: Array) -> str:
+def _loose(normal: NormalEquations, factor: Factor) -> str:
+    """Return ": names" of cameras' parameters in the movements that are resisted least, or ""."""
+    chosen, groups = normal.problem.additional, normal.problem.additional_groups
+    # the terms of other sets come by the dozen, and are no quantities that a person knows
+    if chosen is None or not chosen.set.lens or chosen.scope != "camera":
+        return ""
+    try:
+        found = _weakest(normal, factor, _WEAKEST)
+    except np.linalg.LinAlgError:
+        return ""
+    weak = np.flatnonzero(found.resisted > _AS_WEAK * found.resisted[0]).tolist()
+    moved = [np.abs(found.unknowns[k][2]) for k in weak]
+    shares = [one / one.max() for one in moved if one.max() > 0.0]
+    if not shares:
+        return ""
+    loose = np.max(shares, axis=0).reshape(len(groups), -1) > _MOVES
+    said = [
+        f"{', '.join(name for name, one in zip(chosen.set.names, row, strict=True) if one)} of "
+        f"{quoted(group)}"
+        for group, row in zip(groups, loose, strict=True)
+        if row.any()
+    ]
+    return f": {listed(said)}"
+
+
+def _left_open(problem: Problem, share: Array, normal: NormalEquations, factor: Factor) -> str:
     """Say what may move, from the share that each of n photos has in the movement."""
     names = [problem.photos[k] for k in np.nonzero(share > _MOVES)[0].tolist()]
     # weighted parameters are observed: they leave nothing open
     if problem.frees_parameters and len(names) > len(problem.photos) // 2:
-        return parameters_left_open(problem)
+        return _parameters_left_open(problem, _loose(normal, factor))
     begin = f"block {problem.block.name}: not determined: "
     what = "photos" if len(names) > 1 else "photo"
     return f"{begin}{what} {listed(names)}: their common points and control leave a movement open"
