@@ -17,7 +17,7 @@ from anaplot.bundle.solve.unknownnames import UnknownName, unknowns_meant, unkno
 from anaplot.errors import InputError
 from anaplot.photogrammetry.posterior import MOST_COORDINATES, CoordinateName
 from anaplot.report.columns import counted
-from anaplot.report.covariancefile import check_covariance_path, write_covariance
+from anaplot.report.covariancefile import write_covariance
 from anaplot.report.document import (
     BLANK,
     Block,
@@ -34,6 +34,7 @@ from anaplot.report.document import (
     whole,
 )
 from anaplot.report.keywords import names_in
+from anaplot.report.npzfile import check_npz_path
 from anaplot.textfiles.wholefile import check_place
 
 __all__ = [
@@ -120,7 +121,7 @@ class CovarianceQuestion:
             return None
         path = None if file is None else Path(file)
         if path is not None:
-            check_covariance_path(path)
+            check_npz_path(path, "--covariance-to")
             check_place(path)
             if isinstance(posterior, str | os.PathLike) and Path(posterior) == path:
                 raise InputError("--posterior and --covariance-to name one file")

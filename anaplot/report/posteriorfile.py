@@ -32,14 +32,14 @@ from anaplot.photogrammetry.posterior import (
     Posterior,
     coordinate_name,
 )
+from anaplot.report.npzfile import check_npz_path, write_arrays
 from anaplot.textfiles.inputfile import read_bytes
 from anaplot.textfiles.names import name_fault
-from anaplot.textfiles.wholefile import check_place, replace_whole
+from anaplot.textfiles.wholefile import check_place
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = [
     "check_carried",
-    "check_posterior_path",
     "read_posterior",
     "with_given",
     "write_posterior",
@@ -85,17 +85,8 @@ def write_posterior(path: Path, posterior: Posterior) -> None:
     InputError
         The name ends otherwise, or the file cannot be written.
     """
-    check_posterior_path(path)
-    data = io.BytesIO()
-    names = np.array([name.text for name in posterior.names])
-    np.savez(data, names=names, x=posterior.x, C=posterior.covariance)
-    replace_whole(path, data.getvalue())
-
-
-def check_posterior_path(path: Path) -> None:
-    """Refuse to write into a file that is called otherwise: it may be one of another kind."""
-    if path.suffix != ".npz":
-        raise InputError(f"{place(path)}: --posterior writes a file that ends in .npz")
+    names = [name.text for name in posterior.names]
+    write_arrays(path, "--posterior", names=names, x=posterior.x, C=posterior.covariance)
 
 
 def read_posterior(path: Path) -> Posterior:
@@ -145,7 +136,7 @@ def check_carried(
                 "something else; one of them"
             )
     if isinstance(posterior, str | os.PathLike):
-        check_posterior_path(Path(posterior))
+        check_npz_path(Path(posterior), "--posterior")
         check_place(Path(posterior))
 
 

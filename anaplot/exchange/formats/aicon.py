@@ -18,7 +18,14 @@ from anaplot.exchange.formats.aiconfiles import (
 )
 from anaplot.exchange.formats.aiconwriter import write_aicon
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
-from anaplot.exchange.formats.gathered import check_with, image_sigma, stated_camera
+from anaplot.exchange.formats.gathered import (
+    check_order,
+    check_with,
+    head_of,
+    image_sigma,
+    named,
+    stated_camera,
+)
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.photogrammetry.block import (
     Block,
@@ -29,7 +36,7 @@ from anaplot.photogrammetry.block import (
     TestSettings,
 )
 from anaplot.photogrammetry.objectconditions import ObjectCondition
-from anaplot.textfiles.wording import hint, place, plain, reason
+from anaplot.textfiles.wording import place, plain, reason
 
 __all__ = ["INACTIVE", "read", "recognises", "write"]
 
@@ -46,11 +53,10 @@ def recognises(source: Path) -> bool:
     """Return whether a source is a .phc, or a folder with one."""
     try:
         if source.is_dir():
-            return len(_named(source, ".phc")) == 1
+            return len(named(source, ".phc")) == 1
         if source.suffix.lower() != ".phc":
             return False
-        with source.open("rb") as file:
-            head = file.read(_LOOK).decode("utf-8", "replace").splitlines()
+        head = head_of(source, _LOOK).splitlines()
         rows = [line.split() for line in head if line.strip() and line.strip()[0] not in "#%;*"]
         return bool(rows) and len(rows[0]) >= 4 and float(rows[0][2]) == float(rows[0][2])
     except (OSError, ValueError):
@@ -66,8 +72,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
         What is wrong, with file and line.
     """
     check_with(options.files, _WORDS)
-    if options.order is not None and options.order not in _SIGNS:
-        raise InputError(f"--order {plain(options.order, 60)}{hint(options.order, _SIGNS)}")
+    check_order(options.order, _SIGNS)
     files = _files(source, options)
     notes: list[Note] = []
     rows = read_rays(files["rays"], notes)
@@ -110,22 +115,18 @@ def write(exporting: Exporting, target: Path) -> Exported:
     return write_aicon(exporting, target)
 
 
-def _named(folder: Path, suffix: str) -> list[Path]:
-    return sorted(one for one in folder.iterdir() if one.suffix.lower() == suffix)
-
-
 def _files(source: Path, options: ImportOptions) -> dict[str, Path]:
     """Return the files by what is in them; raises InputError."""
     if not source.is_dir():
         return {"rays": source} | dict(options.files)
     try:
-        rays = _named(source, ".phc")
+        rays = named(source, ".phc")
         if len(rays) != 1:
             count = f"{len(rays)} files .phc" if rays else "no file .phc"
             raise InputError(f"{place(source)}: {count}: name one of them")
         files = {"rays": rays[0]}
         for word, suffix in _FILES.items():
-            same = [one for one in _named(source, suffix) if one.stem == rays[0].stem]
+            same = [one for one in named(source, suffix) if one.stem == rays[0].stem]
             if same:
                 files[word] = same[0]
     except OSError as error:

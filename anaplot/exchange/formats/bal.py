@@ -24,7 +24,7 @@ import numpy as np
 from anaplot.errors import InputError
 from anaplot.exchange.formats.balwriter import BAL_SOURCE, write_bal
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
-from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, head_of
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.block import (
@@ -57,12 +57,8 @@ class _Ray(NamedTuple):
 
 def recognises(source: Path) -> bool:
     """Return whether a file begins with three counts and an observation."""
-    try:
-        with source.open("rb") as file:
-            head = file.read(_LOOK).decode("ascii").splitlines()
-    except (OSError, ValueError):
-        return False
-    rows = [line.split() for line in head[:2]]
+    head = head_of(source, _LOOK)
+    rows = [line.split() for line in head.splitlines()[:2]] if head.isascii() else []
     if len(rows) < 2 or len(rows[0]) != 3 or len(rows[1]) != _RAY:
         return False
     whole = (*rows[0], *rows[1][:2])

@@ -16,7 +16,7 @@ from anaplot.exchange.formats.bingofiles import (
 )
 from anaplot.exchange.formats.bingowriter import write_bingo
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
-from anaplot.exchange.formats.gathered import check_with, image_sigma, stated_camera
+from anaplot.exchange.formats.gathered import check_order, check_with, image_sigma, stated_camera
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.sourcelines import SourceLine
 from anaplot.photogrammetry.block import (
@@ -27,7 +27,7 @@ from anaplot.photogrammetry.block import (
     Precision,
     TestSettings,
 )
-from anaplot.textfiles.wording import hint, place, plain, quoted, reason
+from anaplot.textfiles.wording import place, quoted, reason
 
 __all__ = ["read", "recognises", "write"]
 
@@ -55,8 +55,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
         What is wrong, with file and line.
     """
     check_with(options.files, _FILES)
-    if options.order is not None and options.order not in ORDERS:
-        raise InputError(f"--order {plain(options.order, 60)}{hint(options.order, ORDERS)}")
+    check_order(options.order, ORDERS)
     try:
         files = _of_folder(source) if source.is_dir() else {"images": source}
     except OSError as error:

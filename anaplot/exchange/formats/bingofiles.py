@@ -20,7 +20,7 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Note
-from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, number
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, head_of, number
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 from anaplot.textfiles.wording import place, plain, quoted
@@ -81,9 +81,8 @@ def bluh_angles(rotation: Array) -> tuple[float, float, float]:
 
 
 def looks_like_images(path: Path) -> bool:
-    """Return whether a file begins as an image file does: never raises but OSError."""
-    with path.open("rb") as file:
-        head = file.read(_LOOK).decode("utf-8", "replace").splitlines()[:20]
+    """Return whether a file begins as an image file does."""
+    head = head_of(path, _LOOK).splitlines()[:20]
     rows = [line.split() for line in head if line.strip() and not _is_comment(line)][:2]
     if len(rows) < 2 or len(rows[0]) != 2 or len(rows[1]) < 3:
         return False

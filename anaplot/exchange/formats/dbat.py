@@ -9,7 +9,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.formats.dbatscript import Script, Table, read_script
 from anaplot.exchange.formats.dbatwriter import write_dbat
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
-from anaplot.exchange.formats.gathered import check_with
+from anaplot.exchange.formats.gathered import check_with, head_of
 from anaplot.exchange.formats.pixeltables import (
     PixelRow,
     pixel_block,
@@ -33,10 +33,9 @@ def recognises(source: Path) -> bool:
     try:
         if source.is_dir():
             return len(_scripts(source)) == 1
-        with source.open("rb") as file:
-            head = file.read(_LOOK).decode("utf-8", "replace")
     except (OSError, ValueError):
         return False
+    head = head_of(source, _LOOK)
     if "<document" in head and "dbat_script_version" in head:
         return True
     first = head.lstrip("\ufeff \n").split("\n", 1)[0].lower()
@@ -96,12 +95,8 @@ def write(exporting: Exporting, target: Path) -> Exported:
 
 
 def _scripts(folder: Path) -> list[Path]:
-    found = []
-    for path in sorted(folder.glob("*.xml")):
-        with path.open("rb") as file:
-            if b"dbat_script_version" in file.read(_LOOK):
-                found.append(path)
-    return found
+    paths = sorted(folder.glob("*.xml"))
+    return [path for path in paths if "dbat_script_version" in head_of(path, _LOOK)]
 
 
 def _of_files(source: Path, options: ImportOptions) -> Script:

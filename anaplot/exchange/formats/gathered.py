@@ -14,9 +14,12 @@ from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = [
     "MAX_TABLE_BYTES",
+    "check_order",
     "check_with",
     "fields_of",
+    "head_of",
     "image_sigma",
+    "named",
     "not_held",
     "number",
     "rays_that_count",
@@ -26,6 +29,22 @@ __all__ = [
 
 MAX_TABLE_BYTES = 50_000_000
 """Largest table of text that is read; in memory it is forty times as large."""
+
+
+def head_of(source: Path, size: int) -> str:
+    """Return the first bytes of a file as text; "" where there is no file that can be read."""
+    try:
+        if not source.is_file():
+            return ""
+        with source.open("rb") as file:
+            return file.read(size).decode("utf-8", "replace")
+    except (OSError, ValueError):
+        return ""
+
+
+def named(folder: Path, suffix: str) -> list[Path]:
+    """Return what of a folder bears a suffix, in small or capital letters; raises OSError."""
+    return sorted(one for one in folder.iterdir() if one.suffix.lower() == suffix)
 
 
 def fields_of(line: SourceLine, marks: str = "#") -> list[str]:
@@ -55,6 +74,13 @@ def check_with(files: Mapping[str, Path], known: Iterable[str]) -> None:
     for word in files:
         if word not in words:
             raise InputError(f"--with {plain(word, 60)}: no such file here{hint(word, words)}")
+
+
+def check_order(order: str | None, known: Iterable[str]) -> None:
+    """Refuse an --order that a format does not know; raises InputError."""
+    words = tuple(known)
+    if order is not None and order not in words:
+        raise InputError(f"--order {plain(order, 60)}{hint(order, words)}")
 
 
 def stated_camera(options: ImportOptions, name: str = "camera") -> tuple[Camera | None, list[Note]]:

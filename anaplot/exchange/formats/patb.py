@@ -11,8 +11,11 @@ from typing import NamedTuple
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gathered import (
+    check_order,
     check_with,
+    head_of,
     image_sigma,
+    named,
     number,
     stated_camera,
 )
@@ -62,9 +65,9 @@ def recognises(source: Path) -> bool:
     """Return whether a source is an image file of this family, a .pro beside one, or a folder."""
     try:
         if source.is_dir():
-            return len(_named(source, ".im")) == 1
+            return len(named(source, ".im")) == 1
         if source.suffix.lower() == ".pro":
-            return any(one.stem == source.stem for one in _named(source.parent, ".im"))
+            return any(one.stem == source.stem for one in named(source.parent, ".im"))
         return _looks_like_images(source)
     except (OSError, ValueError, InputError):
         return False
@@ -73,8 +76,7 @@ def recognises(source: Path) -> bool:
 def read(source: Path, options: ImportOptions) -> Imported:
     """Read a project; raises InputError."""
     check_with(options.files, _FILES)
-    if options.order is not None and options.order not in SENSES:
-        raise InputError(f"--order {plain(options.order, 60)}{hint(options.order, SENSES)}")
+    check_order(options.order, SENSES)
     files = _files(source, options)
     images = read_images(files["images"])
     notes: list[Note] = []
@@ -122,15 +124,8 @@ def _posed(
     return (None, None) if found is None else (found.position, found.rotation)
 
 
-def _named(folder: Path, suffix: str) -> list[Path]:
-    return sorted(one for one in folder.iterdir() if one.suffix.lower() == suffix)
-
-
 def _looks_like_images(source: Path) -> bool:
-    if not source.is_file():
-        return False
-    with source.open("rb") as file:
-        head = file.read(_LOOK).decode("utf-8", "replace").splitlines()[:3]
+    head = head_of(source, _LOOK).splitlines()[:3]
     rows = [line.split() for line in head if line.strip() and not line.lstrip().startswith("#")]
     if len(rows) < 2:
         return False
@@ -154,7 +149,7 @@ def _files(source: Path, options: ImportOptions) -> dict[str, Path]:
     files: dict[str, Path] = {}
     try:
         if source.is_dir():
-            images = _named(source, ".im")
+            images = named(source, ".im")
             if len(images) != 1:
                 names = ", ".join(plain(one.name, 60) for one in images[:5])
                 count = f"{len(images)} files .im ({names})" if images else "no file .im"

@@ -11,13 +11,13 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Note
-from anaplot.exchange.formats.gathered import not_held, rays_that_count, whole_name
+from anaplot.exchange.formats.gathered import check_order, not_held, rays_that_count, whole_name
 from anaplot.exchange.formats.patbfiles import SENSES
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.selection import rows_by_photo
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
-from anaplot.textfiles.wording import hint, plain, quoted
+from anaplot.textfiles.wording import quoted
 
 __all__ = ["orientation_records", "write_patb"]
 
@@ -38,9 +38,8 @@ def write_patb(exporting: Exporting, target: Path) -> Exported:
     unit = options.unit or "um"
     if unit == "px":
         raise InputError("--unit px: these files have um or mm")
+    check_order(options.order, SENSES)
     sense = options.order or SENSES[0]
-    if sense not in SENSES:
-        raise InputError(f"--order {plain(sense, 60)}{hint(sense, SENSES)}")
     rays, notes = rays_that_count(block)
     notes += not_held(block, holds=("image sigmas",))
     groups = _groups(rays, notes)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
-from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, check_with
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, check_with, head_of
 from anaplot.exchange.formats.pixeltables import (
     PixelRow,
     pixel_block,
@@ -29,12 +29,7 @@ _LOOK = 2000
 
 def recognises(source: Path) -> bool:
     """Return whether a file begins with the header of a 2D export."""
-    try:
-        with source.open("rb") as file:
-            head = file.read(_LOOK).decode("utf-8", "replace")
-    except (OSError, ValueError):
-        return False
-    first = head.lstrip("\ufeff").split("\n", 1)[0].lower().replace('"', "")
+    first = head_of(source, _LOOK).lstrip("\ufeff").split("\n", 1)[0].lower().replace('"', "")
     return [part.strip() for part in first.split(",")][:2] == ["object point id", "photo #"]
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import ImportOptions, Note
-from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES
+from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, check_order
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.block import (
@@ -24,7 +24,7 @@ from anaplot.photogrammetry.block import (
     Precision,
     TestSettings,
 )
-from anaplot.textfiles.wording import hint, place, plain, quoted
+from anaplot.textfiles.wording import place, quoted
 
 __all__ = [
     "IMAGE_COLUMNS",
@@ -162,8 +162,7 @@ def shift_of(options: ImportOptions, notes: list[Note]) -> float:
         text = "1, 1 is the middle of the upper left pixel: half a pixel is taken off (--order)"
         notes.append(Note("assumed", None, text))
         return ORIGINS["centre-1"]
-    if order not in ORIGINS:
-        raise InputError(f"--order {plain(order, 60)}{hint(order, ORIGINS)}")
+    check_order(order, ORIGINS)
     return ORIGINS[order]
 
 

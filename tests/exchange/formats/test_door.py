@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -129,3 +130,19 @@ def test_lines_have_their_place(tmp_path: Path) -> None:
             first.whole_of(text, "id")
     with pytest.raises(InputError, match="line 3"):
         next(lines)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".im", ".json", ".phc", ".txt", ".xml"])
+def test_no_format_takes_anything_out_of_a_pipe_to_know_it(suffix: str, tmp_path: Path) -> None:
+    pipe = tmp_path / f"pipe{suffix}"
+    os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    try:
+        written = os.write(end, b"x" * 65536)  # more than any of them looks at
+        kinds = [one.kind for one in registry.FORMATS.values() if one.reads]
+        found = [kind for kind in kinds if registry.module_of(kind).recognises(pipe)]
+        assert kinds
+        assert not found
+        assert len(os.read(end, 65536)) == written
+    finally:
+        os.close(end)
