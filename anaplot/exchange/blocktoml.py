@@ -17,6 +17,7 @@ from anaplot.exchange.camerafile import (
     LENS,
     PIXELS,
     camera_path,
+    check_principal_px,
     format_camera,
     lens_lines,
     parse_camera,
@@ -360,6 +361,7 @@ def _with_pixels(table: TomlTable, camera: Camera, stated: Mapping[str, Any]) ->
         return replace(camera, format=stated.get("format", camera.format))
     if "format" in stated:
         raise table.fail("beside pixels, which state it: only one of them", "format")
+    check_principal_px(table, stated, camera.c)
     return in_pixels(camera, stated["pixels"], stated.get("pixel_um"), stated.get("principal_px"))
 
 

@@ -30,6 +30,7 @@ out both.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,7 @@ from anaplot.textfiles.kinds import (
     ListOf,
     Made,
     MapOf,
+    Number,
     Numbers,
     Whole,
     Word,
@@ -73,6 +75,7 @@ __all__ = [
     "MAX_PIXELS",
     "PIXELS",
     "camera_path",
+    "check_principal_px",
     "format_camera",
     "lens_lines",
     "parse_camera",
@@ -124,6 +127,7 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
         raise root.fail(f"{stray} without pixels", "camera", stray)
     if size is not None and "pixels" in camera:
         raise root.fail("beside pixels, which state it: only one of them", "camera", "format")
+    check_principal_px(root, camera, c, "camera")
     symmetry = camera.get("symmetry_point")
     for key in ("principal_point", "symmetry_point"):
         if any(abs(part) > c for part in camera.get(key, ())):
@@ -157,6 +161,26 @@ def parse_camera(text: str, path: Path) -> CameraCalibration:
     except InputError as error:
         raise root.fail(str(error), "distortion" if lens is None else "lens") from None
     return made
+
+
+def check_principal_px(table: TomlTable, stated: Mapping[str, Any], c: float, *keys: str) -> None:
+    """Refuse a principal point [px] that lies further off the middle of the image than c.
+
+    Parameters
+    ----------
+    table, keys
+        Where it stands.
+    stated
+        `PIXELS`, as far as they are stated.
+    c
+        Camera constant [mm].
+    """
+    if "principal_px" not in stated:
+        return
+    mm = 1e-3 * stated.get("pixel_um", 1.0)
+    pairs = zip(stated["principal_px"], stated["pixels"], strict=True)
+    if any(abs(at - size / 2.0) * mm > c for at, size in pairs):
+        raise table.fail("lies further off the middle of the image than c", *keys, "principal_px")
 
 
 def camera_path(folder: Path, name: str) -> Path:
@@ -314,7 +338,12 @@ def _lens(found: dict[str, Any]) -> BrownLens:
 
 
 LENS: Kind[BrownLens] = Made(
-    Keys({"model": Word("brown")}, dict.fromkeys(_COEFFICIENTS, NUMBER)), _lens
+    Keys(
+        {"model": Word("brown")},
+        # b1 = -1 leaves nothing of x, and a smaller one turns it over
+        {**dict.fromkeys(_COEFFICIENTS, NUMBER), "b1": Number(-1.0, inside=True)},
+    ),
+    _lens,
 )
 """A lens's table: its model and coefficients, each 0 where it is left out."""
 

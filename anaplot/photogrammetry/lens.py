@@ -22,11 +22,11 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.photogrammetry.planar import as_points, solve_pairs
 
-__all__ = ["LENS_PARAMETERS", "LensImage", "through_lens", "without_lens"]
+__all__ = ["LENS_PARAMETERS", "LensImage", "lens_fold", "through_lens", "without_lens"]
 
 _HALVINGS = 20  # of the interval in which a radius lies; Newton's steps do the rest
 _STEPS = 20
-_NOTHING = 1e-60  # a coefficient that does nothing at any radius
+_FAR = 1e4  # times c: beyond it no lens images anything
 _CLOSED = 1e-12  # between a place and that of its direction, relative to c
 
 
@@ -122,9 +122,9 @@ def _without_lens(measured: Array, parameters: Array) -> Array:
     bent = np.column_stack((((measured[:, 0] - x0) / c - b2 * dy) / (1.0 + b1), dy))
     if not np.any(parameters[3:8]):
         return bent
-    fold = _fold(k1, k2, k3)
+    fold = lens_fold(k1, k2, k3)
     radius = np.hypot(*bent.T)
-    low, high = np.zeros(len(bent)), np.full(len(bent), min(fold, 1e6))
+    low, high = np.zeros(len(bent)), np.full(len(bent), min(fold, _FAR))
     if not np.isfinite(fold):
         # without a fold the measured radius grows with the true one: twice as far until it holds
         high = np.maximum(2.0 * radius, 1e-9)
@@ -159,12 +159,16 @@ def _radial(r: Array, k1: float, k2: float, k3: float) -> Array:
     return out
 
 
-def _fold(k1: float, k2: float, k3: float) -> float:
-    """Return the radius, divided by c, from which on a lens folds the image back; or infinity."""
-    powers = [0.0 if abs(k) < _NOTHING else k for k in (7.0 * k3, 5.0 * k2, 3.0 * k1)]
+def lens_fold(k1: float, k2: float, k3: float) -> float:
+    """Return the radius, divided by c, from which on a lens folds the image back; or infinity.
+
+    It is where 1 + 3 k1 q + 5 k2 q^2 + 7 k3 q^3 is 0 first, q the square of the radius. The
+    largest root of s = 1 / q is looked for, whose polynomial begins with 1 whatever the lens.
+    """
     try:
-        squares = np.roots([*powers, 1.0])
+        inverse = np.roots([1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3])
     except np.linalg.LinAlgError:  # numbers beyond all measure: nothing is imaged
         return 0.0
-    real = squares.real[(np.abs(squares.imag) < 1e-9 * np.abs(squares)) & (squares.real > 0.0)]
-    return float(np.sqrt(real.min())) if real.size else np.inf
+    real = inverse.real[np.abs(inverse.imag) < 1e-9 * np.abs(inverse)]
+    largest = float(real.max(initial=0.0))
+    return 1.0 / float(np.sqrt(largest)) if largest > _FAR**-2 else np.inf

@@ -98,6 +98,8 @@ def test_millimetres_through_a_lens(tmp_path: Path) -> None:
         (TOML.replace("4000", "0"), POINTS, "whole number"),
         (TOML.replace("brown", "fisheye"), POINTS, "model"),
         (TOML.replace("k1", "k9"), POINTS, "k9"),
+        (TOML.replace("0.0005", "-1"), POINTS, "b1: must be greater than -1"),
+        (TOML.replace("[2010.5,", "[1e9,"), POINTS, "principal_px: lies further off the middle"),
         (TOML.split("pixels")[0], POINTS, "line 2: x_px: camera 'fc' states no pixels"),
     ],
 )
@@ -211,3 +213,5 @@ def test_a_lens_in_pixels_is_asked_as_far_as_the_image_reaches() -> None:
     parse_camera(aside.replace("-2.5", "-1.5"), Path("far.toml"))
     with pytest.raises(InputError, match=r"images nothing at radius 24\.\d+ mm"):
         parse_camera(aside, Path("far.toml"))
+    with pytest.raises(InputError, match=r"line 6: \[camera\] principal_px: lies further off"):
+        parse_camera(aside.replace("[100.0", "[-2e5"), Path("far.toml"))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens, without_lens
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, lens_fold, through_lens, without_lens
 
 PARAMETERS = np.array([52.0, 0.3, -0.2, -0.05, 0.02, -0.004, 1.5e-3, -8e-4, 2e-3, -1e-3])
 
@@ -119,3 +119,22 @@ def test_what_is_found_without_the_lens_is_seen_where_it_was(
     np.testing.assert_allclose(
         through_lens(direction[found], lens).xy, measured[found], rtol=0.0, atol=1e-9
     )
+
+
+@given(st.lists(st.sampled_from((0.0, 1.0, -1.0)), min_size=3, max_size=3), st.data())
+def test_no_measure_of_coefficients_stops_the_fold(signs: list[float], data: st.DataObject) -> None:
+    powers = st.floats(-320.0, 308.0)
+    k1, k2, k3 = (sign * 10.0 ** data.draw(powers) for sign in signs)
+    radius = lens_fold(k1, k2, k3)
+    assert radius >= 0.0
+    if 0.0 < radius < np.inf and max(abs(k1), abs(k2), abs(k3)) < 1e6:
+        q = radius * radius
+        terms = (3.0 * k1 * q, 5.0 * k2 * q**2, 7.0 * k3 * q**3)
+        assert abs(1.0 + sum(terms)) < 1e-6 * (1.0 + sum(map(abs, terms)))
+
+
+@pytest.mark.parametrize("k3", [0.0, 1e-320, 1e-150, 1e-60, -1e-30, 1e-16])
+def test_a_coefficient_that_does_nothing_leaves_the_fold_where_it_is(k3: float) -> None:
+    assert lens_fold(-0.4, 0.0, k3) == pytest.approx(np.sqrt(1.0 / 1.2), rel=1e-12)
+    assert lens_fold(0.0, -0.2, k3) == pytest.approx(1.0, rel=1e-12)
+    assert lens_fold(0.4, 0.3, abs(k3)) == np.inf
