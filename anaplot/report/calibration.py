@@ -77,10 +77,13 @@ def calibration_of(
     sigmas
         "k1=0.01" or "CAMERA:k1=0.01": weights; 0: held at its value.
 
+    What is said of one camera counts before what is said of all, wherever it stands.
+
     Raises
     ------
     InputError
-        No such camera or parameter; numbers that are none; a sigma of what is not calibrated.
+        No such camera or parameter, or one twice; numbers that are none; a sigma of what is not
+        calibrated.
     """
     measured = {row.photo for row in block.image_points}
     used = dict.fromkeys(photo.camera for photo in block.photos if photo.id in measured)
@@ -119,7 +122,7 @@ def calibration_of(
 
 
 def _said(option: str, texts: Sequence[str], cameras: dict[str, Camera]) -> list[_Said]:
-    out = []
+    out: list[_Said] = []
     for text in texts:
         named, colon, parts = text.rpartition(":")
         whose = named if colon else None
@@ -136,8 +139,12 @@ def _said(option: str, texts: Sequence[str], cameras: dict[str, Camera]) -> list
             said = _Said(whose, parameter, None, None)
             if equals:
                 said = _amount(option, said, amount)
+            if any((one.camera, one.name) == (whose, parameter) for one in out):
+                of = "" if whose is None else f" of camera {quoted(whose)}"
+                raise InputError(f"{option} {parameter}{of}: stands twice")
             out.append(said)
-    return out
+    # what is said of one camera counts before what is said of all, wherever it stands
+    return sorted(out, key=lambda one: one.camera is not None)
 
 
 def _amount(option: str, said: _Said, text: str) -> _Said:

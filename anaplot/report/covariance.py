@@ -339,6 +339,8 @@ def covariance_document(asked: AskedCovariance) -> Document:
         "pairs": pairs,
     }
     page.append(unknowns)
+    if any(one.kind == "parameter" for one in found.names):
+        page.append(say("  values of parameters are corrections of what the cameras state"))
     if count <= _PRINTED and found.sigma is not None:
         page += [BLANK, say("  covariances, angles in rad").of("heading")]
         page += _lines(found.matrix.tolist(), _COVARIANCE)

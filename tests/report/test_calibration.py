@@ -195,6 +195,9 @@ def test_a_gross_error_is_found_while_cameras_are_calibrated() -> None:
         ("c", "c=-1", "a sigma is written as"),
         ("drone:c", "metric:c=1", "of camera 'metric'"),
         ("c", "c=1e-300", "sigma"),
+        ("k1,k1=0.3", None, "--calibrate k1: stands twice"),
+        (["drone:c", "drone:k1,c"], None, "c of camera 'drone': stands twice"),
+        ("c", ["c=1", "c=2"], "--calibrate-sigma c: stands twice"),
     ],
 )
 def test_what_cannot_be_meant_is_said_in_one_line(calibrate, sigma, said) -> None:
@@ -202,6 +205,15 @@ def test_what_cannot_be_meant_is_said_in_one_line(calibrate, sigma, said) -> Non
     with pytest.raises(InputError, match=said) as error:
         anaplot.adjust(block, calibrate=calibrate or None, calibrate_sigma=sigma)
     assert "\n" not in str(error.value)
+
+
+def test_what_is_said_of_one_camera_counts_wherever_it_stands() -> None:
+    block = make_block(("drone", "metric"))
+    one, all_of_them = ["drone:k1=0.1", "k1=0.2,c"], ["drone:k1=0.01", "k1=0.02"]
+    first = calibration_asked(block, one, all_of_them, None)
+    assert first == calibration_asked(block, one[::-1], all_of_them[::-1], None)
+    known = {p.group: (p.value, p.sigma) for p in first.priors if p.parameter == "k1"}
+    assert known == {"drone": (0.1, 0.01), "metric": (0.2, 0.02)}
 
 
 def test_two_sets_of_parameters_are_refused_and_files_without_calibration() -> None:
@@ -316,6 +328,17 @@ def test_no_file_is_left_where_one_cannot_be_written(tmp_path: Path, monkeypatch
             covariance_to=tmp_path / "a.npz",
         )
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_the_covariance_of_parameters_says_that_they_are_corrections() -> None:
+    found = anaplot.adjust(make_block(("drone",)), calibrate="c,k1", covariance="parameters")
+    c = values(found)["drone", "c"]
+    assert found.to_dict()["covariance"]["values"][0] == pytest.approx(c["correction"])
+    line = "values of parameters are corrections of what the cameras state"
+    assert found.text().count(line) == 1
+    other = anaplot.adjust(make_block(("drone",)), calibrate="c,k1", covariance="photos:p00")
+    assert line not in other.text()
 
 
 @pytest.mark.slow
