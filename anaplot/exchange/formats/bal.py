@@ -23,9 +23,9 @@ import numpy as np
 
 from anaplot.errors import InputError
 from anaplot.exchange.formats.balwriter import BAL_SOURCE, write_bal
-from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
+from anaplot.exchange.formats.door import SOURCE, Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gathered import MAX_TABLE_BYTES, head_of
-from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
+from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of, kept_names
 from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.block import (
     Block,
@@ -70,34 +70,22 @@ def recognises(source: Path) -> bool:
 
 def read(source: Path, options: ImportOptions) -> Imported:
     """Read a problem; raises InputError."""
+    rays, of_camera, points = _problem(source)
     notes: list[Note] = []
-    with open_input(source, MAX_TABLE_BYTES) as file:
-        size = os.fstat(file.fileno()).st_size
-    lines = (line for line in source_lines(source) if line.text.strip())
-    cameras, points, count = _counts(lines, source, size)
-    rays = [_ray(lines, source, cameras, points) for _ in range(count)]
-    numbers = _numbers(lines)
-    of_camera = [_take(numbers, source, _CAMERA, f"camera {k}") for k in range(cameras)]
-    for k in range(points):
-        _take(numbers, source, _POINT, f"point {k}")
-    more = next(numbers, None)
-    if more is not None:
-        raise more[0].fail("more numbers than the first line says")
-    width, height = (_extent(ray.x for ray in rays), _extent(ray.y for ray in rays))
+    width, height = size = _size(rays)
     text = f"images of {width} x {height} pixels, their middle the principal point"
     notes.append(Note("assumed", None, f"{text}: the file does not say how large they are"))
-    made, of_photo = _cameras(of_camera, source, (width, height), notes)
+    made, of_photo = _cameras(of_camera, source, size, notes)
     sigma = options.sigma_px
     if sigma is None:
         sigma = 1.0
         notes.append(Note("assumed", None, "sigma of image coordinates one pixel (--sigma-px)"))
-    measured = [_measured(ray, width // 2, height // 2) for ray in rays]
     found, told = image_points_of(
-        measured, {str(k): camera for k, camera in enumerate(of_photo)}, pixels=True
+        _measured(rays, size), {str(k): camera for k, camera in enumerate(of_photo)}, pixels=True
     )
     notes += told
     seen = {ray.camera for ray in rays}
-    idle = [str(k) for k in range(cameras) if k not in seen]
+    idle = [str(k) for k in range(len(of_camera)) if k not in seen]
     if idle:
         notes.append(Note("assumed", len(idle), "photos without a ray", tuple(idle[:4])))
     text = "approximate coordinates of points: they are found anew, and kept in source/"
@@ -117,7 +105,34 @@ def read(source: Path, options: ImportOptions) -> Imported:
 
 def write(exporting: Exporting, target: Path) -> Exported:
     """Write a block as one file; raises InputError."""
-    return write_bal(exporting, target)
+    kept = exporting.folder / SOURCE / BAL_SOURCE
+    return write_bal(exporting, target, _names(kept) if kept.exists() else None)
+
+
+def _names(source: Path) -> list[str | None]:
+    """Return what import calls the point of every observation; None for those it leaves out."""
+    rays, of_camera, _ = _problem(source)
+    size = _size(rays)
+    _, of_photo = _cameras(of_camera, source, size, [])
+    cameras = {str(k): camera for k, camera in enumerate(of_photo)}
+    return kept_names(_measured(rays, size), cameras, pixels=True)
+
+
+def _problem(source: Path) -> tuple[list[_Ray], list[list[float]], int]:
+    """Return observations, the numbers of every camera, and how many points there are."""
+    with open_input(source, MAX_TABLE_BYTES) as file:
+        size = os.fstat(file.fileno()).st_size
+    lines = (line for line in source_lines(source) if line.text.strip())
+    cameras, points, count = _counts(lines, source, size)
+    rays = [_ray(lines, source, cameras, points) for _ in range(count)]
+    numbers = _numbers(lines)
+    of_camera = [_take(numbers, source, _CAMERA, f"camera {k}") for k in range(cameras)]
+    for k in range(points):
+        _take(numbers, source, _POINT, f"point {k}")
+    more = next(numbers, None)
+    if more is not None:
+        raise more[0].fail("more numbers than the first line says")
+    return rays, of_camera, points
 
 
 def _counts(lines: Iterator[SourceLine], source: Path, size: int) -> tuple[int, int, int]:
@@ -177,10 +192,22 @@ def _extent(values: Iterator[str]) -> int:
     return 2 * (math.floor(max(abs(float(value)) for value in values)) + 1)
 
 
-def _measured(ray: _Ray, across: int, down: int) -> MeasuredRay:
+def _size(rays: list[_Ray]) -> tuple[int, int]:
+    return _extent(ray.x for ray in rays), _extent(ray.y for ray in rays)
+
+
+def _measured(rays: list[_Ray], size: tuple[int, int]) -> list[MeasuredRay]:
+    across, down = size[0] // 2, size[1] // 2
     # in decimals: what is taken off again on the way out is what was added
-    x, y = float(Decimal(ray.x) + across), float(down - Decimal(ray.y))
-    return MeasuredRay(str(ray.camera), str(ray.point), x, y)
+    return [
+        MeasuredRay(
+            str(ray.camera),
+            str(ray.point),
+            float(Decimal(ray.x) + across),
+            float(down - Decimal(ray.y)),
+        )
+        for ray in rays
+    ]
 
 
 def _cameras(

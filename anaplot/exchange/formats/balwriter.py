@@ -24,13 +24,23 @@ __all__ = ["BAL_SOURCE", "write_bal"]
 BAL_SOURCE = "problem.txt"
 """What a problem is called under `source/`."""
 
+_END = ""  # no point's name
 
-def write_bal(exporting: Exporting, target: Path) -> Exported:
+
+def write_bal(exporting: Exporting, target: Path, names: list[str | None] | None) -> Exported:
     """Write a block.
 
     Where the problem that it was imported from is kept in `source/`, this is written again, without
     the rays that are off or doubled, and not a digit of the rest is changed. Else the adjusted
     block is written, with photos and points by numbers.
+
+    Parameters
+    ----------
+    exporting, target
+        As `registry.Format.write` has them.
+    names
+        What the block calls the point of every observation of that problem, and None for one that
+        it does not have; None where there is no problem.
 
     Raises
     ------
@@ -38,35 +48,35 @@ def write_bal(exporting: Exporting, target: Path) -> Exported:
         A camera has no pixels or a lens that is not k1 and k2, or the file cannot be written.
     """
     block = exporting.block
-    kept = exporting.folder / SOURCE / BAL_SOURCE
-    if kept.exists():
-        lines, notes = _without_off(block, kept)
+    if names is not None:
+        lines, notes = _without_off(block, exporting.folder / SOURCE / BAL_SOURCE, names)
     else:
         lines, notes = _anew(block, exporting.adjusted)
     create_whole(target, (f"{line}\n".encode() for line in lines))
     return Exported((target,), tuple(notes))
 
 
-def _without_off(block: Block, source: Path) -> tuple[Iterator[str], list[Note]]:
+def _without_off(
+    block: Block, source: Path, names: list[str | None]
+) -> tuple[Iterator[str], list[Note]]:
     off = {(row.photo, row.point) for row in block.image_points if row.use == "off"}
     half = sum(row.use in ("x", "y") for row in block.image_points)
-    seen: set[tuple[str, str]] = set()
     out: set[int] = set()
-    left = -1
+    calls = None
     for line in source_lines(source):
         fields = line.text.split()
         if not fields:
             continue
-        if left < 0:
-            left = int(fields[2])
+        if calls is None:
+            calls = iter(names)
             continue
-        if not left:
+        name = next(calls, _END)
+        if name == _END:
             break
-        left -= 1
-        ray = fields[0], fields[1]
-        if ray in off or ray in seen:
+        # of a point that its photo has more than once the others have names of their own
+        photo, point = (str(int(text)) for text in fields[:2])
+        if name is not None and (name != point or (photo, name) in off):
             out.add(line.number)
-        seen.add(ray)
 
     def lines() -> Iterator[str]:
         first = True

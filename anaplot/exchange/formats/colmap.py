@@ -7,8 +7,6 @@ A model without a source, of a block that came from elsewhere, is made of its ad
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +14,6 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.errors import InputError
 from anaplot.exchange.formats.colmapbinary import binary_model
-from anaplot.exchange.formats.colmapcamera import (
-    MODELS,
-    ColmapCamera,
-    canvas,
-    our_lens,
-    pinhole_directions,
-)
 from anaplot.exchange.formats.colmapexport import write_cleaned
 from anaplot.exchange.formats.colmapmodel import (
     PARTS,
@@ -32,6 +23,7 @@ from anaplot.exchange.formats.colmapmodel import (
     checked,
 )
 from anaplot.exchange.formats.colmapnew import write_new
+from anaplot.exchange.formats.colmaprays import rays_of
 from anaplot.exchange.formats.colmaptext import text_model
 from anaplot.exchange.formats.door import (
     SOURCE,
@@ -41,16 +33,14 @@ from anaplot.exchange.formats.door import (
     ImportOptions,
     Note,
 )
-from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
+from anaplot.exchange.formats.measuredrays import image_points_of
 from anaplot.photogrammetry.block import (
     Block,
     Camera,
     Photo,
     Precision,
     TestSettings,
-    in_pixels,
 )
-from anaplot.photogrammetry.camera import BrownLens
 from anaplot.photogrammetry.rotation import rotation_angles
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import place, quoted
@@ -137,31 +127,20 @@ def read(source: Path, options: ImportOptions) -> Imported:
         if left_out:
             names = tuple(one.name for one in left_out[:_SOME])
             notes.append(Note("dropped", len(left_out), what, names))
-    cameras: dict[int, Camera] = {}
-    places: dict[int, Array] = {}
-    for number in sorted({image.camera for image in used}):
-        mine = [image for image in used if image.camera == number]
-        cameras[number], measured, told = _camera(model.cameras[number], mine, options.pixel_um)
-        notes += told
-        ends = np.cumsum([len(image.xy) for image in mine])[:-1]
-        places |= dict(zip((i.id for i in mine), np.split(measured, ends), strict=True))
-    rays = [
-        MeasuredRay(image.name, str(point), x, y)
-        for image in used
-        for point, (x, y) in zip(image.point.tolist(), places[image.id].tolist(), strict=True)
-        if x == x  # what has no direction is told of with its camera
-    ]
+    sigma_um = _pixel_um(options) * (1.0 if options.sigma_px is None else options.sigma_px)
+    cameras, camera_of, rays, told = rays_of(model, options.pixel_um, sigma_um)
+    notes += told
     if not rays:
         raise InputError(f"{place(model.file('images'))}: no image with a pose sees a point")
-    camera_of = {image.name: cameras[image.camera] for image in used}
     points, told_of_rays = image_points_of(rays, camera_of, pixels=True)
     notes += told_of_rays
-    sigma_um = _pixel_um(options) * (1.0 if options.sigma_px is None else options.sigma_px)
+    if not points:
+        raise InputError(f"{place(model.file('images'))}: no ray lies in its image")
     block = Block(
         _name(folder),
         Precision(image_um=sigma_um),
         TestSettings("tau"),
-        tuple(cameras.values()),
+        cameras,
         tuple(_photo(image, camera_of[image.name], model) for image in used),
         (),
         points,
@@ -212,14 +191,11 @@ def _assumed(source: Path, model: ColmapModel, options: ImportOptions) -> list[N
         out.append(Note("assumed", None, "one pixel as a-priori sigma (--sigma-px)"))
     out.append(Note("assumed", None, "COLMAP's unit of length as 1 m, its poses as approximate"))
     told = _ordered(model.track_images, model.track_index, model.track_points)
+    none = np.empty(0, np.intp)
     seen = _ordered(
-        *(
-            np.concatenate([np.empty(0, np.intp), *parts])
-            for parts in zip(
-                *((np.full(len(i.index), i.id), i.index, i.point) for i in model.images),
-                strict=True,
-            )
-        )
+        np.concatenate([none, *(np.full(len(one.index), one.id) for one in model.images)]),
+        np.concatenate([none, *(one.index for one in model.images)]),
+        np.concatenate([none, *(one.point for one in model.images)]),
     )
     if told.shape != seen.shape or (told != seen).any():
         differ = set(map(tuple, told.tolist())) ^ set(map(tuple, seen.tolist()))
@@ -232,38 +208,6 @@ def _ordered(images: Index, index: Index, points: Index) -> Index:
     """Return (n, 3) rays, sorted."""
     rays = np.stack((images, index, points), axis=1)
     return rays[np.lexsort(rays.T)]
-
-
-def _camera(
-    of: ColmapCamera, images: Sequence[ColmapImage], pixel_um: float | None
-) -> tuple[Camera, Array, list[Note]]:
-    """Return a camera, where its images' rays were measured [px of that camera], and what was done.
-
-    The rays of all images are in one array, image after image; NaN where there is no direction.
-    """
-    fx, fy = of.focal
-    camera = Camera(str(of.id), fy * (1.0 if pixel_um is None else pixel_um) / 1000.0)
-    measured = np.concatenate([image.xy for image in images])
-    size, principal = (of.width, of.height), of.principal
-    lens = our_lens(of)
-    notes = []
-    if lens is None:
-        seen = pinhole_directions(of, measured)
-        lost = np.isnan(seen).any(axis=1)
-        measured, size, principal = canvas(seen * of.focal + principal, size, principal)
-        lens = BrownLens(b1=fx / fy - 1.0)
-        name = MODELS[of.model].name
-        text = (
-            f"rays of camera {of.id}, {name}: corrected to pixels of a pinhole camera of "
-            f"{size[0]} x {size[1]} px"
-        )
-        notes.append(Note("changed", int((~lost).sum()), text))
-        if lost.any():
-            text = f"rays of camera {of.id} where {name} images nothing within 80 degrees"
-            notes.append(Note("dropped", int(lost.sum()), text))
-    if any(lens.coefficients):
-        camera = replace(camera, lens=lens)
-    return in_pixels(camera, size, pixel_um, principal), measured, notes
 
 
 def _photo(image: ColmapImage, camera: Camera, model: ColmapModel) -> Photo:

@@ -26,10 +26,13 @@ __all__ = [
     "MODELS",
     "ColmapCamera",
     "canvas",
+    "magnification",
     "model_number",
     "our_lens",
     "pinhole_directions",
+    "pinhole_spread",
     "undistorted",
+    "undistorted_spread",
 ]
 
 
@@ -72,6 +75,7 @@ _SAMPLES = 4000
 _HALVINGS = 24
 _STEPS = 20
 _CLOSED = 1e-12
+_SMALL_FOV = 1e-4  # square of omega below which COLMAP takes a series
 
 
 def model_number(name: str) -> int | None:
@@ -166,6 +170,70 @@ def undistorted(measured: Array, radial: tuple[float, ...], p1: float, p2: float
     return _undo(measured, _Coefficients(radial, (), p1, p2, 0.0, 0.0), float(_STEEPEST))
 
 
+def pinhole_spread(camera: ColmapCamera, pixels: Array, directions: Array) -> Array:
+    """Return (n, 2, 2) derivatives of `pinhole_directions` by (n, 2) pixels over focal lengths.
+
+    Parameters
+    ----------
+    camera, pixels
+        As there.
+    directions
+        What it returned.
+    """
+    measured = (pixels - camera.principal) / camera.focal
+    kind = MODELS[camera.model].kind
+    away = np.hypot(*measured.T)
+    far = np.hypot(*directions.T)
+    with np.errstate(all="ignore"):
+        if kind == "fov" and camera.more[0] ** 2 >= _SMALL_FOV:
+            omega = abs(camera.more[0])
+            half = 2.0 * np.tan(0.5 * omega)
+            along = omega * (1.0 + (half * far) ** 2) / half
+            across = np.where(away > 0.0, far / away, omega / half)
+            return _radial_map(measured, along, across)
+        if kind == "division":
+            bend = camera.more[0] * away * away
+            return _radial_map(measured, (1.0 - bend) / (1.0 + bend) ** 2, 1.0 / (1.0 + bend))
+        if kind == "fov":
+            base, series = _small_fov(camera.more[0])
+            return _inverse(_seen(directions, series)[1] * base)
+        angle = np.arctan(far)
+        small = far < 1e-8
+        if kind == "fisheye":
+            factor = np.where(small, 1.0, far / np.where(small, 1.0, angle))
+            bent = directions / factor[:, None]
+            onward = _radial_map(bent, 1.0 + far * far, factor)
+            out: Array = onward @ _inverse(_seen(bent, _coefficients(camera))[1])
+            return out
+        return _inverse(_seen(directions, _coefficients(camera))[1])
+
+
+def undistorted_spread(directions: Array, radial: tuple[float, ...], p1: float, p2: float) -> Array:
+    """Return (n, 2, 2) derivatives of `undistorted`, where it returned these directions."""
+    return _inverse(_seen(directions, _Coefficients(radial, (), p1, p2, 0.0, 0.0))[1])
+
+
+def magnification(spread: Array, pixels: Array) -> Array:
+    """Return by how much (n,) errors of a pixel are larger where it was corrected to.
+
+    Parameters
+    ----------
+    spread
+        (n, 2, 2) derivatives of corrected by measured directions.
+    pixels
+        (2, 2) derivatives of pixels by directions, of both alike.
+
+    Returns
+    -------
+    magnification
+        The root mean square of the two singular values: a circle becomes an ellipse, and a sigma
+        for both coordinates is right on the mean of their squares.
+    """
+    both = pixels @ spread @ _inverse(pixels[None])
+    out: Array = np.sqrt(0.5 * (both * both).sum(axis=(1, 2)))
+    return out
+
+
 def canvas(
     pixels: Array, size: tuple[int, int], principal: tuple[float, float]
 ) -> tuple[Array, tuple[int, int], tuple[float, float]]:
@@ -208,16 +276,36 @@ def _squares(xy: Array) -> Array:
 def _undo_fov(measured: Array, omega: float) -> Array:
     """Undo FOV: |d| = atan(2 |u| tan(omega / 2)) / omega; a small omega as COLMAP computes it."""
     away = np.hypot(*measured.T)
-    square = omega * omega
-    if square < 1e-4:
-        # COLMAP has |d| = |u| (1 + omega^2 (|u|^2 / 3 - 1/12)) there
-        base = 1.0 - square / 12.0
-        series = _Coefficients((square / 3.0 / base,), (), 0.0, 0.0, 0.0, 0.0)
+    if omega * omega < _SMALL_FOV:
+        base, series = _small_fov(omega)
         return _undo(measured / base, series, float(_STEEPEST))
     angle = away * abs(omega)
     true = np.tan(np.minimum(angle, 1.57)) / (2.0 * np.tan(abs(omega) / 2.0))
     out: Array = measured * np.divide(true, away, out=np.ones_like(away), where=away > 0)[:, None]
     out[angle >= 1.57] = np.nan
+    return out
+
+
+def _small_fov(omega: float) -> tuple[float, _Coefficients]:
+    """Return a factor and a polynomial: |d| = |u| (1 + omega^2 (|u|^2 / 3 - 1/12))."""
+    square = omega * omega
+    base = 1.0 - square / 12.0
+    return base, _Coefficients((square / 3.0 / base,), (), 0.0, 0.0, 0.0, 0.0)
+
+
+def _inverse(matrices: Array) -> Array:
+    """Return inverses of (n, 2, 2) matrices; not finite where they are singular."""
+    unit = np.zeros((2, len(matrices), 2))
+    unit[0, :, 0] = unit[1, :, 1] = 1.0
+    return np.stack([solve_pairs(matrices, column) for column in unit], axis=2)
+
+
+def _radial_map(places: Array, along: Array, across: Array) -> Array:
+    """Return (n, 2, 2) derivatives of a map that moves (n, 2) places along their radius."""
+    away = np.hypot(*places.T)
+    unit = places / np.where(away > 0.0, away, 1.0)[:, None]
+    outer = unit[:, :, None] * unit[:, None, :]
+    out: Array = across[:, None, None] * np.eye(2) + (along - across)[:, None, None] * outer
     return out
 
 

@@ -10,11 +10,12 @@ import numpy as np
 from anaplot.aliases import Bools
 from anaplot.exchange.formats.colmapbinary import cleaned_images, cleaned_points
 from anaplot.exchange.formats.colmapmodel import ColmapModel
+from anaplot.exchange.formats.colmaprays import rays_of
 from anaplot.exchange.formats.colmaptext import cleaned_image_lines, cleaned_point_lines
 from anaplot.exchange.formats.door import Exported, Note
 from anaplot.exchange.formats.filecopy import pieces
-from anaplot.exchange.formats.measuredrays import TWICE
-from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.exchange.formats.measuredrays import TWICE, kept_names
+from anaplot.photogrammetry.block import Block
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
 
 __all__ = ["write_cleaned"]
@@ -44,8 +45,7 @@ def write_cleaned(
     InputError
         A file is there already or cannot be written; then nothing of it is there.
     """
-    rows = {(row.photo, row.point): row for row in block.image_points}
-    state, notes = _rays_off(model, rows)
+    state, notes = _rays_off(model, block)
     taken, gone = _removed(model, state)
     of_image = {
         image.id: image.index[mask]
@@ -80,24 +80,27 @@ def write_cleaned(
 _STAYS, _GOES, _TWICE = 0, 1, 2
 
 
-def _rays_off(
-    model: ColmapModel, rows: dict[tuple[str, str], ImagePoint]
-) -> tuple[list[Bools], list[Note]]:
+def _rays_off(model: ColmapModel, block: Block) -> tuple[list[Bools], list[Note]]:
     """Return which of every image's rays go, and what is said of it.
 
     A block in which nothing is off but what import found twice goes out as it came in.
     """
+    rows = {(row.photo, row.point): row for row in block.image_points}
+    found = rays_of(model, block.cameras[0].pixel_um, 1.0)
+    names = iter(kept_names(found.rays, found.camera_of, pixels=True))
     state = [np.zeros(len(image.point), dtype=np.int8) for image in model.images]
     half = unknown = 0
     for image, mine in zip(model.images, state, strict=True):
-        times: dict[int, int] = {}
+        if image.name not in found.camera_of:
+            unknown += len(mine)
+            continue
         for k, point in enumerate(image.point.tolist()):
-            times[point] = times.get(point, 0) + 1
-            again = times[point] > 1
-            row = rows.get((image.name, f"{point}~{times[point]}" if again else str(point)))
+            name = next(names)
+            row = None if name is None else rows.get((image.name, name))
             if row is None:
                 unknown += 1
             elif row.use == "off":
+                again = name != str(point)
                 mine[k] = _TWICE if again and row.reason == TWICE else _GOES
             elif row.use != "xy":
                 half += 1

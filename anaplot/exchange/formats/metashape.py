@@ -21,7 +21,12 @@ from anaplot.exchange.formats.door import (
     ImportOptions,
     Note,
 )
-from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
+from anaplot.exchange.formats.measuredrays import (
+    MeasuredRay,
+    enlarged,
+    image_points_of,
+    magnified,
+)
 from anaplot.exchange.formats.metashapemodel import (
     Sensor,
     Similarity,
@@ -120,14 +125,14 @@ def read(source: Path, options: ImportOptions) -> Imported:
     if stray is not None:
         raise InputError(f"{place(source)}: camera_id {quoted(stray)}: no camera has that id")
     rays, sensor_of_photo, notes = _rays(found, sensors, used)
-    cameras, rays, said = _pinholes(rays, sensor_of_photo)
+    sigma = options.sigma_px or settings.get("accuracy_projections") or 1.0
+    cameras, rays, said = _pinholes(rays, sensor_of_photo, sigma)
     control = _control(found, frame)
     photos, told = _photos(found, sensor_of_photo, used, system, frame, grounded=bool(control))
     camera_of = {name: cameras[sensor.camera.id] for name, sensor in sensor_of_photo.items()}
     points, lost = image_points_of(rays, camera_of, pixels=True)
     kinds = {camera.id: camera for camera in camera_of.values()}
     first = next(iter(kinds.values()))
-    sigma = options.sigma_px or settings.get("accuracy_projections") or 1.0
     control_m = settings.get("accuracy_markers") or Precision().control_m
     for value, text in (
         (options.sigma_px, f"an image coordinate has a sigma of {sigma:g} px"),
@@ -335,7 +340,7 @@ def _rays(
 
 
 def _pinholes(
-    rays: list[MeasuredRay], sensor_of_photo: Mapping[str, Sensor]
+    rays: list[MeasuredRay], sensor_of_photo: Mapping[str, Sensor], sigma_px: float
 ) -> tuple[dict[str, Camera], list[MeasuredRay], list[Note]]:
     """Return cameras by their ids, and rays, corrected where our lens does not hold a sensor's."""
     cameras = {sensor.camera.id: sensor.camera for sensor in sensor_of_photo.values()}
@@ -348,17 +353,19 @@ def _pinholes(
         mine = [k for k, r in enumerate(rays) if sensor_of_photo[r.photo].camera.id == camera.id]
         assert camera.pixels is not None
         assert camera.principal_px is not None
-        seen = sensor.pinhole(np.array([(rays[k].x, rays[k].y) for k in mine]))
+        seen, larger = sensor.pinhole(np.array([(rays[k].x, rays[k].y) for k in mine]))
         seen, size, principal = canvas(seen, camera.pixels, camera.principal_px)
         cameras[camera.id] = in_pixels(camera, size, camera.pixel_um, principal)
         good = np.isfinite(seen).all(axis=1)
-        for k, (x, y) in zip(mine, seen.tolist(), strict=True):
-            out[k] = rays[k]._replace(x=x, y=y)
+        sigma_um = 1e3 * camera.pixel_mm * sigma_px
+        for k, (x, y), more in zip(mine, seen.tolist(), larger.tolist(), strict=True):
+            out[k] = rays[k]._replace(x=x, y=y, sigma_um=enlarged(sigma_um, more))
         text = (
             f"rays of sensor {quoted(camera.id)}, with a K4: corrected to pixels of a pinhole "
             f"camera of {size[0]} x {size[1]} px"
         )
         notes.append(Note("changed", int(good.sum()), text))
+        notes += magnified(larger, f"sensor {quoted(camera.id)}")
     lost = [ray for ray in out if not np.isfinite((ray.x, ray.y)).all()]
     if lost:
         text = "rays where their lens images nothing within 80 degrees"

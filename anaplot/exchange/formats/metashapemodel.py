@@ -20,7 +20,11 @@ import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.exchange.camerafile import MAX_PIXELS
-from anaplot.exchange.formats.colmapcamera import undistorted
+from anaplot.exchange.formats.colmapcamera import (
+    magnification,
+    undistorted,
+    undistorted_spread,
+)
 from anaplot.exchange.formats.xmlstream import Element
 from anaplot.photogrammetry.block import Camera, in_pixels
 from anaplot.photogrammetry.camera import BrownLens
@@ -50,18 +54,21 @@ class Sensor(NamedTuple):
     tangential: tuple[float, float]
     rolling: bool
 
-    def pinhole(self, pixels: Array) -> Array:
-        """Return (n, 2) pixels as a pinhole camera had measured them; NaN where nothing is."""
+    def pinhole(self, pixels: Array) -> tuple[Array, Array]:
+        """Return (n, 2) pixels as a pinhole camera had measured them; NaN where nothing is.
+
+        Beside them by how much (n,) their errors are larger there.
+        """
         if not self.radial:
-            return pixels
+            return pixels, np.ones(len(pixels))
         principal = np.array(self.camera.principal_px)
         focal = self.camera.c / self.camera.pixel_mm
         lens = self.camera.lens or BrownLens()
-        y = (pixels[:, 1] - principal[1]) / focal
-        x = (pixels[:, 0] - principal[0] + lens.b2 * focal * y) / (focal * (1.0 + lens.b1))
-        bent = undistorted(np.column_stack((x, y)), self.radial, *self.tangential)
-        u = principal[0] + focal * ((1.0 + lens.b1) * bent[:, 0] - lens.b2 * bent[:, 1])
-        return np.column_stack((u, principal[1] + focal * bent[:, 1]))
+        affine = np.array([[1.0 + lens.b1, -lens.b2], [0.0, 1.0]])
+        measured = (pixels - principal) / focal @ np.linalg.inv(affine).T
+        bent = undistorted(measured, self.radial, *self.tangential)
+        spread = undistorted_spread(bent, self.radial, *self.tangential)
+        return principal + focal * bent @ affine.T, magnification(spread, affine)
 
 
 class Similarity(NamedTuple):

@@ -101,6 +101,26 @@ def test_not_a_digit_is_changed(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert (tmp_path / "less").read_text().splitlines() == ["6 14 83", *less[2:]]
 
 
+def test_what_import_leaves_out_stays_and_the_ray_that_is_off_goes(tmp_path: Path) -> None:
+    lines = PROBLEM.splitlines()
+    lines[0] = "6 14 85"
+    assert lines[15].startswith("1 0 ")
+    lines.insert(15, "01 00 7000 0")  # beyond the lens's fold
+    file, block = tmp_path / "p.txt", tmp_path / "b"
+    file.write_text("\n".join(lines) + "\n")
+    assert main(["import", str(file), "-o", str(block)]) == 0
+    read = read_block(block)
+    rows = [
+        replace(row, use="off") if (row.photo, row.point) == ("1", "0") else row
+        for row in read.image_points
+    ]
+    assert [row.point for row in rows if row.use == "off"] == ["0"]
+    switched = replace(read, image_points=tuple(rows))
+    bal.write(Exporting(switched, block), tmp_path / "less")
+    wanted = ["6 14 84", *lines[1:16], *lines[17:]]
+    assert (tmp_path / "less").read_text().splitlines() == wanted
+
+
 def test_an_adjusted_block_goes_out_anew(tmp_path: Path) -> None:
     block = pixel_table_block()
     control = (*block.control[1:], replace(block.control[0], use="off"))

@@ -19,7 +19,14 @@ from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_block
 from anaplot.exchange.formats import colmap
-from anaplot.exchange.formats.colmapcamera import MODELS, ColmapCamera, our_lens, pinhole_directions
+from anaplot.exchange.formats.colmapbinary import binary_model
+from anaplot.exchange.formats.colmapcamera import (
+    MODELS,
+    ColmapCamera,
+    our_lens,
+    pinhole_directions,
+    pinhole_spread,
+)
 from anaplot.exchange.formats.door import ImportOptions
 from anaplot.exchange.formats.measuredrays import TWICE
 from anaplot.exchange.importedfolder import write_imported
@@ -37,7 +44,7 @@ from anaplot.photogrammetry.camera import BrownLens
 from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.measuredimage import measured_rays, pixels_of_mm
 from anaplot.photogrammetry.rotation import rotation_matrix
-from tests.exchange.formats.colmapsamples import Sample, sample
+from tests.exchange.formats.colmapsamples import Sample, SampleImage, sample
 
 PLAIN = ImportOptions()
 
@@ -165,7 +172,19 @@ def test_every_camera_model_is_pycolmaps(model: int, bend: float) -> None:
     ours = ColmapCamera(1, model, 1000, 760, params)
     lens = our_lens(ours)
     if lens is None:
-        np.testing.assert_allclose(pinhole_directions(ours, pixels), direction, atol=1e-12)
+        found = pinhole_directions(ours, pixels)
+        np.testing.assert_allclose(found, direction, atol=1e-12)
+        step = 1e-3
+        numeric = np.stack(
+            [
+                (pinhole_directions(ours, pixels + by) - pinhole_directions(ours, pixels - by))
+                / (2.0 * step / ours.focal[k])
+                for k, by in enumerate(step * np.eye(2))
+            ],
+            axis=2,
+        )
+        spread = pinhole_spread(ours, pixels, found)
+        np.testing.assert_allclose(spread, numeric, atol=2e-8)
         return
     camera = in_pixels(
         Camera("1", ours.focal[1] / 1000.0, lens=lens), (1000, 760), None, ours.principal
@@ -202,6 +221,83 @@ def test_a_fisheye_becomes_a_pinhole_and_what_it_sees_beside_is_told(tmp_path: P
     told = notes_of(found)
     assert sum(count or 0 for text, count in told.items() if "80 degrees" in text) == 2
     assert any("corrected to pixels of a pinhole" in text for text in told)
+
+
+def wide_fisheye(rng: np.random.Generator) -> Sample:
+    """Return vertical fisheye photos with errors of 1 px, up to 75 degrees off the axis."""
+    xyz = np.column_stack((rng.uniform(-40.0, 40.0, (80, 2)), rng.uniform(0.0, 4.0, 80)))
+    made = Sample({1: (14, 1100, 1100, (330.0, 550.0, 550.0))}, [], {})
+    for k, centre in enumerate(np.array([(x, y, 15.0) for x in (-12, 0, 12) for y in (-9, 9)])):
+        away = (xyz - centre) * (1.0, -1.0, -1.0)
+        angle = np.arctan2(np.hypot(away[:, 0], away[:, 1]), away[:, 2])
+        scale = 330.0 * angle / np.hypot(away[:, 0], away[:, 1])
+        seen = 550.0 + away[:, :2] * scale[:, None] + rng.normal(0.0, 1.0, (80, 2))
+        shift = tuple((-centre * (1.0, -1.0, -1.0)).tolist())
+        image = SampleImage(k + 1, 1, f"{k}.jpg", (0.0, 1.0, 0.0, 0.0, *shift))
+        image.features = [
+            (x, y, number)
+            for number, (x, y), off in zip(range(1, 81), seen.tolist(), angle, strict=True)
+            if off < np.radians(75.0)
+        ]
+        made.images.append(image)
+    times = Counter(number for image in made.images for _, _, number in image.features)
+    for image in made.images:
+        image.features = [one for one in image.features if times[one[2] or 0] > 2]
+    made.points = {k + 1: tuple(p) for k, p in enumerate(xyz.tolist()) if times[k + 1] > 2}
+    return made
+
+
+@pytest.mark.slow
+def test_sigma0_of_a_wide_fisheye_is_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Sigmas have what the correction magnifies: 15 times along the radius at 75 degrees."""
+    made = wide_fisheye(np.random.default_rng(4))
+    source = made.write(tmp_path / "in")
+    block = tmp_path / "b"
+    assert main(["import", "colmap", str(source), "-o", str(block)]) == 0
+    said = capsys.readouterr().out
+    assert "along the radius" in said
+    assert main(["adjust", str(block), "--datum", "free", "--json"]) in (0, 1)
+    found = json.loads(capsys.readouterr().out)
+    redundancy = found["redundancy"]
+    assert redundancy > 200
+    # unequal weights along and across the radius widen the chi-square bound
+    assert abs(found["sigma0"] - 1.0) < 5.0 / np.sqrt(2.0 * redundancy)
+
+
+def test_the_second_ray_of_a_track_counts_where_the_first_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Import and export number rays alike: the ray that is switched off goes, no other."""
+    made = wide_fisheye(np.random.default_rng(5))
+    image = made.images[0]
+    first, second, third = (image.features[k] for k in (0, 4, 8))
+    beyond = (550.0 + 330.0 * np.radians(85.0), 550.0, first[2])
+    outside = (5000.0, 550.0, third[2])
+    image.features[:0] = [beyond, (second[0] + 3.0, second[1], second[2]), outside]
+    source = made.write(tmp_path / "in")
+    block = tmp_path / "b"
+    assert main(["import", "colmap", str(source), "-o", str(block)]) == 0
+    rows = {row.point: row for row in read_block(block).image_points if row.photo == image.name}
+    assert rows[str(first[2])].use == rows[str(second[2])].use == "xy"
+    assert rows[f"{second[2]}~2"].reason == TWICE
+    assert f"{first[2]}~2" not in rows
+    switched_off(block, {(image.name, str(one[2])) for one in (first, third)})
+    capsys.readouterr()
+    assert main(["export", "colmap", str(block), "-o", str(tmp_path / "out")]) == 0
+    out = binary_model(tmp_path / "out").images[0]
+    left = {(*xy, point) for xy, point in zip(out.xy.tolist(), out.point.tolist(), strict=True)}
+    assert beyond in left
+    assert not left & {first, second, third}
+    assert (second[0] + 3.0, *second[1:]) in left
+
+
+@pytest.mark.parametrize("text", [False, True])
+def test_a_model_without_images_is_one_line(tmp_path: Path, text: bool) -> None:
+    source = Sample({}, [], {}).write(tmp_path, text=text)
+    with pytest.raises(InputError, match="no image with a pose sees a point"):
+        colmap.read(source, PLAIN)
 
 
 @pytest.mark.parametrize("text", [False, True])

@@ -71,6 +71,10 @@ def test_a_k4_is_taken_off_and_said(tmp_path: Path) -> None:
         moved.append((k, j, float(FX * du + CX), float(FY * dv + CY)))
     bent = TiltedBlock(scene.names, scene.rotations, scene.centres, scene.points, tuple(moved))
     found = metashape.read(camera_file(bent, tmp_path / "c.xml", k4=k4), PLAIN)
+    sigmas = [row.sigma_um for row in found.block.image_points]
+    assert None not in sigmas
+    assert max(sigmas) > min(sigmas) > 0.0  # type: ignore[type-var]
+    assert any("times " in note.text and "sensor" in note.text for note in found.notes)
     assert any("with a K4: corrected" in note.text for note in found.notes)
     camera = found.block.cameras[0]
     index = {name: k for k, name in enumerate(scene.names)}

@@ -1,0 +1,125 @@
+"""The rays of a COLMAP model, as measured with cameras that a block can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Array
+from anaplot.exchange.formats.colmapcamera import (
+    MODELS,
+    ColmapCamera,
+    canvas,
+    magnification,
+    our_lens,
+    pinhole_directions,
+    pinhole_spread,
+)
+from anaplot.exchange.formats.colmapmodel import ColmapImage, ColmapModel
+from anaplot.exchange.formats.door import Note
+from anaplot.exchange.formats.measuredrays import MeasuredRay, enlarged, magnified
+from anaplot.photogrammetry.block import Camera, in_pixels
+from anaplot.photogrammetry.camera import BrownLens
+
+__all__ = ["ModelRays", "rays_of"]
+
+
+class ModelRays(NamedTuple):
+    """What a model's images measure.
+
+    Attributes
+    ----------
+    cameras
+        Those that are used.
+    camera_of
+        By names of images.
+    rays
+        Of all images with a pose, image after image, in the order of the file.
+    notes
+        What was done to them.
+    """
+
+    cameras: tuple[Camera, ...]
+    camera_of: dict[str, Camera]
+    rays: list[MeasuredRay]
+    notes: list[Note]
+
+
+def rays_of(model: ColmapModel, pixel_um: float | None, sigma_um: float) -> ModelRays:
+    """Return the rays of images that have a pose.
+
+    Parameters
+    ----------
+    model
+        The model.
+    pixel_um
+        Size of a pixel, if that is known.
+    sigma_um
+        A-priori standard deviation; rays that are corrected get one of their own.
+    """
+    used = [image for image in model.images if image.oriented and len(image.point)]
+    cameras: dict[int, Camera] = {}
+    places: dict[int, Array] = {}
+    sigmas: dict[int, list[float | None]] = {}
+    notes = []
+    for number in sorted({image.camera for image in used}):
+        mine = [image for image in used if image.camera == number]
+        cameras[number], measured, larger, told = _camera(model.cameras[number], mine, pixel_um)
+        notes += told
+        ends = np.cumsum([len(image.xy) for image in mine])[:-1]
+        names = [image.id for image in mine]
+        places |= dict(zip(names, np.split(measured, ends), strict=True))
+        for image in mine:
+            sigmas[image.id] = [None] * len(image.xy)
+        if larger is not None:
+            for name, part in zip(names, np.split(larger, ends), strict=True):
+                sigmas[name] = [enlarged(sigma_um, value) for value in part.tolist()]
+    rays = [
+        MeasuredRay(image.name, str(point), x, y, sigma)
+        for image in used
+        for point, (x, y), sigma in zip(
+            image.point.tolist(), places[image.id].tolist(), sigmas[image.id], strict=True
+        )
+    ]
+    camera_of = {image.name: cameras[image.camera] for image in used}
+    return ModelRays(tuple(cameras.values()), camera_of, rays, notes)
+
+
+def _camera(
+    of: ColmapCamera, images: Sequence[ColmapImage], pixel_um: float | None
+) -> tuple[Camera, Array, Array | None, list[Note]]:
+    """Return a camera, its images' rays [px], how much larger their errors are, what was done.
+
+    The rays of all images are in one array, image after image; NaN where there is no direction.
+    """
+    fx, fy = of.focal
+    camera = Camera(str(of.id), fy * (1.0 if pixel_um is None else pixel_um) / 1000.0)
+    measured = np.concatenate([image.xy for image in images])
+    size, principal = (of.width, of.height), of.principal
+    lens = our_lens(of)
+    notes = []
+    larger: Array | None = None
+    if lens is None:
+        seen = pinhole_directions(of, measured)
+        larger = magnification(pinhole_spread(of, measured, seen), np.diag(of.focal))
+        lost = np.isnan(seen).any(axis=1)
+        measured, size, principal = canvas(seen * of.focal + principal, size, principal)
+        lens = BrownLens(b1=fx / fy - 1.0)
+        name = MODELS[of.model].name
+        text = (
+            f"rays of camera {of.id}, {name}: corrected to pixels of a pinhole camera of "
+            f"{size[0]} x {size[1]} px"
+        )
+        notes += [
+            Note("changed", int((~lost).sum()), text),
+            *magnified(larger, f"camera {of.id}"),
+        ]
+        if lost.any():
+            text = f"rays of camera {of.id} where {name} images nothing within 80 degrees"
+            notes.append(Note("dropped", int(lost.sum()), text))
+    if any(lens.coefficients):
+        camera = replace(camera, lens=lens)
+    return in_pixels(camera, size, pixel_um, principal), measured, larger, notes
