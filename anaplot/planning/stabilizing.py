@@ -20,7 +20,10 @@ import numpy as np
 
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.adjusted import AdjustedBlock
-from anaplot.photogrammetry.collinearity import project, project_with_derivatives
+from anaplot.bundle.solve.imaging import BlockState, imaged_places
+from anaplot.bundle.solve.problem import Problem
+from anaplot.photogrammetry.lens import without_lens
+from anaplot.photogrammetry.measuredimage import measured_rays
 
 __all__ = [
     "SIZES",
@@ -235,9 +238,8 @@ class _Photos(NamedTuple):
     """What decides which photos see a place, for all photos of a block."""
 
     names: tuple[str, ...]
-    centres: Array
-    rotations: Array
-    c: Array
+    problem: Problem
+    state: BlockState
     reach: Array  # (n, 2) largest abs(x) and abs(y) [mm]
 
     @classmethod
@@ -246,22 +248,34 @@ class _Photos(NamedTuple):
         cameras = {camera.id: camera for camera in problem.block.cameras}
         camera_of = {one.id: cameras[one.camera] for one in problem.block.photos}
         largest = dict.fromkeys(cameras, (0.0, 0.0))
+        rows: dict[str, list[tuple[float, float]]] = {}
         for row in problem.block.image_points:
-            key = camera_of[row.photo].id
-            x, y = largest[key]
-            largest[key] = max(x, abs(row.x)), max(y, abs(row.y))
+            rows.setdefault(camera_of[row.photo].id, []).append((row.x, row.y))
+        for key, ideal in rows.items():
+            x, y = np.abs(measured_rays(cameras[key], ideal)).max(axis=0).tolist()
+            largest[key] = x, y
         # without a format a photo shows what others of its camera show
         used = [camera_of[name] for name in problem.photos]
         reach = [largest[one.id] if one.format is None else one.reach() for one in used]
-        return cls(problem.photos, state.centres, state.rotations, problem.c, np.array(reach))
+        return cls(problem.photos, problem, state, np.array(reach))
 
     def seen(self, place: Array) -> Index:
         """Return the photos that show a place."""
         n = len(self.names)
-        found = project(self.centres, self.rotations, self.c, np.broadcast_to(place, (n, 3)))
+        places = np.broadcast_to(place, (n, 3))
+        found = imaged_places(self.problem, self.state, np.arange(n), places)
         with np.errstate(invalid="ignore"):
             inside = (np.abs(found.xy) <= self.reach * _EDGE).all(axis=1)
         return np.flatnonzero(inside & (found.depth > 0.0))
+
+    def direction(self, index: int, xy: Array) -> Array:
+        """Return (3,) the ray of a place (2,) in a photo's image, NaN where it images nothing."""
+        lens = self.problem.stated_lens
+        if lens is None:
+            away = xy / self.problem.c[index]
+        else:
+            away = without_lens(xy[None], lens[index])[0]
+        return np.asarray(self.state.rotations[index] @ np.array([*away, -1.0]))
 
 
 def _candidates(
@@ -272,20 +286,14 @@ def _candidates(
     if abs(rotation[2, 2]) < _UPRIGHT:
         return []
     points = state.points[np.unique(problem.point[problem.photo == index])]
-    n = len(points)
-    taken = project(
-        np.broadcast_to(centre, (n, 3)),
-        np.broadcast_to(rotation, (n, 3, 3)),
-        np.full(n, problem.c[index]),
-        points,
-    ).xy
+    taken = imaged_places(problem, state, np.full(len(points), index), points).xy
     down = float(points[:, 2].mean() - centre[2])
     weight = 1.0 / float(np.median(problem.sigma_xy))
     found = []
     for fraction in product(_GRID, _GRID):
         xy = _beside(2.0 * reach * fraction, taken, 2.0 * float(reach.min()))
-        ray = rotation @ np.array([*xy, -problem.c[index]])
-        if ray[2] * down <= 0.0:
+        ray = photos.direction(index, xy)
+        if not ray[2] * down > 0.0:
             continue
         place = centre + ray * (down / ray[2])
         seen = photos.seen(place)
@@ -295,13 +303,8 @@ def _candidates(
         if index not in seen or np.count_nonzero(times) < 2:
             continue
         rays = np.repeat(seen, times)
-        m = len(rays)
-        derived = project_with_derivatives(
-            state.centres[rays],
-            state.rotations[rays],
-            problem.c[rays],
-            np.broadcast_to(place, (m, 3)),
-        )
+        places = np.broadcast_to(place, (len(rays), 3))
+        derived = imaged_places(problem, state, rays, places)
         point = ExtraPoint(
             float(xy[0]),
             float(xy[1]),

@@ -12,11 +12,17 @@ from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.errors.grosserrors import block_gross_errors
 from anaplot.bundle.live import LiveBlock
 from anaplot.bundle.solve.additional import additional_parameters
-from anaplot.bundle.solve.imaging import imaged, imaged_with_derivatives
+from anaplot.bundle.solve.imaging import (
+    imaged,
+    imaged_places,
+    imaged_with_derivatives,
+    seen_in_photo,
+)
 from anaplot.bundle.solve.linearised import move
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import Camera
 from anaplot.photogrammetry.camera import BrownLens
+from anaplot.photogrammetry.collinearity import project
 from anaplot.photogrammetry.measuredimage import ideal_rays, measured_rays
 from anaplot.photogrammetry.planting import PlantedError, with_planted_errors
 
@@ -229,3 +235,31 @@ def test_of_two_cameras_each_sees_through_its_own_lens() -> None:
     block = replace(scene.block, cameras=(stated, other), photos=photos, image_points=tuple(rows))
     found = adjust_block(block)
     assert abs(found.sigma0 - 1.0) < 3.0 / np.sqrt(2.0 * found.redundancy)
+
+
+def test_beyond_the_fold_no_point_is_seen() -> None:
+    """r - 0.4 r^3 turns at r = 0.913: what lies beyond would be imaged a second time."""
+    block = aerial(2, 3, per_base=2).block
+    block = replace(block, cameras=(Camera("cam", 150.0, lens=BrownLens(k1=-0.4)),))
+    rows = tuple(row for row in block.image_points if np.hypot(row.x, row.y) < 0.6 * 150.0)
+    problem = make_problem(replace(block, image_points=rows))
+    scene = aerial(2, 3, per_base=2)
+    state = scene.start(problem)
+    seen_twice = 0
+    for photo in range(len(problem.photos)):
+        direction = project(
+            np.broadcast_to(state.centres[photo], state.points.shape),
+            np.broadcast_to(state.rotations[photo], (len(state.points), 3, 3)),
+            np.ones(len(state.points)),
+            state.points,
+        ).xy
+        radius = np.hypot(*direction.T)
+        far = radius > np.sqrt(1.0 / 1.2)
+        seen = seen_in_photo(problem, state, photo).xy
+        assert np.isnan(seen[far]).all()
+        assert np.isfinite(seen[~far]).all()
+        which = np.full(len(state.points), photo)
+        np.testing.assert_array_equal(imaged_places(problem, state, which, state.points).xy, seen)
+        # many would lie within the format
+        seen_twice += np.count_nonzero(far & (np.abs(radius - 0.4 * radius**3) < 0.6))
+    assert seen_twice > 5

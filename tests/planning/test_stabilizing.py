@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ import pytest
 from anaplot.bundle.adjust import adjust_block
 from anaplot.cli import main
 from anaplot.exchange.blockfolder import read_block
+from anaplot.photogrammetry.camera import BrownLens
+from anaplot.photogrammetry.measuredimage import measured_rays
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.planning.blockplan import BlockPlan, plan_block, rays_measured
-from anaplot.planning.idealblock import ExposureStation, photograph
+from anaplot.planning.idealblock import ExposureStation, IdealBlock, photograph
 from anaplot.planning.plannedreliability import photo_reliability
 from anaplot.planning.stabilizing import (
     SIZES,
@@ -29,9 +32,20 @@ PLANS = (
 )
 
 
-@pytest.mark.parametrize("plan", PLANS)
-def test_what_is_predicted_is_what_the_block_with_the_points_has(plan: BlockPlan) -> None:
-    made = plan_block(plan)
+STRONG = BrownLens(k1=-0.12, k2=0.03, p1=2e-3, b1=1e-3)
+
+
+def through(lens: BrownLens | None, made: IdealBlock) -> IdealBlock:
+    """The same rays, of a camera that states a lens."""
+    cameras = tuple(replace(camera, lens=lens) for camera in made.block.cameras)
+    return replace(made, block=replace(made.block, cameras=cameras))
+
+
+@pytest.mark.parametrize(("plan", "lens"), [*((plan, None) for plan in PLANS), (PLANS[0], STRONG)])
+def test_what_is_predicted_is_what_the_block_with_the_points_has(
+    plan: BlockPlan, lens: BrownLens | None
+) -> None:
+    made = through(lens, plan_block(plan))
     block = made.evaluated()
     weak = weak_ones(block)
     photo = weak[0] if weak else block.problem.photos[0]
@@ -40,7 +54,7 @@ def test_what_is_predicted_is_what_the_block_with_the_points_has(plan: BlockPlan
     assert [len(one.points) for one in sets] == list(SIZES)
     for one in sets:
         extra = {f"s{k}": point.place[:2] for k, point in enumerate(one.points)}
-        then = plan_block(plan, extra).evaluated()
+        then = through(lens, plan_block(plan, extra)).evaluated()
         of = next(of for of in photo_reliability(then) if of.name == photo)
         assert of.mean_r == pytest.approx(one.after, abs=1e-9)
         r = [
@@ -53,6 +67,14 @@ def test_what_is_predicted_is_what_the_block_with_the_points_has(plan: BlockPlan
         for k, point in enumerate(one.points):
             seen = {row.photo for row in then.ray_rows() if row.point == f"s{k}"}
             assert seen == set(point.photos)
+            # where it lies in the image: what is measured there, not the ideal place
+            row = next(
+                row
+                for row in then.problem.block.image_points
+                if (row.photo, row.point) == (photo, f"s{k}")
+            )
+            at = measured_rays(block.problem.block.camera_of(photo), [(row.x, row.y)])
+            assert at[0].tolist() == pytest.approx([point.x, point.y], abs=1e-9)
     assert sets[0].before < sets[0].after < sets[1].after < sets[2].after
 
 

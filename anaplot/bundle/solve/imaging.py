@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +11,16 @@ import numpy as np
 from anaplot.aliases import Array, Index
 from anaplot.bundle.solve.problem import Problem
 from anaplot.photogrammetry.collinearity import Projection, project, project_with_derivatives
-from anaplot.photogrammetry.lens import LENS_PARAMETERS, through_lens
+from anaplot.photogrammetry.lens import LENS_PARAMETERS, lens_fold, through_lens
 
-__all__ = ["BlockState", "Imaged", "imaged", "imaged_with_derivatives", "seen_in_photo"]
+__all__ = [
+    "BlockState",
+    "Imaged",
+    "imaged",
+    "imaged_places",
+    "imaged_with_derivatives",
+    "seen_in_photo",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +133,10 @@ def imaged(problem: Problem, state: BlockState) -> Projection:
 
 
 def seen_in_photo(problem: Problem, state: BlockState, photo: int) -> Projection:
-    """Return where one photo would see every point, through the lens that its camera states."""
+    """Return where one photo would see every point, through the lens that its camera states.
+
+    NaN for points that lie beyond the lens's fold: they are not imaged a second time.
+    """
     n, lens = len(state.points), problem.stated_lens
     c = np.ones(n) if lens is not None else np.full(n, problem.c[photo])
     centres = np.broadcast_to(state.centres[photo], (n, 3))
@@ -134,7 +145,52 @@ def seen_in_photo(problem: Problem, state: BlockState, photo: int) -> Projection
     if lens is None:
         return seen
     with np.errstate(invalid="ignore", over="ignore"):
-        return Projection(through_lens(seen.xy, lens[photo]).xy, seen.depth)
+        xy = through_lens(seen.xy, lens[photo]).xy
+    return Projection(_within_fold(seen.xy, lens[photo], xy), seen.depth)
+
+
+def imaged_places(problem: Problem, state: BlockState, photos: Index, places: Array) -> Imaged:
+    """Return where photos would see places, through the lenses that their cameras state.
+
+    Parameters
+    ----------
+    problem, state
+        The bundle and its unknowns.
+    photos
+        (n,) numbers of photos.
+    places
+        (n, 3) one for each [m], relative to the state's origin.
+
+    Returns
+    -------
+    Imaged
+        Without additional parameters; `xy` is NaN beyond a lens's fold.
+    """
+    where, lens = (state.centres[photos], state.rotations[photos]), problem.stated_lens
+    none = np.zeros((len(photos), 2, 0))
+    if lens is None:
+        seen = project_with_derivatives(*where, problem.c[photos], places)
+        return Imaged(seen.xy, seen.depth, seen.photo, seen.point, none)
+    seen = project_with_derivatives(*where, np.ones(len(photos)), places)
+    with np.errstate(invalid="ignore", over="ignore"):
+        bent = through_lens(seen.xy, lens[photos])
+        by_photo = np.matmul(bent.by_direction, seen.photo)
+        by_place = np.matmul(bent.by_direction, seen.point)
+    xy = _within_fold(seen.xy, lens[photos], bent.xy)
+    return Imaged(xy, seen.depth, by_photo, by_place, none)
+
+
+def _within_fold(direction: Array, lens: Array, xy: Array) -> Array:
+    """Return (n, 2) places in the image, NaN where (n, 2) directions lie beyond a lens's fold."""
+    fold = [_fold(*radial) for radial in np.atleast_2d(lens)[:, 3:6].tolist()]
+    with np.errstate(invalid="ignore", over="ignore"):
+        inside = np.hypot(*direction.T) <= np.array(fold)
+    return np.where(inside[:, None], xy, np.nan)
+
+
+@lru_cache(maxsize=256)  # photos by the thousand have a camera or two
+def _fold(k1: float, k2: float, k3: float) -> float:
+    return lens_fold(k1, k2, k3)
 
 
 def imaged_with_derivatives(
