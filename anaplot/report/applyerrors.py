@@ -11,7 +11,7 @@ from typing import cast
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.aliases import Strategy
 from anaplot.bundle.solve.observations import ObservationName
-from anaplot.errors import InputError
+from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import block_files, read_block, write_image_points
 from anaplot.exchange.lockfile import sessions_kept_out
 from anaplot.exchange.rejectedrows import as_before, rejecting_reason, said_by
@@ -29,7 +29,8 @@ __all__ = ["applied", "run_adjust", "taken_back"]
 def run_adjust(options: argparse.Namespace) -> int:
     """Adjust a block folder and show it; switch off what is rejected, or take that back.
 
-    With `--apply-undo` the rows are as they were before anything is computed.
+    With `--apply-undo` the rows are as they were before anything is computed; where nothing can be
+    computed then, the message says so.
 
     Returns
     -------
@@ -52,21 +53,20 @@ def run_adjust(options: argparse.Namespace) -> int:
         raise InputError("--apply goes with --errors")
     with sessions_kept_out(folder):
         before = read_block(folder).image_points
-        if options.apply_undo:
-            names = STRATEGIES if options.errors is None else (options.errors,)
-            _write(folder, before, taken_back(before, names))
-            return run_computation(options, adjust, reads)
         output = Output.of(options)
         output.check({"is read": reads})
+        if options.apply_undo:
+            return _undone(options, output, before)
         found = computed(options, adjust)
         rows = applied(before, (row.name for row in found.result.rejected), options.errors)
         _write(folder, before, rows)
     count = sum(now.use != then.use for now, then in zip(rows, before, strict=True))
     document = found.document
     said = say(
-        "{} switched off in image_points.csv, with the reason {}; --apply-undo takes that back",
+        "{} switched off in image_points.csv, with the reason {}; {}--apply-undo takes that back",
         counted(count, "image point is", "image points are"),
         options.errors,
+        "" if options.datum == "control" else f"--datum {options.datum} ",
     )
     others = sum(row.name[0] != "image" for row in found.result.rejected)
     answer = {**document.answer, "applied": count, "not_applied": others}
@@ -80,6 +80,24 @@ def run_adjust(options: argparse.Namespace) -> int:
             ),
         )
     output.show(Document(answer, page, document.tables))
+    return 1 if found.flagged and options.fail_on_flag else 0
+
+
+def _undone(options: argparse.Namespace, output: Output, before: tuple[ImagePoint, ...]) -> int:
+    """Take back what was switched off, adjust without that and show it."""
+    names = STRATEGIES if options.errors is None else (options.errors,)
+    rows = taken_back(before, names)
+    _write(options.block, before, rows)
+    count = sum(now != then for now, then in zip(rows, before, strict=True))
+    said = f"{counted(count, 'image point is', 'image points are')} as before --apply"
+    try:
+        found = computed(options, adjust)
+    except AnaplotError as error:
+        error.args = (f"{error}; {said}: only the adjustment was not possible",)
+        raise
+    document = found.document
+    page = (say("{} in image_points.csv", said), BLANK, *document.page)
+    output.show(Document({**document.answer, "taken_back": count}, page, document.tables))
     return 1 if found.flagged and options.fail_on_flag else 0
 
 

@@ -63,6 +63,24 @@ def test_what_is_rejected_is_switched_off_and_taken_back(
     undone = run(capsys, folder, "--apply-undo")
     assert read_block(folder).image_points == before
     assert "use" not in undone["image_points"][0]  # type: ignore[index]
+    assert undone["taken_back"] == 1
+
+
+def test_what_is_taken_back_is_told_also_where_nothing_can_be_adjusted(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    free = ["adjust", str(folder), "--datum", "free"]
+    assert cli.main([*free, "--errors", "search", "--apply"]) == 0
+    assert "; --datum free --apply-undo takes that back" in capsys.readouterr().out
+    (folder / "control.csv").unlink()
+    assert cli.main(["adjust", str(folder), "--apply-undo"]) == 4
+    said = capsys.readouterr().err
+    assert "; 1 image point is as before --apply: only the adjustment was not possible" in said
+    assert all(row.use == "xy" for row in read_block(folder).image_points)
+    assert cli.main([*free, "--apply-undo"]) == 0
+    assert capsys.readouterr().out.startswith(
+        "0 image points are as before --apply in image_points"
+    )
 
 
 def test_the_text_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

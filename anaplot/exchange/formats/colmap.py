@@ -162,10 +162,24 @@ def write(exporting: Exporting, target: Path) -> Exported:
     source = exporting.folder / SOURCE
     found = _found(source)
     if found is None:
+        _refuse_half(source)
         return write_new(exporting, target)
     model = read_model(*found)
     others = [model.file(part) for part in _UNREAD if model.file(part).is_file()]
     return write_cleaned(exporting.block, model, others, target)
+
+
+def _refuse_half(source: Path) -> None:
+    for ending in (".bin", ".txt"):
+        missing = [
+            f"{part}{ending}" for part in PARTS if not (source / f"{part}{ending}").is_file()
+        ]
+        if len(missing) < len(PARTS):
+            raise InputError(
+                f"{place(source)}: the COLMAP model that the block came from has lost "
+                f"{' and '.join(missing)}; without this folder the block is adjusted and a new "
+                "model written"
+            )
 
 
 def _pixel_um(options: ImportOptions) -> float:

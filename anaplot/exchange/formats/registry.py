@@ -67,7 +67,11 @@ _ALL: tuple[Format, ...] = (
         "COLMAP model",
         import_options=("sigma_px", "pixel_um"),
         adjusted=True,
-        starts_from=("images.bin", "images.txt"),
+        starts_from=tuple(
+            f"{part}.{ending}"
+            for ending in ("bin", "txt")
+            for part in ("cameras", "images", "points3D")
+        ),
     ),
     Format("opensfm", "an OpenSfM model", import_options=_OPENSFM, adjusted="control"),
     Format("odm", "an OpenDroneMap project", import_options=_OPENSFM, adjusted="control"),

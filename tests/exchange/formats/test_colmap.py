@@ -361,6 +361,18 @@ def test_what_is_switched_off_is_in_no_track(
     assert (out / name).read_bytes() == (source / name).read_bytes()
 
 
+@pytest.mark.parametrize("lost", ["cameras.txt", "images.txt", "points3D.txt"])
+def test_a_source_that_has_lost_a_file_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], lost: str
+) -> None:
+    block = tmp_path / "b"
+    assert main(["import", str(sample().write(tmp_path / "in", text=True)), "-o", str(block)]) == 0
+    (block / "source" / lost).unlink()
+    assert main(["export", "colmap", str(block), "-o", str(tmp_path / "out")]) == 2
+    assert f"has lost {lost};" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_ray_of_one_coordinate_goes_and_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
