@@ -24,7 +24,7 @@ from anaplot.textfiles.wording import place, quoted
 
 __all__ = ["read", "recognises", "write"]
 
-_LOOK = 4000  # bytes that are looked at
+_LOOK = 1 << 16  # bytes that are looked at
 _FILES = ("control", "check", "images", "more")
 
 

@@ -21,6 +21,7 @@ from anaplot.exchange.formats.door import (
     ImportOptions,
     Note,
 )
+from anaplot.exchange.formats.gathered import head_of
 from anaplot.exchange.formats.measuredrays import (
     MeasuredRay,
     enlarged,
@@ -55,6 +56,7 @@ from anaplot.textfiles.wording import place, plain, quoted
 __all__ = ["read", "recognises", "write"]
 
 _ROOT: Final = "document"
+_LOOK: Final = 1 << 16  # bytes that are looked at
 _CHUNK: Final = "document/chunk"
 _FRAME: Final = f"{_CHUNK}/frames/frame"
 _KINDS: Final = {
@@ -91,14 +93,10 @@ class _Found:
 
 
 def recognises(source: Path) -> bool:
-    """Return whether a file is XML of a Metashape document."""
+    """Return whether a file is XML of a Metashape document, which begins with a chunk."""
     if not (source.is_file() and source.suffix.lower() == ".xml" and first_tag(source) == _ROOT):
         return False
-    try:
-        with source.open("rb") as file:
-            return b"dbat_script_version" not in file.read(4000)  # DBAT calls its root so, too
-    except OSError:
-        return False
+    return "<chunk" in head_of(source, _LOOK)  # DBAT calls its root so, too
 
 
 def read(source: Path, options: ImportOptions) -> Imported:

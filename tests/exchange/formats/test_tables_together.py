@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -70,6 +71,28 @@ def test_each_source_is_of_one_kind(samples: dict[str, Path]) -> None:
         path = samples["patb"].parent / name
         knows = [k for k, one in FORMATS.items() if one.reads and module_of(k).recognises(path)]
         assert not set(knows) & set(KINDS), name
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+@pytest.mark.parametrize("name", ["pipe", "a.phc", "a.im", "a.xml", "a.csv", "a.json"])
+def test_a_pipe_is_of_no_kind_and_not_waited_for(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match="of no known format"):
+        recognised(tmp_path / name)
+    knows = [k for k, one in FORMATS.items() if one.reads and module_of(k).recognises(tmp_path)]
+    assert len(knows) <= 1  # a folder is known by names; reading then refuses the pipe
+    for kind in knows:
+        with pytest.raises(InputError, match="not a regular file"):
+            module_of(kind).read(tmp_path, ImportOptions(c=100.0))
+
+
+def test_scripts_of_dbat_and_documents_of_metashape_have_one_root(tmp_path: Path) -> None:
+    notice = f"<!-- {'x' * 9000} -->"
+    script, chunk = tmp_path / "script.xml", tmp_path / "chunk.xml"
+    script.write_text(f'{notice}<document dbat_script_version="1.0"><input/></document>')
+    chunk.write_text(f'{notice}<document version="1.5.0"><chunk/></document>')
+    assert recognised(script).kind == "dbat"
+    assert recognised(chunk).kind == "metashape"
 
 
 @pytest.mark.parametrize("kind", KINDS)
