@@ -28,6 +28,7 @@ __all__ = ["Refinement"]
 
 
 _STEPS = 50
+_NARROW = 0.1  # of c: half the diagonal of the smallest image that a lens is taken to have
 _CENTRE = 1e-9  # mm; nearer to the centre the limits are reached to the last digit
 _CLOSED = 1e-12  # between a given ideal place and that of its inverse, relative
 
@@ -222,7 +223,9 @@ class Refinement:
         if calibration.pixels is not None:
             reach = _reach_of_pixels(calibration.pixels, calibration)
         elif calibration.format is None:
-            reach = max([calibration.c, *(hypot(m.x, m.y) for m in calibration.fiducials)])
+            # through a lens points are told by themselves where it images nothing
+            least = calibration.c * (1.0 if self.lens is None else _NARROW)
+            reach = max([least, *(hypot(m.x, m.y) for m in calibration.fiducials)])
         else:
             reach = 0.5 * hypot(*calibration.format) + hypot(*self._centre())
         radius, angle = np.meshgrid(np.linspace(0.0, reach, 200), np.linspace(0.0, 2 * np.pi, 25))

@@ -117,7 +117,7 @@ def test_a_camera_file_states_a_lens(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="beside"):
         parse_camera(text + "[distortion]\ndecentring = [0.0, 0.0]\n", Path("camera.toml"))
     with pytest.raises(InputError, match="images nothing"):
-        parse_camera(text.replace("0.02\n", "-9.0\n"), Path("camera.toml"))
+        parse_camera(text.replace("0.02\n", "-20.0\n"), Path("camera.toml"))
     (tmp_path / "rmk.toml").write_text(text)
     toml = 'format = 1\nname = "n"\n[[camera]]\nfile = "rmk.toml"\n'
     folder = folder_of(tmp_path / "b", toml, "photo,point,x,y\n1,p,90.0,80.0\n")
@@ -208,6 +208,9 @@ def test_a_lens_in_pixels_is_asked_as_far_as_the_image_reaches() -> None:
     # a corner lies 14.4 mm off, the lens folds the image at 24.3 mm, and c is 100
     made = parse_camera(long, Path("far.toml"))
     assert made.lens == BrownLens(k1=-2.5)
+    # nor does a file without any size refuse it
+    bare = long.replace("pixels = [6000, 4000]\npixel_um = 4.0\n", "")
+    assert parse_camera(bare, Path("far.toml")).lens == made.lens
     # with the principal point aside a corner is 28.3 mm off; 1.5 folds at 31.4
     aside = long.replace("pixel_um", "principal_px = [100.0, 3900.0]\npixel_um")
     parse_camera(aside.replace("-2.5", "-1.5"), Path("far.toml"))
