@@ -16,7 +16,7 @@ from anaplot.exchange.formats.aiconfiles import (
     read_poses,
     read_rays,
 )
-from anaplot.exchange.formats.aiconwriter import write_aicon
+from anaplot.exchange.formats.aiconwriter import CONTROL, write_aicon
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gathered import (
     check_order,
@@ -125,8 +125,10 @@ def _files(source: Path, options: ImportOptions) -> dict[str, Path]:
             count = f"{len(rays)} files .phc" if rays else "no file .phc"
             raise InputError(f"{place(source)}: {count}: name one of them")
         files = {"rays": rays[0]}
-        for word, suffix in _FILES.items():
-            same = [one for one in named(source, suffix) if one.stem == rays[0].stem]
+        ends = {word: (suffix, suffix) for word, suffix in _FILES.items()}
+        for word, (suffix, end) in (ends | {"control": (".obc", CONTROL)}).items():
+            wanted = f"{rays[0].stem}{end}".lower()
+            same = [one for one in named(source, suffix) if one.name.lower() == wanted]
             if same:
                 files[word] = same[0]
     except OSError as error:
@@ -199,7 +201,10 @@ def _control(files: dict[str, Path], notes: list[Note]) -> tuple[ControlPoint, .
         notes.append(Note("dropped", count, f"{text} (--with control=FILE)"))
     if "control" not in files:
         return ()
-    return tuple(ControlPoint(*row) for row in read_objects(files["control"]))
+    control = tuple(ControlPoint(*row) for row in read_objects(files["control"]))
+    name = plain(files["control"].name, 60)
+    notes.append(Note("assumed", len(control), f"object points of {name} are control"))
+    return control
 
 
 def _bars(path: Path | None, known: set[str], notes: list[Note]) -> tuple[ObjectCondition, ...]:

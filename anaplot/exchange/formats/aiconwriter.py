@@ -15,7 +15,10 @@ from anaplot.textfiles.names import MAX_NAME
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
 from anaplot.textfiles.wording import quoted
 
-__all__ = ["write_aicon"]
+__all__ = ["CONTROL", "write_aicon"]
+
+CONTROL = "-control.obc"
+"""How the name of the control ends beside that of the .phc."""
 
 
 def write_aicon(exporting: Exporting, target: Path) -> Exported:
@@ -30,7 +33,8 @@ def write_aicon(exporting: Exporting, target: Path) -> Exported:
     block = exporting.block
     if len(block.cameras) > 1:
         raise InputError(f"{len(block.cameras)} cameras: these files have one")
-    notes = not_held(block, holds=("distances", "image sigmas", "control sigmas"))
+    holds = ("distances", "image sigmas", "control sigmas", "image_um", "control_m")
+    notes = not_held(block, holds=holds)
     made = {".phc": "".join(_rays(block, notes)), ".ior": _interior(block)}
     poses = _poses(exporting)
     if poses:
@@ -47,7 +51,7 @@ def write_aicon(exporting: Exporting, target: Path) -> Exported:
         )
     control = "".join(_control(block))
     if control:
-        made["-control.obc"] = control
+        made[CONTROL] = control
     bars = "".join(_bars(block, notes))
     if bars:
         made[".scale"] = bars

@@ -41,7 +41,7 @@ def write_dbat(exporting: Exporting, target: Path) -> Exported:
     block = exporting.block
     camera = _camera(block)
     rays, notes = rays_that_count(block)
-    holds = ("check", "image sigmas", "control sigmas", "lens")
+    holds = ("check", "image sigmas", "control sigmas", "lens", "image_um", "control_m")
     notes += not_held(block, holds=holds)
     if any(photo.rotation is not None for photo in block.photos):
         notes.append(Note("not held", None, "approximate orientations"))

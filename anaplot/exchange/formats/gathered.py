@@ -9,7 +9,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.camerafile import read_camera
 from anaplot.exchange.formats.door import ImportOptions, Note
 from anaplot.exchange.formats.sourcelines import SourceLine
-from anaplot.photogrammetry.block import Block, Camera, ImagePoint, in_pixels
+from anaplot.photogrammetry.block import Block, Camera, ImagePoint, TestSettings, in_pixels
 from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = [
@@ -155,7 +155,7 @@ def not_held(block: Block, *, holds: Iterable[str] = ()) -> list[Note]:
         The block.
     holds
         Of "strips", "check", "priors", "distances", "conditions", "image sigmas", "lens",
-        "control sigmas", "photo sigmas".
+        "control sigmas", "photo sigmas", "image_um", "control_m".
     """
     kinds = [condition.kind for condition in block.conditions]
     photos = block.photos
@@ -180,11 +180,24 @@ def not_held(block: Block, *, holds: Iterable[str] = ()) -> list[Note]:
         "lens": (sum(c.lens is not None for c in block.cameras), "lenses: coordinates are ideal"),
     }
     held = set(holds)
-    return [
+    notes = [
         Note("not held", count, text)
         for name, (count, text) in counts.items()
         if count and name not in held
     ]
+    precision, test = block.precision, block.test
+    if "image_um" not in held:
+        notes.append(Note("not held", None, f"image_um = {precision.image_um:g} um"))
+    if "control_m" not in held and any(
+        sigma is None and value is not None
+        for row in block.control
+        for sigma, value in zip(row.sigma, row.xyz, strict=True)
+    ):
+        notes.append(Note("not held", None, f"control_m = {precision.control_m:g} m"))
+    if test != TestSettings():
+        settings = f"{test.kind}, alpha = {test.alpha:g}, power = {test.power:g}"
+        notes.append(Note("not held", None, f"the settings of the test: {settings}"))
+    return notes
 
 
 def whole_name(what: str, name: str, most: int, kind: str) -> str:

@@ -113,8 +113,11 @@ def test_what_goes_out_comes_in_exactly(tmp_path: Path) -> None:
     block = replace(block, image_points=rays, conditions=(bar,), control=control)
     made = aicon.write(Exporting(block, tmp_path), tmp_path / "out")
     assert "not held 2 strips" in texts(made.notes)
-    files = {"control": tmp_path / "out" / "out-control.obc"}
-    found = aicon.read(tmp_path / "out", ImportOptions(files=files)).block
+    assert "image_um" not in texts(made.notes)
+    assert "control_m" not in texts(made.notes)  # both stand with the coordinates
+    back = aicon.read(tmp_path / "out", ImportOptions())
+    assert "assumed 5 object points of out-control.obc are control" in texts(back.notes)
+    found = back.block
     assert rays_of(found) == rays_of(block)
     assert [row.use for row in found.image_points] == [row.use for row in block.image_points]
     assert [row.sigma_um for row in found.image_points][:3] == [4.0, 7.25, 4.0]
@@ -131,9 +134,7 @@ def test_it_is_the_same_block_by_this_door(tmp_path: Path) -> None:
     block = table_block(strips=False)
     write_block(tmp_path / "mine", block)
     assert main(["export", "aicon", str(tmp_path / "mine"), "-o", str(tmp_path / "out")]) == 0
-    control = f"control={tmp_path / 'out' / 'out-control.obc'}"
-    back = ["import", str(tmp_path / "out"), "-o", str(tmp_path / "b"), "--with", control]
-    assert main(back) == 0
+    assert main(["import", str(tmp_path / "out"), "-o", str(tmp_path / "b")]) == 0
     first, again = adjusted_result(block), adjusted_result(read_block(tmp_path / "b"))
     assert again.sigma0 == pytest.approx(first.sigma0, rel=1e-9)
     for mine, theirs in zip(first.points, again.points, strict=True):

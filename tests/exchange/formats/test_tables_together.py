@@ -18,6 +18,7 @@ from anaplot.exchange.formats.door import AdjustedResult, Exporting, ImportOptio
 from anaplot.exchange.formats.door import PointResult as Point
 from anaplot.exchange.formats.registry import FORMATS, module_of, recognised
 from anaplot.exchange.importedfolder import write_imported
+from anaplot.photogrammetry.block import Precision, TestSettings
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 
 PM = "Object Point ID,Photo #,X,Y,Residual X,Residual Y\n7,1,10.5,20.5,.1,.2\n7,2,11,21,0,0\n"
@@ -84,6 +85,27 @@ def test_a_pipe_is_of_no_kind_and_not_waited_for(tmp_path: Path, name: str) -> N
     for kind in knows:
         with pytest.raises(InputError, match="not a regular file"):
             module_of(kind).read(tmp_path, ImportOptions(c=100.0))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sigmas"),
+    [("patb", 2), ("bingo", 2), ("pixels", 2), ("bal", 2), ("aicon", 0), ("dbat", 0)],
+)
+def test_what_a_block_counts_with_is_told_where_it_is_not_held(
+    tmp_path: Path, kind: str, sigmas: int
+) -> None:
+    block = pixel_table_block() if kind in ("dbat", "bal") else table_block()
+    control = tuple(replace(row, sigma=(0.01, 0.01, None)) for row in block.control)
+    test = TestSettings("baarda", 0.01, 0.9)
+    precision = Precision(image_um=12.5, control_m=0.07)
+    block = replace(block, control=control, test=test, precision=precision)
+    made = module_of(kind).write(
+        Exporting(block, tmp_path, adjusted=result(block)), tmp_path / kind
+    )
+    said = [note.text for note in made.notes if note.what == "not held"]
+    told = [text for text in said if text in ("image_um = 12.5 um", "control_m = 0.07 m")]
+    assert len(told) == sigmas
+    assert "the settings of the test: baarda, alpha = 0.01, power = 0.9" in said
 
 
 def test_scripts_of_dbat_and_documents_of_metashape_have_one_root(tmp_path: Path) -> None:
