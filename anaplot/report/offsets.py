@@ -144,7 +144,7 @@ def offsets_document(found: OffsetTests) -> Document:
     ]
     page += [
         labelled(f"the {one.kind} of {one.group}", _WIDTH)
-        + verdict_cells(one.verdict.decisive)
+        + verdict_cells(None if one.verdict is None else one.verdict.decisive)
         + f"  {_mark(one.verdict)}"
         for one in found.groups
     ]
@@ -175,8 +175,8 @@ def _rows(found: OffsetTests) -> list[tuple[Any, ...]]:
     return out
 
 
-def _mark(verdict: Verdict) -> str:
-    if verdict.rejected is None:
+def _mark(verdict: Verdict | None) -> str:
+    if verdict is None or verdict.rejected is None:
         return "not testable"
     return "<< not zero" if verdict.rejected else ""
 

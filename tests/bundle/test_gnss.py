@@ -24,6 +24,7 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.photogrammetry.prioroffsets import PriorOffsets
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
+from anaplot.report.offsets import offsets_document
 
 EVERY = PriorOffsets("strip", "strip", "block")
 WEIGHTED = PriorOffsets(
@@ -288,6 +289,43 @@ def test_positions_of_one_time_leave_a_drift_open():
 def test_what_cannot_be_laid_out_is_said(change, words):
     with pytest.raises(InputError, match=words):
         adjust_block(change(flown(EVERY, seed=3).scene.block))
+
+
+def with_sigma_of_first(block, sigma):
+    first = replace(block.photos[0], position_sigma=(sigma, sigma, sigma))
+    return replace(block, photos=(first, *block.photos[1:]))
+
+
+def test_a_position_that_is_all_but_free_of_error_costs_the_offsets_no_digits():
+    block = flown(EVERY, seed=3).scene.block
+    near, exact = (adjust_block(with_sigma_of_first(block, sigma)) for sigma in (1e-3, 1e-5))
+    for a, b in zip(offset_rows(near), offset_rows(exact), strict=True):
+        assert b.value == pytest.approx(a.value, abs=1e-3 * a.s)
+        # (1e-3 / 0.05)^2 is what their variances differ by
+        assert b.s == pytest.approx(a.s, rel=1e-3)
+    assert all(one.verdict is not None for one in offset_tests(exact).groups)
+
+
+def test_positions_too_far_apart_in_weight_are_said_to_be_so():
+    block = with_sigma_of_first(flown(EVERY, seed=3).scene.block, 1e-6)
+    words = r"the shift of strip 's1': a standard deviation of 1e-06 \(photo '101'\) beside 0\.075"
+    with pytest.raises(NotComputableError, match=words):
+        adjust_block(block)
+
+
+def test_angles_that_are_one_are_not_tested_together():
+    adjusted = adjust_block(flown(WEIGHTED, seed=3).scene.block)
+    own = adjusted.cofactors.offsets.own.copy()
+    at = [k for k, row in enumerate(offset_rows(adjusted)) if row.kind == "boresight"]
+    own[np.ix_(at, at)] = 1.0
+    cofactors = adjusted.cofactors.offsets._replace(own=own)
+    same = replace(adjusted, cofactors=replace(adjusted.cofactors, offsets=cofactors))
+    found = {one.kind: one.verdict for one in offset_tests(same).groups}
+    assert found["boresight"] is None
+    assert found["shift"] is not None
+    page = offsets_document(offset_tests(same))
+    assert next(g for g in page.answer["groups"] if g["kind"] == "boresight")["verdict"] is None
+    assert any("not testable" in str(line) for line in page.page)
 
 
 def test_strips_without_positions_have_no_shift():

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from anaplot.adjustment.hypothesis import quadratic_form, sidak_alpha
+from anaplot.adjustment.hypothesis import DependentConditionsError, quadratic_form, sidak_alpha
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.laidoffsets import OffsetKind
@@ -36,11 +37,11 @@ class OffsetTest(NamedTuple):
 
 
 class OffsetGroupTest(NamedTuple):
-    """The three of a strip, a camera or the block together against zero."""
+    """The three of a strip, a camera or the block together against zero; None: they are as one."""
 
     kind: OffsetKind
     group: str
-    verdict: Verdict
+    verdict: Verdict | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,8 +101,11 @@ def offset_tests(
     for kind, group in together:
         mine = [row for row in rows if (row.kind, row.group) == (kind, group)]
         its = [at[kind, group, row.axis] for row in mine]
-        square = quadratic_form(np.array([row.value for row in mine]), q[np.ix_(its, its)])
-        groups.append(OffsetGroupTest(kind, group, variance.test(square, len(mine), alpha)))
+        verdict = None
+        with suppress(DependentConditionsError, np.linalg.LinAlgError):
+            square = quadratic_form(np.array([row.value for row in mine]), q[np.ix_(its, its)])
+            verdict = variance.test(square, len(mine), alpha)
+        groups.append(OffsetGroupTest(kind, group, verdict))
     alone = sidak_alpha(settings.alpha, len(rows))
     noncentrality = variance.detectable(alone, settings.power)
     single = []

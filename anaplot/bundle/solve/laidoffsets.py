@@ -36,6 +36,7 @@ _AXES = {
     "drift": ("X", "Y", "Z"),
     "boresight": ("omega", "phi", "kappa"),
 }
+_UNLIKE = 1e4  # of standard deviations: their squares leave a sum of weights half its digits
 _OF_PHOTO = 9  # unknowns that the stated orientation of a photo may depend on
 
 
@@ -154,7 +155,7 @@ def lay_out_offsets(
         Offsets of what no photo states, a standard deviation without a weight, or photos with and
         without times together.
     NotComputableError
-        A drift of positions of one time.
+        A drift of positions of one time, or standard deviations too far apart to compute with.
     """
     wanted = block.offsets if wanted is None else wanted
     if wanted is None or not wanted.any:
@@ -185,6 +186,8 @@ def lay_out_offsets(
             label for label, there in zip(labels, mine.tolist(), strict=True) if there
         ):
             its = np.array([label == group for label in labels]) & mine
+            stated_sigma = rotation_sigma if of_angles else position_sigma
+            _check_alike(block, f"{kind} of {scope} {quoted(group)}", photos, its, stated_sigma)
             unit: OffsetUnit = "rad" if kind == "boresight" else "m"
             middle = float("nan")
             if kind == "drift":
@@ -215,6 +218,19 @@ def _sigma(kind: OffsetKind, stated: tuple[float, float, float] | None) -> Array
             raise InputError(f"the {kind}: its standard deviation {value:g} must be positive")
         check_weighted(f"the {kind}", value)
     return np.array(stated)
+
+
+def _check_alike(block: Block, what: str, photos: Sequence[str], its: Bools, sigma: Array) -> None:
+    """Refuse standard deviations of which the smallest leave nothing of the others' weights."""
+    where = np.flatnonzero(its)
+    least, most = np.nanmin(sigma[where], axis=1), np.nanmax(sigma[where], axis=1)
+    if float(most.max()) > _UNLIKE * float(least.min()):
+        low, high = (photos[where[k]] for k in (int(least.argmin()), int(most.argmax())))
+        raise NotComputableError(
+            f"block {block.name}: the {what}: a standard deviation of {least.min():g} "
+            f"(photo {quoted(low)}) beside {most.max():g} (photo {quoted(high)}) is too small to "
+            "compute with: state a larger one"
+        )
 
 
 def _times(

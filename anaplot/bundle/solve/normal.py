@@ -341,10 +341,10 @@ class NormalEquations:
         update = self.offset_update(factor)
         if update is None:
             return None
-        q = update.sides.shape[2]
-        others = np.zeros((len(self.problem.points), 3, q)), np.zeros((len(self.corner), q))
-        solved = self.solve(factor, update.sides, *others)[0]
-        return OffsetCofactors.of(update.equations, update.sides, solved)
+        later = (self.given_update(factor), self.update(factor))
+        return OffsetCofactors.of(
+            update, ((one.photos, one.inner) for one in later if one is not None)
+        )
 
     def changes(self, factor: Factor) -> tuple[OffsetUpdate | GivenUpdate | ConditionUpdate, ...]:
         """Return what is added to these equations, of which G M^-1 G' goes off the inverse."""

@@ -16,6 +16,7 @@ each other in N, and what is missing is an update, as that of conditions between
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -348,14 +349,28 @@ class OffsetCofactors(NamedTuple):
     r: Array
 
     @classmethod
-    def of(cls, equations: OffsetEquations, sides: Array, solved: Array) -> OffsetCofactors:
-        """Return them from (n, d, k) C and N~^-1 C."""
-        inverse = equations.inverse
-        spread = np.tensordot(sides, solved, ((0, 1), (0, 1)))
-        own = inverse + inverse @ (0.5 * (spread + spread.T)) @ inverse
+    def of(cls, update: OffsetUpdate, later: Iterable[tuple[Array, Array]] = ()) -> OffsetCofactors:
+        """Return them from what free offsets change, and what other updates take off after them.
+
+        Not from the inverse with free offsets: where stated positions differ much in weight, that
+        has lost them.
+
+        Parameters
+        ----------
+        update
+            That of the offsets.
+        later
+            Of other updates the (n, d, q) of the photos in G, and (q, q) M^-1.
+        """
+        equations = update.equations
+        own, photos = -update.inner, update.photos @ update.inner
+        for gain, inner in later:
+            beside = -equations.inverse @ np.tensordot(update.sides, gain, ((0, 1), (0, 1)))
+            own = own - beside @ inner @ beside.T
+            photos = photos - gain @ (inner @ beside.T)
         laid = equations.laid
         r = np.where(laid.weighted, np.clip(1.0 - np.diag(own) * laid.weight, 0.0, 1.0), np.nan)
-        return cls(own, -solved @ inverse, r)
+        return cls(0.5 * (own + own.T), photos, r)
 
     def of_rows(self, equations: OffsetEquations, photo_rows: Array) -> Array:
         """Return (n, 6) what the offsets add to the cofactors of the photos' adjusted rows."""
