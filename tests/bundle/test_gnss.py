@@ -264,7 +264,9 @@ def test_positions_of_one_time_leave_a_drift_open():
         offsets=PriorOffsets(drift="block"),
         photos=tuple(replace(photo, time=1.0) for photo in block.photos),
     )
-    with pytest.raises(NotComputableError, match="drift of block 'block': its positions are all"):
+    with pytest.raises(
+        NotComputableError, match=r"all of one time .photo '101', .*: give drift_sigma, or"
+    ):
         adjust_block(still)
     known = replace(still, offsets=PriorOffsets(drift="block", drift_sigma=(1.0, 1.0, 1.0)))
     adjusted = adjust_block(known)
@@ -284,6 +286,12 @@ def test_positions_of_one_time_leave_a_drift_open():
          "photo 101 has no time, others of strip 's1' have one"),
         (lambda b: replace(b, offsets=replace(EVERY, shift_sigma=(1.0, 0.0, 1.0))),
          "the shift: its standard deviation 0 must be positive"),
+        (lambda b: replace(b, strips=(replace(b.strips[0], photos=(*b.strips[0].photos,
+                                                                  b.strips[1].photos[0])),
+                                      b.strips[1])),
+         "photo '204' is in strips 's1' and 's2': to which of them its shift belongs"),
+        (lambda b: replace(b, strips=(replace(b.strips[0], id="(no strip)"),)),
+         r"a strip is called '\(no strip\)', as are photos in none \('201'\): rename"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_laid_out_is_said(change, words):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -152,8 +152,8 @@ def lay_out_offsets(
     Raises
     ------
     InputError
-        Offsets of what no photo states, a standard deviation without a weight, or photos with and
-        without times together.
+        Offsets of what no photo states, a standard deviation without a weight, photos with and
+        without times together, or a photo with a position in two strips that have their own.
     NotComputableError
         A drift of positions of one time, or standard deviations too far apart to compute with.
     """
@@ -181,6 +181,8 @@ def lay_out_offsets(
                 "could belong to"
             )
         sigma = _sigma(kind, getattr(wanted, f"{kind}_sigma"))
+        if scope == "strip":
+            _check_one_strip(block, kind, {photos[k] for k in np.flatnonzero(mine).tolist()})
         labels = groups_of_photos(block, scope, photos)
         for group in dict.fromkeys(
             label for label, there in zip(labels, mine.tolist(), strict=True) if there
@@ -198,9 +200,13 @@ def lay_out_offsets(
                     middle = float(timed.mean())
                 times[its] = timed - timed.mean()
                 if not np.ptp(timed) > 0.0 and np.isinf(sigma).any():
+                    ids = [quoted(photos[k]) for k in np.flatnonzero(its)[:6].tolist()]
+                    more = ", ..." if int(its.sum()) > len(ids) else ""
                     raise NotComputableError(
                         f"block {block.name}: not determined: the drift of {scope} "
-                        f"{quoted(group)}: its positions are all of one time"
+                        f"{quoted(group)}: its positions are all of one time (photo "
+                        f"{', '.join(ids)}{more}): give drift_sigma, or take position_sigma out "
+                        "there"
                     )
             columns[its, 3 * at : 3 * at + 3] = len(names) + np.arange(3)
             names += [OffsetName(kind, group, axis, unit) for axis in _AXES[kind]]
@@ -218,6 +224,18 @@ def _sigma(kind: OffsetKind, stated: tuple[float, float, float] | None) -> Array
             raise InputError(f"the {kind}: its standard deviation {value:g} must be positive")
         check_weighted(f"the {kind}", value)
     return np.array(stated)
+
+
+def _check_one_strip(block: Block, kind: OffsetKind, photos: Collection[str]) -> None:
+    """Refuse photos of which nobody can say to which strip's flight their position belongs."""
+    first: dict[str, str] = {}
+    for strip in block.strips:
+        for name in strip.photos:
+            if name in photos and first.setdefault(name, strip.id) != strip.id:
+                raise InputError(
+                    f"block {block.name}: photo {quoted(name)} is in strips {quoted(first[name])} "
+                    f"and {quoted(strip.id)}: to which of them its {kind} belongs is not known"
+                )
 
 
 def _check_alike(block: Block, what: str, photos: Sequence[str], its: Bools, sigma: Array) -> None:

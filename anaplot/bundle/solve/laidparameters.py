@@ -17,6 +17,9 @@ from anaplot.textfiles.wording import hint, quoted
 __all__ = ["LaidParameters", "groups_of_photos", "lay_out_parameters"]
 
 
+_NO_STRIP = "(no strip)"
+
+
 class LaidParameters(NamedTuple):
     """The additional parameters of a bundle.
 
@@ -56,7 +59,13 @@ class LaidParameters(NamedTuple):
 
 
 def groups_of_photos(block: Block, scope: Scope, photos: Sequence[str]) -> list[str]:
-    """Return the group that the parameters of each photo belong to."""
+    """Return the group that the parameters of each photo belong to; of two strips the first.
+
+    Raises
+    ------
+    InputError
+        A strip is called as are the photos that are in none.
+    """
     if scope == "block":
         return ["block"] * len(photos)
     if scope == "photo":
@@ -64,8 +73,17 @@ def groups_of_photos(block: Block, scope: Scope, photos: Sequence[str]) -> list[
     if scope == "camera":
         cameras = {photo.id: photo.camera for photo in block.photos}
         return [cameras[name] for name in photos]
-    strips = {name: strip.id for strip in block.strips for name in strip.photos}
-    return [strips.get(name, "(no strip)") for name in photos]
+    strips: dict[str, str] = {}
+    for strip in block.strips:
+        for name in strip.photos:
+            strips.setdefault(name, strip.id)
+    alone = next((name for name in photos if name not in strips), None)
+    if alone is not None and any(strip.id == _NO_STRIP for strip in block.strips):
+        raise InputError(
+            f"block {block.name}: a strip is called {quoted(_NO_STRIP)}, as are photos in none "
+            f"({quoted(alone)}): rename the strip"
+        )
+    return [strips.get(name, _NO_STRIP) for name in photos]
 
 
 def lay_out_parameters(
