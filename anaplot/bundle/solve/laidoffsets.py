@@ -239,16 +239,23 @@ def _check_one_strip(block: Block, kind: OffsetKind, photos: Collection[str]) ->
 
 
 def _check_alike(block: Block, what: str, photos: Sequence[str], its: Bools, sigma: Array) -> None:
-    """Refuse standard deviations of which the smallest leave nothing of the others' weights."""
+    """Refuse standard deviations of which the smallest leave nothing of most others' weights.
+
+    Large ones among small ones do no harm: they count for nothing, as they should.
+    """
     where = np.flatnonzero(its)
-    least, most = np.nanmin(sigma[where], axis=1), np.nanmax(sigma[where], axis=1)
-    if float(most.max()) > _UNLIKE * float(least.min()):
-        low, high = (photos[where[k]] for k in (int(least.argmin()), int(most.argmax())))
-        raise NotComputableError(
-            f"block {block.name}: the {what}: a standard deviation of {least.min():g} "
-            f"(photo {quoted(low)}) beside {most.max():g} (photo {quoted(high)}) is too small to "
-            "compute with: state a larger one"
-        )
+    for mine in sigma[where].T:
+        stated = np.flatnonzero(np.isfinite(mine))
+        if not len(stated):
+            continue
+        least = stated[int(mine[stated].argmin())]
+        middle = float(np.median(mine[stated]))
+        if middle > _UNLIKE * float(mine[least]):
+            raise NotComputableError(
+                f"block {block.name}: the {what}: the standard deviation {mine[least]:g} of photo "
+                f"{quoted(photos[where[least]])} beside {middle:g} of others is too small to "
+                "compute with: state a larger one"
+            )
 
 
 def _times(
