@@ -13,6 +13,7 @@ from anaplot.aliases import TestKind
 from anaplot.errors import InputError
 from anaplot.exchange.airtoml import air_lines, read_air
 from anaplot.exchange.camerafile import (
+    CONSTANT,
     FRAME,
     LENS,
     PIXELS,
@@ -42,10 +43,12 @@ from anaplot.photogrammetry.prioroffsets import BoresightScope, OffsetScope, Pri
 from anaplot.photogrammetry.selection import model_name
 from anaplot.textfiles.kinds import (
     FRACTION,
+    METRES,
     NAME,
     NUMBER,
     PHOTO,
-    POSITIVE,
+    SIGMA,
+    SIGMA_OR_FREE,
     Fields,
     Keys,
     Kind,
@@ -88,19 +91,19 @@ ROTATION = _rotation(NUMBER)
 """omega, phi, kappa [rad] of a table that names its unit."""
 
 _PRECISION: Fields = {
-    "image_um": POSITIVE,
+    "image_um": SIGMA,
     "tie_variance": Word(*get_args(TieVariance)),
-    "control_m": Number(0.0),
+    "control_m": SIGMA_OR_FREE,
 }
 _TEST: Fields = {"kind": Word(*get_args(TestKind)), "alpha": FRACTION, "power": FRACTION}
-_CAMERA: Fields = {"id": NAME, "c": POSITIVE}
+_CAMERA: Fields = {"id": NAME, "c": CONSTANT}
 _FAR = 1e4  # m that an antenna may be away
 _LONG = 1e13  # s, or ms, from anywhere
 # of a camera in one aircraft: no part of its file
 _BESIDE: Fields = {"lever_arm": Numbers(3, Number(-_FAR, _FAR))}
-_SIGMAS: Fields = {"position_sigma": Numbers(3, POSITIVE), "rotation_sigma": _rotation(POSITIVE)}
+_SIGMAS: Fields = {"position_sigma": Numbers(3, SIGMA), "rotation_sigma": _rotation(SIGMA)}
 _PHOTO: Fields = {
-    "position": Numbers(3),
+    "position": Numbers(3, METRES),
     "rotation": ROTATION,
     **_SIGMAS,
     "time": Number(-_LONG, _LONG),
@@ -109,12 +112,12 @@ _SCOPE = Word(*get_args(OffsetScope))
 _GNSS: Fields = {
     "shift": _SCOPE,
     "drift": _SCOPE,
-    "shift_sigma": Numbers(3, POSITIVE),
-    "drift_sigma": Numbers(3, POSITIVE),
+    "shift_sigma": Numbers(3, SIGMA),
+    "drift_sigma": Numbers(3, SIGMA),
 }
 _IMU: Fields = {
     "boresight": Word(*get_args(BoresightScope)),
-    "boresight_sigma": _rotation(POSITIVE),
+    "boresight_sigma": _rotation(SIGMA),
 }
 
 

@@ -49,6 +49,7 @@ from anaplot.textfiles.kinds import (
     NAME,
     NUMBER,
     POSITIVE,
+    SIGMA,
     TABLE,
     Fields,
     Items,
@@ -61,6 +62,7 @@ from anaplot.textfiles.kinds import (
     Numbers,
     Whole,
     Word,
+    WrongValueError,
 )
 from anaplot.textfiles.tomltable import TomlTable, parse_toml
 from anaplot.textfiles.tomltext import toml_number, toml_numbers, toml_text
@@ -69,6 +71,7 @@ from anaplot.textfiles.wording import place, plain, quoted
 
 __all__ = [
     "CAMERA_FORMAT",
+    "CONSTANT",
     "FRAME",
     "LENS",
     "MAX_CAMERA_BYTES",
@@ -354,7 +357,17 @@ PIXELS: Fields = {
 }
 """What a camera says of its pixels."""
 
-_CAMERA: Fields = {"id": NAME, "c": POSITIVE}
+
+def _constant(c: float) -> float:
+    if not 1e-6 <= c <= 1e9:
+        raise WrongValueError(f"{c:g} mm is no camera constant (1e-06 to 1e+09)")
+    return c
+
+
+CONSTANT: Kind[float] = Made(POSITIVE, _constant)
+"""A camera constant [mm]."""
+
+_CAMERA: Fields = {"id": NAME, "c": CONSTANT}
 _CAMERA_MORE: Fields = {
     "format": FRAME,
     **PIXELS,
@@ -367,4 +380,4 @@ _TABLES: Fields = {
     "distortion": TABLE,
     "lens": TABLE,
 }
-_DISTANCES: Fields = {"sigma_um": POSITIVE}
+_DISTANCES: Fields = {"sigma_um": SIGMA}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from anaplot.photogrammetry.objectconditions import ObjectCondition, condition_fault
 from anaplot.textfiles.csvtable import CsvColumns, csv_text, read_csv
-from anaplot.textfiles.kinds import NAME, NUMBER, Blank, Made, Number, Text, Word
+from anaplot.textfiles.kinds import METRES, NAME, NUMBER, SIGMA_OR_FREE, Blank, Text, Word
 
 __all__ = [
     "CONDITIONS_CSV",
@@ -21,7 +21,6 @@ DISTANCES_CSV = "distances.csv"
 CONDITIONS_CSV = "conditions.csv"
 
 _USE = Blank(Word("control", "check", "off"))
-_SIGMA = Made(Number(0.0), abs)  # no minus zero
 _MOST_NAMES = 100_000  # characters of a row's points
 
 
@@ -44,7 +43,7 @@ def parse_distances(path: Path) -> tuple[ObjectCondition, ...]:
         The first row that is wrong, with file, line and column.
     """
     table = read_csv(
-        path, {"from": NAME, "to": NAME, "distance": NUMBER, "sigma": _SIGMA}, {"use": _USE}
+        path, {"from": NAME, "to": NAME, "distance": METRES, "sigma": SIGMA_OR_FREE}, {"use": _USE}
     )
     columns = (table[name] for name in ("from", "to", "distance", "sigma", "use"))
     rows = (
@@ -90,7 +89,7 @@ def parse_conditions(path: Path) -> tuple[ObjectCondition, ...]:
             "kind": Word("line", "plane", "angle", "equal"),
             "points": Text(_MOST_NAMES, empty=False),
             "value": Blank(NUMBER),
-            "sigma": _SIGMA,
+            "sigma": SIGMA_OR_FREE,
         },
         {"use": _USE},
     )

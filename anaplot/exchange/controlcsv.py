@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from anaplot.photogrammetry.block import ControlPoint, PointPrior
 from anaplot.textfiles.csvtable import csv_text, read_csv
-from anaplot.textfiles.kinds import NAME, NUMBER, Blank, Made, Number, Word
+from anaplot.textfiles.kinds import METRES, NAME, SIGMA_OR_FREE, Blank, Word
 from anaplot.textfiles.wording import quoted
 
 __all__ = ["USES", "GroundPoints", "format_control", "parse_control", "prior_fault"]
@@ -17,7 +17,6 @@ USES = ("control", "check", "prior", "off")
 
 _XYZ = ("X", "Y", "Z")
 _SIGMAS = ("sX", "sY", "sZ")
-_SIGMA = Made(Number(0.0), abs)  # no minus zero
 
 
 class GroundPoints(NamedTuple):
@@ -63,8 +62,8 @@ def parse_control(path: Path) -> GroundPoints:
     """
     table = read_csv(
         path,
-        {"point": NAME, **dict.fromkeys(_XYZ, Blank(NUMBER))},
-        {**dict.fromkeys(_SIGMAS, Blank(_SIGMA)), "use": Word(*USES)},
+        {"point": NAME, **dict.fromkeys(_XYZ, Blank(METRES))},
+        {**dict.fromkeys(_SIGMAS, Blank(SIGMA_OR_FREE)), "use": Word(*USES)},
     )
     columns = (table[name] for name in ("point", *_XYZ, *_SIGMAS, "use"))
     control: list[ControlPoint] = []

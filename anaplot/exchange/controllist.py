@@ -12,7 +12,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.controlcsv import USES, GroundPoints, prior_fault
 from anaplot.photogrammetry.block import ControlPoint, ControlUse, PointPrior
 from anaplot.textfiles.inputfile import read_text
-from anaplot.textfiles.kinds import NAME, NUMBER, Blank, Kind, Made, Number, Word, WrongValueError
+from anaplot.textfiles.kinds import METRES, NAME, SIGMA_OR_FREE, Blank, Kind, Word, WrongValueError
 from anaplot.textfiles.wording import place, quoted, reason
 
 __all__ = ["read_control_list"]
@@ -52,10 +52,10 @@ def _columns_by_header() -> dict[str, str]:
 
 _COLUMN: Final = _columns_by_header()
 _UNIT: Final = re.compile(r"[\[(].*|_m$|\bin m$")
-_SIGMA = Blank(Made(Number(0.0), abs))
+_SIGMA = Blank(SIGMA_OR_FREE)
 _KINDS: Final[dict[str, Kind[Any]]] = {
     "point": NAME,
-    **dict.fromkeys(("X", "Y", "Z"), Blank(NUMBER)),
+    **dict.fromkeys(("X", "Y", "Z"), Blank(METRES)),
     **dict.fromkeys(("sX", "sY", "sZ", "sXY", "s"), _SIGMA),
     "use": Blank(Word(*USES)),
 }

@@ -41,6 +41,7 @@ __all__ = ["distortion_lines", "read_distortion"]
 _MAX_TABLE = 1000
 _HALF_DIAGONALS = 8
 _UNITS = {"deg": math.pi / 180.0, "gon": math.pi / 200.0}
+_FURTHEST = 1e6  # mm or um: further than any, and with sums that are numbers
 _STEEPEST = math.radians(85.0)  # no lens with a plane image sees further from its axis
 _FORMS = ("radial", "table", "angles")
 
@@ -125,6 +126,8 @@ def _radial_table(sign: float, rows: tuple[tuple[float, ...], ...]) -> RadialTab
     for index, (radius, *um) in enumerate(rows):
         if radius < 0.0 or radius <= last:
             raise WrongValueError(f"radius {radius:g}: radii must grow from 0 on", index)
+        if radius > _FURTHEST or any(abs(dr) > _FURTHEST for dr in um):
+            raise WrongValueError(f"more than {_FURTHEST:g} mm, or um of distortion", index)
         if radius == 0.0 and any(um):
             raise WrongValueError("the distortion at radius 0 must be 0", index)
         last = radius

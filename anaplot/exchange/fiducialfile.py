@@ -33,7 +33,7 @@ from anaplot.photogrammetry.plateunits import MILLIMETRE, PLATE_UNITS, PlateUnit
 from anaplot.textfiles.csvtable import read_csv
 from anaplot.textfiles.kinds import (
     PHOTO,
-    POSITIVE,
+    SIGMA,
     Fields,
     Kind,
     KnownName,
@@ -131,7 +131,7 @@ def read_fiducials(path: Path) -> FiducialMeasurements:
     camera_file = Made(Text(), partial(camera_path, path.parent))
     stated = root.take(
         {"camera": camera_file},
-        {"sigma_um": POSITIVE, "unit": Word(*PLATE_UNITS), "measured": camera_file},
+        {"sigma_um": SIGMA, "unit": Word(*PLATE_UNITS), "measured": camera_file},
         also=("format", "test", "photo"),
     )
     unit = PLATE_UNITS[stated.get("unit", MILLIMETRE.name)]

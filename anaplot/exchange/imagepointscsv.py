@@ -23,7 +23,7 @@ from anaplot.textfiles.kinds import (
     NAME,
     NUMBER,
     PHOTO,
-    POSITIVE,
+    SIGMA,
     Blank,
     Fields,
     KnownName,
@@ -126,7 +126,7 @@ def measured_rows(
             "point": NAME,
         },
         {
-            "sigma_um": Blank(POSITIVE),
+            "sigma_um": Blank(SIGMA),
             "model": Blank(Text()),
             "use": Blank(_USE),
             "reason": Blank(_REASON),

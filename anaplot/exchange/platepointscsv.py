@@ -15,7 +15,7 @@ from anaplot.exchange.imagepointscsv import measured_rows
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.plateunits import PLATE_UNITS
 from anaplot.textfiles.csvtable import CsvColumns
-from anaplot.textfiles.kinds import POSITIVE, Blank, Number
+from anaplot.textfiles.kinds import SIGMA, Blank, Number
 from anaplot.textfiles.wording import place, quoted
 
 __all__ = ["PlatePoint", "PlatePoints", "read_plate_points", "refuse_in_two_files"]
@@ -84,7 +84,7 @@ def read_plate_points(path: Path, block: Block) -> PlatePoints:
         The file is empty, or the first row that is wrong, with file, line and column.
     """
     coordinates = dict.fromkeys(("x", "y"), Number(-_MOST, _MOST))
-    table, _ = measured_rows(path, block, [coordinates], {"sigma": Blank(POSITIVE)})
+    table, _ = measured_rows(path, block, [coordinates], {"sigma": Blank(SIGMA)})
     names = ("photo", "point", "x", "y", "sigma_um", "model", "use", "reason")
     rows = [ImagePoint(*row) for row in zip(*(table[name] for name in names), strict=True)]
     if not rows:

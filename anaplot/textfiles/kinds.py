@@ -148,6 +148,42 @@ class Number(Kind[float]):
         return f"lie between {self._low:g} and {self._high:g}"
 
 
+class Sigma(Number):
+    """A standard deviation: the squares of what is divided by it are numbers.
+
+    Parameters
+    ----------
+    zero
+        Whether it may be 0: free of error.
+    """
+
+    _SMALLEST, _LARGEST = 1e-100, 1e100
+
+    def __init__(self, *, zero: bool = False) -> None:
+        super().__init__(0.0, inside=not zero)
+
+    def of(self, value: Any) -> float:
+        """Return a number; 0 is not negative."""
+        number = abs(super().of(value))
+        if not self._weighed(number):
+            size = "small" if number < 1.0 else "large"
+            raise WrongValueError(
+                f"{number:g} is too {size} for a standard deviation "
+                f"({self._SMALLEST:g} to {self._LARGEST:g})"
+            )
+        return number
+
+    def column(self, texts: Sequence[str]) -> list[float]:
+        """Return the numbers of a column, at the speed of their parsing."""
+        numbers = super().column(texts)
+        if all(map(self._weighed, numbers)):
+            return [abs(number) for number in numbers]
+        return list(map(self.of_text, texts))
+
+    def _weighed(self, number: float) -> bool:
+        return number == 0.0 or self._SMALLEST <= number <= self._LARGEST
+
+
 class Whole(Kind[int]):
     """A whole number from `low` to `high`."""
 
@@ -477,6 +513,10 @@ class Blank(Kind[T | None], Generic[T]):
 
 NUMBER = Number()
 POSITIVE = Number(0.0, inside=True)
+SIGMA = Sigma()
+SIGMA_OR_FREE = Sigma(zero=True)
+METRES = Number(-1e12, 1e12)
+"""A coordinate or length in an object: its square beside any standard deviation is a number."""
 FRACTION = Number(0.0, 1.0, inside=True)
 FLAG = Flag()
 NAME = Name()

@@ -59,6 +59,7 @@ def test_a_pack_carries_them(make_block, tmp_path) -> None:
         ("kind,points,value,sigma\nline,1 2 3,,\n", r"line 2.*sigma"),
         ("kind,points,value,sigma\nline,1 2 3,,-0.1\n", r"line 2.*sigma"),
         ("kind,points,value,sigma\nline,1 2 3,,nan\n", r"line 2.*sigma"),
+        ("kind,points,value,sigma\nline,1 2 3,,1e-200\n", r"line 2: sigma: 1e-200 is too small"),
         ("kind,points,value\nline,1 2 3,\n", r"sigma"),
         ("kind,points,value,sigma,use\nline,1 2 3,,0.1,prior\n", r"line 2.*use"),
         ("kind,points,value,sigma,colour\nline,1 2 3,,0.1,red\n", r"colour"),
@@ -76,6 +77,9 @@ def test_a_wrong_row_is_named_by_file_and_line(tmp_path, text, what) -> None:
         ("1,2,0,0.1", "a distance of 0"),
         ("1,2,-3,0.1", "a distance of -3"),
         ("1,2,5,x", "sigma"),
+        ("1,2,5,1e-200", "sigma: 1e-200 is too small for a standard deviation"),
+        ("1,2,5,1e300", "sigma: 1e.300 is too large"),
+        ("1,2,1e300,0.01", "distance: must lie between"),
         ("1,,5,0.1", "to"),
     ],
 )

@@ -103,6 +103,10 @@ def test_what_was_typed_off_a_certificate_is_written_as_radii_and_read_back(rows
         ("table = [[1,2,3,4,5,6,7,8,9,10]]", ["more than 8 half-diagonals"]),
         ("table = [[0, 0, 1]]", ["at radius 0 must be 0"]),
         ('sign = "correction"\ntable = [[1, 2], [1, 3]]', ["radii must grow"]),
+        (
+            "table = [[20, 1e308, 1e308], [40, 2]]",
+            ["line 6", "table: more than 1e+06 mm, or um"],
+        ),
     ],
 )
 def test_what_is_wrong_is_named(distortion, words):

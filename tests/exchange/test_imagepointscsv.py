@@ -234,6 +234,8 @@ def test_priors_of_points_stand_apart_from_control(make_block):
         ("point,X,Y,Z,use\nA,1,2,3,\n", 2, ["use: must be"]),
         ("point,X,Y,Z\nA,1,2,3\nA,1,2,3\n", 3, ["'A' twice", "lines 2 and 3"]),
         ("point,X,Y,Z\nA,1,2\n", 2, ["3 fields, the header has 4"]),
+        ("point,X,Y,Z,sX\nA,1,2,3,1e-200\n", 2, ["sX: 1e-200 is too small for a standard"]),
+        ("point,X,Y,Z\nA,1,-1e300,3\n", 2, ["Y: must lie between -1e+12 and 1e+12"]),
         ("point,X,Y,Z,use\nA,1,2,3,prior\n", 2, ["sX: is blank, but a prior needs a positive"]),
         ("point,X,Y,Z,sZ,use\nA,,,3,0,prior\n", 2, ["sZ: is 0, but a prior needs a positive"]),
         ("point,X,Y,Z,use\nA,,,,prior\n", 2, ["a prior without any coordinate"]),
