@@ -15,7 +15,7 @@ from anaplot.photogrammetry.innerresults import Fiducial, InnerOrientation
 from anaplot.photogrammetry.platetransformation import TITLES, TransformationName
 from anaplot.photogrammetry.plateunits import MILLIMETRE, PlateUnit
 
-__all__ = ["inner_advice"]
+__all__ = ["inner_advice", "odd_scale"]
 
 _ODD_SCALE = 0.02  # film does not shrink by this much: another unit, or another camera
 _RICHER: dict[str, TransformationName] = {"distances": "scales", "helmert": "affine"}
@@ -33,23 +33,29 @@ def inner_advice(inner: InnerOrientation, unit: PlateUnit = MILLIMETRE) -> tuple
     """
     out = [*_what_to_measure(inner), *_what_cannot_be_known(inner), *inner.remarks]
     place = inner.placement
-    usual = unit.per_mm or sqrt(place.scale_x * place.scale_y)
-    scale_x, scale_y = place.scale_x / usual, place.scale_y / usual
-    odd = max(abs(scale_x - 1.0), abs(scale_y - 1.0)) > _ODD_SCALE
-    if odd and not inner.exchanged:
-        question = (
-            f"are the plate coordinates in {unit.name}, and is it this camera?"
-            if unit.per_mm
-            else f"is a {unit.name} not as long along both, and is it this camera?"
-        )
-        out.append(
-            f"the scale of the plate is {scale_x:.4f} along x and {scale_y:.4f} along y: {question}"
-        )
+    odd = odd_scale(inner, unit)
+    if odd is not None and not inner.exchanged:
+        out.append(odd)
     if unit.name == "px" and not place.mirrored:
         out.append("y of these pixels runs up, or the photograph is seen from behind")
     if inner.unmeasured:
         out.append(f"not measured: {', '.join(inner.unmeasured)}")
     return tuple(out)
+
+
+def odd_scale(inner: InnerOrientation, unit: PlateUnit = MILLIMETRE) -> str | None:
+    """Return what is odd about the scale of a plate; None where nothing is."""
+    place = inner.placement
+    usual = unit.per_mm or sqrt(place.scale_x * place.scale_y)
+    scale_x, scale_y = place.scale_x / usual, place.scale_y / usual
+    if not max(abs(scale_x - 1.0), abs(scale_y - 1.0)) > _ODD_SCALE:
+        return None
+    question = (
+        f"are the plate coordinates in {unit.name}, and is it this camera?"
+        if unit.per_mm
+        else f"is a {unit.name} not as long along both, and is it this camera?"
+    )
+    return f"the scale of the plate is {scale_x:.4f} along x and {scale_y:.4f} along y: {question}"
 
 
 def _what_to_measure(inner: InnerOrientation) -> list[str]:

@@ -37,12 +37,16 @@ from anaplot.exchange.platepointscsv import (
 from anaplot.photogrammetry.airandearth import AirAndEarth
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint
 from anaplot.photogrammetry.inner import InnerOrientation
+from anaplot.photogrammetry.inneradvice import odd_scale
 from anaplot.photogrammetry.measuredimage import measured_rays
 from anaplot.report.columns import counted
 from anaplot.session.plates import PlateSystem
 from anaplot.textfiles.wording import place, plain, quoted
 
 __all__ = ["CarriedPhoto", "Measured", "OrientedPhoto", "carried", "merged", "points_of", "write"]
+
+
+_AS_IT_IS = "--as-given applies it as it is"
 
 
 class OrientedPhoto(NamedTuple):
@@ -155,8 +159,11 @@ def carried(
     ------
     InputError
         A photo has no fiducials, or those of another camera, or its inner orientation is flagged,
+        has another scale than the unit or is seen from another side than the others of its file,
         or a point lies outside the format; with file and line.
     """
+    if not as_given:
+        _check_sides(oriented)
     known = {photo.id for photo in measured.block.photos}
     done: dict[str, list[tuple[list[ImagePoint], float | None]]] = {}
     for file in measured.files:
@@ -267,7 +274,10 @@ def _check_camera(measured: Measured, camera: Camera, file: FiducialMeasurements
 def _check_accepted(photo: str, at: OrientedPhoto, others: Mapping[str, OrientedPhoto]) -> None:
     """Refuse an inner orientation that its tests do not accept."""
     inner = at.inner
+    odd = odd_scale(inner, at.file.unit)
     if not (inner.flagged or inner.refused):
+        if odd is not None:
+            raise at.file.fail(photo, f"{odd} {_AS_IT_IS}")
         return
     if inner.flagged:
         names = ", ".join(dict.fromkeys(row.point for row in inner.flagged))
@@ -278,8 +288,25 @@ def _check_accepted(photo: str, at: OrientedPhoto, others: Mapping[str, Oriented
     more = f" (and {count} more photo{'s' if count > 1 else ''})" if count else ""
     raise at.file.fail(
         photo,
-        f"{why}{more}: measure again, or leave out what is wrong; --as-given applies it as it is",
+        f"{why}{more}: measure again, or leave out what is wrong; {_AS_IT_IS}",
     )
+
+
+def _check_sides(oriented: Mapping[str, OrientedPhoto]) -> None:
+    """Refuse photos of one file of which some are seen from the other side than most."""
+    by_file: dict[int, dict[bool, list[str]]] = {}
+    for photo, at in oriented.items():
+        sides = by_file.setdefault(id(at.file), {False: [], True: []})
+        sides[at.inner.placement.mirrored].append(photo)
+    for sides in by_file.values():
+        few, most = sorted(sides.values(), key=len)
+        if few:
+            seen = "mirrored" if few is sides[True] else "not mirrored"
+            raise oriented[few[0]].file.fail(
+                few[0],
+                f"is {seen} and {quoted(most[0])} of the same file is the other way: were "
+                f"fiducials measured in another order? {_AS_IT_IS}",
+            )
 
 
 def _in_image(

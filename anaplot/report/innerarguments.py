@@ -45,8 +45,8 @@ inner orientation found and the camera's refinement:
   photo,point,x,y              as image_points.csv, but x, y on the plate, in the same unit;
   101,7,84.121,203.482         with a column sigma (in that unit) or sigma_um, where they differ
 
-All photos or none: where a photo cannot be oriented, is flagged, or has rows in the block already,
-nothing is written.
+All photos or none: where a photo cannot be oriented, is flagged, is mirrored and others of its file
+are not, has another scale than its unit, or has rows in the block already, nothing is written.
 
 exit codes: 1 with --fail-on-flag when a row is flagged or sigma0 exceeds its limit (n good rows:
 with the probability alpha (n + 1) at most, alpha of [test]), 2 bad input, 4 not computable
@@ -87,7 +87,8 @@ def add_inner_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--as-given",
         action="store_true",
-        help="with --apply: also through inner orientations that are flagged",
+        help="with --apply: also through inner orientations that are flagged, mirrored against "
+        "others of their file, or of another scale than their unit",
     )
     add_output(parser, "the fiducials")
     parser.add_argument(

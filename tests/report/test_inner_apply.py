@@ -384,6 +384,29 @@ def test_sides_that_do_not_agree(make_bench, tmp_path, capsys):
     assert out.count("y of these pixels runs up, or the photograph is seen from behind") == 1
 
 
+def test_a_mirrored_photo_among_others_is_not_applied_unless_it_is_asked_for(make_bench):
+    """As when all fiducials of one photo were measured in the order of the other side."""
+    bench = make_bench()
+    lines = bench.fiducials.read_text().splitlines()
+    at = lines.index('[photo."102"]') + 1
+    twin = {"1": "2", "2": "1", "3": "4", "4": "3", "5": "7", "7": "5", "6": "6", "8": "8"}
+    parts = (line.partition(" =") for line in lines[at:])
+    lines[at:] = [f"{twin[name]} ={rest}" for name, _, rest in parts]
+    bench.fiducials.write_text("\n".join(lines) + "\n")
+    message = bench.refused("--transformation", "affine")
+    assert f"fid.toml line {at}: [photo.102]: is mirrored and '101' of the same file is" in message
+    assert bench.run("--transformation", "affine", "--as-given") == 0
+    assert len(bench.rows()) == 26
+
+
+def test_plates_of_another_unit_are_not_applied_unless_it_is_asked_for(make_bench):
+    bench = make_bench(SCAN._replace(mirrored=False))
+    message = bench.refused()
+    assert "[photo.102]: the scale of the plate is 40.0100 along x" in message
+    assert "is it this camera? --as-given applies" in message
+    assert bench.run("--as-given") == 0
+
+
 def test_a_new_block_is_named_where_there_is_none(make_bench, tmp_path):
     bench = make_bench()
     none = bench._replace(block=tmp_path / "nowhere")
