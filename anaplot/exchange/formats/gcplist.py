@@ -27,6 +27,9 @@ __all__ = ["GCP_LIST", "GcpList", "GcpRow", "PlacedControl", "place_control", "r
 
 GCP_LIST = "gcp_list.txt"
 _MAX_BYTES = 50_000_000
+_EXAMPLES = 4
+_HIGHEST = 1e5  # m, of control on the ground
+_FAR = 50_000.0  # m, from the images' origin
 _CLEAR = 3.0  # times nearer that the other order must bring the points to the images
 
 
@@ -148,8 +151,8 @@ def _row(line: SourceLine, images: Collection[str]) -> GcpRow | None:
     words = line.text.split(maxsplit=5)
     if len(words) < 6:
         raise line.fail(f"{len(words)} fields: x y z px py image [name] expected")
-    x, y = line.numbers_of(words[:2], "a coordinate")
-    z = math.nan if words[2].lower() == "nan" else line.number_of(words[2], "a height")
+    x, y = line.ground_of(words[:2], "a coordinate")
+    z = math.nan if words[2].lower() == "nan" else line.ground_of(words[2:3], "a height")[0]
     px, py = line.numbers_of(words[3:5], "a pixel")
     rest = words[5].split()
     # names of images may have blanks
@@ -172,11 +175,14 @@ class PlacedControl(NamedTuple):
         By name [m]; NaN for a height that is not known.
     notes
         What was assumed.
+    by_reference
+        Whether the frame is that of the images' origin; else it lies amid the control.
     """
 
     ground: GroundSystem
     xyz: dict[str, tuple[float, float, float]]
     notes: tuple[Note, ...]
+    by_reference: bool
 
 
 def place_control(
@@ -192,7 +198,8 @@ def place_control(
     found
         The list, of at least one row.
     reference
-        Longitude, latitude [degrees] and height [m] of the origin; None: that of the points.
+        Longitude, latitude [degrees] and height [m] of the origin; None, or where most points lie
+        beyond 50 km from it: that of the points.
     centres
         Positions of the images in that frame [m].
     order
@@ -208,6 +215,10 @@ def place_control(
     except InputError as error:
         raise found.system.fail(str(error)) from None
     points = found.points()
+    if theirs.kind != "geocentric":
+        for row in found.rows:
+            if abs(row.xyz[2]) * theirs.height_m > _HIGHEST:
+                raise row.line.fail(f"a height of {row.xyz[2]:g} is no place on earth")
     xyz = np.array(list(points.values()), dtype=float)
     notes = []
     unknown = np.isnan(xyz[:, 2])
@@ -227,25 +238,40 @@ def place_control(
     elif order is not None:
         raise found.system.fail("--order is of degrees, and this is another system")
     try:
+        ground, placed, away = _local(theirs, xyz, reference)
+        by_reference = reference is not None and float(np.median(away)) <= _FAR
         if reference is None:
-            degrees = theirs.shifted(theirs.degrees(xyz), to_wgs84=True)
-            lon, lat, height = degrees.mean(axis=0).tolist()
-            reference = (lon, lat, height)
             notes.append(Note("assumed", None, "no reference_lla: the origin is amid the control"))
-        ground = local_system(theirs.text, reference)
-        placed = GroundFrame.of(ground).into_block(xyz)
+        elif not by_reference:
+            text = f"the control lies {_km(float(np.median(away)))} from the images' origin"
+            ground, placed, away = _local(theirs, xyz, None)
+            notes.append(Note("changed", None, f"{text}: the origin is amid the control instead"))
     except InputError as error:
         raise found.system.fail(str(error)) from None
     if not theirs.stated_heights:
         text = "heights are taken as ellipsoidal ones [m]: where they are not, the geoid stays in Z"
         notes.append(Note("assumed", None, text))
-    far = np.linalg.norm(placed[:, :2], axis=1).max()
-    if far > 50_000.0:
-        text = f"the control lies up to {far / 1000.0:.0f} km from the images' origin"
-        notes.append(Note("assumed", None, text))
+    if (away > _FAR).any():
+        names = tuple(name for name, far in zip(points, away > _FAR, strict=True) if far)
+        text = f"control points up to {_km(float(away.max()))} from the origin"
+        notes.append(Note("assumed", len(names), text, names[:_EXAMPLES]))
     placed[unknown, 2] = math.nan
     rows = zip(points, placed.tolist(), strict=True)
-    return PlacedControl(ground, {name: (x, y, z) for name, (x, y, z) in rows}, tuple(notes))
+    xyz_of = {name: (x, y, z) for name, (x, y, z) in rows}
+    return PlacedControl(ground, xyz_of, tuple(notes), by_reference)
+
+
+def _local(
+    theirs: CoordinateSystem, xyz: Array, reference: tuple[float, float, float] | None
+) -> tuple[GroundSystem, Array, Array]:
+    """Return the frame at a place, or amid points, these in it, and their distances in plan [m]."""
+    if reference is None:
+        degrees = theirs.shifted(theirs.degrees(xyz), to_wgs84=True)
+        lon, lat, height = degrees.mean(axis=0).tolist()
+        reference = (lon, lat, height)
+    ground = local_system(theirs.text, reference)
+    placed = GroundFrame.of(ground).into_block(xyz)
+    return ground, placed, np.linalg.norm(placed[:, :2], axis=1)
 
 
 def _ordered(

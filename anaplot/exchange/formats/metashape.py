@@ -259,7 +259,7 @@ def _reference(one: Element) -> tuple[float, float, float] | None:
     found = one.child("reference")
     if found is None or not all(key in found.attributes for key in "xyz"):
         return None
-    x, y, z = (found.at.number_of(found.attribute(key), key) for key in "xyz")
+    x, y, z = found.at.ground_of([found.attribute(key) for key in "xyz"], "a coordinate")
     return x, y, z
 
 

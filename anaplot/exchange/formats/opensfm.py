@@ -126,6 +126,8 @@ def read_files(files: OpensfmFiles, options: ImportOptions, name: str) -> Import
         centres = [shot.centre for shot in shots]
         placed = place_control(listed, reference, centres, options.order)
         ground = placed.ground
+        if not placed.by_reference:
+            reference = None
         notes += placed.notes
         names, more = _names_beside(listed, tracks)
         notes += more
@@ -287,7 +289,7 @@ def _assumed(
         text = "pixels of control count from the upper left corner of the image"
         notes.append(Note("assumed", None, text))
     if not placed_there:
-        text = "photos without a position: no reference_lla says where their frame lies"
+        text = "photos without a position: where their frame lies is not known"
         notes.append(Note("dropped", len(found.shots), text))
     measured = sum(shot.measured is not None for shot in found.shots)
     if options.position_m is not None and not (measured and placed_there):

@@ -132,7 +132,7 @@ def read_control_table(
         point = line.name_of(found["id"], "point")
         if point in points:
             raise line.fail(f"point {quoted(point)} twice")
-        x, y, z = line.numbers_of([found[key] for key in "xyz"], "a coordinate")
+        x, y, z = line.ground_of([found[key] for key in "xyz"], "a coordinate")
         sigmas = [
             line.number_of(found[key], key) if key in found else None for key in ("sx", "sy", "sz")
         ]

@@ -15,6 +15,7 @@ from anaplot.textfiles.wording import place, quoted
 __all__ = ["MAX_SOURCE_BYTES", "SourceLine", "source_lines"]
 
 MAX_SOURCE_BYTES = 2_000_000_000
+_FARTHEST = 1e9  # of a ground coordinate, in metres or feet: no place on earth has more
 _MAX_LINE = 50_000_000  # bytes; a COLMAP image of 10^6 features has all of them in one
 
 
@@ -42,6 +43,14 @@ class SourceLine(NamedTuple):
     def numbers_of(self, texts: list[str], what: str) -> list[float]:
         """Return finite numbers; raises InputError for anything else."""
         return [self.number_of(text, what) for text in texts]
+
+    def ground_of(self, texts: list[str], what: str) -> list[float]:
+        """Return ground coordinates; raises InputError for what is none, or no place on earth."""
+        values = self.numbers_of(texts, what)
+        for value, text in zip(values, texts, strict=True):
+            if abs(value) > _FARTHEST:
+                raise self.fail(f"{what} of {quoted(text)} is no place on earth")
+        return values
 
     def whole_of(self, text: str, what: str, low: int = 0, high: int = 2**63) -> int:
         """Return a whole number from `low` to `high`; raises InputError for anything else."""

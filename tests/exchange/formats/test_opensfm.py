@@ -247,6 +247,28 @@ def test_without_a_place_the_control_has_the_origin(tmp_path: Path) -> None:
     assert np.abs(at[0, :2] - degrees[4, :2]).max() < 1e-6
 
 
+def test_control_far_from_the_images_has_the_origin(tmp_path: Path) -> None:
+    """450 km away the frame's up would lean, and heights be kilometres below it."""
+    flight = Flight()
+    flight.write(tmp_path)
+    there = GroundFrame.of(local_system("WGS84", (LON + 6.0, LAT, HEIGHT)))
+    degrees = there.out_of_block(flight.control)
+    (tmp_path / "gcp_list.txt").write_text(flight.gcp_list("EPSG:4326", degrees))
+    found = _read(tmp_path, order="lonlat")
+    assert found.block.ground is not None
+    assert np.abs(np.array(found.block.ground.origin[:2]) - (LON + 6.0, LAT)).max() < 1e-2
+    assert max(abs(v) for point in found.block.control for v in point.xyz) < 200.0
+    assert all(photo.position is None for photo in found.block.photos)
+    assert "km from the images' origin: the origin is amid the control" in _said(found)
+    # one far point is no reason to give up the images' places
+    degrees[:, 0] -= 6.0
+    degrees[3, 0] += 2.0
+    (tmp_path / "gcp_list.txt").write_text(flight.gcp_list("EPSG:4326", degrees))
+    found = _read(tmp_path, order="lonlat")
+    assert all(photo.position is not None for photo in found.block.photos)
+    assert "assumed 1 control points up to 14" in _said(found)
+
+
 def test_what_is_not_from_there_cannot_go_there(tmp_path: Path) -> None:
     flight = Flight()
     flight.write(tmp_path / "s")
@@ -291,6 +313,13 @@ BROKEN = {
     "no system": ("gcp_list.txt", lambda t: "# nothing\n", "no line says"),
     "short": ("gcp_list.txt", lambda t: "WGS84\n1 2 3 4 5\n", "line 2: 5 fields"),
     "gcp number": ("gcp_list.txt", lambda t: "WGS84\n1e999 2 3 4 5 a b\n", "finite number"),
+    "height": (
+        "gcp_list.txt", lambda t: "WGS84\n11.6 48.1 1e6 4 5 run 0/IMG_0.JPG A\n", "line 2: a hei",
+    ),
+    "overflow": (
+        "gcp_list.txt", lambda t: "WGS84\n11.6 48.1 1e308 4 5 run 0/IMG_0.JPG A\n", "line 2: a hei",
+    ),
+    "too far": ("gcp_list.txt", lambda t: "WGS84\n1e300 2 3 4 5 a b\n", "line 2: a coordinate"),
     "two places": (
         "gcp_list.txt",
         lambda t: "WGS84\n11.6 48.1 3 4 5 run 0/IMG_0.JPG A\n11.6 48.2 3 4 5 run 0/IMG_1.JPG A\n",
