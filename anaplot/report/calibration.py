@@ -178,6 +178,8 @@ def _correction(camera: Camera, said: _Said) -> float:
         value = float(mm_of_pixels(camera, [(said.amount, said.amount)])[0, at - 1])
     if said.name == "c" and value <= 0.0:
         raise InputError(f"--calibrate c: {said.amount:g} is no camera constant")
+    if said.name == "b1" and value <= -1.0:
+        raise InputError(f"--calibrate b1: must be greater than -1, not {said.amount:g}")
     return value - camera.lens_parameters[at]
 
 

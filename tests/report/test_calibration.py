@@ -195,6 +195,7 @@ def test_a_gross_error_is_found_while_cameras_are_calibrated() -> None:
         ("c", "c=-1", "a sigma is written as"),
         ("drone:c", "metric:c=1", "of camera 'metric'"),
         ("c", "c=1e-300", "sigma"),
+        ("b1=-1", None, "b1: must be greater than -1"),
         ("k1,k1=0.3", None, "--calibrate k1: stands twice"),
         (["drone:c", "drone:k1,c"], None, "c of camera 'drone': stands twice"),
         ("c", ["c=1", "c=2"], "--calibrate-sigma c: stands twice"),
