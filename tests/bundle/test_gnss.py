@@ -324,6 +324,17 @@ def test_positions_too_far_apart_in_weight_are_said_to_be_so():
     assert away.tested.r.sum() == pytest.approx(away.redundancy, abs=1e-6)
 
 
+def test_what_offsets_cannot_be_laid_out_for_is_adjusted_without_them():
+    block = replace(flown(PriorOffsets("strip"), seed=3).scene.block, offsets=None)
+    first, second = block.strips
+    both_strips = replace(first, photos=(*first.photos, second.photos[0]))
+    for odd in (
+        replace(block, strips=(both_strips, second)),
+        with_sigma_of_first(block, 1e-6),
+    ):
+        assert [one.kind for one in offset_advice(adjust_block(odd))] in ([], ["boresight"])
+
+
 def test_angles_that_are_one_are_not_tested_together():
     adjusted = adjust_block(flown(WEIGHTED, seed=3).scene.block)
     own = adjusted.cofactors.offsets.own.copy()

@@ -7,6 +7,7 @@ there, see `anaplot.bundle.solve.offsetequations`.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from anaplot.bundle.hypotheses.verdict import VarianceFactor
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.laidoffsets import OFFSET_KINDS, OffsetKind, OffsetName, lay_out_offsets
 from anaplot.bundle.solve.offsetequations import OffsetsOpenError, OffsetUpdate, best_offsets
+from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.prioroffsets import BoresightScope, OffsetScope, PriorOffsets
 from anaplot.photogrammetry.rotation import rotation_angles
 
@@ -83,7 +85,10 @@ class _Multipliers(NamedTuple):
         """Return them; None where the offsets could not be determined."""
         problem, normal, factor = block.problem, block.cofactors.normal, block.cofactors.factor
         stated = problem.position_sigma, problem.rotation_sigma
-        laid = lay_out_offsets(problem.block, problem.photos, *stated, wanted)
+        laid = None
+        # a photo in two strips, standard deviations far apart: nobody asked for offsets
+        with suppress(InputError, NotComputableError):
+            laid = lay_out_offsets(problem.block, problem.photos, *stated, wanted)
         if laid is None or len(laid) >= block.redundancy:
             return None
         # as if all were stated as it is: the derivatives where there are no offsets
