@@ -7,16 +7,20 @@ from pathlib import Path
 from anaplot.errors import InputError
 from anaplot.exchange.formats.bingofiles import (
     ORDERS,
+    XYZ,
     Geoin,
+    Itera,
     PhotoRows,
     looks_like_images,
     read_geoin,
     read_images,
     read_itera,
+    turned_by,
 )
 from anaplot.exchange.formats.bingowriter import write_bingo
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gathered import check_order, check_with, image_sigma, stated_camera
+from anaplot.exchange.formats.knownpoints import Sight, meant_order
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.sourcelines import SourceLine
 from anaplot.photogrammetry.block import (
@@ -27,6 +31,7 @@ from anaplot.photogrammetry.block import (
     Precision,
     TestSettings,
 )
+from anaplot.photogrammetry.rotation import rotation_angles
 from anaplot.textfiles.wording import place, quoted, reason
 
 __all__ = ["read", "recognises", "write"]
@@ -71,15 +76,11 @@ def read(source: Path, options: ImportOptions) -> Imported:
     rays = _rays(photos, camera_of, shifts, notes)
     points, told = image_points_of(rays, camera_of, pixels=False)
     notes += told
-    poses = read_itera(files["itera"], options.order, notes) if "itera" in files else {}
-    if options.order is not None and not poses:
-        raise InputError("--order: there are no orientations")
+    itera = read_itera(files["itera"], notes) if "itera" in files else Itera({}, {}, {})
+    known = dict(geoin.control) | itera.points
+    poses = _poses(itera, Sight(points, camera_of, itera.positions, known), options.order, notes)
     sigma, said = image_sigma(options)
     notes += said
-    stray = [name for name in poses if name not in camera_of]
-    if stray:
-        text = "orientations of photos without image points"
-        notes.append(Note("dropped", len(stray), text, tuple(stray[:4])))
     if geoin.control:
         text = "control points have the block's control_m: standard deviations are not read"
         notes.append(Note("assumed", len(geoin.control), text))
@@ -105,6 +106,32 @@ def read(source: Path, options: ImportOptions) -> Imported:
 def write(exporting: Exporting, target: Path) -> Exported:
     """Write a block as a folder with image file, geoin and itera; raises InputError."""
     return write_bingo(exporting, target)
+
+
+def _poses(
+    itera: Itera, sight: Sight, stated: str | None, notes: list[Note]
+) -> dict[str, tuple[XYZ, XYZ]]:
+    """Return positions [m] and omega, phi, kappa [rad], turned as known points say."""
+    if not itera.angles:
+        if stated is not None:
+            raise InputError("--order: there are no orientations")
+        return {}
+    ways = {
+        order: {name: turned_by(order, *angles) for name, angles in itera.angles.items()}
+        for order in ORDERS
+    }
+    meant, why = meant_order(sight, ways, stated=stated, usual=ORDERS[0])
+    if why is not None:
+        text = f"rotations in gon are {meant}, image to ground (--order): {why}"
+        notes.append(Note("assumed", len(itera.angles), text))
+    stray = [name for name in itera.angles if name not in sight.camera_of]
+    if stray:
+        text = "orientations of photos without image points"
+        notes.append(Note("dropped", len(stray), text, tuple(stray[:4])))
+    return {
+        name: (itera.positions[name], rotation_angles(rotation))
+        for name, rotation in ways[meant].items()
+    }
 
 
 def _of_folder(folder: Path) -> dict[str, Path]:

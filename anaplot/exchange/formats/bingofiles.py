@@ -4,8 +4,8 @@
     geoin        CAPA camera . c x0 y0;  CONT id E N H;  CHCK id E N H;  ECCA camera e n h
     itera        ORIA photo X Y Z a b c flag [gon];  CORD id X Y Z
 
-Lines that begin with * or C and a blank are comments. a, b, c are the rotation of BLUH: phi, omega,
-kappa of R = R3(kappa) R1(omega) R2(phi), image to ground.
+Lines that begin with * or C and a blank are comments. a, b, c are the angles of one of ORDERS: the
+factors of the rotation from image to ground, the primary one first, which phi is as a rule.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from math import asin, atan2, hypot, pi
 from pathlib import Path
 from typing import NamedTuple
-
-import numpy as np
 
 from anaplot.aliases import Array
 from anaplot.errors import InputError
@@ -28,19 +26,22 @@ from anaplot.textfiles.wording import place, plain, quoted
 __all__ = [
     "GON",
     "ORDERS",
+    "XYZ",
     "Geoin",
+    "Itera",
     "PhotoRows",
-    "bluh_angles",
-    "bluh_rotation",
+    "angles_in",
     "looks_like_images",
     "read_geoin",
     "read_images",
     "read_itera",
+    "turned_by",
 ]
 
 GON = pi / 200.0
-ORDERS = ("phi-omega-kappa", "omega-phi-kappa")
-"""What a, b, c are; the second is our own R1(omega) R2(phi) R3(kappa)."""
+ORDERS = ("phi-omega-kappa", "kappa-omega-phi", "omega-phi-kappa")
+"""The factors of the rotation from image to ground, usually R2(phi) R1(omega) R3(kappa); a, b, c
+are phi, omega, kappa, but of the last, our own, omega, phi, kappa."""
 
 _LOOK = 4000  # bytes that are looked at
 _SMALL = 10.0  # a camera's number is smaller, a camera constant is not
@@ -64,20 +65,38 @@ class Geoin(NamedTuple):
     check: list[tuple[str, XYZ]]
 
 
-def bluh_rotation(phi: float, omega: float, kappa: float) -> Array:
-    """Return the (3, 3) rotation R3(kappa) R1(omega) R2(phi), image to ground."""
-    turned: Array = rotation_matrix(0.0, 0.0, kappa) @ rotation_matrix(omega, phi, 0.0)
-    return turned
+class Itera(NamedTuple):
+    """Positions [m] and angles a, b, c [rad] of photos, and object points [m]."""
+
+    positions: dict[str, XYZ]
+    angles: dict[str, XYZ]
+    points: dict[str, XYZ]
 
 
-def bluh_angles(rotation: Array) -> tuple[float, float, float]:
-    """Return phi, omega, kappa [rad] of `bluh_rotation`; phi is 0 at omega = +-90 degrees."""
-    (r00, r01, _), (r10, r11, _), (r20, r21, r22) = rotation.tolist()
-    flat = hypot(r20, r22)
-    omega = atan2(r21, flat) if abs(r21) < 1.0 else asin(max(-1.0, min(1.0, r21)))
+def turned_by(order: str, a: float, b: float, c: float) -> Array:
+    """Return the (3, 3) rotation from image to ground of angles [rad] in one of `ORDERS`."""
+    if order == ORDERS[2]:
+        return rotation_matrix(a, b, c)
+    if order == ORDERS[1]:
+        last: Array = rotation_matrix(0.0, 0.0, c) @ rotation_matrix(b, a, 0.0)
+        return last
+    first: Array = rotation_matrix(0.0, a, 0.0) @ rotation_matrix(b, 0.0, c)
+    return first
+
+
+def angles_in(order: str, rotation: Array) -> tuple[float, float, float]:
+    """Return the angles [rad] of `turned_by`; phi or omega is 0 where it is not determined."""
+    if order == ORDERS[2]:
+        return rotation_angles(rotation)
+    if order == ORDERS[1]:  # the transpose has the same angles with the other sign
+        phi, omega, kappa = angles_in(ORDERS[0], rotation.T)
+        return -phi, -omega, -kappa
+    (r00, r01, r02), (r10, r11, r12), (_, _, r22) = rotation.tolist()
+    flat = hypot(r10, r11)
+    omega = atan2(-r12, flat) if abs(r12) < 1.0 else asin(max(-1.0, min(1.0, -r12)))
     if flat < 1e-12:
-        return 0.0, omega, atan2(r10, r00)
-    return atan2(-r20, r22), omega, atan2(-r01, r11)
+        return 0.0, omega, atan2(-r01, r00)
+    return atan2(r02, r22), omega, atan2(r10, r11)
 
 
 def looks_like_images(path: Path) -> bool:
@@ -165,27 +184,32 @@ def read_geoin(path: Path, notes: list[Note]) -> Geoin:
     return Geoin(cameras, points["CONT"], points["CHCK"])
 
 
-def read_itera(path: Path, order: str | None, notes: list[Note]) -> dict[str, tuple[XYZ, XYZ]]:
-    """Return positions [m] and omega, phi, kappa [rad] of an itera; raises InputError."""
-    out: dict[str, tuple[XYZ, XYZ]] = {}
+def read_itera(path: Path, notes: list[Note]) -> Itera:
+    """Read an itera; raises InputError."""
+    found = Itera({}, {}, {})
     others: dict[str, int] = {}
     for line, fields in _records(path):
-        if fields[0].upper() != "ORIA":
-            others[fields[0].upper()] = others.get(fields[0].upper(), 0) + 1
+        word = fields[0].upper()
+        if word not in ("ORIA", "CORD"):
+            others[word] = others.get(word, 0) + 1
             continue
-        if len(fields) < 8:
-            raise line.fail(f"{len(fields)} fields, where ORIA photo X Y Z a b c are expected")
-        name = line.name_of(fields[1], "photo")
-        if name in out:
-            raise line.fail(f"photo {quoted(name)} twice")
-        a, b, c = (number(line, text, "an angle") * GON for text in fields[5:8])
-        turned = rotation_matrix(a, b, c) if order == ORDERS[1] else bluh_rotation(a, b, c)
-        out[name] = _xyz(line, fields[2:5]), rotation_angles(np.asarray(turned))
-    if out and order is None:
-        text = "rotations of BLUH, phi, omega, kappa in gon (--order omega-phi-kappa for ours)"
-        notes.append(Note("assumed", len(out), text))
+        what = "ORIA photo X Y Z a b c" if word == "ORIA" else "CORD id X Y Z"
+        if len(fields) < (8 if word == "ORIA" else 5):
+            raise line.fail(f"{len(fields)} fields, where {what} are expected")
+        kind = "photo" if word == "ORIA" else "point"
+        name = line.name_of(fields[1], kind)
+        places = found.positions if word == "ORIA" else found.points
+        if name in places:
+            raise line.fail(f"{kind} {quoted(name)} twice")
+        places[name] = _xyz(line, fields[2:5])
+        if word == "ORIA":
+            a, b, c = (number(line, text, "an angle") * GON for text in fields[5:8])
+            found.angles[name] = a, b, c
+    if found.points:
+        text = "object points of the itera: they are computed from the rays"
+        notes.append(Note("dropped", len(found.points), text))
     _tell(others, 0, path, notes)
-    return out
+    return found
 
 
 def _xyz(line: SourceLine, texts: list[str]) -> XYZ:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from anaplot.errors import InputError
-from anaplot.exchange.formats.bingofiles import GON, bluh_angles
+from anaplot.exchange.formats.bingofiles import GON, ORDERS, angles_in
 from anaplot.exchange.formats.door import Exported, Exporting, Note
-from anaplot.exchange.formats.gathered import not_held, rays_that_count, whole_name
+from anaplot.exchange.formats.gathered import check_order, not_held, rays_that_count, whole_name
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.selection import rows_by_photo
@@ -27,21 +27,25 @@ def write_bingo(exporting: Exporting, target: Path) -> Exported:
     Raises
     ------
     InputError
-        A name that the files cannot hold, a control point without all coordinates, or a file that
-        cannot be written.
+        An unknown order, a name that the files cannot hold, a control point without all
+        coordinates, or a file that cannot be written.
     """
-    block = exporting.block
+    block, order = exporting.block, exporting.options.order or ORDERS[0]
+    check_order(order, ORDERS)
     rays, notes = rays_that_count(block)
     notes += not_held(block, holds=("check",))
     made = {"image.dat": "".join(_images(block, rays)), "geoin.dat": "".join(_geoin(block))}
-    itera = "".join(_itera(exporting))
+    itera = "".join(_itera(exporting, order))
     if itera:
         made["itera.dat"] = itera
     with all_or_nothing():
         make_folder(target)
         for name, text in made.items():
             create_whole(target / name, text.encode())
-    notes.append(Note("assumed", None, "rotations of BLUH: phi, omega, kappa in gon"))
+    if itera:
+        notes.append(
+            Note("assumed", None, f"rotations in gon are {order}, image to ground (--order)")
+        )
     return Exported(tuple(target / name for name in made), tuple(notes))
 
 
@@ -73,7 +77,7 @@ def _geoin(block: Block) -> Iterator[str]:
         yield f"{_WORDS[row.use]} {_name('point', row.point)} {values}\n"
 
 
-def _itera(exporting: Exporting) -> Iterator[str]:
+def _itera(exporting: Exporting, order: str) -> Iterator[str]:
     adjusted = exporting.adjusted
     if adjusted is not None:
         poses = [(row.photo, row.position, row.rotation) for row in adjusted.photos]
@@ -84,9 +88,11 @@ def _itera(exporting: Exporting) -> Iterator[str]:
             if photo.position is not None and photo.rotation is not None
         ]
     if poses:
-        yield "* ORIA photo X Y Z [m] phi omega kappa [gon] flag; CORD id X Y Z\n"
+        a, b, c = ORDERS[2 if order == ORDERS[2] else 0].split("-")
+        yield f"* ORIA photo X Y Z [m] {a} {b} {c} [gon] flag; CORD id X Y Z\n"
+        yield f"* image to ground: {order}\n"
     for photo, position, angles in poses:
-        turned = (value / GON for value in bluh_angles(rotation_matrix(*angles)))
+        turned = (value / GON for value in angles_in(order, rotation_matrix(*angles)))
         numbers = " ".join(repr(value) for value in (*position, *turned))
         yield f"ORIA {_name('photo', photo)} {numbers} 0\n"
     for point in () if adjusted is None else adjusted.points:

@@ -19,6 +19,7 @@ from anaplot.exchange.formats.gathered import (
     number,
     stated_camera,
 )
+from anaplot.exchange.formats.knownpoints import Sight, meant_order
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
 from anaplot.exchange.formats.patbfiles import (
     SENSES,
@@ -43,6 +44,7 @@ from anaplot.photogrammetry.block import (
     Strip,
     TestSettings,
 )
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 from anaplot.textfiles.wording import hint, place, plain, quoted
 
 __all__ = ["read", "recognises", "write"]
@@ -90,7 +92,14 @@ def read(source: Path, options: ImportOptions) -> Imported:
     points, told = image_points_of(rays, camera_of, pixels=False)
     notes += told
     control = _control(files.get("control"), images, notes)
-    stated = _orientations(files.get("orientations"), options, images, notes)
+    places = {
+        row.point: (x, y, z)
+        for row in control
+        for x, y, z in (row.xyz,)
+        if x is not None and y is not None and z is not None
+    }
+    sight = Sight(points, camera_of, {}, places)
+    stated = _orientations(files.get("orientations"), options, sight, notes)
     strips = _strips(images, notes)
     sigma, said = image_sigma(options)
     notes += said
@@ -298,16 +307,25 @@ def _control(path: Path | None, images: ImageFile, notes: list[Note]) -> tuple[C
 
 
 def _orientations(
-    path: Path | None, options: ImportOptions, images: ImageFile, notes: list[Note]
+    path: Path | None, options: ImportOptions, sight: Sight, notes: list[Note]
 ) -> dict[str, Orientation]:
+    """Return orientations by photo, turned as the control says where nobody does."""
     if path is None:
         if options.order is not None:
             raise InputError("--order: there are no orientations")
         return {}
-    rows, assumed = read_orientations(path, options.order)
-    if assumed is not None:
-        notes.append(Note("assumed", None, f"matrices of the .ori are {assumed} (--order)"))
-    photos = {photo.photo for photo in images.photos}
+    rows, sense, said = read_orientations(path, options.order)
+    photos = sight.camera_of
+    matrices = {row.photo: rotation_matrix(*row.rotation) for row in rows}
+    turned = {name: matrix.T for name, matrix in matrices.items()}
+    other = SENSES[1 - SENSES.index(sense)]
+    sight = sight._replace(positions={row.photo: row.position for row in rows})
+    ways = {sense: matrices, other: turned}
+    meant, why = meant_order(sight, ways, stated=sense if said else None, usual=SENSES[0])
+    if why is not None:
+        notes.append(Note("assumed", None, f"matrices of the .ori are {meant} (--order): {why}"))
+    if meant != sense:
+        rows = [row._replace(rotation=rotation_angles(turned[row.photo])) for row in rows]
     stray = [row.photo for row in rows if row.photo not in photos]
     if stray:
         text = "orientations of photos without image points"

@@ -189,7 +189,7 @@ def read_control(path: Path, *, codes: bool = False) -> tuple[list[Control], str
     return made, told
 
 
-def read_orientations(path: Path, order: str | None) -> tuple[list[Orientation], str | None]:
+def read_orientations(path: Path, order: str | None) -> tuple[list[Orientation], str, bool]:
     """Read an .ori: three records a photo, (I16,16X,3F16.5), (5F16.12), (4F16.12).
 
     Parameters
@@ -203,8 +203,10 @@ def read_orientations(path: Path, order: str | None) -> tuple[list[Orientation],
     -------
     list[Orientation]
         In file order.
-    str or None
-        The sense that was assumed, or None where somebody said it.
+    str
+        The sense that they were read in.
+    bool
+        Whether somebody said it.
 
     Raises
     ------
@@ -239,7 +241,7 @@ def read_orientations(path: Path, order: str | None) -> tuple[list[Orientation],
         turned: Array = u @ vt
         rotation = rotation_angles(turned if sense == SENSES[0] else turned.T)
         out[photo] = Orientation(photo, (x, y, z), rotation)
-    return list(out.values()), sense if order is None and said is None else None
+    return list(out.values()), sense, order is not None or said is not None
 
 
 def read_camera_lines(path: Path) -> CameraLine:

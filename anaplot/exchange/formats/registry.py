@@ -103,6 +103,7 @@ _ALL: tuple[Format, ...] = (
         "bingo",
         "BINGO's image file, geoin and itera",
         import_options=(*_STATED, "sigma_um", "order", "files"),
+        export_options=("order",),
         adjusted=True,
     ),
     Format(

@@ -16,8 +16,8 @@ from anaplot.cli import main
 from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_block
 from anaplot.exchange.formats import bingo
-from anaplot.exchange.formats.bingofiles import bluh_angles, bluh_rotation
-from anaplot.exchange.formats.door import Exporting, ImportOptions
+from anaplot.exchange.formats.bingofiles import ORDERS, angles_in, turned_by
+from anaplot.exchange.formats.door import Exporting, ExportOptions, Imported, ImportOptions
 from anaplot.exchange.formats.registry import recognised
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.report.exportresult import adjusted_result
@@ -74,12 +74,12 @@ def test_a_folder_is_read(tmp_path: Path) -> None:
     assert [(row.point, row.use) for row in block.control] == [("7", "control"), ("8", "check")]
     assert block.photos[0].position == (1000.0, 2000.0, 1950.0)
     turned = rotation_matrix(*block.photos[0].rotation)
-    # R3(kappa) R1(omega) R2(phi), by its three factors
+    # R2(phi) R1(omega) R3(kappa), by its three factors
     phi, omega, kappa = (value * pi / 200 for value in (1.5, -2.25, 50.0))
     factors = [
-        rotation_matrix(0, 0, kappa),
-        rotation_matrix(omega, 0, 0),
         rotation_matrix(0, phi, 0),
+        rotation_matrix(omega, 0, 0),
+        rotation_matrix(0, 0, kappa),
     ]
     assert np.abs(turned - factors[0] @ factors[1] @ factors[2]).max() < 1e-15
     assert block.photos[1].position is None
@@ -88,7 +88,8 @@ def test_a_folder_is_read(tmp_path: Path) -> None:
         "dropped 1 rows with further columns",
         "dropped 1 records of GEOIN.DAT of other kinds",
         "dropped 1 orientations of photos without image points",
-        "assumed 2 rotations of BLUH",
+        "assumed 2 rotations in gon are phi-omega-kappa, image to ground (--order): no known",
+        "dropped 1 object points of the itera",
     ):
         assert text in said
     ours = bingo.read(source, ImportOptions(order="omega-phi-kappa")).block
@@ -96,16 +97,66 @@ def test_a_folder_is_read(tmp_path: Path) -> None:
     assert ours.photos[0].rotation == pytest.approx(expected, abs=1e-15)
 
 
-@given(st.floats(-3.1, 3.1), st.floats(-1.57, 1.57), st.floats(-3.1, 3.1))
-def test_the_rotation_of_bluh_and_back(phi: float, omega: float, kappa: float) -> None:
-    rotation = bluh_rotation(phi, omega, kappa)
-    assert np.abs(bluh_rotation(*bluh_angles(rotation)) - rotation).max() < 1e-14
+@given(st.sampled_from(ORDERS), st.floats(-3.1, 3.1), st.floats(-1.57, 1.57), st.floats(-3.1, 3.1))
+def test_rotations_and_back(order: str, a: float, b: float, c: float) -> None:
+    rotation = turned_by(order, a, b, c)
+    factors = {
+        "phi": rotation_matrix(0, a, 0),
+        "omega": rotation_matrix(b, 0, 0),
+        "kappa": rotation_matrix(0, 0, c),
+    }
+    if order == "omega-phi-kappa":
+        factors |= {"omega": rotation_matrix(a, 0, 0), "phi": rotation_matrix(0, b, 0)}
+    first, second, third = (factors[name] for name in order.split("-"))
+    assert np.abs(rotation - first @ second @ third).max() < 1e-15
+    assert np.abs(turned_by(order, *angles_in(order, rotation)) - rotation).max() < 1e-14
 
 
-def test_a_steep_photo_has_no_phi() -> None:
-    rotation = bluh_rotation(0.3, pi / 2, 0.2)
-    assert bluh_angles(rotation)[0] == 0.0
-    assert np.abs(bluh_rotation(*bluh_angles(rotation)) - rotation).max() < 1e-9
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_steep_photo_has_two_angles(order: str) -> None:
+    rotation = turned_by(order, 0.3, pi / 2, 0.2)
+    assert angles_in(order, rotation)[0] == 0.0
+    assert np.abs(turned_by(order, *angles_in(order, rotation)) - rotation).max() < 1e-9
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_known_points_tell_the_order_of_rotations(tmp_path: Path, order: str) -> None:
+    block = table_block()
+    target = tmp_path / "out"
+    bingo.write(Exporting(block, tmp_path, ExportOptions(order=order)), target)
+    turned = [rotation_matrix(*photo.rotation) for photo in block.photos]
+
+    def off(found: Imported) -> float:
+        theirs = [rotation_matrix(*photo.rotation) for photo in found.block.photos]
+        return float(np.abs(np.subtract(theirs, turned)).max())
+
+    told = bingo.read(target, ImportOptions())
+    assert f"6 rotations in gon are {order}, image to ground (--order): 28" in texts(told.notes)
+    assert off(told) < 1e-14
+    other = next(one for one in ORDERS if one != order)
+    against = bingo.read(target, ImportOptions(order=other))
+    assert f"are {other}, image to ground (--order): as stated, although 28" in texts(against.notes)
+    assert off(against) > 1e-3
+    geoin, itera = target / "geoin.dat", target / "itera.dat"
+    lines = geoin.read_text().splitlines()
+    points = [line.split()[1:] for line in lines if line.startswith("CONT")]
+    geoin.write_text("\n".join(line for line in lines if not line.startswith("CONT")))
+    assert "no known points tell it" in texts(bingo.read(target, ImportOptions()).notes)
+    with itera.open("a") as file:  # and so do the object points beside the orientations
+        file.writelines(f"CORD {' '.join(fields)}\n" for fields in points)
+    assert off(bingo.read(target, ImportOptions())) < 1e-14
+    with itera.open("a") as file:
+        file.write(f"CORD {points[0][0]} 1 2 3\n")
+    with pytest.raises(InputError, match=f"point '{points[0][0]}' twice"):
+        bingo.read(target, ImportOptions())
+
+
+def test_upright_photos_do_not_tell_the_order(tmp_path: Path) -> None:
+    block = table_block()
+    photos = tuple(replace(photo, rotation=(0.0, 0.0, 0.3)) for photo in block.photos)
+    bingo.write(Exporting(replace(block, photos=photos), tmp_path), tmp_path / "out")
+    said = texts(bingo.read(tmp_path / "out", ImportOptions()).notes)
+    assert "are phi-omega-kappa, image to ground (--order): not told by what is known: 28" in said
 
 
 def test_what_goes_out_comes_in_exactly(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from anaplot.errors import InputError
 from anaplot.exchange.blockfolder import read_block, write_block
 from anaplot.exchange.formats import patb
 from anaplot.exchange.formats.door import Exporting, ExportOptions, ImportOptions
-from anaplot.exchange.formats.patbfiles import read_orientations
+from anaplot.exchange.formats.patbfiles import SENSES, read_orientations
 from anaplot.exchange.formats.patbwriter import orientation_records
 from anaplot.exchange.formats.registry import recognised
 from anaplot.photogrammetry.block import Precision
@@ -220,8 +220,8 @@ PLACES = st.floats(-9e6, 9e6)
 def test_orientations_read_back(tmp_path_factory, omega, phi, kappa, x, y, sense) -> None:
     path = tmp_path_factory.mktemp("ori") / "a.ori"
     path.write_text("".join(orientation_records([("7", (x, y, 9.5), (omega, phi, kappa))], sense)))
-    (found,), assumed = read_orientations(path, None)
-    assert assumed is None  # the comment says it
+    (found,), read_as, said = read_orientations(path, None)
+    assert (read_as, said) == (sense, True)  # the comment says it
     assert found.position == pytest.approx((x, y, 9.5), abs=5.1e-6)
     assert (
         np.abs(rotation_matrix(*found.rotation) - rotation_matrix(omega, phi, kappa)).max() < 4e-12
@@ -238,11 +238,11 @@ def test_an_orientation_stands_in_its_columns(tmp_path: Path) -> None:
     ]
     path = tmp_path / "a.ori"
     path.write_text("\n".join(text.splitlines()[1:]))
-    (plain,), assumed = read_orientations(path, None)
-    assert assumed == "image-to-ground"
+    (plain,), sense, said = read_orientations(path, None)
+    assert (sense, said) == ("image-to-ground", False)
     assert plain.rotation == pytest.approx((0.0, 0.0, math.pi / 2))
-    (turned,), assumed = read_orientations(path, "ground-to-image")
-    assert assumed is None
+    (turned,), sense, said = read_orientations(path, "ground-to-image")
+    assert (sense, said) == ("ground-to-image", True)
     assert turned.rotation == pytest.approx((0.0, 0.0, -math.pi / 2))
     lines = text.splitlines()
     for bad, message in (
@@ -257,6 +257,29 @@ def test_an_orientation_stands_in_its_columns(tmp_path: Path) -> None:
     path.write_text(text)
     with pytest.raises(InputError, match="says image-to-ground itself"):
         read_orientations(path, "ground-to-image")
+
+
+def test_control_tells_which_way_matrices_turn(tmp_path: Path) -> None:
+    block = table_block()
+    for sense in SENSES:
+        target = tmp_path / sense
+        patb.write(Exporting(block, tmp_path, ExportOptions(order=sense)), target)
+        ori = target / f"{sense}.ori"
+        lines = ori.read_text().splitlines(keepends=True)
+        ori.write_text("".join(lines[1:]))  # without the comment that says it
+        found = patb.read(target, OPTIONS)
+        for mine, theirs in zip(block.photos, found.block.photos, strict=True):
+            assert theirs.rotation == pytest.approx(mine.rotation, abs=2e-12)
+        assert f"matrices of the .ori are {sense} (--order): 28 rays of known" in texts(found.notes)
+        assert "matrices" not in texts(patb.read(target, replace(OPTIONS, order=sense)).notes)
+        other = SENSES[1 - SENSES.index(sense)]
+        against = patb.read(target, replace(OPTIONS, order=other))
+        assert f"are {other} (--order): as stated, although 28 rays" in texts(against.notes)
+        turned = rotation_matrix(*against.block.photos[4].rotation)
+        assert np.abs(turned.T - rotation_matrix(*block.photos[4].rotation)).max() < 4e-12
+        (target / f"{sense}.con").unlink()
+        said = texts(patb.read(target, OPTIONS).notes)
+        assert "are image-to-ground (--order): no known points tell it" in said
 
 
 @pytest.mark.parametrize("name", ["a" * 16, "two words", "-7", "ä"])
