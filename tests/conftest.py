@@ -1,9 +1,9 @@
 """What every test process needs: one thread of linear algebra, steady examples, lanes, interrupts.
 
 Several test processes share the processors, so that no example may be judged by its time. The same
-examples are tried every time; others with `pytest --hypothesis-profile explore`. A command started
-in the background is told to ignore interrupts, and hands that on to every process it starts, also
-to those that a test interrupts.
+examples are tried every time, forty where a test does not ask for more; others, and more of them,
+with `pytest --hypothesis-profile explore`. A command started in the background is told to ignore
+interrupts, and hands that on to every process it starts, also to those that a test interrupts.
 
 The fast lane (`-m "not slow"`) has the mathematics, the session and the codecs. Rooms that wait for
 terminals, lines and commands are slow as wholes, but for what is marked `smoke`.
@@ -36,8 +36,8 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _patient = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("steady", _patient, derandomize=True)
-settings.register_profile("explore", _patient, print_blob=True)
+settings.register_profile("steady", _patient, derandomize=True, max_examples=40)
+settings.register_profile("explore", _patient, print_blob=True, max_examples=200)
 settings.load_profile("steady")
 
 _SLOW_ROOMS = {"console", "report", "station"}

@@ -5,7 +5,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
@@ -58,7 +58,6 @@ def examined(design, misclosure, q, kind="baarda", alpha=0.001, apriori=APRIORI,
 
 
 @given(seeds, st.integers(6, 20), st.sampled_from(KINDS))
-@settings(max_examples=50)
 def test_redundancy_numbers_sum_to_the_redundancy(seed, n, kind) -> None:
     _, tested = examined(*scene(seed, n), kind)
     assert sum(row.r for row in tested) == pytest.approx(tested.redundancy, abs=1e-9)
@@ -66,7 +65,6 @@ def test_redundancy_numbers_sum_to_the_redundancy(seed, n, kind) -> None:
 
 
 @given(seeds, st.integers(0, 11), st.floats(-50.0, 50.0))
-@settings(max_examples=50)
 def test_a_planted_error_changes_its_residual_by_r_times_itself(seed, k, error) -> None:
     design, misclosure, q = scene(seed)
     _, before = examined(design, misclosure, q)

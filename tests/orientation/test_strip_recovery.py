@@ -71,7 +71,6 @@ def test_short_bases(length):
         assert misses(flight, bridge_flight(flight)) < 1e-6
 
 
-@settings(max_examples=40)
 @given(seeds, st.sampled_from([PAPER, PROPAGATED]), st.sampled_from([TAU, BAARDA]))
 def test_redundancy_numbers_sum_to_the_redundancy(seed, precision, test):
     flight = fly(seed, 3, noise=0.004)
@@ -91,7 +90,6 @@ def test_redundancy_numbers_sum_to_the_redundancy(seed, precision, test):
             assert row.flagged == (row.size > model.test.critical)
 
 
-@settings(max_examples=40)
 @given(seeds, st.randoms(use_true_random=False))
 def test_the_order_of_points_does_not_matter(seed, random):
     flight = fly(seed, 3, noise=0.004)
@@ -109,7 +107,6 @@ def test_the_order_of_points_does_not_matter(seed, random):
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
 @given(seeds, st.sampled_from([PAPER, PROPAGATED]))
 def test_the_fixed_point_has_the_weights_of_the_converged_unknowns(seed, precision):
     """B'PF = 0 with B, P and F all taken at the result."""
@@ -140,7 +137,6 @@ def test_the_fixed_point_has_the_weights_of_the_converged_unknowns(seed, precisi
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
 @given(seeds, st.sampled_from(["1a", "1c", "2d"]), st.floats(0.1, 8.0))
 def test_converged_means_that_the_next_undamped_correction_is_nothing(seed, point, size):
     flight = fly(seed, 3, noise=0.005)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.photogrammetry.conditions import coefficients, products
@@ -62,7 +62,6 @@ def test_misclosures_are_the_conditions_of_the_paper(seed):
     assert line[6] == pytest.approx(f_l(state, tie, p2), abs=1e-8)
 
 
-@settings(max_examples=50)
 @given(st.integers(0, 10**6), st.integers(0, 5))
 def test_analytic_against_numerical_derivatives(seed, k):
     state, x1, p2, tie = scene(seed)

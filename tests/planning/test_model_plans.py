@@ -7,7 +7,7 @@ from math import hypot
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.errors import InputError
@@ -108,7 +108,6 @@ def test_no_new_point_gets_the_name_of_another() -> None:
     st.sampled_from(sorted(PATTERNS)),
     st.sampled_from([92.0, -92.0, 30.0, None]),
 )
-@settings(max_examples=150)
 def test_names_are_unique_whatever_was_measured_before(
     left_out: set[int], moved: list[float], name: str, nominal: float | None
 ) -> None:

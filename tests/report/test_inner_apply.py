@@ -663,7 +663,7 @@ def test_units_of_any_length_in_a_net_of_distances():
 
 @pytest.mark.slow
 @settings(
-    max_examples=150,
+    max_examples=60,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 @given(st.data())

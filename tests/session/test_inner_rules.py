@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import inf, nan
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from innerscene import InnerScene
 from test_session_rules import refused
@@ -273,7 +273,6 @@ drafts = st.lists(
 
 
 @given(drafts)
-@settings(max_examples=60)
 def test_the_fold_is_pure_and_undo_its_exact_inverse(steps: list[Draft]) -> None:
     state, events, states = SCENE.start, [], [SCENE.start]
     for step in steps:

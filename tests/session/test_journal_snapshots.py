@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import test_inner_rules
 import test_mono_fold
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from sessionscene import Scene
 from test_going_back import mono, three
@@ -73,7 +73,6 @@ def pointed_in(events: Iterable[Event], states: list[SessionState]) -> Counter[T
 
 
 @given(drafts)
-@settings(max_examples=60)
 def test_a_state_is_read_back_equal(steps: list[Draft]) -> None:
     events, states = played(steps)
     pointed = pointed_in(events, states)
@@ -82,7 +81,6 @@ def test_a_state_is_read_back_equal(steps: list[Draft]) -> None:
 
 
 @given(drafts, st.integers(0, 120))
-@settings(max_examples=60)
 def test_what_happens_behind_a_snapshot_leads_where_the_whole_fold_does(
     steps: list[Draft], at: int
 ) -> None:
@@ -114,7 +112,6 @@ def _photos(kind: int, number: int, flag: bool) -> test_mono_fold.Draft:
     st.sampled_from(((test_inner_rules.SCENE, _fiducials), (test_mono_fold.SCENE, _photos))),
     st.lists(st.tuples(st.integers(0, 12), st.integers(0, 40), st.booleans()), max_size=100),
 )
-@settings(max_examples=60)
 def test_so_are_fiducials_and_models_of_one_photo_after_the_other(
     made: tuple[Scene, Callable[[int, int, bool], Draft]], steps: list[tuple[int, int, bool]]
 ) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from stationbench import WAIT, settled
 
@@ -146,7 +146,6 @@ coordinate = st.floats(-150.0, 150.0)
 place = st.tuples(coordinate, coordinate)
 
 
-@settings(max_examples=60)
 @given(st.lists(st.tuples(place, place), max_size=80), place, place, st.floats(0.01, 100.0))
 def test_whatever_the_points_the_map_is_exact_at_them_and_the_picture_is_one(pairs, here, there, f):
     # points that coincide in one photograph cannot all be right: those are left out

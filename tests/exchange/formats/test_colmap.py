@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from anaplot.aliases import Array
@@ -594,7 +594,6 @@ def test_a_text_line_beyond_all_measure_is_refused(
         colmap.read(source, PLAIN)
 
 
-@settings(max_examples=60)
 @given(
     st.sampled_from(["cameras", "images", "points3D"]),
     st.integers(0, 3000),

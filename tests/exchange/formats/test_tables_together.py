@@ -118,7 +118,7 @@ def test_scripts_of_dbat_and_documents_of_metashape_have_one_root(tmp_path: Path
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_damage_is_refused_or_makes_a_block(
     samples: dict[str, Path], tmp_path_factory: pytest.TempPathFactory, kind: str, data
