@@ -24,7 +24,14 @@ from anaplot.bundle.solve.problem import Datum, Problem, make_problem
 from anaplot.bundle.solve.reliability import compute_cofactors
 from anaplot.bundle.solve.structure import Structure, make_structure
 from anaplot.bundle.start.approximate import approximate_ways, laid_onto_control, restricted
-from anaplot.bundle.start.robust import RobustState, no_minimum_error, robust_state, robust_suspects
+from anaplot.bundle.start.pull import minimum_nearby
+from anaplot.bundle.start.robust import (
+    RobustState,
+    no_minimum_error,
+    robust_state,
+    robust_suspects,
+)
+from anaplot.bundle.start.settling import settled
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block
 
@@ -41,8 +48,6 @@ __all__ = [
 _FITS = 4.0  # sigma0 up to which a minimum is not held against others
 _SOFT = 1e-8  # pivot over diagonal below which a minimum may hang on rounding or noise
 _TORN = 50.0  # sigma0 above which a robust solution is asked for the culprit
-_BENT = 1500.0  # the same, from which a minimum says nothing of the block
-_ROUND_CORNERS = 60  # damped steps after which one of _TORN does not either
 
 
 def adjust_block(
@@ -238,9 +243,12 @@ def _searched(
         # no gross error is looked for where a lens that is unknown yet bends everything
         if found is not None and _explained_by_lens(whole, found, progress):
             return found, None
-        solution = robust(start if found is None else found.state, structure)
+        # the start hangs less on the last digits than where a search among gross errors ended
+        solution = robust(start, structure)
         if found is not None and not (solution and solution.explains(len(problem.photo))):
-            solution = robust(start, structure) or solution
+            other = robust(found.state, structure)
+            if solution is None or (other is not None and other.off < solution.off):
+                solution = other
         if solution is not None and not _led_there(problem, solution, found):
             found = minimum(solution.state, structure)
             if found is not None and _fits(problem, found):
@@ -265,16 +273,12 @@ def _searched(
         missed = best is None and solution is not None and solution.control_off > 0
         if explained and not missed:
             break
-    if best is not None:
+    if best is not None and not (closest and _torn(problem, best, closest.solution)):
         seen_from = None if closest is None else closest.solution.state
-        soft = best.convergence.damped > 0 or best.factor.smallest < _SOFT
-        if soft or not _fits(problem, best):
-            _check_held(problem, best, seen_from)
-        if closest is not None and _bent(problem, best, closest.solution):
-            raise no_minimum_error(problem, closest.structure, closest.solution.state, best.state)
+        _check_minimum(problem, best, seen_from)
         return best, seen_from
     if closest is not None:
-        raise no_minimum_error(problem, closest.structure, closest.solution.state, reached)
+        return _led_to(problem, closest, reached, progress)
     if failure is None:
         failure = NotComputableError(
             f"block {problem.block.name}: no approximate values found: the measurements "
@@ -283,16 +287,41 @@ def _searched(
     raise failure
 
 
-def _bent(problem: Problem, found: Minimum, solution: RobustState) -> bool:
-    """Whether a few wild measurements have bent everything else out of shape.
+def _torn(problem: Problem, found: Minimum, solution: RobustState) -> bool:
+    """Whether a minimum fits so badly that it may mean nothing for the block.
 
-    The search then went round corners to a minimum without meaning for the block, while elsewhere
-    most measurements agree much better. Where sigmas are too small, they do not.
+    Where sigmas are too small, it does not: it is compared with what most measurements are off.
     """
     scale = max(solution.misfit / float(np.median(problem.sigma)), 1.0)
-    sigma0 = sqrt(found.convergence.last / max(problem.redundancy, 1)) / scale
-    damped = found.convergence.damped
-    return damped > 0 and (sigma0 > _BENT or (sigma0 > _TORN and damped > _ROUND_CORNERS))
+    return found.convergence.last > (_TORN * scale) ** 2 * max(problem.redundancy, 1)
+
+
+def _led_to(
+    problem: Problem, closest: _Closest, reached: BlockState | None, progress: Progress | None
+) -> tuple[Minimum, BlockState]:
+    """Return the minimum near the robust solution, and that.
+
+    A few wild measurements may bend everything else out of shape. The search then goes round
+    corners, and where it ends hangs on the last digits: such a minimum is none of the block's.
+    """
+    structure = closest.structure
+    solution = settled(problem, structure, closest.solution)
+    try:
+        found = minimum_nearby(problem, structure, solution.state, progress=progress)
+    except NoConvergenceError as error:
+        best = error.state if reached is None else reached
+        raise no_minimum_error(problem, structure, solution.state, best) from error
+    if found is None:
+        raise no_minimum_error(problem, structure, solution.state)
+    _check_minimum(problem, found, solution.state)
+    return found, solution.state
+
+
+def _check_minimum(problem: Problem, found: Minimum, other: BlockState | None) -> None:
+    """Raise NoConvergenceError where a minimum may hang on errors, and does."""
+    soft = found.convergence.damped > 0 or found.factor.smallest < _SOFT
+    if soft or not _fits(problem, found):
+        _check_held(problem, found, other)
 
 
 def _check_held(problem: Problem, found: Minimum, other: BlockState | None) -> None:

@@ -6,9 +6,9 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from bundleblocks import aerial
+from grossblocks import interchanged, moved, planned
 
 from anaplot import adjust
 from anaplot.adjustment.findings import SearchSettings
@@ -22,50 +22,10 @@ from anaplot.bundle.solve.problem import make_problem
 from anaplot.cli import main
 from anaplot.errors import NotComputableError
 from anaplot.exchange.blockfolder import write_control, write_image_points, write_new_block
-from anaplot.photogrammetry.block import Block
-from anaplot.planning.blockplan import BlockPlan, plan_block
 
 pytestmark = pytest.mark.slow
 
 ALPHA = SearchSettings(alpha=0.001)
-
-
-def planned(
-    seed: int, *, strips: int = 2, photos: int = 7, sigma: float = 0.05, sidelap: float = 0.30
-) -> Block:
-    """A block of strips over flat ground, with noise of its a-priori size."""
-    made = plan_block(BlockPlan(strips, photos, 0.60, sidelap, control_m=sigma)).block
-    rng = np.random.default_rng(seed)
-    rows = tuple(
-        replace(row, x=row.x + rng.normal() * 0.005, y=row.y + rng.normal() * 0.005)
-        for row in made.image_points
-    )
-    control = tuple(
-        replace(c, xyz=tuple(None if v is None else v + rng.normal() * sigma for v in c.xyz))
-        for c in made.control
-    )
-    return replace(made, image_points=rows, control=control)
-
-
-def interchanged(block: Block, photo: str, one: str, other: str) -> Block:
-    """The block with two points taken for each other in a photo."""
-    at = {row.point: k for k, row in enumerate(block.image_points) if row.photo == photo}
-    rows = list(block.image_points)
-    first, second = rows[at[one]], rows[at[other]]
-    rows[at[one]] = replace(first, x=second.x, y=second.y)
-    rows[at[other]] = replace(second, x=first.x, y=first.y)
-    return replace(block, image_points=tuple(rows))
-
-
-def moved(block: Block, point: str, axis: int, by: float) -> Block:
-    """The block with a control coordinate off by some metres."""
-    control = tuple(
-        replace(c, xyz=tuple(v + by if k == axis else v for k, v in enumerate(c.xyz)))
-        if c.point == point
-        else c
-        for c in block.control
-    )
-    return replace(block, control=control)
 
 
 def rejected(found) -> set[tuple[str | None, ...]]:

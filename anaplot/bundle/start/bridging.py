@@ -22,6 +22,8 @@ __all__ = ["BRIDGING", "bridged_parts"]
 BRIDGING = "bridging strips"
 """What this says of its progress."""
 
+_TELLS_WHICH = 2  # redundancy that tells a wrong point: with 1, all test alike
+
 
 def bridged_parts(
     problem: Problem, rays: Array, progress: Progress | None = None
@@ -146,6 +148,9 @@ def _model(
             rough = (model.sigma0_um or 0.0) > 20.0 * block.precision.image_um
             if not rough or not worst.flagged or allowed <= 0:
                 return model
+            if model.redundancy < _TELLS_WHICH:
+                # rounding alone would choose; without a model the photo follows by resection
+                return None
             wrong = [worst.point]
         for point in wrong:
             left.pop(point, None)

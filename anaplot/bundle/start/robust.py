@@ -27,6 +27,7 @@ __all__ = [
     "RobustSuspect",
     "far_off",
     "no_minimum_error",
+    "reoriented",
     "robust_state",
     "robust_suspects",
 ]
@@ -34,6 +35,7 @@ __all__ = [
 
 _ROBUST = 1e-4  # of n: squared change of the whitened residuals where robust steps end
 _STEPS = 12
+_AGREED = "where most measurements agree, sigma0 is"
 _RESECTED = 30  # photos that are resected at most when a culprit is looked for
 _FAR = 10.0  # times what measurements are off in the median: so far off is a suspect
 
@@ -52,7 +54,7 @@ def no_minimum_error(
     problem, structure, start
         As `find_minimum` had them.
     state
-        The best that it reached; None: the start.
+        The best that it reached; None: the start, which is a robust solution.
     """
     clearest = _clearest(problem, structure, start)
     # where gross errors have bent the start, it is seen without them
@@ -77,7 +79,9 @@ def no_minimum_error(
     if worst:
         others = "".join(f"; then {suspect.what}" for suspect in worst[1:3])
         said[0] += f": {worst[0].what} disagrees by {worst[0].size} with all others{others}"
-    said.append(_best_reached(problem, linear))
+    said.append(
+        _fit(problem, linear, "the best state has sigma0" if state is not None else _AGREED)
+    )
     if open_part is not None:
         said.append(f"there {str(open_part).removeprefix(f'block {problem.block.name}: ')}")
     said.append(
@@ -89,8 +93,8 @@ def no_minimum_error(
     return NoConvergenceError("; ".join(said), start)
 
 
-def _best_reached(problem: Problem, linear: Linearised) -> str:
-    """Say how well the best state fits, and name the rays that fit worst there."""
+def _fit(problem: Problem, linear: Linearised, where: str) -> str:
+    """Say how well a state fits, and name the rays that fit worst there."""
     size = np.linalg.norm(linear.e * problem.sigma_xy, axis=1)
     order = np.argsort(-np.nan_to_num(size, nan=np.inf), kind="stable")[:3]
     sigma0 = np.sqrt(linear.vtpv / max(problem.redundancy, 1))
@@ -99,7 +103,7 @@ def _best_reached(problem: Problem, linear: Linearised) -> str:
         f"({size[k]:.3g} mm)"
         for k in order.tolist()
     )
-    return f"the best state has sigma0 {sigma0:.3g}, the worst rays {named}"
+    return f"{where} {sigma0:.3g}, the worst rays {named}"
 
 
 class RobustSuspect(NamedTuple):
@@ -251,7 +255,7 @@ def _clearest(problem: Problem, structure: Structure, start: BlockState) -> _Cle
     misfits = _misfits(problem, held, state)
     off = _off(problem, misfits.image)
     if off > max(1, len(misfits.image) // 200):
-        again, _, _ = _robust(problem, structure, _reoriented(problem, start))
+        again, _, _ = _robust(problem, structure, reoriented(problem, start))
         others = _misfits(problem, held, again)
         if _off(problem, others.image) <= off:
             state, misfits = again, others
@@ -366,7 +370,7 @@ def _robust(
     return state, held, least
 
 
-def _reoriented(problem: Problem, start: BlockState) -> BlockState:
+def reoriented(problem: Problem, start: BlockState) -> BlockState:
     """Points from their rays alone, and photos that fit them badly resected to the others' points.
 
     Independent of control and of gross errors in the approximate orientations.
