@@ -59,10 +59,11 @@ def write_bal(exporting: Exporting, target: Path, names: list[str | None] | None
 def _without_off(
     block: Block, source: Path, names: list[str | None]
 ) -> tuple[Iterator[str], list[Note]]:
-    off = {(row.photo, row.point) for row in block.image_points if row.use == "off"}
+    uses = {(row.photo, row.point): row.use for row in block.image_points}
     half = sum(row.use in ("x", "y") for row in block.image_points)
     out: set[int] = set()
     calls = None
+    unknown = 0
     for line in source_lines(source):
         fields = line.text.split()
         if not fields:
@@ -73,9 +74,11 @@ def _without_off(
         name = next(calls, _END)
         if name == _END:
             break
-        # of a point that its photo has more than once the others have names of their own
-        photo, point = (str(int(text)) for text in fields[:2])
-        if name is not None and (name != point or (photo, name) in off):
+        if name is None:
+            continue
+        use = uses.get((str(int(fields[0])), name))
+        unknown += use is None
+        if use == "off":
             out.add(line.number)
 
     def lines() -> Iterator[str]:
@@ -92,6 +95,9 @@ def _without_off(
     if out:
         text = "rays that are off or doubled: everything else is as it was"
         notes.append(Note("dropped", len(out), text))
+    if unknown:
+        text = "rays that are not in the block stay as they were"
+        notes.append(Note("assumed", unknown, text))
     if half:
         notes.append(Note("not held", half, "rays of which one coordinate counts: written whole"))
     return lines(), notes

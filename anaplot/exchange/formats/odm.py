@@ -7,7 +7,6 @@ from pathlib import Path
 from anaplot.exchange.formats import opensfm
 from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gcplist import GCP_LIST
-from anaplot.exchange.formats.opensfmexport import write_cleaned
 
 __all__ = ["read", "recognises", "write"]
 
@@ -39,4 +38,4 @@ def read(source: Path, options: ImportOptions) -> Imported:
 
 def write(exporting: Exporting, target: Path) -> Exported:
     """Write the project that the block was imported from without what does not count."""
-    return write_cleaned(exporting, target / _MODEL, target)
+    return opensfm.write_files(exporting, target / _MODEL, target)

@@ -12,10 +12,10 @@ import numpy as np
 
 from anaplot.errors import InputError
 from anaplot.exchange.formats.crs import DEGREES, local_system
-from anaplot.exchange.formats.door import Exported, Exporting, Imported, ImportOptions, Note
+from anaplot.exchange.formats.door import SOURCE, Exported, Exporting, Imported, ImportOptions, Note
 from anaplot.exchange.formats.gcplist import GCP_LIST, GcpList, place_control, read_gcp_list
-from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of
-from anaplot.exchange.formats.opensfmexport import write_cleaned
+from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of, kept_names
+from anaplot.exchange.formats.opensfmexport import SourceRays, write_cleaned
 from anaplot.exchange.formats.opensfmmodel import (
     Reconstruction,
     Shot,
@@ -39,7 +39,7 @@ from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.textfiles.names import name_fault
 from anaplot.textfiles.wording import place
 
-__all__ = ["OpensfmFiles", "files_of", "read", "read_files", "recognises", "write"]
+__all__ = ["OpensfmFiles", "files_of", "read", "read_files", "recognises", "write", "write_files"]
 
 RECONSTRUCTION = "reconstruction.json"
 TRACKS = "tracks.csv"
@@ -96,13 +96,45 @@ def read(source: Path, options: ImportOptions) -> Imported:
 
 def write(exporting: Exporting, target: Path) -> Exported:
     """Write what the block was imported from without what does not count, as a new folder."""
-    return write_cleaned(exporting, target, target)
+    return write_files(exporting, target, target)
+
+
+def write_files(exporting: Exporting, model: Path, project: Path) -> Exported:
+    """Write a model, and gcp_list.txt into its project; raises as `write`."""
+    source = exporting.folder / SOURCE
+    for name in (RECONSTRUCTION, TRACKS):
+        if not (source / name).is_file():
+            raise InputError(f"{place(source / name)}: not there: the block is not from OpenSfM")
+    return write_cleaned(exporting, _source_rays(source), model, project)
+
+
+def _source_rays(source: Path) -> SourceRays:
+    """Return what import calls the rays of the files that a block keeps."""
+    files = files_of(source, ImportOptions())
+    found = _largest(read_reconstructions(files.reconstruction))
+    _, camera_of_photo, _ = _cameras(found, None)
+    rays, tracks, _ = _rays(files.tracks, found, camera_of_photo)
+    count = len(rays)
+    control: list[str] = []
+    listed = None if files.gcp is None else read_gcp_list(files.gcp, camera_of_photo)
+    if listed is not None and listed.rows:
+        names, _ = _names_beside(listed, tracks)
+        control = [names[name] for name in listed.names()]
+        rays += _control_rays(listed, names)
+    kept = kept_names(rays, camera_of_photo, pixels=True)
+    return SourceRays(
+        frozenset(camera_of_photo), found.points, rays[:count], kept[:count], control, kept[count:]
+    )
+
+
+def _largest(found: tuple[Reconstruction, ...]) -> Reconstruction:
+    return max(found, key=lambda one: (len(one.shots), len(one.points)))
 
 
 def read_files(files: OpensfmFiles, options: ImportOptions, name: str) -> Imported:
     """Read the files of a model; raises as `read`."""
     reconstructions = read_reconstructions(files.reconstruction)
-    largest = max(reconstructions, key=lambda one: (len(one.shots), len(one.points)))
+    largest = _largest(reconstructions)
     notes = list(files.notes)
     others = [one for one in reconstructions if one is not largest]
     if others:
@@ -131,10 +163,7 @@ def read_files(files: OpensfmFiles, options: ImportOptions, name: str) -> Import
         notes += placed.notes
         names, more = _names_beside(listed, tracks)
         notes += more
-        rays += [
-            MeasuredRay(row.image, names[name], *row.pixel)
-            for row, name in zip(listed.rows, listed.names(), strict=True)
-        ]
+        rays += _control_rays(listed, names)
         control = tuple(
             ControlPoint(names[one], (x, y, None if math.isnan(z) else z))
             for one, (x, y, z) in placed.xyz.items()
@@ -233,6 +262,13 @@ def _rays(
     if unseen:
         notes.append(Note("dropped", unseen, "points without a ray in tracks.csv"))
     return [ray for ray in rays if ray is not None], frozenset(seen), notes
+
+
+def _control_rays(listed: GcpList, names: Mapping[str, str]) -> list[MeasuredRay]:
+    return [
+        MeasuredRay(row.image, names[name], *row.pixel)
+        for row, name in zip(listed.rows, listed.names(), strict=True)
+    ]
 
 
 def _names_beside(listed: GcpList, tracks: frozenset[str]) -> tuple[dict[str, str], list[Note]]:

@@ -6,32 +6,56 @@ import json
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
-from anaplot.errors import InputError
 from anaplot.exchange.formats.boundedjson import read_json
-from anaplot.exchange.formats.door import ControlResult, Exported, Exporting, Note
+from anaplot.exchange.formats.door import SOURCE, ControlResult, Exported, Exporting, Note, What
 from anaplot.exchange.formats.gcplist import GCP_LIST, read_gcp_list
-from anaplot.exchange.formats.measuredrays import TWICE
+from anaplot.exchange.formats.measuredrays import MeasuredRay
 from anaplot.exchange.formats.opensfmmodel import TrackRow, track_rows
 from anaplot.exchange.formats.sourcelines import source_lines
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.textfiles.inputfile import read_bytes
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
-from anaplot.textfiles.wording import place
 
-__all__ = ["write_cleaned"]
+__all__ = ["SourceRays", "write_cleaned"]
 
 _RECONSTRUCTION, _TRACKS, _REFERENCE = "reconstruction.json", "tracks.csv", "reference_lla.json"
 _MAX_BYTES = 500_000_000
+_MOVED = 1e-6  # px by which a ray has been measured anew
 
 
-def write_cleaned(exporting: Exporting, model: Path, project: Path) -> Exported:
+class SourceRays(NamedTuple):
+    """The rays of a model, and what import calls their points.
+
+    Attributes
+    ----------
+    photos, points
+        Of which rays are brought in.
+    rays, names
+        Those of tracks.csv in its order, and their points in the block; None of one that import
+        leaves out.
+    control, control_names
+        The same of the measurements in gcp_list.txt: the point, and what a ray of it is called.
+    """
+
+    photos: frozenset[str]
+    points: frozenset[str]
+    rays: list[MeasuredRay]
+    names: list[str | None]
+    control: list[str]
+    control_names: list[str | None]
+
+
+def write_cleaned(exporting: Exporting, found: SourceRays, model: Path, project: Path) -> Exported:
     """Write a model from the block's `source/`.
 
     Parameters
     ----------
     exporting
         The block.
+    found
+        The rays of that model.
     model
         The new folder of reconstruction.json and tracks.csv.
     project
@@ -40,12 +64,9 @@ def write_cleaned(exporting: Exporting, model: Path, project: Path) -> Exported:
     Raises
     ------
     InputError
-        The block was not imported from OpenSfM, or something cannot be written: then nothing is.
+        Something cannot be read or written: then nothing is.
     """
-    source = exporting.folder / "source"
-    for name in (_RECONSTRUCTION, _TRACKS):
-        if not (source / name).is_file():
-            raise InputError(f"{place(source / name)}: not there: the block is not from OpenSfM")
+    source = exporting.folder / SOURCE
     block = exporting.block
     written: list[Path] = []
     notes: list[Note] = []
@@ -57,7 +78,7 @@ def write_cleaned(exporting: Exporting, model: Path, project: Path) -> Exported:
             create_whole(path, data)
             written.append(path)
 
-        rays = _Rays(block)
+        rays = _Rays(block, found)
         put(model / _TRACKS, rays.lines(source / _TRACKS))
         gone = rays.lost()
         data = read_bytes(source / _RECONSTRUCTION, _MAX_BYTES)
@@ -66,8 +87,7 @@ def write_cleaned(exporting: Exporting, model: Path, project: Path) -> Exported:
         put(model / _RECONSTRUCTION, data)
         if (source / _REFERENCE).is_file():
             put(model / _REFERENCE, read_bytes(source / _REFERENCE, _MAX_BYTES))
-        if rays.removed:
-            notes.append(Note("dropped", rays.removed, "rays that do not count, from tracks.csv"))
+        notes += rays.notes()
         if gone:
             text = "points of reconstruction.json with less than two rays left"
             notes.append(Note("dropped", len(gone), text, tuple(sorted(gone))[:4]))
@@ -77,7 +97,7 @@ def write_cleaned(exporting: Exporting, model: Path, project: Path) -> Exported:
             notes.append(Note("not held", halves, text))
         if (source / GCP_LIST).is_file():
             results = () if exporting.adjusted is None else exporting.adjusted.control
-            text, more = _gcp_text(source / GCP_LIST, block, results)
+            text, more = _gcp_text(source / GCP_LIST, block, found, results)
             put(project / GCP_LIST, text.encode())
             notes += more
         text = "poses and points are those of the source, not the adjusted ones"
@@ -85,29 +105,23 @@ def write_cleaned(exporting: Exporting, model: Path, project: Path) -> Exported:
     return Exported(tuple(written), tuple(notes))
 
 
-def _base(row: ImagePoint) -> str:
-    """Return the track of a ray that stands a second time in its photo."""
-    return row.point.rsplit("~", 1)[0] if row.reason == TWICE else row.point
+def _moved(row: ImagePoint, x: float, y: float) -> bool:
+    if row.measured is None:
+        return False
+    return max(abs(row.measured[0] - x), abs(row.measured[1] - y)) > _MOVED
 
 
 class _Rays:
     """Goes through tracks.csv and leaves out what does not count."""
 
-    def __init__(self, block: Block) -> None:
-        off: Counter[tuple[str, str, float, float]] = Counter()
-        counts: Counter[tuple[str, str, float, float]] = Counter()
-        self._sizes = {}
-        for photo in block.photos:
-            width, height = block.camera_of(photo.id).pixels or (0, 0)
-            self._sizes[photo.id] = (float(max(width, height)), 0.5 * width, 0.5 * height)
-        for row in block.image_points:
-            if row.measured is not None:
-                key = (row.photo, _base(row), *row.measured)
-                (counts if row.use == "xy" else off)[key] += 1
-        self._off, self._counts = off, counts
+    def __init__(self, block: Block, found: SourceRays) -> None:
+        self._rows = {(row.photo, row.point): row for row in block.image_points}
+        self._photos = {photo.id for photo in block.photos}
+        self._found = found
+        self._next = 0
         self._left: Counter[str] = Counter()
         self._touched: set[str] = set()
-        self.removed = 0
+        self._removed = self._unknown = self._anew = 0
 
     def lines(self, path: Path) -> Iterator[bytes]:
         """Yield the lines that stay."""
@@ -115,27 +129,40 @@ class _Rays:
             if not isinstance(row, TrackRow):
                 yield row.text.encode() + b"\n"
             elif self._stays(row):
-                self._left[row.track] += row.image in self._sizes
+                self._left[row.track] += row.image in self._photos
                 yield row.line.text.encode() + b"\n"
             else:
-                self.removed += 1
+                self._removed += 1
                 self._touched.add(row.track)
 
     def _stays(self, row: TrackRow) -> bool:
-        size = self._sizes.get(row.image)
-        if size is None:
+        found = self._found
+        if row.image not in found.photos or row.track not in found.points:
             return True
-        x, y = row.at()
-        key = (row.image, row.track, x * size[0] + size[1], y * size[0] + size[2])
-        if key not in self._off:
+        ray, name = found.rays[self._next], found.names[self._next]
+        self._next += 1
+        if name is None:
             return True
-        # of equal ones the first are those that count
-        self._counts[key] -= 1
-        return self._counts[key] >= 0
+        mine = self._rows.get((row.image, name))
+        if mine is None:
+            self._unknown += 1
+            return True
+        if mine.use == "xy":
+            self._anew += _moved(mine, ray.x, ray.y)
+        return mine.use == "xy"
 
     def lost(self) -> set[str]:
         """Return the tracks that were touched and have less than two rays left."""
         return {track for track in self._touched if self._left[track] < 2}
+
+    def notes(self) -> list[Note]:
+        """Return what became of the rays."""
+        told: tuple[tuple[What, int, str], ...] = (
+            ("dropped", self._removed, "rays that do not count, from tracks.csv"),
+            ("assumed", self._unknown, "rays that are not in the block stay as they were"),
+            ("not held", self._anew, "rays measured anew: tracks.csv keeps the feature's place"),
+        )
+        return [Note(what, count, text) for what, count, text in told if count]
 
 
 def _without_points(path: Path, block: Block, gone: set[str]) -> bytes:
@@ -152,29 +179,31 @@ def _without_points(path: Path, block: Block, gone: set[str]) -> bytes:
 
 
 def _gcp_text(
-    path: Path, block: Block, results: tuple[ControlResult, ...]
-) -> tuple[str, tuple[Note, ...]]:
+    path: Path, block: Block, found: SourceRays, results: tuple[ControlResult, ...]
+) -> tuple[str, list[Note]]:
     """Return gcp_list.txt with the verdict behind each line; what does not count is a remark."""
-    listed = read_gcp_list(path, {photo.id for photo in block.photos})
+    listed = read_gcp_list(path, found.photos)
     by_line = {
-        row.line.number: (row, name) for row, name in zip(listed.rows, listed.names(), strict=True)
+        one[0].line.number: one
+        for one in zip(listed.rows, listed.names(), found.control, found.control_names, strict=True)
     }
-    known = {
-        (row.photo, *row.measured): row for row in block.image_points if row.measured is not None
-    }
+    rays = {(row.photo, row.point): row for row in block.image_points}
     verdicts = {one.point: one for one in results}
     off = {row.point for row in block.control if row.use == "off"}
-    lines, left_out = [], 0
+    lines, left_out, anew = [], 0, 0
     for line in source_lines(path):
         text = line.text
         if line.number in by_line:
-            row, name = by_line[line.number]
-            ray = known.get((row.image, *row.pixel))
-            point = name if ray is None else _base(ray)
+            row, name, point, kept = by_line[line.number]
+            ray = None if kept is None else rays.get((row.image, kept))
             if ray is None or ray.use != "xy" or point in off:
                 left_out += 1
                 lines.append(f"# off: {text}")
                 continue
+            if ray.measured is not None and _moved(ray, *row.pixel):
+                anew += 1
+                words = text.split(maxsplit=5)
+                text = " ".join((*words[:3], *map(repr, ray.measured), words[5]))
             named = "" if row.name is not None else f" {name}"
             text = f"{text.rstrip()}{named}{_verdict(verdicts.get(point))}"
         lines.append(text)
@@ -182,10 +211,13 @@ def _gcp_text(
     if left_out:
         text = "measurements of control that do not count: behind # off: in gcp_list.txt"
         notes.append(Note("dropped", left_out, text))
+    if anew:
+        text = "measurements of control anew: gcp_list.txt has the new pixels"
+        notes.append(Note("changed", anew, text))
     if results:
         text = "verdict, r in plan and r in height stand behind every line of gcp_list.txt"
         notes.append(Note("changed", None, text))
-    return "\n".join(lines) + "\n", tuple(notes)
+    return "\n".join(lines) + "\n", notes
 
 
 def _verdict(found: ControlResult | None) -> str:

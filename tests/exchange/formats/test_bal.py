@@ -101,6 +101,35 @@ def test_not_a_digit_is_changed(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert (tmp_path / "less").read_text().splitlines() == ["6 14 83", *less[2:]]
 
 
+def test_of_a_doubled_ray_goes_which_is_off(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = PROBLEM.splitlines()
+    lines[0] = "6 14 85"
+    lines.insert(2, "0 0 7.5 8.5")
+    file, folder = tmp_path / "p.txt", tmp_path / "b"
+    file.write_text("\n".join(lines) + "\n")
+    assert main(["import", str(file), "-o", str(folder)]) == 0
+    read = read_block(folder)
+    assert [row.use for row in read.image_points[:2]] == ["xy", "off"]
+    turned = [
+        replace(row, use="xy" if row.use == "off" else "off") for row in read.image_points[:2]
+    ]
+    changed = replace(read, image_points=(*turned, *read.image_points[3:]))
+    made = bal.write(Exporting(changed, folder), tmp_path / "out")
+    # the ray that was taken out of the block is no one's to take out of the problem
+    assert "assumed 1 rays that are not in the block stay as they were" in texts(made.notes)
+    assert (tmp_path / "out").read_text().splitlines() == ["6 14 84", *lines[2:]]
+    # and a source that is damaged is one line
+    capsys.readouterr()
+    for damaged in ("7 8 9\n", "6 14 85\n0\n", "x y z\n"):
+        (folder / "source" / "problem.txt").write_text(damaged)
+        assert main(["export", "bal", str(folder), "-o", str(tmp_path / "no")]) == 2
+        said = capsys.readouterr().err
+        assert "problem.txt line 1: " in said
+        assert said.count("\n") == 1
+
+
 def test_what_import_leaves_out_stays_and_the_ray_that_is_off_goes(tmp_path: Path) -> None:
     lines = PROBLEM.splitlines()
     lines[0] = "6 14 85"

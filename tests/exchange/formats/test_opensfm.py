@@ -206,6 +206,48 @@ def test_a_project_goes_in_and_out_by_the_command(
     assert after == before
 
 
+def test_rays_are_found_again_by_name_when_their_pixels_are_new(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = Flight()
+    project, folder, out = tmp_path / "p", tmp_path / "b", tmp_path / "out"
+    flight.write(project / "opensfm")
+    degrees = GroundFrame.of(local_system("WGS84", (LON, LAT, HEIGHT))).out_of_block(flight.control)
+    listed = flight.gcp_list("EPSG:4326", degrees)
+    (project / "gcp_list.txt").write_text(listed)
+    tracks = (project / "opensfm" / "tracks.csv").read_text().splitlines()
+    assert main(["import", str(project), "-o", str(folder)]) == 0
+    csv = folder / "image_points.csv"
+    head, *lines = csv.read_text().splitlines()
+    keys = head.split(",")
+    rows = [dict(zip(keys, line.split(","), strict=True), use="xy") for line in lines]
+    first, second, third = (
+        next(row for row in rows if row["point"] == point) for point in ("3", "7", "9")
+    )
+    first |= {"x_px": "100.5", "use": "off"}
+    third["y_px"] = repr(float(third["y_px"]) + 0.25)
+    rows.remove(second)
+    anew = next(row for row in rows if row["point"] == "P4")
+    anew["x_px"] = repr(float(anew["x_px"]) - 0.5)
+    csv.write_text("\n".join([f"{head},use", *(",".join(row.values()) for row in rows)]) + "\n")
+    capsys.readouterr()
+    assert main(["export", "odm", str(folder), "-o", str(out), "--json"]) == 0
+    notes = {one["text"]: one["count"] for one in json.loads(capsys.readouterr().out)["notes"]}
+    assert notes["rays that do not count, from tracks.csv"] == 1
+    assert notes["rays that are not in the block stay as they were"] == 1
+    assert notes["rays measured anew: tracks.csv keeps the feature's place"] == 1
+    assert notes["measurements of control anew: gcp_list.txt has the new pixels"] == 1
+    gone = f"{first['photo']}\t3\t"
+    kept = (out / "opensfm" / "tracks.csv").read_text().splitlines()
+    assert kept == [line for line in tracks if not line.startswith(gone)]
+    assert len(kept) == len(tracks) - 1
+    mine = [line for line in (out / "gcp_list.txt").read_text().splitlines() if "P4" in line]
+    where = [line.split()[3:5] for line in mine if f" {anew['photo']} P4" in line]
+    assert where == [[anew["x_px"], anew["y_px"]]]
+    assert len(mine) == sum("P4" in line for line in listed.splitlines())
+    assert not any(line.startswith("# off") for line in mine)
+
+
 def test_positions_measured_in_flight_are_priors_when_asked(tmp_path: Path) -> None:
     flight = Flight(noise_px=0.3)
     flight.write(tmp_path)
