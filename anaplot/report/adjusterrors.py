@@ -36,6 +36,7 @@ from anaplot.report.modelvalues import model_values_json, model_values_line
 from anaplot.report.searchoptions import search_settings, sigma0_in_words
 
 __all__ = [
+    "SHOWN_UNITS",
     "clean_block",
     "clean_step_by_step",
     "errors_document",
@@ -46,7 +47,15 @@ __all__ = [
 _MOST = 30  # rows of a list in the text; JSON holds them all
 _ODDS = 0.01  # smallest probability shown
 _BUT_HELD = " but those rejected before"
-_DIGITS = {"um": (1.0, "um"), "m": (1e3, "mm"), "rad": (1e6, "urad"), "mm": (1e3, "um")}
+SHOWN_UNITS = {
+    "um": (1.0, "um"),
+    "m": (1e3, "mm"),
+    "rad": (1e6, "urad"),
+    "mm": (1e3, "um"),
+    "m/s": (1e3, "mm/s"),
+    "m/photo": (1e3, "mm/photo"),
+}
+"""What people read of an observation's unit: times how much, and in which unit."""
 
 
 def clean_block(
@@ -264,7 +273,7 @@ def _before_and_after(cleaned: BlockFindings) -> list[Block]:
 
 
 def _rejected_line(row: Rejection[ObservationName], width: int, strategy: str) -> Line:
-    scale, unit = _DIGITS[row.unit]
+    scale, unit = SHOWN_UNITS[row.unit]
     error = None if row.error is None else row.error * scale
     sigma = None if row.sigma is None else row.sigma * scale
     ends = []
@@ -285,15 +294,18 @@ def _rejected_line(row: Rejection[ObservationName], width: int, strategy: str) -
     name = in_words(row.name)
     blank = " " * (width - len(line_text(name)))
     line = say(
-        "  {:5c}  {}{}  {:10.1c}{:10.1c} {}{:{wide}.2c}{:8.3c}",
-        *(row.order, name, blank, error, sigma, unit, row.w, row.r),
+        # the unit is a word of ours: it is one that lengths in px replace
+        "  {:5c}  {}{}  {:10.1c}{:10.1c} " + unit + "{:{wide}.2c}{:8.3c}",
+        *(row.order, name, blank, error, sigma, row.w, row.r),
         wide=11 - len(unit),
     )
     return sum(ends, line + "  ") if ends else line
 
 
 def _measure(strategy: str) -> str:
-    return {"tau": "tau", "rms": "v/rms", "huber": "v", "danish": "v"}.get(strategy, "w")
+    return {"tau": "tau", "rms": "v/rms", "huber": "v/sigma", "danish": "v/sigma"}.get(
+        strategy, "w"
+    )
 
 
 def _odds(cleaned: BlockFindings) -> list[Block]:

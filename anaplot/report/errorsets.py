@@ -16,7 +16,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.observations import ObservationName
 from anaplot.errors import InputError
 from anaplot.exchange.errorsetscsv import SetRow, read_error_sets
-from anaplot.report.adjusterrors import in_words, name_json
+from anaplot.report.adjusterrors import SHOWN_UNITS, in_words, name_json
 from anaplot.report.document import (
     Answer,
     Block,
@@ -36,7 +36,6 @@ __all__ = ["error_sets_document", "error_sets_of", "functions_document", "functi
 
 _FORMS = "a file, point:POINT, photo:PHOTO or ray:PHOTO:POINT"
 _MOST = 3  # parts of the worst error that are named
-_SCALES = {"um": (1.0, "um"), "m": (1e3, "mm"), "rad": (1e6, "urad"), "mm": (1e3, "um")}
 _KINDS: dict[str, tuple[int, int | None]] = {
     "distance": (2, 2),
     "height": (2, 2),
@@ -189,12 +188,12 @@ def _set_lines(one: ErrorSetTest, width: int) -> list[Block]:
 
 
 def _unit(error: ErrorInSet) -> float:
-    return 1.0 / _SCALES[error.unit][0]
+    return 1.0 / SHOWN_UNITS[error.unit][0]
 
 
 def _part(error: ErrorInSet) -> Line:
-    scale, unit = _SCALES[error.unit]
-    return say("{} {:+.1f} {}", in_words(error.name), scale * (error.worst or 0.0), unit)
+    scale, unit = SHOWN_UNITS[error.unit]
+    return say("{} {:+.1f} " + unit, in_words(error.name), scale * (error.worst or 0.0))
 
 
 def _set_json(one: ErrorSetTest) -> Answer:

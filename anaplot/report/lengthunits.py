@@ -7,7 +7,9 @@ CSV are those of every block.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from anaplot.photogrammetry.block import Block
 from anaplot.report.document import Block as Part
@@ -61,6 +63,7 @@ def _table(table: Table) -> Table:
             title=_px(column.title),
             unit=_px(column.unit),
             head=None if column.head is None else _px(column.head),
+            form=None if column.form is None else _form(column.form),
         )
         for column in table.columns
     ]
@@ -69,6 +72,16 @@ def _table(table: Table) -> Table:
     if shown is not None:
         shown = tuple(key if key in keys else _px(key) for key in shown)
     return replace(table, columns=tuple(columns), source=lambda: table.values, shown=shown)
+
+
+def _form(form: Callable[[Any], str]) -> Callable[[Any], str]:
+    """Return how a value is written; one that has its unit beside it gets another."""
+
+    def written(value: Any) -> str:
+        text = form(value)
+        return _px(text) if isinstance(value, tuple) else text
+
+    return written
 
 
 def _px(text: str) -> str:

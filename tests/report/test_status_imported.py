@@ -20,7 +20,18 @@ from anaplot.photogrammetry.block import (
     in_pixels,
 )
 from anaplot.report.astext import page_text
-from anaplot.report.document import Document, Line, Listed, Value, name, named, number, say, table
+from anaplot.report.document import (
+    Column,
+    Document,
+    Line,
+    Listed,
+    Value,
+    name,
+    named,
+    number,
+    say,
+    table,
+)
 from anaplot.report.lengthunits import with_lengths_of, without_pixel_size
 from tests.exchange.formats.colmapsamples import sample
 
@@ -113,6 +124,11 @@ def page(block: Block) -> str:
         say("{}", named([say("{:.1f|um}", 1.0), Line((Value("gum um"),))])),
         Listed((say("1 um"), say("2 um")), 1, "and {} more um"),
         table("t", columns, [("um", 4.0)], shown=("photo", "v [um]"), units=">"),
+        table(
+            "s",
+            (Column("", "a priori", 12, form=lambda v: f"{v[0]:.2f} {v[1]}"),),
+            [((7.0, "um"),)],
+        ),
     )
     return page_text(with_lengths_of(block, Document({}, parts)).page)
 
@@ -134,4 +150,5 @@ def test_lengths_are_in_px_where_pixels_have_no_size() -> None:
     assert "1 px" in shown
     assert "more px" in shown
     assert "v [px]" in shown
+    assert "7.00 px" in shown
     assert page(of[sized]) == page(of[mm]) == shown.replace("px", "um")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,9 @@ def test_a_model_goes_through(
 
     free = ["adjust", "block", "--datum", "free"]
     assert main([*free, "--errors", "baarda", "--apply", "--to", "tables"]) == 0
-    capsys.readouterr()
+    page = capsys.readouterr().out
+    assert "GROSS ERRORS (baarda)" in page
+    assert not re.search(r"\bum\b", page)  # its pixels have no size
     assert pixels(file) == measured  # digit by digit
     with Path("tables/image_points.csv").open(newline="") as table:
         keys = set(csv.DictReader(table).fieldnames or ())
