@@ -16,10 +16,13 @@ from anaplot.textfiles.wording import describe_type, hint, plain, quoted
 __all__ = [
     "FLAG",
     "FRACTION",
+    "METRES",
     "NAME",
     "NUMBER",
     "PHOTO",
     "POSITIVE",
+    "SIGMA",
+    "SIGMA_OR_FREE",
     "TABLE",
     "Among",
     "Blank",
