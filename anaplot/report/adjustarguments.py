@@ -13,6 +13,7 @@ from anaplot.report.arguments import (
     none_or_percentage,
     planted,
     positive,
+    positive_or_none,
     significance,
 )
 
@@ -225,7 +226,8 @@ def add_adjust_arguments(adjust: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         metavar="OF",
-        help="after BLOCK: the covariance of any unknowns, with error ellipses and distances: "
+        help="after BLOCK (--covariance=OF also before it): the covariance of any unknowns, with "
+        "error ellipses and distances: "
         "points:A,B photos:101 parameters:c,k1; points, photos, parameters, offsets for all; "
         "point:NAME, photo:NAME for a name that holds commas; point:7:Z for one unknown",
     )
@@ -271,9 +273,9 @@ def _add_offsets(parser: argparse.ArgumentParser) -> None:
         )
         parser.add_argument(
             f"--gnss-{kind}-sigma",
-            type=positive,
+            type=positive_or_none,
             metavar=unit,
-            help="its a-priori standard deviation in X, Y and Z"
+            help="its a-priori standard deviation in X, Y and Z, or none: free"
             + (" (without times: m a photo)" if kind == "drift" else ""),
         )
     parser.add_argument(
@@ -284,9 +286,9 @@ def _add_offsets(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--imu-boresight-sigma",
-        type=positive,
+        type=positive_or_none,
         metavar="DEG",
-        help="the a-priori standard deviation of its three angles, in degrees",
+        help="the a-priori standard deviation of its three angles, in degrees, or none: free",
     )
 
 

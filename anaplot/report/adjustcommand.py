@@ -158,11 +158,13 @@ def adjust(
         Whether the stated positions of a strip, or of the block, are off by the same [m], and by
         what grows with the time; None: as block.toml has it.
     gnss_shift_sigma, gnss_drift_sigma
-        Their a-priori standard deviations [m; m/s, without times m a photo]; None: free.
+        Their a-priori standard deviations [m; m/s, without times m a photo], infinite where they
+        are free; None: what block.toml has.
     imu_boresight
         Whether the stated angles belong to an instrument that is turned against the camera.
     imu_boresight_sigma
-        Its a-priori standard deviation [degrees]; None: free.
+        Its a-priori standard deviation [degrees], infinite where it is free; None: what block.toml
+        has.
     snooping
         Add the modified data snooping of 1980 beside the exact test.
     snooping_tolerance

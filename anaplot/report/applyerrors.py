@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
 from anaplot.adjustment.strategies import STRATEGIES
 from anaplot.aliases import Strategy
-from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.observations import ORIENTATION, ObservationName
 from anaplot.errors import AnaplotError, InputError
 from anaplot.exchange.blockfolder import block_files, read_block, write_image_points
 from anaplot.exchange.lockfile import sessions_kept_out
@@ -21,7 +21,7 @@ from anaplot.report.columns import counted
 from anaplot.report.document import BLANK, Document, say
 from anaplot.report.output import Output
 from anaplot.report.running import computed, run_computation
-from anaplot.textfiles.wording import place
+from anaplot.textfiles.wording import place, quoted
 
 __all__ = ["applied", "run_adjust", "taken_back"]
 
@@ -68,19 +68,37 @@ def run_adjust(options: argparse.Namespace) -> int:
         options.errors,
         "" if options.datum == "control" else f"--datum {options.datum} ",
     )
-    others = sum(row.name[0] != "image" for row in found.result.rejected)
+    names = [row.name for row in found.result.rejected if row.name[0] != "image"]
+    others = len(names)
     answer = {**document.answer, "applied": count, "not_applied": others}
     page = (*document.page, BLANK, said)
     if others:
         page += (
             say(
-                "{} of control, priors or conditions: nothing is written of them; use = off "
-                "switches a row off",
+                "{} of control, priors or conditions: nothing is written of them; {}",
                 counted(others, "rejected row is", "rejected rows are"),
+                _way_out(names),
             ),
         )
     output.show(Document(answer, page, document.tables))
     return 1 if found.flagged and options.fail_on_flag else 0
+
+
+def _way_out(names: Sequence[ObservationName]) -> str:
+    """Return how rows that are not of image_points.csv are switched off."""
+    stated = [
+        f"{'position' if unknown in ORIENTATION[:3] else 'rotation'}_sigma of photo {quoted(owner)}"
+        for kind, owner, unknown in (name[:3] for name in names if name[0] == "prior")
+        if owner is not None and unknown in ORIENTATION
+    ]
+    parts = []
+    if any(name[0] != "prior" for name in names):
+        parts.append("use = off switches a row of control or a condition off")
+    if stated:
+        each = list(dict.fromkeys(stated))
+        more = f" and {len(each) - 6} more" if len(each) > 6 else ""
+        parts.append(f"take {', '.join(each[:6])}{more} out of block.toml")
+    return "; ".join(parts) or "what is known of parameters beforehand is stated with them"
 
 
 def _undone(options: argparse.Namespace, output: Output, before: tuple[ImagePoint, ...]) -> int:

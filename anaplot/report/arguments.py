@@ -19,6 +19,7 @@ __all__ = [
     "percentage",
     "planted",
     "positive",
+    "positive_or_none",
     "significance",
     "sizes",
     "versions",
@@ -64,6 +65,11 @@ def positive(text: str) -> float:
     if not 0.0 < value < 1e6:
         raise argparse.ArgumentTypeError(f"{text!r} is no positive number")
     return value
+
+
+def positive_or_none(text: str) -> float:
+    """Return a number above 0 and below a million, or infinity for "none" or "inf"."""
+    return math.inf if text in ("none", "inf") else positive(text)
 
 
 def between(low: float, high: float) -> Callable[[str], float]:

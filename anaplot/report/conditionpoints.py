@@ -25,4 +25,7 @@ def refuse_unknown_points(block: Block) -> None:
     for one in block.conditions:
         for name in one.points:
             if name not in known:
-                raise InputError(f"{one.id}: unknown point {quoted(name)}{hint(name, known)}")
+                # as the files' readers say it
+                file, _, line = one.where.rpartition(":")
+                place = f"{file} line {line}" if file else one.id
+                raise InputError(f"{place}: unknown point {quoted(name)}{hint(name, known)}")

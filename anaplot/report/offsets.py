@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import degrees, radians
+from math import degrees, isinf, radians
 from typing import Any
 
 from anaplot.bundle.hypotheses.offsetadvice import OffsetAdvice
@@ -38,8 +38,8 @@ def with_offsets(
     datum
         Of the adjustment.
     shift, drift, boresight
-        Of each the scope, or "none", and the standard deviation [m, m/s, degrees]; None: as the
-        file has it.
+        Of each the scope, or "none", and the standard deviation [m, m/s, degrees], infinite where
+        it is free; None: as the file has it.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def with_offsets(
             if changed.get(kind, getattr(offsets, kind)) is None:
                 raise InputError(f"{option}-sigma goes with {option}")
             each = radians(sigma) if kind == "boresight" else sigma
-            changed[f"{kind}_sigma"] = (each, each, each)
+            changed[f"{kind}_sigma"] = None if isinf(sigma) else (each, each, each)
         offsets = replace(offsets, **changed)
     return replace(block, offsets=offsets if offsets.any else None)
 
@@ -148,6 +148,7 @@ def offsets_document(found: OffsetTests) -> Document:
         + f"  {_mark(one.verdict)}"
         for one in found.groups
     ]
+    page += _known(stated)
     page += _middles(found)
     return Document(answer, (*page, BLANK), (rows,))
 
@@ -179,6 +180,23 @@ def _mark(verdict: Verdict | None) -> str:
     if verdict is None or verdict.rejected is None:
         return "not testable"
     return "<< not zero" if verdict.rejected else ""
+
+
+def _known(stated: PriorOffsets) -> list[Line]:
+    """Say what is known of the offsets beforehand."""
+    said = []
+    for kind in _OPTIONS:
+        if getattr(stated, kind) is None:
+            continue
+        sigma = getattr(stated, f"{kind}_sigma")
+        if sigma is None:
+            said.append(say("  the {} is free", kind))
+            continue
+        shown = [degrees(one) if kind == "boresight" else one for one in sigma]
+        unit = {"boresight": "deg", "shift": "m"}.get(kind, "m/s, or m/photo")
+        numbers = ", ".join(f"{one:g}" for one in shown)
+        said.append(say("  the {} is weighted: a priori {} {}", kind, numbers, unit))
+    return said
 
 
 def _middles(found: OffsetTests) -> list[Line]:

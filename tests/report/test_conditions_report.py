@@ -183,7 +183,7 @@ def test_an_unknown_point_is_refused_with_file_and_line(folder, row, capsys) -> 
     path.write_text(f"{path.read_text()}{row}\n")
     assert main(["adjust", str(folder)]) == 2
     said = capsys.readouterr().err
-    assert "conditions.csv:3: unknown point 'q8'" in said
+    assert "conditions.csv line 3: unknown point 'q8'" in said
     assert said.count("\n") == 1
 
 

@@ -106,7 +106,7 @@ def test_options_and_block_toml_say_the_same(folder, tmp_path, capsys) -> None:
     assert plain["redundancy"] == got["redundancy"] + 15
 
 
-def test_what_is_weighted_is_an_observation_among_the_priors(folder, capsys) -> None:
+def test_what_is_weighted_is_an_observation_among_the_priors(folder, capsys, tmp_path) -> None:
     weighted = ["--gnss-shift", "strip", "--gnss-shift-sigma", "2"]
     weighted += ["--imu-boresight", "block", "--imu-boresight-sigma", "1"]
     got = answer(capsys, str(folder), *weighted)
@@ -124,6 +124,16 @@ def test_what_is_weighted_is_an_observation_among_the_priors(folder, capsys) -> 
     search = anaplot.find_gross_errors(folder, gnss_shift="strip", gnss_shift_sigma=2.0)
     rows = search.result.block.prior_rows()
     assert any(row.key == ("prior", "2", "shift Y") for row in rows)
+    offsets = search.result.block.problem.block.offsets
+    assert offsets is not None
+    block = read_block(folder)
+    said = tmp_path / "said"
+    said.mkdir()
+    write_block(said, replace(block, offsets=offsets))
+    assert main(["adjust", str(said)]) == 0
+    assert "  the shift is weighted: a priori 2, 2, 2 m\n" in capsys.readouterr().out
+    assert main(["adjust", str(said), "--gnss-shift-sigma", "none"]) == 0
+    assert "  the shift is free\n" in capsys.readouterr().out
     free = answer(capsys, str(folder), "--gnss-shift", "strip", "--imu-boresight", "block")
     assert free["redundancy"] == got["redundancy"] - 9
     assert free["sigma0"] == pytest.approx(got["sigma0"], rel=0.1)
@@ -169,3 +179,19 @@ def test_without_control_a_free_shift_ends_with_4(folder, tmp_path, capsys) -> N
     assert "but for the unknown shift" in error
     assert error.count("\n") == 1
     assert main(["adjust", str(bare)]) == 0  # the positions alone
+
+
+def test_a_rejected_position_says_how_it_is_taken_out(folder, capsys, tmp_path) -> None:
+    block = read_block(folder)
+    first = block.photos[0]
+    assert first.position is not None
+    x, y, z = first.position
+    wrong = replace(first, position=(x + 40.0, y, z))
+    write_block(tmp_path, replace(block, photos=(wrong, *block.photos[1:])))
+    options = ["--gnss-shift", "strip", "--imu-boresight", "block", "--errors", "baarda", "--apply"]
+    assert main(["adjust", str(tmp_path), *options]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "nothing is written of them; take" in said
+    assert f"position_sigma of photo '{first.id}'" in said
+    assert "out of block.toml" in said
+    assert "use = off" not in said
