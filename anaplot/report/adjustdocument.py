@@ -294,12 +294,16 @@ def _summary(
     return [*lines, *_others_flagged(block), *_spurs(block)]
 
 
+def _others(block: AdjustedBlock) -> list[tuple[float, str, str]]:
+    return [one for one in block.flagged_observations() if one[2] != "image"]
+
+
 def _others_flagged(block: AdjustedBlock) -> list[Line]:
     """Say what is flagged beside image coordinates."""
-    others = [(w, what) for w, what, kind in block.flagged_observations() if kind != "image"]
+    others = _others(block)
     if not others:
         return []
-    some = [say("{} (w {:.2f})", what, w) for w, what in others[:_FEW]]
+    some = [say("{} (w {:.2f})", what, w) for w, what, _ in others[:_FEW]]
     head = f"  {counted(len(others), 'other observation')} {'is' if len(others) == 1 else 'are'}"
     return [say("{} flagged: {}", head, named(some)).of("look")] + (
         [say("    and {} more in the tables", len(others) - _FEW)] if len(others) > _FEW else []
@@ -353,6 +357,8 @@ def _suspects(
 ) -> list[Block]:
     """Say what is flagged, what to remeasure first, and which ray of a point is the wrong one."""
     first = suspects[0]
+    # wrong control bends the rays about it
+    worst = next(((what, w) for w, what, kind in _others(block) if w > abs(first.w)), None)
     lines = [
         say("    {}  point {}  {}  w {:.2f}  r {:.3f}", _photo(one.where), one.point,
             one.where.axis, one.w, one.r)
@@ -362,8 +368,14 @@ def _suspects(
     points = list(dict.fromkeys(one.point for one in suspects))
     return [
         say(
-            "  {} flagged; remeasure {} in {} ({}) first:",
+            "  {} flagged; "
+            + (
+                "remeasure {} in {} ({}) first:"
+                if worst is None
+                else "look at {} (w {:.2f}) first, then at {} in {} ({}):"
+            ),
             counted(int(block.flagged.sum()), "image coordinate"),
+            *(worst or ()),
             first.point,
             _photo(first.where),
             first.where.axis,

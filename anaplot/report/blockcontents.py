@@ -51,6 +51,8 @@ class BlockContents(NamedTuple):
         Points with a ray that counts, and how many of them have one only.
     control, check, conditions
         How many there are.
+    positions, angles
+        Photos with a prior of their position, or of their angles.
     cameras
         Cameras that took a photo.
     in_pixels
@@ -66,6 +68,8 @@ class BlockContents(NamedTuple):
     control: int
     check: int
     conditions: int
+    positions: int
+    angles: int
     cameras: tuple[CameraContents, ...]
     in_pixels: bool
 
@@ -89,6 +93,8 @@ def contents_of(block: Block) -> BlockContents:
         sum(row.use == "control" for row in block.control),
         sum(row.use == "check" for row in block.control),
         sum(row.use == "control" for row in block.conditions),
+        sum(photo.position_sigma is not None for photo in block.photos),
+        sum(photo.rotation_sigma is not None for photo in block.photos),
         tuple(CameraContents(c, photos_of[c.id]) for c in block.cameras if photos_of[c.id]),
         block.in_pixels,
     )
@@ -107,6 +113,8 @@ def contents_answer(found: BlockContents) -> Answer:
         "control": found.control,
         "check": found.check,
         "conditions": found.conditions,
+        "position_priors": found.positions,
+        "rotation_priors": found.angles,
         "in_pixels": found.in_pixels,
         "cameras": [
             {
@@ -141,6 +149,8 @@ def contents_lines(found: BlockContents) -> list[Line]:
         counted(found.control, "control point") if found.control else "no control",
         *([counted(found.check, "check point")] if found.check else []),
         *([counted(found.conditions, "condition")] if found.conditions else []),
+        *([f"priors of {counted(found.positions, 'position')}"] if found.positions else []),
+        *([f"priors of the angles of {counted(found.angles, 'photo')}"] if found.angles else []),
     ]
     lines.append(say("{}", ", ".join(control)))
     lines.append(

@@ -54,7 +54,7 @@ def _lines(page: ControlPage) -> list[Block]:
     if page.without is not None:
         lines += _without(page.without)
     elif page.use == "control":
-        lines.append(say("    without it nothing would check what it holds"))
+        lines.append(say("    without it the block, or the point itself, is not determined"))
     if page.use == "check":
         lines.append(say("    off by {}", _with_sigmas(page.difference, page.s)))
     for ray in page.rays:

@@ -14,11 +14,27 @@ from anaplot.bundle.solve.problem import Datum
 from anaplot.errors import InputError
 from anaplot.photogrammetry.block import Block
 from anaplot.photogrammetry.prioroffsets import PriorOffsets
-from anaplot.report.document import BLANK, Column, Document, Line, for_programs, name, say, table
+from anaplot.report.document import (
+    BLANK,
+    Answer,
+    Column,
+    Document,
+    Line,
+    for_programs,
+    name,
+    say,
+    table,
+)
 from anaplot.report.document import Block as PageBlock
 from anaplot.report.verdicts import TEST_HEAD, labelled, probability, verdict_cells, verdict_json
 
-__all__ = ["offsets_document", "with_offset_advice", "with_offsets"]
+__all__ = [
+    "offset_advice_json",
+    "offset_advice_lines",
+    "offsets_document",
+    "with_offset_advice",
+    "with_offsets",
+]
 
 _OPTIONS = {"shift": "--gnss-shift", "drift": "--gnss-drift", "boresight": "--imu-boresight"}
 _Asked = tuple[str | None, float | None]
@@ -74,7 +90,13 @@ def with_offset_advice(document: Document, found: Sequence[OffsetAdvice]) -> Doc
     """Return a document that ends with the offsets its block should have, where there are any."""
     if not found:
         return document
-    lines = [
+    answer = document.answer | {"offsets_advised": offset_advice_json(found)}
+    return replace(document, answer=answer, page=(*document.page, *offset_advice_lines(found)))
+
+
+def offset_advice_lines(found: Sequence[OffsetAdvice]) -> list[Line]:
+    """Return for people which offsets a block should have."""
+    return [
         say(
             "note: stated {} are off by the same: with {} {} v'Pv falls by about {:.4g} of {:.4g} "
             "({} unknowns, P {})",
@@ -88,7 +110,11 @@ def with_offset_advice(document: Document, found: Sequence[OffsetAdvice]) -> Doc
         ).of("remark")
         for one in found
     ]
-    advised = [
+
+
+def offset_advice_json(found: Sequence[OffsetAdvice]) -> list[Answer]:
+    """Return it for programs."""
+    return [
         {
             "option": f"{_OPTIONS[one.kind]} {one.scope}",
             **{key: value for key, value in one._asdict().items() if key != "test"},
@@ -96,8 +122,6 @@ def with_offset_advice(document: Document, found: Sequence[OffsetAdvice]) -> Doc
         }
         for one in found
     ]
-    answer = document.answer | {"offsets_advised": advised}
-    return replace(document, answer=answer, page=(*document.page, *lines))
 
 
 _COLUMNS = (

@@ -35,6 +35,7 @@ from anaplot.report.document import (
 from anaplot.report.document import Block as Part
 from anaplot.report.journalnote import journal_answer
 from anaplot.report.lengthunits import with_lengths_of
+from anaplot.report.offsets import offset_advice_json, offset_advice_lines
 from anaplot.report.output import Output
 from anaplot.report.stabilizing import stabilizing_json, stabilizing_lines
 from anaplot.session.blockaccidents import block_accidents
@@ -218,6 +219,8 @@ def status_document(
         page.append(say("  and {} more to look at", len(spots) - _MOST_SPOTS).of("look"))
     page += unchecked_line(status.accidents)
     page += _weak_lines(status.block, bool(rows))
+    if status.block is not None:
+        page += offset_advice_lines(status.block.offsets)
     page += [say("remark: {}", remark).of("remark") for remark in remarks]
     page.append(_next_line(status.next).of("heading"))
     return Document(answer, tuple(page), (models, suspects))
@@ -265,6 +268,8 @@ def _block(view: BlockView | None, suspects: object) -> Answer | None:
         "sigma0": view.sigma0,
         "flagged": flagged,
         "suspects": suspects,
+        "flagged_others": [one._asdict() for one in view.others],
+        "offsets_advised": offset_advice_json(view.offsets),
         "weak_photos": list(view.weak),
         "stabilizing": stabilizing_json(view.stabilizing),
         "stabilizing_left_out": _left_out(view),
@@ -296,6 +301,7 @@ def _block_line(view: BlockView | None) -> Line:
     if not view.solved:
         return say("block: {}", view.remark).of("look")
     flagged = sum(len(point.flagged) for point in view.suspects)
+    others = counted(len(view.others), "other observation")
     return say(
         "block: {photos} photos, {points} points, {rays} rays, datum {datum}, "
         "sigma0 {sigma0_um:.2f|um|none}, {flagged} flagged",
@@ -305,7 +311,7 @@ def _block_line(view: BlockView | None) -> Line:
         datum=view.datum,
         sigma0_um=view.sigma0_um,
         flagged=flagged,
-    )
+    ) + (say(" and {}", others) if view.others else "")
 
 
 def _next_line(step: NextStep) -> Line:

@@ -8,10 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from anaplot.bundle.errors.suspects import ImageCoordinate, likeliest_suspects
+from anaplot.bundle.hypotheses.offsetadvice import offset_advice
 from anaplot.bundle.live import LiveAnswer
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.planning.stabilizing import as_recorded, stabilizing_sets, weak_ones
-from anaplot.station.blockview import BlockView, FlaggedCoordinate, SuspectedPoint, SuspectedRay
+from anaplot.station.blockview import (
+    BlockView,
+    FlaggedCoordinate,
+    FlaggedObservation,
+    SuspectedPoint,
+    SuspectedRay,
+)
 from anaplot.station.modeltables import measured_in_files
 
 __all__ = ["view_of"]
@@ -32,7 +39,8 @@ def view_of(
         Points flagged in the answer before, each with the newest model of the block when it was
         first flagged; None when there was no answer before: then nothing counts as new.
     most_weak
-        For how many weak photos at most the points are found that would help them.
+        For how many weak photos at most the points are found that would help them; without any
+        the offsets that the block should have are not looked for either.
     """
     adjusted = answer.adjusted
     problem, test = adjusted.problem, adjusted.problem.test
@@ -57,6 +65,12 @@ def view_of(
         aside=answer.aside,
         weak=weak,
         stabilizing=sets,
+        others=tuple(
+            FlaggedObservation(kind, what, w)
+            for w, what, kind in adjusted.flagged_observations()
+            if kind != "image"
+        ),
+        offsets=tuple(offset_advice(adjusted)) if most_weak else (),
     )
 
 

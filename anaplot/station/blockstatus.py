@@ -14,7 +14,7 @@ from anaplot.session.modelstate import ModelState
 from anaplot.session.recomputed import Recomputed, recomputed_models
 from anaplot.session.state import SessionState
 from anaplot.session.workflow import Outlook, outlook
-from anaplot.station.blockview import SURE, BlockView, percent
+from anaplot.station.blockview import SURE, BlockView, FlaggedObservation, percent
 from anaplot.station.modeltables import measured_in_files
 from anaplot.station.returnadvice import surely_wrong
 
@@ -28,6 +28,7 @@ __all__ = [
     "WeakSpot",
     "coverage_of",
     "following",
+    "is_held",
     "standing",
     "status_of",
     "suspected_models",
@@ -232,15 +233,24 @@ class BlockStatus:
         )
 
 
+def _other(one: FlaggedObservation) -> WeakSpot:
+    return WeakSpot("", f"{one.what}: w {one.w:.2f}")
+
+
 def _of_block(view: BlockView | None) -> Iterator[WeakSpot]:
     if view is None:
         return
+    others = list(view.others)
     for point in view.suspects:
+        # wrong control bends the rays about it, and stands before them
+        while others and others[0].w > abs(point.flagged[0].w):
+            yield _other(others.pop(0))
         accused = point.accused
         where = "" if accused.model is None else f" (model {accused.model})"
         chance = percent(accused.probability)
         words = f"point {point.point} in photo {accused.photo}{where}: {chance}"
         yield WeakSpot(accused.model or "", words)
+    yield from map(_other, others)
     if view.aside:
         shown = ", ".join(view.aside[:8]) + (", ..." if len(view.aside) > 8 else "")
         yield WeakSpot("", f"not connected yet: photos {shown}")
@@ -279,18 +289,18 @@ def status_of(
     opened = next((m.name for strip in strips for m in strip.models if m.state == "open"), "")
     measured = bool(block.image_points)
     if state is not None and ahead is not None:
-        step = following(opened, measured, view, folder, state, ahead)
+        step = following(opened, measured, view, folder, state, ahead, held=is_held(block))
     elif (photo := _wrong_photo(block, accidents)) is not None:
         step = NextStep("return", f"anaplot open {folder}", *photo)
     elif accidents.surest is not None:
         wrong = accidents.surest
         step = NextStep("return", f"anaplot open {folder}", wrong.model, point=wrong.accident.point)
     else:
-        step = following(opened, measured, view, folder, held=_held(block))
+        step = following(opened, measured, view, folder, held=is_held(block))
     return BlockStatus(strips, recomputed, view, coverage_of(block), step, accidents)
 
 
-def _held(block: Block) -> bool:
+def is_held(block: Block) -> bool:
     """Return whether anything says where the block lies, enough of it or not."""
     return (
         any(row.use == "control" for row in block.control)

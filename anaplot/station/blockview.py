@@ -6,9 +6,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
+    from anaplot.bundle.hypotheses.offsetadvice import OffsetAdvice
     from anaplot.planning.stabilizing import StabilizingSet
 
-__all__ = ["SURE", "BlockView", "FlaggedCoordinate", "SuspectedPoint", "SuspectedRay", "percent"]
+__all__ = [
+    "SURE",
+    "BlockView",
+    "FlaggedCoordinate",
+    "FlaggedObservation",
+    "SuspectedPoint",
+    "SuspectedRay",
+    "percent",
+]
 
 SURE = 0.99
 """From this probability on a suspected measurement is to be looked at."""
@@ -39,6 +48,24 @@ class FlaggedCoordinate(NamedTuple):
     axis: str
     w: float
     r: float
+
+
+class FlaggedObservation(NamedTuple):
+    """Control, a prior, a condition or a parameter that the block's test rejects.
+
+    Attributes
+    ----------
+    kind
+        "control", "point prior", "prior", "condition" or "parameter".
+    what
+        In words: "Z of control point 4".
+    w
+        Absolute standardized residual.
+    """
+
+    kind: str
+    what: str
+    w: float
 
 
 class SuspectedRay(NamedTuple):
@@ -135,6 +162,10 @@ class BlockView:
         of which a model is still to be measured.
     stabilizing
         Points that would help the weakest of them most.
+    others
+        What is flagged beside image coordinates, the largest w first.
+    offsets
+        Which offsets of its positions and angles measured in flight the block should have.
     """
 
     after: str
@@ -157,6 +188,8 @@ class BlockView:
     remark: str = ""
     weak: tuple[str, ...] = ()
     stabilizing: tuple[StabilizingSet, ...] = ()
+    others: tuple[FlaggedObservation, ...] = ()
+    offsets: tuple[OffsetAdvice, ...] = ()
 
     @property
     def solved(self) -> bool:

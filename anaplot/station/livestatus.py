@@ -16,6 +16,7 @@ from anaplot.station.blockstatus import (
     StripStatus,
     coverage_of,
     following,
+    is_held,
     standing,
     suspected_models,
     waiting,
@@ -102,7 +103,8 @@ class LiveStatus:
             if waits is not None:
                 strips = tuple(_with_waiting(strip, waits) for strip in strips)
         opened = "" if ahead.next_model is None else "/".join(ahead.next_model[1:])
-        step = following(opened, bool(block.image_points), view, self._folder, state, ahead)
+        measured, held = bool(block.image_points), is_held(block)
+        step = following(opened, measured, view, self._folder, state, ahead, held=held)
         return BlockStatus(strips, recomputed, view, self._coverage, step)
 
     def _strip(

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from anaplot.cli import main
@@ -97,6 +98,54 @@ def test_with_control_the_datum_is_no_longer_free(
     found = json.loads(capsys.readouterr().out)
     assert found["contents"]["control"] == 4
     assert found["next"]["command"] == f"anaplot adjust {tmp_path / 'b'}"
+
+
+def test_wrong_control_stands_before_the_rays_that_it_bends(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_block(tmp_path / "b", read_block(folder))
+    places = {str(n): np.array(at) for n, at in list(sample().points.items())[:8]}
+    places["3"] = places["3"] + [0.5, 0.0, 0.0]
+    sigma = (0.001,) * 3
+    write_control(
+        tmp_path / "b", [ControlPoint(n, tuple(at.tolist()), sigma) for n, at in places.items()]
+    )
+    capsys.readouterr()
+    assert main(["status", str(tmp_path / "b"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["block"]
+    first = found["flagged_others"][0]
+    assert (first["kind"], first["what"]) == ("control", "X of control point 3")
+    assert main(["status", str(tmp_path / "b")]) == 0
+    page = capsys.readouterr().out
+    looks = [line for line in page.splitlines() if line.startswith("  look: ")]
+    assert looks[0] == f"  look: X of control point 3: w {first['w']:.2f}"
+    assert f"flagged and {len(found['flagged_others'])} other observation" in page
+    assert main(["adjust", str(tmp_path / "b")]) == 0
+    page = capsys.readouterr().out
+    assert f"flagged; look at X of control point 3 (w {first['w']:.2f}) first, then at" in page
+
+
+def test_positions_that_are_priors_are_told(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All lie 5 m east of where they are: they are off by the same."""
+    block = read_block(folder)
+    photos = [
+        replace(photo, position=(photo.position[0] + 5.0, *photo.position[1:]),
+                position_sigma=(0.01,) * 3)
+        for photo in block.photos
+    ]  # fmt: skip
+    write_block(tmp_path / "b", replace(block, photos=tuple(photos)))
+    assert main(["status", str(tmp_path / "b"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["contents"]["position_priors"] == 6
+    assert main(["status", str(tmp_path / "b")]) == 0
+    assert "no control, priors of 6 positions\n" in capsys.readouterr().out
+    held = [ControlPoint(str(n), at, (0.01,) * 3) for n, at in list(sample().points.items())[:8]]
+    write_control(tmp_path / "b", held)
+    assert main(["status", str(tmp_path / "b"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["block"]["offsets_advised"][0]["kind"] == "shift"
+    assert main(["status", str(tmp_path / "b")]) == 0
+    assert "with --gnss-shift block" in capsys.readouterr().out
 
 
 def test_a_block_that_cannot_be_adjusted_is_free_all_the_same(
