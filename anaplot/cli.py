@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from anaplot.console.terminal import need_terminal
-from anaplot.errors import AnaplotError, InputError
+from anaplot.errors import AnaplotError, InputError, NotComputableError
 from anaplot.report.adjustarguments import (
     add_adjust_arguments,
     add_apply_arguments,
@@ -575,6 +575,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain(str(error))
         drop_output()
         return error.exit_code
+    except MemoryError:
+        complain("this needs more memory than there is")
+        drop_output()
+        return NotComputableError.exit_code
     except KeyboardInterrupt:
         complain("interrupted")
         drop_output()

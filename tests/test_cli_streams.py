@@ -87,6 +87,15 @@ runpy.run_module("anaplot", run_name="__main__")
     one_line(result, 130, "interrupted")
 
 
+def test_too_little_memory_is_one_line(capsys, monkeypatch) -> None:
+    def too_much(**_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(patterncomparison, "planned_pattern", too_much)
+    assert main(PATTERN) == 4
+    assert capsys.readouterr().err == "anaplot: this needs more memory than there is\n"
+
+
 def test_an_interrupt_while_working_is_one_line(capsys, monkeypatch) -> None:
     def interrupted(**_: object) -> None:
         raise KeyboardInterrupt

@@ -48,6 +48,9 @@ _WANTED: Final = {
 }
 
 
+_MOST_KEPT = 100_000  # photos, or control points: their elements are kept, some kB each
+
+
 class _Measured(NamedTuple):
     """A tie or control point's measurements: a file has millions of them.
 
@@ -162,6 +165,7 @@ def _gathered(source: Path) -> _Found:
     found = _Found()
     photos: list[Element] = []
     ids: list[tuple[Element, str]] = []
+    many = 0
     for one in elements(source, ROOT, _WANTED.values()):
         if one.name == "SRS":
             found.systems[one.needed("Id")] = one.value("Definition") or ""
@@ -170,6 +174,9 @@ def _gathered(source: Path) -> _Found:
         elif one.name == "SRSId":
             ids.append((one, one.text.strip()))
         elif one.name == "Photo":
+            many += 1
+            if many > _MOST_KEPT:
+                raise one.at.fail(f"more than {_MOST_KEPT} Photos")
             photos.append(one)
         elif one.name == "Photogroup":
             name = _camera_name(one, found)
@@ -177,6 +184,8 @@ def _gathered(source: Path) -> _Found:
             ids += _own_system(one)
             photos = []
         elif one.name == "ControlPoint":
+            if len(found.control) >= _MOST_KEPT:
+                raise one.at.fail(f"more than {_MOST_KEPT} ControlPoints")
             found.control.append(one)
             ids += _own_system(one)
         else:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import hypot, isfinite, sqrt
 from pathlib import Path
-from typing import Final, cast
+from sys import intern
+from typing import Final, TypeAlias, cast
 
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import format_camera
@@ -63,6 +64,8 @@ _FILES: Final = ("control", "check", "cameras")
 _USES: Final = ("xy", "x", "y", "off")
 _ORDERS: Final = ("corner", "pixel-centre", "middle", "up", "down")
 _SHOWN: Final = 2  # rows
+
+_Called: TypeAlias = tuple[SourceLine, str, str]  # a photo and its camera
 
 
 def recognises(source: Path) -> bool:
@@ -133,20 +136,18 @@ def read(source: Path, options: ImportOptions) -> Imported:
             raise InputError(
                 f"--with {plain(key, 60)}: neither of {', '.join(_FILES)}, camera:NAME"
             )
-    table = open_columns(source, _COLUMNS, ("photo", "point", "x", "y"), _BARE, options.columns)
+    photos, given = _photos(_opened(source, options))
+    table = _opened(source, options)
     axes, notes = _axes(table, options)
-    rows = [(line, dict(zip(table.titles, fields, strict=True))) for line, fields in table.rows]
-    if not rows:
+    if not photos:
         raise InputError(f"{plain(str(source), 400)}: no row")
-    photos = dict.fromkeys(row["photo"] for _, row in rows)
-    called = _cameras_of(rows, options.files.get("cameras"), photos)
+    called = _cameras_of(given, options.files.get("cameras"), photos)
     cameras, of_photo, said = _cameras(options, called, photos, pixels=axes.pixels)
     first = next(iter(cameras.values()))
-    rays, more = _rays(table, rows, axes, of_photo)
+    rays, shown, more = _rays(table, axes, of_photo)
     points, lost = image_points_of(rays, of_photo, pixels=axes.pixels)
     notes = (*table.notes(), *notes)
     ground, told = read_ground(options.files)
-    shown = _shown(rows, rays, axes)
     swapped = _swapped(table, photos, rays)
     image_um, precision = _precision(options, first, table, pixels=axes.pixels)
     known = {point.photo for point in points}
@@ -207,12 +208,32 @@ def _axes(table: ColumnTable, options: ImportOptions) -> tuple[_Axes, tuple[Note
     return _Axes(pixels, 0.001 if unit == "um" else 1.0, origin, up), tuple(notes)
 
 
+def _opened(source: Path, options: ImportOptions) -> ColumnTable:
+    return open_columns(source, _COLUMNS, ("photo", "point", "x", "y"), _BARE, options.columns)
+
+
+def _rows(table: ColumnTable) -> Iterator[tuple[SourceLine, dict[str, str]]]:
+    for line, fields in table.rows:
+        yield line, dict(zip(table.titles, fields, strict=True))
+
+
+def _photos(table: ColumnTable) -> tuple[dict[str, None], list[_Called]]:
+    """Return the photos of a table, and what it calls their cameras; rows are not kept."""
+    photos: dict[str, None] = {}
+    given: dict[tuple[str, str], _Called] = {}
+    for line, row in _rows(table):
+        photos[row["photo"]] = None
+        key = row["photo"], row.get("camera", "")
+        if key[1] and key not in given:
+            given[key] = line, *key
+    return photos, list(given.values())
+
+
 def _cameras_of(
-    rows: list[tuple[SourceLine, dict[str, str]]], path: Path | None, photos: Mapping[str, None]
+    given: list[_Called], path: Path | None, photos: Mapping[str, None]
 ) -> dict[str, str]:
     """Return what photos call their cameras; nothing where no file says it."""
     found: dict[str, str] = {}
-    given = [(line, row["photo"], row["camera"]) for line, row in rows if row.get("camera")]
     if path is not None:
         bare = {2: ("photo", "camera")}
         table = open_columns(path, _OF_PHOTO, ("photo", "camera"), bare, None)
@@ -241,16 +262,19 @@ def _cameras(
 
 
 def _rays(
-    table: ColumnTable,
-    rows: list[tuple[SourceLine, dict[str, str]]],
-    axes: _Axes,
-    of_photo: Mapping[str, Camera],
-) -> tuple[list[MeasuredRay], tuple[Note, ...]]:
-    rays = []
+    table: ColumnTable, axes: _Axes, of_photo: Mapping[str, Camera]
+) -> tuple[list[MeasuredRay], tuple[Note, ...], tuple[Note, ...]]:
+    """Return rays, how the first rows were read, and what was changed."""
+    rays: list[MeasuredRay] = []
+    lines: list[SourceLine] = []
     uneven = 0
-    for line, row in rows:
-        photo = line.name_of(row["photo"], "photo")
-        point = line.name_of(row["point"], "point")
+    for line, row in _rows(table):
+        photo = intern(line.name_of(row["photo"], "photo"))
+        point = intern(line.name_of(row["point"], "point"))
+        if photo not in of_photo:
+            raise line.fail("the file has changed while it was read")
+        if len(lines) < _SHOWN:
+            lines.append(line)
         use = row.get("use") or "xy"
         if use not in _USES:
             raise line.fail(f"use must be one of {', '.join(_USES)}, not {quoted(use)}")
@@ -264,10 +288,11 @@ def _rays(
         if reason is not None and (not reason.isprintable() or len(reason) > 1000):
             raise line.fail("the reason is no text of one line")
         rays.append(MeasuredRay(photo, point, x, y, sigma, cast("Use", use), reason))
+    shown = _shown(lines, rays, axes)
     if not uneven:
-        return rays, ()
+        return rays, shown, ()
     text = "rays with different sigmas in x and y: both count with their quadratic mean"
-    return rays, (Note("changed", uneven, text),)
+    return rays, shown, (Note("changed", uneven, text),)
 
 
 def _sigma(
@@ -313,9 +338,7 @@ def _precision(
     return um, (Note("assumed", None, text),)
 
 
-def _shown(
-    rows: list[tuple[SourceLine, dict[str, str]]], rays: list[MeasuredRay], axes: _Axes
-) -> tuple[Note, ...]:
+def _shown(lines: list[SourceLine], rays: list[MeasuredRay], axes: _Axes) -> tuple[Note, ...]:
     """Return how the first rows were read."""
     unit = "px from the upper left corner, down" if axes.pixels else "mm, up"
     return tuple(
@@ -325,7 +348,7 @@ def _shown(
             f"line {line.number} is photo {quoted(ray.photo)}, point {quoted(ray.point)}, "
             f"x {ray.x:.10g}, y {ray.y:.10g} ({unit})",
         )
-        for (line, _), ray in zip(rows[:_SHOWN], rays, strict=False)
+        for line, ray in zip(lines, rays, strict=False)
     )
 
 

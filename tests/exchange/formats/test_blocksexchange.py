@@ -352,3 +352,17 @@ def test_a_cut_file_is_an_error_wherever_it_is_cut(tmp_path: Path, scene: Tilted
         file.write_text(text[:at])
         with pytest.raises(InputError):
             read(file)
+
+
+def test_more_photos_than_are_kept_are_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("anaplot.exchange.formats.blocksexchange._MOST_KEPT", 2)
+    file = tmp_path / "many.xml"
+    photos = "<Photo><Id>1</Id></Photo>\n" * 3
+    file.write_text(
+        "<BlocksExchange><Block><Photogroups><Photogroup>\n"
+        f"{photos}</Photogroup></Photogroups></Block></BlocksExchange>"
+    )
+    with pytest.raises(InputError, match=r"line 4: more than 2 Photos"):
+        blocksexchange.read(file, ImportOptions())
