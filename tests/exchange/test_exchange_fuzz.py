@@ -104,7 +104,7 @@ def test_any_bytes_anywhere(folder, data):
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
+@settings(max_examples=200)
 @given(damaged(TOML))
 def test_a_damaged_toml(folder, data):
     block = read(folder, data, POINTS, CONTROL)
@@ -117,7 +117,7 @@ def test_a_damaged_toml(folder, data):
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
+@settings(max_examples=200)
 @given(damaged(POINTS), damaged(CONTROL))
 def test_damaged_tables(folder, points, control):
     for block in (read(folder, TOML, points, CONTROL), read(folder, TOML, POINTS, control)):
@@ -129,7 +129,7 @@ def test_damaged_tables(folder, points, control):
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
+@settings(max_examples=200)
 @given(
     st.binary(max_size=200)
     | st.text(max_size=100).map(str.encode)

@@ -241,7 +241,7 @@ def test_any_bytes_are_a_profile_or_an_input_error(raw):
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
+@settings(max_examples=300)
 @given(st.data())
 def test_a_damaged_profile_is_a_profile_or_an_input_error(data):
     raw = bytearray(data.draw(st.sampled_from(SOURCES)))
@@ -278,7 +278,7 @@ TOKENS = st.sampled_from(
 
 
 @pytest.mark.slow
-@settings(max_examples=200)
+@settings(max_examples=400)
 @given(st.sampled_from(SOURCES), st.integers(0, 10_000), TOKENS)
 def test_a_value_of_another_type_is_refused_or_taken_never_a_crash(raw, number, token):
     lines = raw.decode().splitlines()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from sessionscene import Scene
 
@@ -205,6 +205,7 @@ class Draft:
         max_size=150,
     )
 )
+@settings(max_examples=150)
 def test_what_holds_in_every_state(steps: list[Draft]) -> None:
     state = SCENE.start
     events: list[Event] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from sessionscene import Scene
 
@@ -131,6 +131,7 @@ def played(steps: list[Draft]) -> tuple[list[Event], list[SessionState]]:
 
 
 @given(drafts)
+@settings(max_examples=120)
 def test_the_fold_of_what_was_accepted_is_the_state(steps: list[Draft]) -> None:
     events, states = played(steps)
     assert fold(SCENE.start, events) == states[-1]
@@ -140,6 +141,7 @@ def test_the_fold_of_what_was_accepted_is_the_state(steps: list[Draft]) -> None:
 
 
 @given(drafts)
+@settings(max_examples=120)
 def test_undo_is_the_exact_inverse_and_undoing_all_gives_the_start(steps: list[Draft]) -> None:
     events, states = played(steps)
     for before, event, after in zip(states, events, states[1:], strict=False):
@@ -159,6 +161,7 @@ def test_undo_is_the_exact_inverse_and_undoing_all_gives_the_start(steps: list[D
 
 
 @given(drafts)
+@settings(max_examples=60)
 def test_what_holds_in_every_state(steps: list[Draft]) -> None:
     _, states = played(steps)
     models = SCENE.block.strips[0].models()
