@@ -288,8 +288,10 @@ def parameter_table(block: AdjustedBlock) -> Table:
 
 
 _IMAGE_POINTS = (
-    *for_programs("photo", "point", "model", "vx_um", "vy_um", "rx", "ry", "wx", "wy"),
-    *for_programs("mdb_x_um", "mdb_y_um"),
+    *for_programs("photo", "point", "model"),
+    *for_programs("vx_um", "vy_um", unit="um"),
+    *for_programs("rx", "ry", "wx", "wy"),
+    *for_programs("mdb_x_um", "mdb_y_um", unit="um"),
     *for_programs("effect_x", "effect_y", unit="m", parts=_XYZ),
     *for_programs("largest_effect_x", unit="m", parts=_XYZ),
     *for_programs("largest_effect_at_x", "standardized_effect_x"),

@@ -45,14 +45,18 @@ def _chosen(kind: str, source: Path | None) -> tuple[Format, Path]:
         source = Path(kind)
         if kind in FORMATS and not os.path.lexists(source):
             raise InputError(f"import {kind}: SOURCE is missing")
-        chosen = recognised(source)
-    else:
-        chosen = format_of(kind)
+        _check_there(source)
+        return recognised(source), source
+    chosen = format_of(kind)
     if not chosen.reads:
         raise InputError(f"{chosen.kind}: is written only ({chosen.title})")
+    _check_there(source)
+    return chosen, source
+
+
+def _check_there(source: Path) -> None:
     if not os.path.lexists(source):
         raise InputError(f"{place(source)}: no such file or folder")
-    return chosen, source
 
 
 def imported_document(chosen: Format, folder: Path, found: Imported) -> Document:

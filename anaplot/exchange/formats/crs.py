@@ -32,9 +32,11 @@ __all__ = ["DEGREES", "CoordinateSystem", "GroundFrame", "crs_text", "local_syst
 DEGREES = "EPSG:4326"
 
 _MOST = 255  # characters of a system's text
-_NUMBER = re.compile(r"(EPSG|ESRI):[0-9]{1,6}(\+[0-9]{1,6})?", re.IGNORECASE)
+_NUMBER = re.compile(r"(EPSG|ESRI)[: ] ?([0-9]{1,6}(?:\+[0-9]{1,6})?)", re.IGNORECASE)
 _UTM = re.compile(r"WGS\s?84\s+UTM\s+([0-9]{1,2})\s?([NS])", re.IGNORECASE)
 _TOKEN = re.compile(r"\+([a-z_0-9]+)(=[-+.,\w]+)?", re.ASCII)
+_LENGTHS = {1.0: "m", 0.3048: "ft", 0.304800610: "us-ft"}
+_ANGLES = {round(np.pi / 180.0, 9): "deg", round(np.pi / 200.0, 9): "gon"}
 # what reads files, or is no coordinate system
 _REFUSED = {"nadgrids", "geoidgrids", "grids", "init", "xy_grids", "z_grids", "step", "file"}
 
@@ -55,8 +57,9 @@ def crs_text(text: str) -> str:
     words = " ".join(text[: _MOST + 1].split())
     if len(text) > _MOST:
         raise InputError(f"a coordinate system of more than {_MOST} characters: {quoted(words)}")
-    if _NUMBER.fullmatch(words):
-        return words.upper()
+    number = _NUMBER.fullmatch(words)
+    if number is not None:
+        return f"{number[1].upper()}:{number[2]}"
     if re.fullmatch(r"WGS\s?84", words, re.IGNORECASE):
         return DEGREES
     utm = _UTM.fullmatch(words)
@@ -177,6 +180,15 @@ class CoordinateSystem:
         lon, lat = self.degrees(xyz[None])[0, :2].tolist()
         factors = _pyproj().Proj(self._horizontal).get_factors(lon, lat)
         return float(np.sqrt(abs(factors.areal_scale)))
+
+    def units(self) -> tuple[str, str]:
+        """Return the units of coordinates and of heights; "" of a rare one."""
+        up = _LENGTHS.get(round(self.height_m, 9), "")
+        if self.kind == "geographic":
+            return _ANGLES.get(round(self._unit, 9), ""), up
+        if self.kind == "geocentric":
+            return "m", "m"
+        return _LENGTHS.get(round(self._horizontal.axis_info[0].unit_conversion_factor, 9), ""), up
 
     def as_map(self) -> None:
         """Refuse what cannot be taken as it is: an offset frame has metres, east, north and up."""

@@ -23,13 +23,22 @@ from anaplot.exchange.formats.sourcelines import SourceLine, source_lines
 from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.textfiles.wording import place, quoted
 
-__all__ = ["GCP_LIST", "GcpList", "GcpRow", "PlacedControl", "place_control", "read_gcp_list"]
+__all__ = [
+    "GCP_LIST",
+    "GcpList",
+    "GcpRow",
+    "PlacedControl",
+    "elsewhere_note",
+    "place_control",
+    "read_gcp_list",
+]
 
 GCP_LIST = "gcp_list.txt"
 _MAX_BYTES = 50_000_000
 _EXAMPLES = 4
 _HIGHEST = 1e5  # m, of control on the ground
 _FAR = 50_000.0  # m, from the images' origin
+_EXAMPLES = 4
 _CLEAR = 3.0  # times nearer that the other order must bring the points to the images
 
 
@@ -86,7 +95,9 @@ class GcpList(NamedTuple):
         for row, name in zip(self.rows, self.names(), strict=True):
             known = out.setdefault(name, row.xyz)
             if _key(known) != _key(row.xyz):
-                raise row.line.fail(f"point {quoted(name)} has other coordinates before")
+                text = f"point {quoted(name)} has other coordinates before"
+                more = not row.line.text.rstrip().endswith(name)
+                raise row.line.fail(f"{text}; a name ends at a blank" if more else text)
         return out
 
     def names(self) -> list[str]:
@@ -130,9 +141,9 @@ def read_gcp_list(path: Path, images: Collection[str]) -> GcpList:
         if not text or text.startswith("#"):
             continue
         if system is None:
-            system = line._replace(text=text)
+            system = line._replace(text=text.partition("#")[0].strip())
             try:
-                crs_text(text)
+                crs_text(system.text)
             except InputError as error:
                 raise line.fail(str(error)) from None
             continue
@@ -162,6 +173,39 @@ def _row(line: SourceLine, images: Collection[str]) -> GcpRow | None:
             name = line.name_of(rest[count], "point") if len(rest) > count else None
             return GcpRow(line, (x, y, z), (px, py), image, name)
     return None
+
+
+def elsewhere_note(found: GcpList, images: Collection[str]) -> Note:
+    """Return what is told of lines of images that are not known, with a like name where one is."""
+    names = [_image_of(line) for line in found.elsewhere]
+    text = f"lines of {GCP_LIST} of images without a pose here"
+    alike = {_bare(image): image for image in images} | {
+        image.casefold(): image for image in images
+    }
+    keys = [key for name in names for key in (name.casefold(), _bare(name))]
+    near = next((alike[key] for key in keys if key in alike), None)
+    if near is not None:
+        text += f"; there is {quoted(near)}, and names must be the same letter by letter"
+    if not found.rows:
+        text += "; no other line is left: there is no control"
+    some = zip(found.elsewhere[:_EXAMPLES], names, strict=False)
+    examples = tuple(f"line {line.number}: {name}" for line, name in some)
+    return Note("dropped", len(found.elsewhere), text, examples)
+
+
+def _image_of(line: SourceLine) -> str:
+    """Return what is probably the name of an image: up to the first word with a point."""
+    rest = line.text.split(maxsplit=5)[5].split()
+    end = next((k for k, word in enumerate(rest) if "." in word), 0)
+    return " ".join(rest[: end + 1])
+
+
+def _bare(image: str) -> str:
+    """Return a name without folders and ending, in small letters."""
+    return (
+        image.replace("\\", "/").rpartition("/")[2].rpartition(".")[0].casefold()
+        or image.casefold()
+    )
 
 
 class PlacedControl(NamedTuple):

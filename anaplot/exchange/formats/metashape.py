@@ -132,12 +132,13 @@ def read(source: Path, options: ImportOptions) -> Imported:
     kinds = {camera.id: camera for camera in camera_of.values()}
     first = next(iter(kinds.values()))
     control_m = settings.get("accuracy_markers") or Precision().control_m
-    for value, text in (
-        (options.sigma_px, f"an image coordinate has a sigma of {sigma:g} px"),
-        (None, f"control without a sigma has {control_m:g} m"),
-    ):
-        if value is None:
-            notes.append(Note("assumed", None, text))
+    if options.sigma_px is None:
+        text = f"an image coordinate has a sigma of {sigma:g} px"
+        notes.append(Note("assumed", None, text))
+    bare = tuple(row.point for row in control if None in row.sigma)
+    if bare:
+        text = f"control points without a sigma of every coordinate: {control_m:g} m"
+        notes.append(Note("assumed", len(bare), text, bare[:4]))
     rolling = sum(sensor.rolling for sensor in sensors.values())
     if rolling:
         notes.append(Note("dropped", rolling, "sensors' rolling shutters"))

@@ -13,7 +13,13 @@ import numpy as np
 from anaplot.errors import InputError
 from anaplot.exchange.formats.crs import DEGREES, local_system
 from anaplot.exchange.formats.door import SOURCE, Exported, Exporting, Imported, ImportOptions, Note
-from anaplot.exchange.formats.gcplist import GCP_LIST, GcpList, place_control, read_gcp_list
+from anaplot.exchange.formats.gcplist import (
+    GCP_LIST,
+    GcpList,
+    elsewhere_note,
+    place_control,
+    read_gcp_list,
+)
 from anaplot.exchange.formats.measuredrays import MeasuredRay, image_points_of, kept_names
 from anaplot.exchange.formats.opensfmexport import SourceRays, write_cleaned
 from anaplot.exchange.formats.opensfmmodel import (
@@ -171,11 +177,9 @@ def read_files(files: OpensfmFiles, options: ImportOptions, name: str) -> Import
     elif options.order is not None:
         raise InputError("--order is of the degrees of control, and there is none")
     if listed is not None and listed.elsewhere:
-        text = "lines of gcp_list.txt of images without a pose here"
-        some = tuple(f"line {line.number}" for line in listed.elsewhere[:_EXAMPLES])
-        notes.append(Note("dropped", len(listed.elsewhere), text, some))
+        notes.append(elsewhere_note(listed, camera_by_photo))
     if ground is None and reference is not None:
-        ground = local_system(options.crs or DEGREES, reference)
+        ground = _ground(options.crs, listed, reference)
     elif ground is not None and options.crs is not None:
         raise InputError("--crs: the system is that of gcp_list.txt, in its first line")
     placed_there = reference is not None or not control
@@ -203,6 +207,18 @@ def read_files(files: OpensfmFiles, options: ImportOptions, name: str) -> Import
     kept |= {} if files.reference is None else {REFERENCE: files.reference}
     kept |= {} if files.gcp is None else {GCP_LIST: files.gcp}
     return Imported(block, tuple(notes), _comments(files, block), kept)
+
+
+def _ground(
+    crs: str | None, listed: GcpList | None, reference: tuple[float, float, float]
+) -> GroundSystem:
+    """Return the local frame without control: of the system asked for, or of its list."""
+    if crs is not None or listed is None:
+        return local_system(crs or DEGREES, reference)
+    try:
+        return local_system(listed.system.text, reference)
+    except InputError as error:
+        raise listed.system.fail(str(error)) from None
 
 
 def _cameras(

@@ -42,9 +42,9 @@ def _with_crs(table: ResultTable, frame: GroundFrame) -> ResultTable:
         return table
     xyz = np.array([by_name[axis].values for axis in _AXES], dtype=float).T
     theirs = frame.out_of_block(xyz).T.tolist()
-    flat = "m" if frame.theirs.kind != "geographic" else "deg"
+    flat, up = frame.theirs.units()
     more = tuple(
         ResultColumn(f"crs_{axis.lower()}", unit, tuple(values))
-        for axis, unit, values in zip(_AXES, (flat, flat, ""), theirs, strict=True)
+        for axis, unit, values in zip(_AXES, (flat, flat, up), theirs, strict=True)
     )
     return table._replace(columns=(*table.columns, *more))

@@ -117,7 +117,11 @@ def test_names_of_systems() -> None:
     assert crs_text("WGS84 UTM 32N") == "EPSG:32632"
     assert crs_text(" wgs84  utm 7 s ") == "EPSG:32707"
     assert crs_text("WGS84") == "EPSG:4326"
+    assert CoordinateSystem.of("EPSG:4326").units() == ("deg", "m")
+    assert CoordinateSystem.of("EPSG:25832+7837").units() == ("m", "m")
+    assert CoordinateSystem.of("EPSG:2263+6360").units() == ("us-ft", "us-ft")
     assert crs_text("epsg:25832") == "EPSG:25832"
+    assert crs_text("EPSG 32632") == crs_text("EPSG: 32632") == "EPSG:32632"
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,11 @@ def test_a_camera_file_is_the_block_that_colmap_has(tmp_path: Path, scene: Tilte
     said = {note.text: note.count for note in found.notes}
     assert said["cameras without a marker"] == 1
     assert said["sensors' rolling shutters"] == 1
+    assert not any("without a sigma" in text for text in said)  # every marker has one
+    bare = tmp_path / "bare.xml"
+    bare.write_text((tmp_path / "c.xml").read_text().replace(' sx="0.02"', "", 1))
+    notes = metashape.read(bare, PLAIN).notes
+    assert [note.count for note in notes if "without a sigma" in note.text] == [1]
 
 
 def test_a_k4_is_taken_off_and_said(tmp_path: Path) -> None:

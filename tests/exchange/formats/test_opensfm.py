@@ -130,6 +130,29 @@ def test_names_of_control_do_not_meet_tracks(tmp_path: Path) -> None:
     assert len(found.block.image_points) == len(flight.rays) + len(flight.control_rays)
 
 
+def test_names_of_images_in_other_letters_are_told(tmp_path: Path) -> None:
+    pytest.importorskip("pyproj")
+    flight = Flight()
+    flight.write(tmp_path)
+    frame = GroundFrame.of(local_system("EPSG:32632", (LON, LAT, HEIGHT)))
+    listed = flight.gcp_list("WGS84 UTM 32N  # zone", frame.out_of_block(flight.control))
+    (tmp_path / "gcp_list.txt").write_text(listed.replace("IMG", "img").replace("JPG", "jpg"))
+    found = _read(tmp_path)
+    (note,) = [note for note in found.notes if "without a pose" in note.text]
+    assert note.count == len(flight.control_rays)
+    assert "; there is 'run " in note.text
+    assert "there is no control" in note.text
+    assert note.examples[0] == "line 3: run 0/img_0.jpg"
+    # the list's system stays the block's
+    assert found.block.ground == local_system("EPSG:32632", (LON, LAT, HEIGHT))
+    (tmp_path / "gcp_list.txt").write_text(listed.replace("run 0/IMG_0.JPG", "NEW 7.JPG"))
+    found = _read(tmp_path)
+    (note,) = [note for note in found.notes if "without a pose" in note.text]
+    assert "there is" not in note.text
+    assert note.examples[0] == "line 3: NEW 7.JPG"
+    assert len(found.block.control) == 6
+
+
 def test_the_largest_reconstruction_is_taken(tmp_path: Path) -> None:
     flight = Flight()
     small = flight.reconstruction()
@@ -365,7 +388,12 @@ BROKEN = {
     "two places": (
         "gcp_list.txt",
         lambda t: "WGS84\n11.6 48.1 3 4 5 run 0/IMG_0.JPG A\n11.6 48.2 3 4 5 run 0/IMG_1.JPG A\n",
-        "line 3: point 'A' has other coordinates",
+        "line 3: point 'A' has other coordinates before$",
+    ),
+    "blank": (
+        "gcp_list.txt",
+        lambda t: "WGS84\n1 2 3 4 5 run 0/IMG_0.JPG A 1\n1 3 3 4 5 run 0/IMG_1.JPG A 2\n",
+        "before; a name ends at a blank$",
     ),
     "gcp name": (
         "gcp_list.txt", lambda t: "WGS84\n1 2 3 4 5 run 0/IMG_0.JPG \x1b[2J\n", "cannot be printed",

@@ -189,6 +189,10 @@ def test_parquet_is_read_back_with_its_types(block: Path, tmp_path: Path) -> Non
     assert (types["point"], types["X"], types["rays"]) == ("string", "double", "int64")
     assert points.schema.field("X").metadata == {b"unit": b"m"}
     rays = parquet.read_table(tmp_path / "p" / "image_points.parquet").schema
+    for name in ("vx_um", "vy_um", "mdb_x_um", "mdb_y_um"):
+        assert rays.field(name).metadata == {b"unit": b"um"}
+    units = {name: points.schema.field(f"crs_{name}").metadata[b"unit"] for name in "xyz"}
+    assert units == {"x": b"deg", "y": b"deg", "z": b"m"}
     assert str(rays.field("flagged").type) == "bool"
     assert str(rays.field("model").type) == "string"  # although nothing stands there
 
