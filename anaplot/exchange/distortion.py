@@ -9,8 +9,9 @@
     decentring = [0.0, 0.0]             # P1 P2 [1/mm]
 
 A distortion is subtracted from the measured radius, a correction added to it. Certificates print
-either; with angles it has to be said, elsewhere a distortion is meant. An angle a belongs to the
-radius c tan a. Where a certificate lists several half-diagonals, they follow each other,
+either; with angles it has to be said, elsewhere a distortion is meant. An angle a is that of the
+ray in the object: it is measured at the radius c tan a + dr. Where a certificate lists several
+half-diagonals, they follow each other,
 
     angles = [[7.5, 1.0, 2.0, 1.5, 1.5], ...]
 
@@ -77,7 +78,7 @@ def read_distortion(table: TomlTable, c: float) -> dict[str, Any]:
     kinds: Fields = {
         "radial": Made(Numbers(4), lambda k: RadialPolynomial(_signed(sign, k))),
         "table": Made(_ROWS, partial(_radial_table, sign)),
-        "angles": Made(_ROWS, lambda rows: _radial_table(sign, _radii(rows, reach, c))),
+        "angles": Made(_ROWS, lambda rows: _radial_table(sign, _radii(sign, rows, reach, c))),
     }
     return {
         "radial": table.get(forms[0], kinds[forms[0]]) if forms else None,
@@ -108,13 +109,16 @@ def _decentring(sign: float) -> Made[tuple[float, float]]:
 
 
 def _radii(
-    rows: tuple[tuple[float, ...], ...], unit: float, c: float
+    sign: float, rows: tuple[tuple[float, ...], ...], unit: float, c: float
 ) -> tuple[tuple[float, ...], ...]:
-    """Return the rows with radii [mm] in place of angles."""
-    for index, (angle, *_) in enumerate(rows):
+    """Return the rows with measured radii [mm] in place of angles."""
+    out = []
+    for index, (angle, *um) in enumerate(rows):
         if not 0.0 <= angle * unit <= _STEEPEST:
             raise WrongValueError(f"angle {angle:g}: must lie between 0 and 85 deg", index)
-    return tuple((c * math.tan(angle * unit), *um) for angle, *um in rows)
+        dr = sign * 1e-3 * math.fsum(part / len(um) for part in um)
+        out.append((c * math.tan(angle * unit) + dr, *um))
+    return tuple(out)
 
 
 def _radial_table(sign: float, rows: tuple[tuple[float, ...], ...]) -> RadialTable:

@@ -287,6 +287,7 @@ def _summary(
     if out:
         lines.append(say(f"  {{}} image coordinate{'s are' if out > 1 else ' is'} rejected", out))
     lines += [say("  note: {}", remark).of("remark") for remark in block.remarks]
+    lines += _unobserved(block)
     if suspects:
         lines += _suspects(block, suspects, accused)
     elif block.critical is not None:
@@ -296,6 +297,24 @@ def _summary(
 
 def _others(block: AdjustedBlock) -> list[tuple[float, str, str]]:
     return [one for one in block.flagged_observations() if one[2] != "image"]
+
+
+def _unobserved(block: AdjustedBlock) -> list[Line]:
+    """Say how much of what photos state takes no part: without a datum of control nothing does."""
+    if block.problem.datum == "control":
+        return []
+    stated = block.problem.block
+    names = set(block.problem.photos)
+    adjusted = [photo for photo in stated.photos if photo.id in names]
+    counts = (
+        ("position", sum(photo.position_sigma is not None for photo in adjusted)),
+        ("rotation", sum(photo.rotation_sigma is not None for photo in adjusted)),
+    )
+    parts = [counted(count, f"stated {what}") for what, count in counts if count]
+    if not parts:
+        return []
+    also = "" if stated.offsets is None else ", nor what [gnss] and [imu] say of them"
+    return [say("  note: not observed in this datum: {}{}", " and ".join(parts), also).of("remark")]
 
 
 def _others_flagged(block: AdjustedBlock) -> list[Line]:

@@ -24,6 +24,8 @@ from anaplot.errors import InputError, NotComputableError
 from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.photogrammetry.prioroffsets import PriorOffsets
 from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
+from anaplot.report.adjustcommand import adjust
+from anaplot.report.astext import page_text
 from anaplot.report.offsets import offsets_document
 
 EVERY = PriorOffsets("strip", "strip", "block")
@@ -333,6 +335,16 @@ def test_what_offsets_cannot_be_laid_out_for_is_adjusted_without_them():
         with_sigma_of_first(block, 1e-6),
     ):
         assert [one.kind for one in offset_advice(adjust_block(odd))] in ([], ["boresight"])
+
+
+def test_what_another_datum_leaves_out_is_told():
+    block = flown(EVERY, seed=3).scene.block
+    count = len(block.photos)
+    words = f"not observed in this datum: {count} stated positions and {count} stated rotations"
+    pages = (adjust(block, datum=datum).document.page for datum in ("free", "control"))
+    free, held = (" ".join(page_text(page).split()) for page in pages)
+    assert words in free
+    assert "not observed" not in held
 
 
 def test_angles_that_are_one_are_not_tested_together():

@@ -32,14 +32,18 @@ def refused(distortion: str, more: str = "") -> str:
     return message
 
 
-def test_angles_are_radii():
+def test_angles_are_those_of_the_ray_in_the_object():
     deg = camera('sign = "distortion"\nunit = "deg"\nangles = [[0, 0], [7.5, 1.5], [45, -2.0]]')
     assert deg.radial == RadialTable(
-        (0.0, C * tan(radians(7.5)), C * tan(radians(45))), (0, 1.5, -2)
+        (0.0, C * tan(radians(7.5)) + 0.0015, C * tan(radians(45)) - 0.002), (0, 1.5, -2)
     )
     gon = camera('sign = "distortion"\nunit = "gon"\nangles = [[50.0, 3.0]]')
     assert isinstance(gon.radial, RadialTable)
-    assert gon.radial.radius == pytest.approx((C,), rel=1e-15)
+    assert gon.radial.radius == pytest.approx((C + 0.003,), rel=1e-15)
+    # what is measured there goes to where c tan a is
+    at = float(gon.radial.radius[0])
+    [(x, _)] = Refinement.of(gon).refine(np.array([[at, 0.0]])).tolist()
+    assert x == pytest.approx(C, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +73,7 @@ def test_the_mean_of_the_half_diagonals_counts():
     assert isinstance(made.radial, RadialTable)
     assert made.radial.dr_um == (-1.5, 1.0, -4.0)
     assert made.radial.diagonals_um == ((-1.0, -2.0, -1.5, -1.5), (3.0, -1.0), (-4.0,))
-    assert made.radial.spread() == (2.0, C * tan(radians(20)))
+    assert made.radial.spread() == (2.0, C * tan(radians(20)) + 0.001)
     assert RadialTable((1.0,), (2.0,)).spread() is None
 
 
