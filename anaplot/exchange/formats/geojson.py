@@ -18,6 +18,7 @@ from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.crs import GroundFrame
 from anaplot.exchange.formats.door import Exported, Exporting, Note, PhotoResult, PointResult
+from anaplot.exchange.formats.resulttables import frame_of
 from anaplot.textfiles.wholefile import create_whole
 
 __all__ = ["Ellipse", "standard_ellipse", "write"]
@@ -65,7 +66,7 @@ def write(exporting: Exporting, target: Path) -> Exported:
     if found is None:
         raise InputError("nothing was adjusted")
     system = exporting.block.ground
-    frame = None if system is None else GroundFrame.of(system)
+    frame = None if system is None else frame_of(exporting, system)
     verdicts = {one.point: one.verdict for one in found.control}
     features = _placed([(one.position, _photo(one)) for one in found.photos], frame)
     features += _placed(
@@ -171,8 +172,42 @@ def _drawn(one: PointResult, larger: float, frame: GroundFrame | None) -> dict[s
     flat = larger * (
         ellipse.a * np.cos(t)[:, None] * along + ellipse.b * np.sin(t)[:, None] * across
     )
-    ring = _coordinates(np.array(one.xyz) + np.column_stack((flat, np.zeros(_CORNERS))), frame)
-    return _feature(
-        {"type": "Polygon", "coordinates": [[*ring, ring[0]]]},
-        {"kind": "ellipse", "name": one.point, "drawn_larger": larger},
-    )
+    corners = np.array(one.xyz) + np.column_stack((flat, np.zeros(_CORNERS)))
+    ring = _coordinates(corners, frame)
+    parts = [ring]
+    if frame is not None:
+        parts = _either_side(ring, _coordinates(np.array([one.xyz]), frame)[0][0])
+    polygons = [[[*part, part[0]]] for part in parts]
+    geometry: dict[str, Any] = {"type": "Polygon", "coordinates": polygons[0]}
+    if len(polygons) > 1:
+        geometry = {"type": "MultiPolygon", "coordinates": polygons}
+    return _feature(geometry, {"kind": "ellipse", "name": one.point, "drawn_larger": larger})
+
+
+def _either_side(ring: list[list[float]], middle: float) -> list[list[list[float]]]:
+    """Return a convex ring about a longitude, cut at the 180th meridian (RFC 7946, 3.1.9)."""
+    east = [[middle + (x - middle + 180.0) % 360.0 - 180.0, *rest] for x, *rest in ring]
+    high, low = max(at[0] for at in east), min(at[0] for at in east)
+    if high <= 180.0 and low >= -180.0:
+        return [ring]
+    edge = 180.0 if high > 180.0 else -180.0
+    parts = []
+    for side in (-1.0, 1.0):
+        part = _beside(east, edge, side)
+        shift = -math.copysign(360.0, edge) if side * edge > 0.0 else 0.0
+        parts.append([[round(x + shift, _DEGREE_DIGITS), *rest] for x, *rest in part])
+    return [part for part in parts if len(part) > 2]
+
+
+def _beside(ring: list[list[float]], edge: float, side: float) -> list[list[float]]:
+    """Return the part of a convex ring that is west (-1) or east (1) of a meridian."""
+    out = []
+    for at, following in zip(ring, [*ring[1:], ring[0]], strict=True):
+        from_edge, then = side * (at[0] - edge), side * (following[0] - edge)
+        if from_edge >= 0.0:
+            out.append(at)
+        if from_edge * then < 0.0:
+            t = from_edge / (from_edge - then)
+            crossing = [a + t * (b - a) for a, b in zip(at, following, strict=True)]
+            out.append([edge, *crossing[1:]])
+    return out

@@ -7,8 +7,10 @@ import numpy as np
 from anaplot.errors import InputError
 from anaplot.exchange.formats.crs import GroundFrame
 from anaplot.exchange.formats.door import Exporting, Note, ResultColumn, ResultTable
+from anaplot.photogrammetry.groundsystem import GroundSystem
+from anaplot.textfiles.wording import place
 
-__all__ = ["result_tables"]
+__all__ = ["frame_of", "result_tables"]
 
 _AXES = ("X", "Y", "Z")
 
@@ -31,9 +33,18 @@ def result_tables(exporting: Exporting) -> tuple[tuple[ResultTable, ...], tuple[
     if system is None:
         note = Note("assumed", None, "X, Y, Z are the block's own: it has no coordinate system")
         return tables, (note,)
-    frame = GroundFrame.of(system)
+    frame = frame_of(exporting, system)
     text = f"crs_x, crs_y, crs_z are those of {system.crs}; X, Y, Z the block's own"
     return tuple(_with_crs(table, frame) for table in tables), (Note("changed", None, text),)
+
+
+def frame_of(exporting: Exporting, system: GroundSystem) -> GroundFrame:
+    """Return the frame that the block's file states; raises InputError that names the file."""
+    try:
+        return GroundFrame.of(system)
+    except InputError as error:
+        file = place(exporting.folder / "block.toml")
+        raise InputError(f"{file}: [ground]: {error}") from None
 
 
 def _with_crs(table: ResultTable, frame: GroundFrame) -> ResultTable:

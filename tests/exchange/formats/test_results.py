@@ -133,6 +133,52 @@ def test_azimuths_count_clockwise_from_north(covariance: list[list[float]], azim
     assert found.a >= found.b
 
 
+def test_ellipses_are_cut_at_the_180th_meridian(
+    block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = tmp_path / "b"
+    _local(block, there)
+    toml = there / "block.toml"
+    text = toml.read_text()
+    ground = '\n[ground]\ncrs = "{}"\nframe = "local"\norigin = [{}, -17.0, 30.0]\n'
+    areas = []
+    for k, longitude in enumerate((180.0, 178.0)):
+        toml.write_text(text + ground.format("EPSG:4326", longitude))
+        out = tmp_path / f"{k}.geojson"
+        assert main(["export", "geojson", str(there), "-o", str(out), "--ellipses", "5000"]) == 0
+        answer = json.loads(out.read_text())
+        area = {}
+        several = 0
+        for feature in answer["features"]:
+            geometry = feature["geometry"]
+            if geometry["type"] == "Point":
+                continue
+            parts = geometry["coordinates"]
+            if geometry["type"] == "Polygon":
+                parts = [parts]
+            several += len(parts) > 1
+            total = 0.0
+            for (ring,) in parts:
+                assert ring[0] == ring[-1]
+                x, y = np.array(ring)[:, :2].T
+                assert np.abs(x).max() <= 180.0
+                assert np.ptp(x) < 0.1
+                x, y = x - x[0], y - y[0]
+                part = 0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])
+                assert part > 0.0  # counterclockwise
+                total += part
+            area[feature["properties"]["name"]] = total
+        assert (several > 5) == (k == 0)
+        areas.append(area)
+    assert areas[0] == pytest.approx(areas[1], rel=1e-6)
+    toml.write_text(text + ground.format("hello", 0))
+    for kind in ("geojson", "csv"):
+        capsys.readouterr()
+        assert main(["export", kind, str(there), "-o", str(tmp_path / "no")]) == 2
+        said = capsys.readouterr().err
+        assert "block.toml: [ground]: no coordinate system 'hello'" in said
+
+
 def test_local_coordinates_are_no_degrees_and_say_so(
     block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
