@@ -9,10 +9,15 @@ import pytest
 from bundleblocks import aerial
 
 from anaplot.bundle.adjust import adjust_block
+from anaplot.bundle.hypotheses.checktests import check_tests
 from anaplot.bundle.hypotheses.controlpages import ControlPage, control_pages
 from anaplot.bundle.hypotheses.errorsets import ErrorSet, error_set_tests
+from anaplot.bundle.hypotheses.verdict import HypothesisSettings
+from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
 from anaplot.photogrammetry.block import Block
 from anaplot.report.adjustcommand import adjust
+from anaplot.report.astext import page_text
+from anaplot.report.controlpages import control_pages_document
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +109,10 @@ def test_a_wrong_point_is_looked_at_and_weak_ones_are_named(block: Block) -> Non
     held = _pages(replace(block, control=(*few, *left)))
     assert {page.verdict for page in held.values()} <= {"weak", "unchecked"}
     assert all(page.without is None or page.verdict == "weak" for page in held.values())
+    bare = [page for page in held.values() if page.without is None]
+    assert bare
+    text = page_text(control_pages_document(bare).page)
+    assert text.count("without it the block, or the point itself, is not determined") == len(bare)
 
 
 def test_fixed_and_check_points_have_pages(block: Block) -> None:
@@ -125,6 +134,26 @@ def test_fixed_and_check_points_have_pages(block: Block) -> None:
     without = pages[third.point].without
     assert without is not None
     assert without.difference[2] is None
+
+
+def test_a_check_point_in_plan_is_found_from_along_its_worst_direction(block: Block) -> None:
+    name = block.control[1].point
+    adjusted = adjust_block(_as(block, name, "check"))
+    page = {one.point: one for one in control_pages(adjusted)}[name]
+    test = adjusted.problem.test
+    tests = check_tests(adjusted, HypothesisSettings(test.alpha, test.power))
+    assert tests is not None
+    of = {one.axis: one for one in tests.coordinates if one.point == name}
+    assert page.plan is not None
+    assert page.plan.detectable is not None
+    # both covariances, along every degree; of the test that finds one.mdb of one.s
+    at = adjusted.problem.points.index(name)
+    q = coordinate_cofactors(adjusted, [(at, 0), (at, 1)]) + np.diag([0.02**2] * 2)
+    angles = np.radians(np.arange(0.0, 180.0, 0.1))
+    along = np.stack((np.cos(angles), np.sin(angles)))
+    worst = np.sqrt(np.einsum("ik,ij,jk->k", along, q, along).max())
+    assert page.plan.detectable == pytest.approx(worst * of["X"].mdb / of["X"].s, rel=1e-5)
+    assert page.plan.detectable > max(of["X"].mdb, of["Y"].mdb) * (1.0 + 1e-6)
 
 
 def test_a_free_network_has_none(block: Block) -> None:

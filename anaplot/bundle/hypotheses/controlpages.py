@@ -303,13 +303,12 @@ class _Check(NamedTuple):
     rejected: bool
 
     def page(self, name: str, seen: tuple[ControlRay, ...], look: bool) -> ControlPage:
-        plan = [self.mdb[axis] for axis in "XY" if axis in self.mdb]
-        height = self.mdb.get("Z")
+        plan, height = self.mdb.get("plan"), self.mdb.get("Z")
         return ControlPage(
             name,
             "check",
             seen,
-            ControlPart(None, max(plan), None) if plan else None,
+            None if plan is None else ControlPart(None, plan, None),
             None if height is None else ControlPart(None, height, None),
             None,
             (self.difference.get("X"), self.difference.get("Y"), self.difference.get("Z")),
@@ -335,9 +334,24 @@ def _checks(block: AdjustedBlock) -> dict[str, _Check]:
     rejected |= {one.point for one in found.coordinates if one.verdict.rejected}
     out: dict[str, _Check] = {}
     sigma = 1.0 if block.sigma is None else block.sigma
+    sigmas = 0.0
     for one in found.coordinates:
         mine = out.setdefault(one.point, _Check({}, {}, {}, one.point in rejected))
         mine.difference[one.axis] = one.difference
         mine.s[one.axis] = sigma * one.s
         mine.mdb[one.axis] = one.mdb
+        sigmas = one.mdb / one.s  # that are found, along any direction
+    for point, mine in out.items():
+        if mine.mdb.keys() >= {"X", "Y"}:
+            mine.mdb["plan"] = sigmas * _largest_in_plan(block, point)
+        elif along := [mine.mdb[axis] for axis in "XY" if axis in mine.mdb]:
+            mine.mdb["plan"] = along[0]
     return out
+
+
+def _largest_in_plan(block: AdjustedBlock, point: str) -> float:
+    """Return the largest standard deviation of a difference [m] along any direction in plan."""
+    problem = block.problem
+    q = block.cofactors.points[problem.points.index(point), :2, :2]
+    given = problem.block.sigma_of(problem.control_rows[point])[:2]
+    return float(np.sqrt(np.linalg.eigvalsh(q + np.diag(np.square(given)))[-1]))

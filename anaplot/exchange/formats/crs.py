@@ -98,6 +98,9 @@ class CoordinateSystem:
         Unit of its heights [m].
     stated_heights
         Whether the system says what its heights are; else they are taken as ellipsoidal, in metres.
+    sea
+        Name of the system of its heights where they are no ellipsoidal ones; "" else. They are
+        kept as they are, the geoid in them.
     """
 
     text: str
@@ -106,6 +109,7 @@ class CoordinateSystem:
     ellipsoid: Ellipsoid
     height_m: float
     stated_heights: bool
+    sea: str
     _horizontal: Any
     _base: Any
     _unit: float
@@ -271,7 +275,16 @@ def local_system(text: str, degrees: tuple[float, float, float]) -> GroundSystem
 def _system(text: str) -> CoordinateSystem:
     if text == DEGREES:  # what needs no pyproj
         return CoordinateSystem(
-            text, "WGS 84", "geographic", WGS84, 1.0, False, None, None, np.pi / 180.0
+            text,
+            "WGS 84",
+            "geographic",
+            WGS84,
+            1.0,
+            False,
+            "",
+            None,
+            None,
+            np.pi / 180.0,
         )
     pyproj = _pyproj()
     try:
@@ -297,6 +310,7 @@ def _system(text: str) -> CoordinateSystem:
             Ellipsoid(float(ellipsoid.semi_major_metre), flattening),
             float(height_m),
             bool(heights),
+            plain(parts[1].name, 80) if len(parts) > 1 else "",
             horizontal,
             base if kind == "projected" else None,
             float(unit),

@@ -295,6 +295,9 @@ def place_control(
     if not theirs.stated_heights:
         text = "heights are taken as ellipsoidal ones [m]: where they are not, the geoid stays in Z"
         notes.append(Note("assumed", None, text))
+    elif theirs.sea:
+        text = f"heights of {theirs.sea} are kept as they are: the geoid stays in Z"
+        notes.append(Note("assumed", None, text))
     if (away > _FAR).any():
         names = tuple(name for name, far in zip(points, away > _FAR, strict=True) if far)
         text = f"control points up to {_km(float(away.max()))} from the origin"

@@ -26,7 +26,6 @@ __all__ = ["Ellipse", "standard_ellipse", "write"]
 _CORNERS = 36
 _DEGREE_DIGITS, _METRE_DIGITS = 12, 6  # a tenth of a micrometre, a micrometre
 _LOCAL = "local metres: no coordinate system is known, so this is no WGS84"
-_WORLD = "WGS84: longitude, latitude [degrees], ellipsoidal height [m]"
 
 
 class Ellipse(NamedTuple):
@@ -82,12 +81,19 @@ def write(exporting: Exporting, target: Path) -> Exported:
         notes.append(Note("not held", None, text))
     answer = {
         "type": "FeatureCollection",
-        "coordinates_are": _LOCAL if frame is None else _WORLD,
+        "coordinates_are": _LOCAL if frame is None else _world(frame),
         "sigma0": found.sigma0,
         "features": features,
     }
     create_whole(target, (json.dumps(answer, allow_nan=False, ensure_ascii=False) + "\n").encode())
     return Exported((target,), tuple(notes))
+
+
+def _world(frame: GroundFrame) -> str:
+    """Say what the coordinates are: heights above the sea go through as they are."""
+    sea = frame.theirs.sea
+    height = f"height of {sea}, not ellipsoidal" if sea else "ellipsoidal height"
+    return f"WGS84: longitude, latitude [degrees], {height} [m]"
 
 
 def _placed(

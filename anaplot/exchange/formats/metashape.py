@@ -252,7 +252,11 @@ def _ground(
         f"coordinates of {theirs.text} are east, north, up at "
         f"{origin[0]:.10g}, {origin[1]:.10g}, {origin[2]:g}"
     )
-    return system, GroundFrame(system, theirs), [Note("changed", None, text)]
+    notes = [Note("changed", None, text)]
+    if theirs.sea:
+        text = f"heights of {theirs.sea} are kept as they are: the geoid stays in Z"
+        notes.append(Note("assumed", None, text))
+    return system, GroundFrame(system, theirs), notes
 
 
 def _reference(one: Element) -> tuple[float, float, float] | None:

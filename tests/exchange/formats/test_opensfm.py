@@ -312,6 +312,23 @@ def test_without_a_place_the_control_has_the_origin(tmp_path: Path) -> None:
     assert np.abs(at[0, :2] - degrees[4, :2]).max() < 1e-6
 
 
+def test_heights_above_the_sea_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pyproj")
+    flight = Flight(noise_px=0.3)
+    flight.write(tmp_path / "s")
+    system = "EPSG:25832+7837"
+    there = GroundFrame.of(local_system(system, (LON, LAT, HEIGHT)))
+    text = flight.gcp_list(system, there.out_of_block(flight.control))
+    (tmp_path / "s" / "gcp_list.txt").write_text(text)
+    assert main(["import", "opensfm", str(tmp_path / "s"), "-o", str(tmp_path / "b")]) == 0
+    said = capsys.readouterr().out
+    assert "heights of DHHN2016 height are kept as they are: the geoid stays in Z" in said
+    out = tmp_path / "o.geojson"
+    assert main(["export", "geojson", str(tmp_path / "b"), "-o", str(out)]) == 0
+    are = json.loads(out.read_text())["coordinates_are"]
+    assert are.endswith("height of DHHN2016 height, not ellipsoidal [m]")
+
+
 def test_control_far_from_the_images_has_the_origin(tmp_path: Path) -> None:
     """450 km away the frame's up would lean, and heights be kilometres below it."""
     flight = Flight()
