@@ -14,7 +14,7 @@ from anaplot.exchange.formats.colmaprays import rays_of
 from anaplot.exchange.formats.colmaptext import cleaned_image_lines, cleaned_point_lines
 from anaplot.exchange.formats.door import Exported, Note
 from anaplot.exchange.formats.filecopy import pieces
-from anaplot.exchange.formats.measuredrays import TWICE, kept_names
+from anaplot.exchange.formats.measuredrays import TWICE, kept_names, measured_anew
 from anaplot.photogrammetry.block import Block
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
 
@@ -87,15 +87,16 @@ def _rays_off(model: ColmapModel, block: Block) -> tuple[list[Bools], list[Note]
     """
     rows = {(row.photo, row.point): row for row in block.image_points}
     found = rays_of(model, block.cameras[0].pixel_um, 1.0)
-    names = iter(kept_names(found.rays, found.camera_of, pixels=True))
+    names = kept_names(found.rays, found.camera_of, pixels=True)
+    calls = iter(zip(names, found.rays, strict=True))
     state = [np.zeros(len(image.point), dtype=np.int8) for image in model.images]
-    half = unknown = 0
+    half = unknown = anew = 0
     for image, mine in zip(model.images, state, strict=True):
         if image.name not in found.camera_of:
             unknown += len(mine)
             continue
         for k, point in enumerate(image.point.tolist()):
-            name = next(names)
+            name, ray = next(calls)
             row = None if name is None else rows.get((image.name, name))
             if row is None:
                 unknown += 1
@@ -105,6 +106,8 @@ def _rays_off(model: ColmapModel, block: Block) -> tuple[list[Bools], list[Note]
             elif row.use != "xy":
                 half += 1
                 mine[k] = _GOES
+            elif measured_anew(row, ray.x, ray.y):
+                anew += 1
     off = sum(int((mine == _GOES).sum()) for mine in state)
     twice = sum(int((mine == _TWICE).sum()) for mine in state)
     notes = []
@@ -122,6 +125,9 @@ def _rays_off(model: ColmapModel, block: Block) -> tuple[list[Bools], list[Note]
             mine[:] = _STAYS
     if unknown:
         notes.append(Note("assumed", unknown, "rays that are not in the block stay as they were"))
+    if anew:
+        text = "rays measured anew: the model keeps the features' places"
+        notes.append(Note("not held", anew, text))
     return [mine != _STAYS for mine in state], notes
 
 

@@ -24,6 +24,7 @@ __all__ = [
     "image_points_of",
     "kept_names",
     "magnified",
+    "measured_anew",
     "measured_places",
 ]
 
@@ -31,6 +32,7 @@ TWICE = "a second time in the photo"
 """Why a ray does not count whose point stands in its photo already."""
 
 _BESIDE = 0.5  # px that a coordinate may lie outside the image, as in image_points.csv
+_MOVED = 1e-6  # px by which a ray has been measured anew
 _EXAMPLES = 4
 
 
@@ -125,6 +127,13 @@ def kept_names(
     """
     _, outside, unseen, lost = _ideal(rays, camera_of, pixels=pixels)
     return _numbered(rays, outside | unseen | lost)
+
+
+def measured_anew(row: ImagePoint, x: float, y: float) -> bool:
+    """Return whether a ray is no more where its source has it [px]."""
+    if row.measured is None:
+        return False
+    return max(abs(row.measured[0] - x), abs(row.measured[1] - y)) > _MOVED
 
 
 def enlarged(sigma_um: float, magnification: float) -> float | None:

@@ -465,17 +465,23 @@ def write(exporting: Exporting, target: Path) -> Exported:
             " written of any block in pixels"
         )
     found = _gathered(sources[0])
-    off = {(row.photo, row.point) for row in exporting.block.image_points if row.use == "off"}
+    rows = {(row.photo, row.point): row for row in exporting.block.image_points}
     leave = set()
+    unknown = 0
     for one in found.measured:
         name = found.points.get(one.attribute("marker_id"), "")
         for at in _locations(one):
             number = at.attribute("camera_id")
-            if (found.photos.get(number, ""), name) in off:
+            row = rows.get((found.photos.get(number, ""), name))
+            unknown += row is None
+            if row is not None and row.use == "off":
                 leave.add((one.attribute("marker_id"), number))
     data, count = without_locations(sources[0], leave)
     create_whole(target, data)
     notes = [Note("dropped", count, "measurements with use = off")] if count else []
+    if unknown:
+        text = "measurements that are not in the block stay as they were"
+        notes.append(Note("assumed", unknown, text))
     half = sum(row.use in ("x", "y") for row in exporting.block.image_points)
     if half:
         notes.append(Note("not held", half, "rays of which one coordinate counts: kept"))

@@ -11,10 +11,10 @@ from typing import NamedTuple
 from anaplot.exchange.formats.boundedjson import read_json
 from anaplot.exchange.formats.door import SOURCE, ControlResult, Exported, Exporting, Note, What
 from anaplot.exchange.formats.gcplist import GCP_LIST, read_gcp_list
-from anaplot.exchange.formats.measuredrays import MeasuredRay
+from anaplot.exchange.formats.measuredrays import MeasuredRay, measured_anew
 from anaplot.exchange.formats.opensfmmodel import TrackRow, track_rows
 from anaplot.exchange.formats.sourcelines import source_lines
-from anaplot.photogrammetry.block import Block, ImagePoint
+from anaplot.photogrammetry.block import Block
 from anaplot.textfiles.inputfile import read_bytes
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
 
@@ -22,7 +22,6 @@ __all__ = ["SourceRays", "write_cleaned"]
 
 _RECONSTRUCTION, _TRACKS, _REFERENCE = "reconstruction.json", "tracks.csv", "reference_lla.json"
 _MAX_BYTES = 500_000_000
-_MOVED = 1e-6  # px by which a ray has been measured anew
 
 
 class SourceRays(NamedTuple):
@@ -105,12 +104,6 @@ def write_cleaned(exporting: Exporting, found: SourceRays, model: Path, project:
     return Exported(tuple(written), tuple(notes))
 
 
-def _moved(row: ImagePoint, x: float, y: float) -> bool:
-    if row.measured is None:
-        return False
-    return max(abs(row.measured[0] - x), abs(row.measured[1] - y)) > _MOVED
-
-
 class _Rays:
     """Goes through tracks.csv and leaves out what does not count."""
 
@@ -148,7 +141,7 @@ class _Rays:
             self._unknown += 1
             return True
         if mine.use == "xy":
-            self._anew += _moved(mine, ray.x, ray.y)
+            self._anew += measured_anew(mine, ray.x, ray.y)
         return mine.use == "xy"
 
     def lost(self) -> set[str]:
@@ -200,7 +193,7 @@ def _gcp_text(
                 left_out += 1
                 lines.append(f"# off: {text}")
                 continue
-            if ray.measured is not None and _moved(ray, *row.pixel):
+            if ray.measured is not None and measured_anew(ray, *row.pixel):
                 anew += 1
                 words = text.split(maxsplit=5)
                 text = " ".join((*words[:3], *map(repr, ray.measured), words[5]))

@@ -291,6 +291,22 @@ def test_the_second_ray_of_a_track_counts_where_the_first_is_left_out(
     assert beyond in left
     assert not left & {first, second, third}
     assert (second[0] + 3.0, *second[1:]) in left
+    # nothing is said of what is as it was; of what was measured anew, or taken out, it is
+    said = capsys.readouterr().out
+    assert "measured anew" not in said
+    before = said.partition(" rays that are not in the block")[0].split()[-1]
+    head, *lines = (block / "image_points.csv").read_text().splitlines()
+    assert head.startswith("photo,point,x_px,")
+    counts = [k for k, line in enumerate(lines) if ",off" not in line]
+    fields = lines[counts[0]].split(",")
+    fields[2] = repr(float(fields[2]) + 0.125)
+    lines[counts[0]] = ",".join(fields)
+    del lines[counts[-1]]
+    (block / "image_points.csv").write_text("\n".join([head, *lines]) + "\n")
+    assert main(["export", "colmap", str(block), "-o", str(tmp_path / "anew")]) == 0
+    said = capsys.readouterr().out
+    assert "not held: 1 rays measured anew: the model keeps the features' places" in said
+    assert f"assumed: {int(before) + 1} rays that are not in the block stay" in said
 
 
 @pytest.mark.parametrize("text", [False, True])

@@ -108,7 +108,9 @@ def test_what_is_off_is_left_out_of_the_file_and_nothing_else(
     (block / "image_points.csv").write_text("\n".join(rows) + "\n")
     capsys.readouterr()
     assert main(["export", "metashape", str(block), "-o", str(out)]) == 0
-    assert "2 measurements with use = off" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "2 measurements with use = off" in said
+    assert "not in the block" not in said
     before, after = file.read_text().splitlines(), out.read_text().splitlines()
     lost = [line for line in before if line not in after]
     assert len(before) - len(after) == len(lost) == 2
@@ -116,6 +118,10 @@ def test_what_is_off_is_left_out_of_the_file_and_nothing_else(
         assert f'x="{row.split(",")[2]}"' in line
     again = metashape.read(out, PLAIN).block.image_points
     assert len(again) == len(read_block(block).image_points) - 2
+    (block / "image_points.csv").write_text("\n".join([*rows[:12], *rows[13:]]) + "\n")
+    assert main(["export", "metashape", str(block), "-o", str(tmp_path / "p.xml")]) == 0
+    assert "1 measurements that are not in the block stay as they were" in capsys.readouterr().out
+    assert (tmp_path / "p.xml").read_bytes() == out.read_bytes()
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", ""])
