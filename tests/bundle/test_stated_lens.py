@@ -259,7 +259,9 @@ def test_beyond_the_fold_no_point_is_seen() -> None:
         assert np.isnan(seen[far]).all()
         assert np.isfinite(seen[~far]).all()
         which = np.full(len(state.points), photo)
-        np.testing.assert_array_equal(imaged_places(problem, state, which, state.points).xy, seen)
+        # equal but for rounding, which differs between processors
+        again = imaged_places(problem, state, which, state.points).xy
+        np.testing.assert_allclose(again, seen, rtol=0.0, atol=1e-9)
         # many would lie within the format
         seen_twice += np.count_nonzero(far & (np.abs(radius - 0.4 * radius**3) < 0.6))
     assert seen_twice > 5
