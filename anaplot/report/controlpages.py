@@ -79,7 +79,14 @@ def _part(word: str, part: ControlPart) -> Line:
 
 
 def _without(found: WithoutPoint) -> list[Line]:
-    lines = [say("    without it off by {}", _with_sigmas(found.difference, found.s))]
+    what = "it"
+    if found.held:
+        mine = [
+            axis for axis, value in zip(_XYZ, found.difference, strict=True) if value is not None
+        ]
+        verb = "stays" if len(found.held) == 1 else "stay"
+        what = f"its {', '.join(mine)} ({', '.join(found.held)} {verb} held)"
+    lines = [say("    without {} off by {}", what, _with_sigmas(found.difference, found.s))]
     if found.farthest is not None:
         mean, rms = found.heights
         lines.append(
@@ -146,4 +153,5 @@ def _without_json(found: WithoutPoint) -> dict[str, Any]:
         "farthest_at": None if found.farthest is None else found.farthest.point,
         "heights_mean": found.heights[0],
         "heights_rms": found.heights[1],
+        "held": list(found.held),
     }

@@ -156,6 +156,25 @@ def test_a_check_point_in_plan_is_found_from_along_its_worst_direction(block: Bl
     assert page.plan.detectable > max(of["X"].mdb, of["Y"].mdb) * (1.0 + 1e-6)
 
 
+def test_without_what_is_no_observation_nothing_is_given_up(block: Block) -> None:
+    first, *others = block.control
+    mixed = replace(block, control=(replace(first, sigma=(0.0, 0.02, 0.03)), *others))
+    pages = _pages(mixed)
+    without = pages[first.point].without
+    assert without is not None
+    assert without.held == ("X",)
+    assert without.difference[0] is None
+    assert {page.without.held for page in pages.values() if page.without} == {("X",), ()}
+    document = control_pages_document(list(pages.values()))
+    assert page_text(document.page).count("without its Y, Z (X stays held) off by Y ") == 1
+    assert document.answer[0]["without"]["held"] == ["X"]
+    # it is the adjustment with X alone
+    alone = replace(first, xyz=(first.xyz[0], None, None), sigma=(0.0, None, None))
+    other = adjust_block(replace(mixed, control=(alone, *others)))
+    (at,) = [np.array(row.xyz) for row in other.point_rows() if row.point == first.point]
+    assert without.difference[1:] == pytest.approx((at - first.xyz)[1:], rel=1e-2)
+
+
 def test_a_free_network_has_none(block: Block) -> None:
     assert control_pages(adjust_block(block, datum="free")) == ()
 

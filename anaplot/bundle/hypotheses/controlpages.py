@@ -93,12 +93,15 @@ class WithoutPoint(NamedTuple):
         The other point that moves farthest; None where there is none.
     heights
         Mean and root mean square of what the heights of all other points move by [m].
+    held
+        Coordinates that are free of error: no observations, they hold the point all the same.
     """
 
     difference: tuple[float | None, float | None, float | None]
     s: tuple[float | None, float | None, float | None]
     farthest: Movement | None
     heights: tuple[float, float]
+    held: tuple[str, ...] = ()
 
 
 class ControlRay(NamedTuple):
@@ -218,6 +221,9 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
         look = look or any(one is not None and one.rejected for one in (plan, height, every))
         in_plan, in_height = _part(block, plan), _part(block, height)
         without = _without(block, system, mine[name], name)
+        if without is not None:
+            stays = tuple(axis for axis, is_held in zip(_AXES, held[name], strict=True) if is_held)
+            without = without._replace(held=stays)
         parts = [part for part in (in_plan, in_height) if part is not None]
         verdict = "look" if look else _verdict(parts)
         nothing = (None, None, None)
