@@ -299,7 +299,7 @@ def _check_sides(oriented: Mapping[str, OrientedPhoto]) -> None:
         sides = by_file.setdefault(id(at.file), {False: [], True: []})
         sides[at.inner.placement.mirrored].append(photo)
     for sides in by_file.values():
-        few, most = sorted(sides.values(), key=len)
+        few, most = sorted((sides[True], sides[False]), key=len)  # of as many the mirrored
         if few:
             seen = "mirrored" if few is sides[True] else "not mirrored"
             raise oriented[few[0]].file.fail(
