@@ -114,6 +114,7 @@ def test_an_offset_needs_a_map_in_metres() -> None:
 
 
 def test_names_of_systems() -> None:
+    pytest.importorskip("pyproj")
     assert crs_text("WGS84 UTM 32N") == "EPSG:32632"
     assert crs_text(" wgs84  utm 7 s ") == "EPSG:32707"
     assert crs_text("WGS84") == "EPSG:4326"
