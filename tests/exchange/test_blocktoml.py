@@ -385,19 +385,21 @@ names = st.text(min_size=1, max_size=20).filter(lambda text: name_fault(text) is
 positive = st.floats(min_value=1e-12, max_value=1e12)
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 triples = st.tuples(numbers, numbers, numbers)
+metres = st.floats(-1e12, 1e12)
+places = st.tuples(metres, metres, metres)
 sigmas = st.tuples(positive, positive, positive)
 
 
 @st.composite
 def blocks(draw: st.DrawFn) -> Block:
     cameras = tuple(
-        Camera(name, draw(positive), draw(st.none() | st.tuples(positive, positive)))
+        Camera(name, draw(st.floats(1e-6, 1e9)), draw(st.none() | st.tuples(positive, positive)))
         for name in draw(st.lists(names, min_size=1, max_size=3, unique=True))
     )
     photo_names = draw(st.lists(names, min_size=2, max_size=5, unique=True))
     photos = []
     for name in photo_names:
-        position, rotation = draw(st.none() | triples), draw(st.none() | triples)
+        position, rotation = draw(st.none() | places), draw(st.none() | triples)
         photos.append(
             Photo(
                 name,

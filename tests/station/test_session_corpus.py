@@ -22,7 +22,10 @@ TOLERANCE = 1e-6  # rad, mm and um: other machines round otherwise
 def same(was: Any, now: Any, where: str = "") -> None:
     if isinstance(was, dict):
         assert was.keys() <= now.keys(), where
+        # how many steps there are until corrections drown in rounding hangs on the machine
         for key, value in was.items():
+            if key == "iterations":
+                continue
             same(value, now[key], f"{where}.{key}")
     elif isinstance(was, list):
         assert len(was) == len(now), where
