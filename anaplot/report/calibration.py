@@ -226,8 +226,8 @@ def calibration_document(block: AdjustedBlock) -> Document | None:
             "heading"
         ),
         parameters,
-        say("  c, x0, y0 in mm, x0 and y0 from the stated principal point (px: from the corner,"),
-        say("  y down); k1 to b2 as COLMAP's OPENCV has them, p1 and p2 with y down"),
+        say("  x0 and y0 from the stated principal point (in the columns [px] from the corner, y"),
+        say("  down); k1 to b2 as COLMAP's OPENCV has them, p1 and p2 with y down"),
     ]
     answer = {
         "cameras": [
