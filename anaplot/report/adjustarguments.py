@@ -31,6 +31,11 @@ def add_bridge_arguments(bridge: argparse.ArgumentParser) -> None:
     bridge.add_argument("block", type=Path, metavar="BLOCK", help="the block's folder")
     _add_planted(bridge)
     add_matrix(bridge)
+    bridge.add_argument(
+        "--correlations",
+        action="store_true",
+        help="print the correlations of each model's orientation elements; --json always has them",
+    )
     add_output(bridge, "the rows of the models")
     bridge.add_argument(
         "--fail-on-flag",

@@ -102,6 +102,7 @@ def bridge(
     pairs: bool = False,
     plant: Sequence[str] | None = None,
     matrix: bool = False,
+    correlations: bool = False,
     progress: Progress | None = None,
 ) -> Computed[BridgedBlock]:
     """Form the models of every strip, one after another, as the operator would.
@@ -123,6 +124,8 @@ def bridge(
         Errors "PHOTO:POINT:AXIS:UM" that are put in for a trial.
     matrix
         Whether every model's document has Q_vv P whole.
+    correlations
+        Whether every model's page has the correlations of its orientation.
     progress
         Called with what is being done and the fraction of it (0 to 1); a `Watch` also ends the
         search for gross errors early when it is stopped.
@@ -159,7 +162,8 @@ def bridge(
     )
     accidents = block_accidents(given)
     cures = photo_cures(given, accidents.photos)
-    document = with_accidents(bridge_document(given, strips, matrix=matrix), accidents, cures)
+    document = bridge_document(given, strips, matrix=matrix, correlations=correlations)
+    document = with_accidents(document, accidents, cures)
     document = planting.with_planting(document, planted)
     return Computed(found, with_journal_notes(document, note), flagged)
 
@@ -290,7 +294,11 @@ def _parts(strip: BridgedStrip | CleanedStrip) -> tuple[BridgedStrip, tuple[Clea
 
 
 def bridge_document(
-    block: photogrammetry.Block, strips: Strips, *, matrix: bool = False
+    block: photogrammetry.Block,
+    strips: Strips,
+    *,
+    matrix: bool = False,
+    correlations: bool = False,
 ) -> Document:
     """Return the document of a block's strips, as `bridge_block` returns them.
 
@@ -307,6 +315,7 @@ def bridge_document(
                 count=len(declared.models()),
                 pooled_um=pooled_sigma_um(strip.models[: k + 1]),
                 matrix=matrix,
+                correlations=correlations,
             )
             models.append((strip.strip, one))
             here.append(one.answer)

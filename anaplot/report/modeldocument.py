@@ -29,6 +29,7 @@ from anaplot.report.document import (
     table,
 )
 from anaplot.report.matrix import MATRIX, matrix_document
+from anaplot.report.modelcorrelations import ELEMENT_COLUMNS, correlations_page
 
 __all__ = ["OF_MODEL", "model_document", "model_rows", "model_tables", "stacked_rows"]
 
@@ -46,7 +47,7 @@ _OFF = for_programs("off")
 _POINTS = for_programs("point", "X", "Y", "Z", "sX", "sY", "sZ")
 _ODDS = for_programs("point", "axis", "probability")
 _PER_LINE = 6
-_ALWAYS = 2  # tables of a model: rows and points
+_SAME = {"points": _POINTS, "correlations": ELEMENT_COLUMNS, "matrix": MATRIX}
 _BASE, _ANGLES = ("bx", "by", "bz"), ("omega", "phi", "kappa")
 
 OF_MODEL = for_programs("strip", "left", "right")
@@ -61,6 +62,7 @@ def model_document(
     count: int,
     pooled_um: float | None = None,
     matrix: bool = False,
+    correlations: bool = False,
 ) -> Document:
     """Return the document of one model.
 
@@ -76,6 +78,8 @@ def model_document(
         sigma0 pooled over the strip's models so far [um].
     matrix
         Whether Q_vv P is in it, whole.
+    correlations
+        Whether those of the orientation are on its page and among its tables; its answer has them.
     """
     diagnosis = diagnose(model)
     rows = model_rows(model.listed, diagnosis.suspects)
@@ -123,11 +127,17 @@ def model_document(
         *(say("  {}", sentence) for sentence in diagnosis.advice),
     ]
     answer = _answer(model, accuracy, rows, points)
-    if not matrix:
-        return Document(answer, tuple(page), (rows, points))
-    whole = matrix_document(model.tested)
-    answer["matrix"] = whole.answer
-    return Document(answer, (*page, BLANK, *whole.page), (rows, points, *whole.tables))
+    tables = [rows, points]
+    if correlations:
+        related = correlations_page(accuracy.elements, accuracy.correlations)
+        page += [BLANK, *related.page]
+        tables += related.tables
+    if matrix:
+        whole = matrix_document(model.tested)
+        answer["matrix"] = whole.answer
+        page += [BLANK, *whole.page]
+        tables += whole.tables
+    return Document(answer, tuple(page), tuple(tables))
 
 
 def _deviations(accuracy: ModelAccuracy) -> tuple[list[Line], list[Line], list[Line]]:
@@ -246,14 +256,17 @@ def _discrepancies(title: str, rows: list[Observation[Row]]) -> list[Line]:
 def model_tables(models: Iterable[tuple[str, Document]]) -> tuple[Table, ...]:
     """Return the tables of several models (strip, document) as single ones."""
     parts = [
-        ((strip, *map(one.answer.get, ("left", "right"))), one.tables) for strip, one in models
+        (
+            (strip, *map(one.answer.get, ("left", "right"))),
+            {table.key: table for table in one.tables},
+        )
+        for strip, one in models
     ]
+    keys = ("points", *(key for key in _SAME if key != "points" and parts and key in parts[0][1]))
     return (
-        stacked_rows(OF_MODEL, ((of, tables[0]) for of, tables in parts)),
-        stacked("points", OF_MODEL, _POINTS, ((of, tables[1]) for of, tables in parts)),
+        stacked_rows(OF_MODEL, ((of, tables["rows"]) for of, tables in parts)),
         *(
-            (stacked("matrix", OF_MODEL, MATRIX, ((of, tables[2]) for of, tables in parts)),)
-            if parts and len(parts[0][1]) > _ALWAYS
-            else ()
+            stacked(key, OF_MODEL, _SAME[key], ((of, tables[key]) for of, tables in parts))
+            for key in keys
         ),
     )

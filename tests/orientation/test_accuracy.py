@@ -10,6 +10,7 @@ from idealmodel import ideal
 from anaplot.orientation.accuracy import model_accuracy
 from anaplot.orientation.model import orient
 from anaplot.orientation.patterns import pattern
+from anaplot.photogrammetry.rotation import rotation_angles, rotation_matrix
 
 STEP = 0.01  # mm
 ORDER = ("bx", "by", "bz", "omega", "phi", "kappa")
@@ -66,6 +67,42 @@ def test_points_of_a_later_model_whose_ties_are_free_of_error_by_numerical_deriv
     assert found.elements == ORDER
     change = moved(pair, PAPER)
     assert found.points == pytest.approx(spread_of_points(change), rel=1e-5)
+
+
+def test_a_later_model_whose_ties_err_by_numerical_derivatives_of_the_whole_strip():
+    flight = fly(4, photos=3, tilt=5.0, kappa=15.0)
+
+    def both(images):
+        one = replace(flight, images=images)
+        first = orient(pair_of(one, 0, base=70.0), EXACT, BAARDA)
+        # a ray of the middle photo serves both models
+        return first, orient(pair_of(one, 1, first, once=frozenset(images[1])), EXACT, BAARDA)
+
+    first, second = both(flight.images)
+    held = rotation_matrix(*first.rotation)
+
+    def elements(photo, point, move):
+        """Elements of the second model with its left photo where it was."""
+        images = [dict(seen) for seen in flight.images]
+        images[photo][point] = tuple(np.add(images[photo][point], move).tolist())
+        before, after = both(images)
+        back = held @ rotation_matrix(*before.rotation).T
+        return np.array(
+            [*(back @ after.base), *rotation_angles(back @ rotation_matrix(*after.rotation))]
+        )
+
+    change = np.array([
+        (elements(photo, point, move) - elements(photo, point, np.negative(move))) / (2.0 * STEP)
+        for photo, seen in enumerate(flight.images)
+        for point in seen
+        for move in STEP * np.eye(2)
+    ]).T  # fmt: skip
+    covariance = change @ change.T
+    spread = np.sqrt(np.diag(covariance))
+    found = model_accuracy(second)
+    assert found.elements == ORDER
+    assert found.deviations == pytest.approx(5e-3 * spread, rel=1e-5)
+    assert found.correlations == pytest.approx(covariance / np.outer(spread, spread), abs=1e-5)
 
 
 def test_elements_of_a_later_model_follow_from_the_unknowns_by_numerical_derivatives():

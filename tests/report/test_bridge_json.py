@@ -244,3 +244,32 @@ def test_files_hold_the_tables_of_all_models_with_what_they_belong_to():
     ]  # fmt: skip
     assert len(rejected) == sum(len(model["errors"]["rejected"]) for model in strip["models"])
     assert len(bridge_document(data, bridge_block(data)).tables) == 2
+
+
+def test_correlations_of_orientations_are_those_of_the_accuracy_on_every_page_and_in_a_table():
+    data = block()
+    document = bridge_document(data, bridge_block(data), correlations=True)
+    models = document.to_dict()["strips"][0]["models"]
+    pages = page_text(document.page).split("STRIP s")[1:]
+    (found,) = (one for one in document.tables if one.key == "correlations")
+    rows = found.records()
+    for model, page in zip(models, pages, strict=True):
+        accuracy = model["accuracy"]
+        elements, rho = accuracy["elements"], accuracy["correlations"]
+        mine = [
+            row for row in rows if (row["left"], row["right"]) == (model["left"], model["right"])
+        ]
+        assert [row["element"] for row in mine] == elements
+        head, *lines = page.split("the left photo held")[1].splitlines()[1:]
+        assert head.split() == elements
+        for row, line, values in zip(mine, lines, rho, strict=False):
+            assert [row[element] for element in elements] == values
+            assert line.split() == [row["element"], *(f"{value:.3f}" for value in values)]
+            assert row[row["element"]] == 1.0
+    assert [row["bx"] is None for row in rows] == [True] * 5 + [False] * 6
+    without = bridge_document(data, bridge_block(data))
+    assert "left photo held" not in page_text(without.page)
+    assert [one.key for one in without.tables] == ["rows", "points"]
+    with_matrix = bridge_document(data, bridge_block(data), correlations=True, matrix=True)
+    keys = [one.key for one in with_matrix.tables]
+    assert keys == ["rows", "points", "correlations", "matrix"]
