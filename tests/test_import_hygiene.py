@@ -50,6 +50,7 @@ def test_the_command_line_starts_with_nothing(code: str) -> None:
 
 ROOMS = (
     "textfiles",
+    "drawing",
     "adjustment",
     "photogrammetry",
     "orientation",
