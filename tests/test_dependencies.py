@@ -25,17 +25,20 @@ def test_the_lowest_that_are_tested_are_the_bounds() -> None:
     assert {package: versions[0] for package, versions in pins("lowest.txt").items()} == bounds
 
 
-def test_the_known_set_has_the_tools_of_the_extra() -> None:
-    tools = dict(one.split("==") for one in PROJECT["optional-dependencies"]["test"])
+def test_the_known_set_has_the_tools_of_the_extras() -> None:
+    """Of the extras that pin what they name (test, docs), every pin."""
     known = pins("known.txt")
-    assert {tool: known[tool] for tool in tools} == {t: [v] for t, v in tools.items()}
+    extras = PROJECT["optional-dependencies"]
+    tools = [one.split("==") for extra in extras.values() for one in extra if "==" in one]
+    assert {tool: known[tool] for tool, _ in tools} == {tool: [v] for tool, v in tools}
+    assert {"sphinx", "pytest"} <= {tool for tool, _ in tools}
     assert known.keys() >= {"numpy", "scipy", "textual", "pyserial"}
 
 
 def test_what_is_optional_is_tested_within_its_bounds() -> None:
     known = pins("known.txt")
     extras = PROJECT["optional-dependencies"]
-    optional = [one.split(">=") for name in extras.keys() - {"test"} for one in extras[name]]
+    optional = [one.split(">=") for extra in extras.values() for one in extra if ">=" in one]
     assert optional
     for package, bound in optional:
         (version,) = known[package]

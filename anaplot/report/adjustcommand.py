@@ -404,9 +404,15 @@ def find_gross_errors(
         A block, or its folder; it is only read.
     errors
         Name of the strategy.
-    datum, additional, additional_sigma_um, additional_prior, additional_reference_mm, calibrate,
-    calibrate_sigma, gnss_shift, gnss_shift_sigma, gnss_drift, gnss_drift_sigma, imu_boresight,
-    imu_boresight_sigma, partner, as_given, pairs, given, given_without, progress
+    datum, given, given_without, partner, as_given, pairs, progress
+        As `adjust` has them.
+    additional, additional_sigma_um, additional_prior, additional_reference_mm
+        As `adjust` has them.
+    calibrate, calibrate_sigma
+        As `adjust` has them.
+    gnss_shift, gnss_shift_sigma, gnss_drift, gnss_drift_sigma
+        As `adjust` has them.
+    imu_boresight, imu_boresight_sigma
         As `adjust` has them.
 
     Returns
