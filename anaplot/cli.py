@@ -34,6 +34,7 @@ from anaplot.report.planarguments import (
     add_simulate_arguments,
 )
 from anaplot.report.plotterarguments import add_plotter_commands
+from anaplot.report.reportarguments import add_report_command
 from anaplot.version import __version__
 
 if TYPE_CHECKING:
@@ -350,6 +351,7 @@ def _parser() -> _Parser:
     )
     add_adjust_arguments(adjust)
     add_apply_arguments(adjust)
+    add_report_command(command)
     compare = command(
         "compare",
         _compare,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Iterator
 from itertools import chain, compress
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,15 @@ from anaplot.report.columns import PAGE, cell, column, fitted, shortened, wrappe
 from anaplot.report.document import Block, Column, Figure, Line, Listed, Names, Table, Value, Values
 from anaplot.textfiles.wording import plain
 
-__all__ = ["MOST_ROWS", "line_text", "page_text", "table_lines"]
+__all__ = [
+    "MOST_ROWS",
+    "Piece",
+    "cell_texts",
+    "line_pieces",
+    "line_text",
+    "page_text",
+    "table_lines",
+]
 
 MOST_ROWS = 100
 """A longer table shows only the rows that need a look, unless all is asked for."""
@@ -70,28 +78,50 @@ def _folded(line: Line, everything: bool) -> list[str]:
 
 def line_text(line: Line, *, everything: bool = False) -> str:
     """Return a line."""
-    return "".join(_part(part, everything) for part in line.parts)
+    return "".join(piece.text for piece in line_pieces(line, everything=everything))
 
 
-def _part(part: str | Value | Names, everything: bool) -> str:
-    if isinstance(part, str):
-        return part
-    if isinstance(part, Value):
-        value = part.value
-        if part.form.endswith("c"):
-            return _cell(part)
-        if value is None:
-            return part.none
-        text = _name(value, part.form) if isinstance(value, str) else format(value, part.form)
-        return f"{text} {part.unit}" if part.unit else text
-    items, more = _items(part, everything)
-    return part.separator.join(items) + more
+class Piece(NamedTuple):
+    """A piece of a line as it is read, and the whole of it where it is a name or a word."""
+
+    text: str
+    name: str | None = None
+
+
+def line_pieces(line: Line, *, everything: bool = False) -> Iterator[Piece]:
+    """Yield the pieces of a line, for what sets names apart from the words around them."""
+    for part in line.parts:
+        if isinstance(part, str):
+            yield Piece(part)
+        elif isinstance(part, Value):
+            yield Piece(_value(part), part.value if isinstance(part.value, str) else None)
+        else:
+            most = _most(part, everything)
+            for k, item in enumerate(part.items[:most]):
+                if k:
+                    yield Piece(part.separator)
+                yield from line_pieces(item, everything=everything)
+            if len(part.items) > most:
+                yield Piece(part.more.format(len(part.items) - most))
+
+
+def _value(part: Value) -> str:
+    value = part.value
+    if part.form.endswith("c"):
+        return _cell(part)
+    if value is None:
+        return part.none
+    text = _name(value, part.form) if isinstance(value, str) else format(value, part.form)
+    return f"{text} {part.unit}" if part.unit else text
+
+
+def _most(names: Names, everything: bool) -> int:
+    return len(names.items) if everything or names.most is None else names.most
 
 
 def _items(names: Names, everything: bool) -> tuple[list[str], str]:
     """Return the items of a list that are shown, and what is said of the others."""
-    count = len(names.items)
-    most = count if everything or names.most is None else names.most
+    count, most = len(names.items), _most(names, everything)
     items = [line_text(item, everything=everything) for item in names.items[:most]]
     return items, names.more.format(count - most) if count > most else ""
 
@@ -112,7 +142,7 @@ def table_lines(table: Table, *, everything: bool = True) -> list[str]:
     """Return a table, a line each row, with its heading."""
     n = len(table)
     chosen = _chosen(table, everything)
-    columns = [(one, _cells(one, values, chosen, n)) for one, values in table.for_people()]
+    columns = [(one, cell_texts(one, values, chosen, n)) for one, values in table.for_people()]
     heads, units, row = "", "", ""
     for one, cells in columns:
         width = one.width or 0
@@ -176,7 +206,7 @@ def _left_out(table: Table, shown: int) -> str:
     return f"  ... {rows}; --all prints them"
 
 
-def _cells(column: Column, values: Values, chosen: Index, n: int) -> list[str]:
+def cell_texts(column: Column, values: Values, chosen: Index, n: int) -> list[str]:
     """Return what stands in the cells of the chosen rows, without blanks around it."""
     if isinstance(values, np.ndarray):
         some: Any = values if len(chosen) == n else values[chosen]

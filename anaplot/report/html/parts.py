@@ -1,0 +1,106 @@
+"""What a report is made of: sections of lines, tables and drawings.
+
+A report is a document for a page: it holds the same lines and tables as `report/document.py`, so
+that what is read there is what `--json` writes, and drawings beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from anaplot.drawing.drawing import Drawing
+from anaplot.report.document import Line, Listed, Table
+
+__all__ = ["Captioned", "HtmlBlock", "Report", "Section", "drawings_in", "sections_in", "tables_in"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Captioned:
+    """A table with a caption of its own: of which model, of which photo it is."""
+
+    table: Table
+    caption: Line
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Section:
+    """A part of a report under a heading.
+
+    Attributes
+    ----------
+    key
+        Its name in the page's addresses: small letters, digits, hyphens; once in a report.
+    title
+        Its heading; a name from a file may stand in it.
+    blocks
+        From top to bottom. A section within it has a heading one level below.
+    folded
+        Whether only the heading is shown until it is opened; on paper it always is.
+    """
+
+    key: str
+    title: str | Line
+    blocks: tuple[HtmlBlock, ...]
+    folded: bool = False
+
+
+HtmlBlock: TypeAlias = Line | Listed | Table | Captioned | Drawing | Section
+"""A part of a section."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Report:
+    """A whole report.
+
+    Attributes
+    ----------
+    title
+        What it is about, in one line.
+    verdict
+        The answer in a few lines, before everything else.
+    sections
+        In the order of the page.
+    provenance
+        What was computed with which version, settings and files; None: nothing is known of it.
+    """
+
+    title: Line
+    verdict: tuple[Line, ...]
+    sections: tuple[Section, ...]
+    provenance: Section | None = None
+
+    @property
+    def all_sections(self) -> tuple[Section, ...]:
+        """The sections, and the provenance at the end."""
+        return self.sections + (() if self.provenance is None else (self.provenance,))
+
+
+def sections_in(sections: Iterable[Section]) -> Iterator[Section]:
+    """Yield sections and those within them, from top to bottom."""
+    for section in sections:
+        yield section
+        yield from sections_in(block for block in section.blocks if isinstance(block, Section))
+
+
+def tables_in(sections: Iterable[Section]) -> Iterator[Table]:
+    """Yield all tables, from top to bottom."""
+    for section in sections:
+        for block in section.blocks:
+            if isinstance(block, Table):
+                yield block
+            elif isinstance(block, Captioned):
+                yield block.table
+            elif isinstance(block, Section):
+                yield from tables_in((block,))
+
+
+def drawings_in(sections: Iterable[Section]) -> Iterator[Drawing]:
+    """Yield all drawings, from top to bottom."""
+    for section in sections:
+        for block in section.blocks:
+            if isinstance(block, Drawing):
+                yield block
+            elif isinstance(block, Section):
+                yield from drawings_in((block,))

@@ -1,0 +1,351 @@
+"""What of a report stands on its page: texts in pieces, tables with the rows that are shown.
+
+Numbers and names are written by the same functions as on a terminal (`report/astext.py`), from the
+same tables that `--json` writes. What is markup is the template's business alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import NamedTuple
+
+import numpy as np
+
+from anaplot.aliases import Index
+from anaplot.drawing.drawing import Drawing
+from anaplot.report.astext import cell_texts, line_pieces
+from anaplot.report.columns import counted, shortened
+from anaplot.report.document import Column, Line, Listed, Table, Values
+from anaplot.report.html.captions import caption_of
+from anaplot.report.html.parts import Captioned, HtmlBlock, Report, Section
+from anaplot.textfiles.wording import plain
+
+__all__ = [
+    "MOST_ROWS",
+    "BlockView",
+    "PageView",
+    "SectionView",
+    "TableView",
+    "Text",
+    "page_view",
+    "table_views",
+    "text_of",
+]
+
+MOST_ROWS = 1000
+"""A longer table shows only the rows that need a look; a file beside the page has them all."""
+
+_LONGEST = 40  # characters of a name that are shown; the whole is its title
+_WIDE = 9  # columns from which a table stands on a page across
+
+
+class Text(NamedTuple):
+    """A piece of text: what is read, whether it is a name, and the whole of one that is cut."""
+
+    text: str
+    is_name: bool = False
+    whole: str = ""
+
+
+class LineView(NamedTuple):
+    """A line: its pieces, its kind, and whether blanks in it mean columns."""
+
+    pieces: tuple[Text, ...]
+    kind: str
+    laid_out: bool
+
+
+class Head(NamedTuple):
+    """The head of a column: its words, unit, the key of its definition, whether it holds names."""
+
+    title: str
+    unit: str
+    key: str
+    names: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TableView:
+    """A table as it is shown.
+
+    Attributes
+    ----------
+    id
+        Once on the page; also the name of the file beside it that has every row.
+    caption
+        What it shows.
+    heads
+        Of its columns; the first names the row.
+    groups
+        Rows with the same line above them, and that line; one without a line where there are none.
+    rows
+        How many the table has, of which `shown` are shown.
+    cut
+        What is said of the others, or "".
+    wide
+        Whether it has so many columns that paper lies across.
+    """
+
+    id: str
+    caption: tuple[Text, ...]
+    heads: tuple[Head, ...]
+    groups: tuple[tuple[Text | None, tuple[tuple[Text, ...], ...]], ...]
+    rows: int
+    shown: int
+    cut: str
+    wide: bool
+
+
+@dataclass(frozen=True, slots=True)
+class BlockView:
+    """A part of a section: of which kind ("lines", "table", "drawing", "section"), and what."""
+
+    kind: str
+    lines: tuple[LineView, ...] = ()
+    table: TableView | None = None
+    drawing: Drawing | None = None
+    section: SectionView | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SectionView:
+    """A section: its address, heading, level of the heading, parts, and whether it is folded."""
+
+    id: str
+    title: tuple[Text, ...]
+    level: int
+    blocks: tuple[BlockView, ...]
+    folded: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PageView:
+    """A page: its title, verdict and sections, and by their addresses the tables that it cuts."""
+
+    title: tuple[Text, ...]
+    verdict: tuple[LineView, ...]
+    sections: tuple[SectionView, ...]
+    cut: Mapping[str, Table]
+
+
+def text_of(line: str | Line) -> tuple[Text, ...]:
+    """Return the pieces of a line."""
+    if isinstance(line, str):
+        return (Text(plain(line)),)
+    return tuple(
+        Text(piece.text)
+        if piece.name is None
+        else Text(piece.text, True, _whole(piece.text, piece.name))
+        for piece in line_pieces(line)
+    )
+
+
+def _whole(shown: str, name: str) -> str:
+    """Return a name made plain where not all of it is shown."""
+    whole = plain(name)
+    return "" if whole in shown else whole
+
+
+def page_view(report: Report, *, most_rows: int = MOST_ROWS, beside: str = "") -> PageView:
+    """Return a report as it is shown.
+
+    Parameters
+    ----------
+    report
+        The report.
+    most_rows
+        How many rows a table may have that is shown whole.
+    beside
+        How the folder beside the page is called that has whole tables; "": there is none.
+    """
+    plan = _Plan(most_rows, beside)
+    sections = tuple(plan.section(section, 2) for section in report.all_sections)
+    verdict = tuple(_line(line) for line in report.verdict)
+    return PageView(text_of(report.title), verdict, sections, plan.cut)
+
+
+def table_views(sections: Iterable[SectionView]) -> Iterator[TableView]:
+    """Yield the tables of sections, from top to bottom."""
+    for section in sections:
+        for block in section.blocks:
+            if block.table is not None:
+                yield block.table
+            if block.section is not None:
+                yield from table_views((block.section,))
+
+
+class _Addresses:
+    """Gives every address once."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+
+    def of(self, key: str) -> str:
+        """Return an address for a key: itself, or with a number behind it."""
+        address = next(one for one in _numbered(key) if one not in self._taken)
+        self._taken.add(address)
+        return address
+
+
+def _numbered(key: str) -> Iterator[str]:
+    yield key
+    for k in count(2):
+        yield f"{key}-{k}"
+
+
+class _Plan:
+    """Puts together what is shown."""
+
+    def __init__(self, most_rows: int, beside: str) -> None:
+        self._most_rows = most_rows
+        self._beside = beside
+        self._addresses = _Addresses()
+        self.cut: dict[str, Table] = {}
+
+    def section(self, section: Section, level: int) -> SectionView:
+        address = self._addresses.of(section.key)
+        blocks = tuple(self._blocks(section.blocks, level))
+        return SectionView(address, text_of(section.title), level, blocks, section.folded)
+
+    def _blocks(self, blocks: Iterable[HtmlBlock], level: int) -> Iterator[BlockView]:
+        lines: list[LineView] = []
+        for block in blocks:
+            if isinstance(block, Line | Listed):
+                lines += _lines(block)
+                continue
+            if lines:
+                yield from _paragraphs(lines)
+                lines = []
+            if isinstance(block, Section):
+                inner = self.section(block, min(level + 1, 6))
+                yield BlockView("section", section=inner)
+            elif isinstance(block, Drawing):
+                yield BlockView("drawing", drawing=block)
+            else:
+                yield BlockView("table", table=self._table(block))
+        yield from _paragraphs(lines)
+
+    def _table(self, block: Table | Captioned) -> TableView:
+        table, caption = (
+            (block.table, block.caption)
+            if isinstance(block, Captioned)
+            else (block, caption_of(block.key))
+        )
+        address = self._addresses.of(f"table-{table.key.replace('_', '-')}")
+        n = len(table)
+        chosen = _chosen(table, self._most_rows)
+        if len(chosen) < n:
+            self.cut[address] = table
+        columns = [
+            (column, cell_texts(column, values, chosen, n)) for column, values in _shown(table)
+        ]
+        cells = [
+            tuple(_cell(text, column) for column, text in zip(heads, row, strict=True))
+            for heads, row in _rows(columns, len(chosen))
+        ]
+        return TableView(
+            address,
+            text_of(caption),
+            tuple(_head(column) for column, _ in columns),
+            _grouped(table, chosen, cells),
+            n,
+            len(chosen),
+            self._left_out(address, n, len(chosen)),
+            len(columns) >= _WIDE,
+        )
+
+    def _left_out(self, address: str, n: int, shown: int) -> str:
+        if shown == n:
+            return ""
+        which = "those that need a look" if shown else "none needs a look"
+        where = f"; {plain(self._beside)}/{address}.csv has every row" if self._beside else ""
+        return f"{shown} of {counted(n, 'row')} are shown, {which}{where}"
+
+
+def _rows(
+    columns: Sequence[tuple[Column, list[str]]], n: int
+) -> Iterator[tuple[list[Column], tuple[str, ...]]]:
+    heads = [column for column, _ in columns]
+    if columns and n:
+        for row in zip(*(texts for _, texts in columns), strict=True):
+            yield heads, row
+
+
+def _shown(table: Table) -> list[tuple[Column, Values]]:
+    """Return the columns that a page has: those of a person, without one that is a mere remark."""
+    return [
+        (column, values)
+        for column, values in table.for_people()
+        if column.key or any(value not in (None, "") for value in values)
+    ]
+
+
+def _head(column: Column) -> Head:
+    title = column.title.strip() or column.key
+    unit = column.unit if column.unit and "[" not in title else ""
+    return Head(title, unit, column.key or column.title, column.align == "<")
+
+
+def _cell(text: str, column: Column) -> Text:
+    if column.align == ">":
+        return Text(text)
+    shown = shortened(text, _LONGEST)
+    return Text(shown, True, "" if shown == text else text)
+
+
+def _grouped(
+    table: Table, chosen: Index, rows: list[tuple[Text, ...]]
+) -> tuple[tuple[Text | None, tuple[tuple[Text, ...], ...]], ...]:
+    if not table.group:
+        return ((None, tuple(rows)),)
+    keys = [column.key for column in table.columns]
+    names = table.values[keys.index(table.group)]
+    groups: list[tuple[str, list[tuple[Text, ...]]]] = []
+    for k, row in zip(chosen.tolist(), rows, strict=True):
+        name = plain(str(names[k]))
+        if not groups or groups[-1][0] != name:
+            groups.append((name, []))
+        groups[-1][1].append(row)
+    return tuple((Text(name, True), tuple(some)) for name, some in groups)
+
+
+def _chosen(table: Table, most: int) -> Index:
+    n = len(table)
+    if n <= most:
+        return np.arange(n)
+    if table.most is not None:
+        return np.arange(most)
+    return np.nonzero(table.marked())[0][:most]
+
+
+def _lines(block: Line | Listed) -> list[LineView]:
+    if isinstance(block, Listed):
+        shown = [_line(line) for line in block.lines[: block.most]]
+        left = len(block.lines) - len(shown)
+        if left and block.more:
+            shown.append(_line(Line((block.more.format(left),))))
+        return shown
+    return [_line(block)]
+
+
+def _line(line: Line) -> LineView:
+    pieces = text_of(line)
+    text = "".join(piece.text for piece in pieces)
+    return LineView(pieces, line.kind, text.startswith(" ") or "   " in text)
+
+
+def _paragraphs(lines: Sequence[LineView]) -> Iterator[BlockView]:
+    """Yield lines that belong together: those between empty ones and headings."""
+    some: list[LineView] = []
+    for line in lines:
+        if some and (not line.pieces or line.kind == "heading"):
+            yield BlockView("lines", lines=tuple(some))
+            some = []
+        if line.kind == "heading":
+            yield BlockView("heading", lines=(line,))
+        elif line.pieces:
+            some.append(line)
+    if some:
+        yield BlockView("lines", lines=tuple(some))

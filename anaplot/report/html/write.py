@@ -1,0 +1,144 @@
+"""A report as files: the page, the whole of tables that it cuts, and its drawings."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from anaplot.drawing.standalone import standalone
+from anaplot.errors import InputError
+from anaplot.report.ascsv import csv_text
+from anaplot.report.html.parts import Report, drawings_in
+from anaplot.report.html.render import html_of, is_report
+from anaplot.report.html.views import MOST_ROWS, page_view
+from anaplot.textfiles.wholefile import (
+    all_or_nothing,
+    check_place,
+    create_whole,
+    make_folder,
+    replace_whole,
+)
+from anaplot.textfiles.wording import place, reason
+
+__all__ = ["Written", "check_report", "tables_folder", "write_report"]
+
+_HEAD = 4096  # bytes of a file that say whether it is a report
+
+
+class Written(NamedTuple):
+    """What was written.
+
+    Attributes
+    ----------
+    page
+        The page, and `size` its bytes.
+    cut
+        Files of tables that the page does not show whole.
+    figures
+        Files of drawings.
+    """
+
+    page: Path
+    size: int
+    cut: tuple[Path, ...]
+    figures: tuple[Path, ...]
+
+
+def tables_folder(path: Path) -> Path:
+    """Return the folder beside a page that has the whole of the tables it cuts."""
+    return path.with_name(path.name + ".tables")
+
+
+def check_report(path: Path, figures: Path | None = None) -> None:
+    """Refuse files that could not be written, before anything is computed.
+
+    Raises
+    ------
+    InputError
+        There is no folder for the page, or something that is no earlier report has its name, or
+        that of the folder for tables; or the folder for figures holds something else.
+    """
+    check_place(path)
+    folder = tables_folder(path)
+    try:
+        if os.path.lexists(path) and not _earlier(path):
+            raise InputError(f"{place(path)}: exists already, is no report, and is not overwritten")
+        if os.path.lexists(folder) and not (folder.is_dir() and _only(folder, ".csv", path)):
+            raise InputError(f"{place(folder)}: exists already and is not overwritten")
+        if (
+            figures is not None
+            and os.path.lexists(figures)
+            and not (figures.is_dir() and _only(figures, ".svg", path))
+        ):
+            raise InputError(f"{place(figures)}: is neither a new folder nor one of figures alone")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place(path)}: cannot be written: {reason(error)}") from error
+
+
+def _earlier(path: Path) -> bool:
+    """Return whether a file is a report that was written before."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return is_report(file.read(_HEAD))
+
+
+def _only(folder: Path, ending: str, page: Path) -> bool:
+    """Return whether a folder is empty, or beside an earlier report with files of one kind."""
+    names = [each.name for each in folder.iterdir()]
+    if not names:
+        return True
+    return page.is_file() and all(name.endswith(ending) for name in names)
+
+
+def write_report(
+    report: Report,
+    path: str | os.PathLike[str],
+    figures: str | os.PathLike[str] | None = None,
+    *,
+    most_rows: int = MOST_ROWS,
+) -> Written:
+    """Write a report, all of it or nothing.
+
+    Parameters
+    ----------
+    report
+        The report.
+    path
+        The page; an earlier report of this name is replaced, nothing else is.
+    figures
+        A folder for its drawings, each as a file; None: they are in the page alone.
+    most_rows
+        How many rows a table may have that the page shows whole. Of a longer one it shows what
+        needs a look; the whole stands in the folder PATH.tables then.
+
+    Raises
+    ------
+    InputError
+        Something could not be written; an earlier report is as it was.
+    """
+    page = Path(path)
+    folder = None if figures is None else Path(figures)
+    check_report(page, folder)
+    beside = tables_folder(page)
+    view = page_view(report, most_rows=most_rows, beside=beside.name)
+    html = html_of(view).encode()
+    files = {beside / f"{key}.csv": csv_text(table).encode() for key, table in view.cut.items()}
+    drawings = {} if folder is None else dict(_drawings(report, folder))
+    with all_or_nothing():
+        for where, some in ((beside, files), (folder, drawings)):
+            if some and where is not None:
+                make_folder(where)
+        for name, data in (files | drawings | {page: html}).items():
+            if os.path.lexists(name):
+                replace_whole(name, data)
+            else:
+                create_whole(name, data)
+    return Written(page, len(html), tuple(files), tuple(drawings))
+
+
+def _drawings(report: Report, folder: Path) -> Iterator[tuple[Path, bytes]]:
+    for drawing in drawings_in(report.all_sections):
+        yield folder / f"{drawing.key}.svg", standalone(drawing).encode()

@@ -1,0 +1,63 @@
+"""What `report` takes: what `adjust` takes, and where the page goes; light, `--help` reads it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from anaplot.report.adjustarguments import add_adjust_arguments
+from anaplot.report.arguments import whole
+
+__all__ = ["add_page_arguments", "add_report_arguments", "add_report_command"]
+
+
+def add_page_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add how a page is written."""
+    parser.add_argument(
+        "--figures",
+        type=Path,
+        metavar="FOLDER",
+        help="write every figure of the page as an SVG file too",
+    )
+    parser.add_argument(
+        "--angles",
+        choices=("deg", "gon"),
+        default="deg",
+        help="unit of angles on the page: degrees (the default) or gon",
+    )
+    parser.add_argument(
+        "--rows",
+        type=whole(10, 10_000_000),
+        default=1000,
+        metavar="N",
+        help="of a table with more rows the page shows those that need a look, and FILE.tables has "
+        "it whole; default 1000",
+    )
+
+
+def add_report_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `report` takes."""
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE.html", help="the page"
+    )
+    add_page_arguments(parser)
+    add_adjust_arguments(parser)
+
+
+def add_report_command(command: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command `report` by what adds one: name, function, what it does, an example."""
+    add_report_arguments(
+        command(
+            "report",
+            _report,
+            "the adjusted block as one page that stands by itself: verdict, figures, tables",
+            "anaplot report myblock -o report.html",
+        )
+    )
+
+
+def _report(options: argparse.Namespace) -> int:
+    from anaplot.report.reportcommand import run_report
+
+    return run_report(options)
