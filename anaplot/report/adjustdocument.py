@@ -25,6 +25,7 @@ from anaplot.report.adjusttables import (
     control_table,
     image_point_table,
     is_fine,
+    overlap_table,
     parameter_table,
     photo_table,
     point_prior_table,
@@ -82,6 +83,7 @@ def adjust_document(
     expected = point_prior_table(block, external)
     conditions = condition_table(block, external)
     parameters, rays = parameter_table(block), ray_table(block, external)
+    overlaps = overlap_table(block)
     all_control, all_priors, all_expected = control, priors, expected
     axes: dict[int, list[str]] | None = None
     if rejected is not None:
@@ -104,6 +106,7 @@ def adjust_document(
         **_figures(block),
         "ground": None if ground is None else asdict(ground),
         "photos": photos,
+        "overlaps": overlaps,
         "points": points,
         "image_points": image_points,
         "control": all_control,
@@ -148,7 +151,7 @@ def adjust_document(
         page += [] if line is None else [line]
         page += [*reference_lines(block.problem), BLANK]
     page += [points, BLANK, rays, BLANK, *_legend(block)]
-    tables = (points, photos, image_points, all_control, check, all_priors)
+    tables = (points, photos, image_points, all_control, check, all_priors, overlaps)
     more = tuple(one for one in (parameters, conditions, all_expected) if len(one))
     return Document(answer, tuple(page), (*tables, *more))
 

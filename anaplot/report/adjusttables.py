@@ -16,6 +16,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.externalreliability import ExternalReliability, LargestEffect
 from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.photochecks import photo_checks, photo_overlaps
 from anaplot.report.columns import fitted
 from anaplot.report.document import Column, Table, for_programs, name, number, table, whole
 
@@ -25,6 +26,7 @@ __all__ = [
     "control_table",
     "image_point_table",
     "is_fine",
+    "overlap_table",
     "parameter_table",
     "photo_table",
     "point_prior_table",
@@ -78,6 +80,10 @@ _PHOTOS = (
     number("kappa", "kappa", 5, 12, unit="rad", scale=_DEGREES),
     *(number(key, key, 3, 8, unit="m") for key in ("sX", "sY", "sZ")),
     *(number(k, k, 5, 9, unit="rad", scale=_DEGREES) for k in ("somega", "sphi", "skappa")),
+    whole("rays", "RAYS", 6),
+    number("redundancy", "redundancy", 2, 12),
+    number("mean_r", "mean r", 3, 8),
+    number("least_r", "least", 3, 7),
 )
 _PHOTO_ORDER = (
     *("photo", "X", "Y", "Z", "sX", "sY", "sZ"),
@@ -104,12 +110,26 @@ def _finer(columns: tuple[Column, ...], block: AdjustedBlock) -> tuple[Column, .
 
 
 def photo_table(block: AdjustedBlock) -> Table:
-    """Return the orientations."""
+    """Return the orientations, and what checks them."""
     rows = (
-        (row.photo, *row.position, *row.angles, *row.s_position, *row.s_angles)
-        for row in block.photo_rows()
+        (row.photo, *row.position, *row.angles, *row.s_position, *row.s_angles, *checks)
+        for row, checks in zip(block.photo_rows(), photo_checks(block), strict=True)
     )
     return table("photos", _finer(_PHOTOS, block), rows, shown=_PHOTO_ORDER)
+
+
+_OVERLAPS = (
+    name("photo", "PHOTO", 5),
+    name("other", "WITH", 4),
+    whole("points", "COMMON POINTS", 15),
+    number("share", "of its own [%]", 0, 16, scale=100.0),
+    number("overlap", "overlap [%]", 0, 13, scale=100.0),
+)
+
+
+def overlap_table(block: AdjustedBlock) -> Table:
+    """Return what photos share with their neighbours, for programs; worked out when it is read."""
+    return table("overlaps", _OVERLAPS, lambda: photo_overlaps(block))
 
 
 _POINTS = (

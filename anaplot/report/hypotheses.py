@@ -27,6 +27,7 @@ from anaplot.report.document import (
     say,
     table,
 )
+from anaplot.report.planandheight import plan_and_height_table
 from anaplot.report.verdicts import (
     TEST_HEAD,
     labelled,
@@ -80,7 +81,9 @@ def hypotheses_document(found: BlockHypotheses) -> Document:
             *page,
         ]
     tables = tuple(block for block in page if isinstance(block, Table))
-    return Document(_json(found), tuple(page), tables)
+    parts = plan_and_height_table(found)
+    answer = {**_json(found), "plan_and_height": parts}
+    return Document(answer, tuple(page), (*tables, parts) if len(parts) else tables)
 
 
 def _global(

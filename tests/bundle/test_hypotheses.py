@@ -307,6 +307,21 @@ def test_check_points_by_dense_formulas() -> None:
     assert found.points[2].verdict.known.square == pytest.approx(
         d[third] @ np.linalg.solve(covariance[third, third], d[third]), rel=1e-6
     )
+    mine = found.parts[4:6]
+    assert [(one.part, one.coordinates) for one in mine] == [("plan", 2), ("height", 1)]
+    for one, members in zip(mine, ([6, 7], [8]), strict=True):
+        part = covariance[np.ix_(members, members)]
+        assert one.s == pytest.approx(np.sqrt(np.trace(part)), rel=1e-6)
+        assert one.verdict.known.square == pytest.approx(
+            d[members] @ np.linalg.solve(part, d[members]), rel=1e-6
+        )
+        assert one.verdict.known.alpha == pytest.approx(sidak_alpha(0.05, 8))
+    assert mine[0].difference == pytest.approx(np.hypot(d[6], d[7]))
+    assert mine[1].difference == pytest.approx(d[8])
+    table = hypotheses_document(block_hypotheses(block)).to_dict()["plan_and_height"]
+    told = next(one for one in table if one["point"] == mine[0].point)
+    assert (told["use"], told["plan"], told["height"]) == ("check", *(p.difference for p in mine))
+    assert told["P_height"] == mine[1].verdict.decisive.significance
     # a deformation term by generalised least squares
     height = [2, 5, 8, 11]
     p = np.linalg.inv(covariance[np.ix_(height, height)])
@@ -414,6 +429,17 @@ def test_a_control_point_is_tested_like_a_check_point(sigma) -> None:
     assert mine.verdict.known.square == pytest.approx(check.verdict.known.square, rel=2e-3)
     assert mine.verdict.estimated.sigma == pytest.approx(other.sigma0, rel=1e-5)
     assert mine.verdict.estimated.redundancy == other.redundancy
+    # its height alone given up
+    x, y, z = declared.control[1].xyz
+    height = ControlPoint(name, (None, None, z), (None, None, sigma), "check")
+    plan = ControlPoint(name, (x, y, None), (sigma, sigma, None))
+    rows = [plan if r.point == name else r for r in declared.control]
+    without = adjust_block(replace(declared, control=tuple(rows)))
+    [given] = [p for p in control_tests(block).parts if p[:2] == (name, "height")]
+    k = without.problem.points.index(name)
+    difference = without.state.points[k][2] + without.state.origin[2] - z
+    s = np.hypot(np.sqrt(without.cofactors.points[k][2, 2]), declared.sigma_of(height)[2])
+    assert (given.difference, given.s) == pytest.approx((difference, s), rel=2e-3)
 
 
 def test_a_control_coordinate_given_up_by_dense_formulas() -> None:
@@ -520,6 +546,7 @@ def test_minimal_control_only_holds_the_datum() -> None:
     assert found.groups[0].conditions == 0
     assert found.groups[0].verdict is None
     assert all(row.verdict is None and row.difference is None for row in found.coordinates)
+    assert all(one.verdict is None and one.difference is None for one in found.parts)
     assert any("checked by nothing" in remark for remark in found.remarks)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from anaplot.adjustment.hypothesis import DependentConditionsError, quadratic_form, sidak_alpha
 from anaplot.aliases import Array
+from anaplot.bundle.hypotheses.givenparts import PartTest, parts_of
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import coordinate_cofactors
@@ -129,6 +130,8 @@ class CheckTests:
         Terms of a systematic deformation.
     remarks
         Sentences for a person.
+    parts
+        Plan and height of every point.
     """
 
     groups: tuple[CheckGroupTest, ...]
@@ -136,6 +139,7 @@ class CheckTests:
     coordinates: tuple[CheckCoordinateTest, ...]
     deformations: tuple[DeformationTest, ...] = field(repr=False)
     remarks: tuple[str, ...]
+    parts: tuple[PartTest, ...] = ()
 
 
 class _Differences(NamedTuple):
@@ -222,6 +226,7 @@ def check_tests(
         _coordinates(differences, variance, settings),
         deformations,
         tuple(remarks),
+        _parts(differences, variance, settings),
     )
 
 
@@ -286,6 +291,27 @@ def _points(
         mine = [k for k, (owner, _) in enumerate(differences.names) if owner == name]
         square = quadratic_form(differences.d[mine], differences.q[np.ix_(mine, mine)])
         out.append(CheckPointTest(name, len(mine), variance.test(square, len(mine), alpha)))
+    return tuple(out)
+
+
+def _parts(
+    differences: _Differences, variance: VarianceFactor, settings: HypothesisSettings
+) -> tuple[PartTest, ...]:
+    parts = parts_of(differences.names)
+    alpha = sidak_alpha(settings.alpha, len(parts))
+    out = []
+    for (name, part), mine in parts.items():
+        d, q = differences.d[mine], differences.q[np.ix_(mine, mine)]
+        out.append(
+            PartTest(
+                name,
+                part,
+                len(mine),
+                float(d[0]) if part == "height" else float(np.linalg.norm(d)),
+                sqrt(float(np.trace(q))),
+                variance.test(quadratic_form(d, q), len(mine), alpha),
+            )
+        )
     return tuple(out)
 
 

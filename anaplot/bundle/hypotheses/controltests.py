@@ -33,6 +33,7 @@ import numpy as np
 from anaplot.adjustment.hypothesis import bonferroni_alpha
 from anaplot.adjustment.significance import TESTABLE
 from anaplot.aliases import Array, Bools
+from anaplot.bundle.hypotheses.givenparts import PartTest, parts_of
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings, VarianceFactor, Verdict
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.crosscofactors import (
@@ -151,6 +152,8 @@ class ControlTests:
         Every point and every coordinate.
     remarks
         Sentences for a person.
+    parts
+        Plan and height of every point.
     """
 
     against: Literal["photographs", "network"]
@@ -159,6 +162,7 @@ class ControlTests:
     points: tuple[ControlPointTest, ...]
     coordinates: tuple[ControlCoordinateTest, ...]
     remarks: tuple[str, ...]
+    parts: tuple[PartTest, ...] = ()
 
 
 class _Control(NamedTuple):
@@ -306,6 +310,7 @@ def _tests(
         _points(block, control, variance, settings),
         coordinates,
         tuple(remarks),
+        _parts(block, control, variance, settings),
     )
 
 
@@ -525,6 +530,25 @@ def _points(
         verdict = _verdict(control, given_up, variance, alpha)
         name = block.problem.points[point]
         out.append(ControlPointTest(name, len(members), given_up.conditions, verdict))
+    return tuple(out)
+
+
+def _parts(
+    block: AdjustedBlock, control: _Control, variance: VarianceFactor, settings: HypothesisSettings
+) -> tuple[PartTest, ...]:
+    parts = parts_of((block.problem.points[point], "XYZ"[axis]) for point, axis in control.at)
+    alpha = bonferroni_alpha(settings.alpha, len(parts))
+    out = []
+    for (name, part), members in parts.items():
+        given_up = _given_up(control, members)
+        difference = s = None
+        if given_up.conditions == len(members):
+            inverse = np.linalg.inv(control.information[np.ix_(members, members)])
+            d = -inverse @ control.score[members]
+            difference = float(d[0]) if part == "height" else float(np.linalg.norm(d))
+            s = sqrt(float(np.trace(inverse)))
+        verdict = _verdict(control, given_up, variance, alpha)
+        out.append(PartTest(name, part, len(members), difference, s, verdict))
     return tuple(out)
 
 
