@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+from pathlib import Path
 
 from anaplot.exchange.blockfolder import block_files
 from anaplot.report.adjustcommand import adjust
@@ -10,8 +12,8 @@ from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.columns import counted
 from anaplot.report.computed import Computed
 from anaplot.report.document import Document, Line, say
+from anaplot.report.html.blocksections import Material, block_sections
 from anaplot.report.html.parts import Report
-from anaplot.report.html.sections.adjusted import adjusted_sections
 from anaplot.report.html.write import Written, check_report, write_report
 from anaplot.report.output import Output
 from anaplot.report.running import computed
@@ -37,7 +39,7 @@ def run_report(options: argparse.Namespace) -> int:
     output.check({"is read": block_files(options.block), "becomes the report": (options.output,)})
     check_report(options.output, options.figures)
     found = computed(options, adjust)
-    report = block_report(found)
+    report = block_report(found, options.block)
     written = write_report(report, options.output, options.figures, most_rows=options.rows)
     document = found.document
     answer = {**document.answer, "report": _answer(written)}
@@ -45,16 +47,20 @@ def run_report(options: argparse.Namespace) -> int:
     return 1 if found.flagged and options.fail_on_flag else 0
 
 
-def block_report(found: Computed[BlockAdjustment]) -> Report:
+def block_report(
+    found: Computed[BlockAdjustment], folder: str | os.PathLike[str] | None = None
+) -> Report:
     """Return the report of an adjusted block.
 
     Parameters
     ----------
     found
         What `adjust` has returned.
+    folder
+        The folder that the block was read from.
     """
-    name = found.result.block.problem.block.name
-    return Report(say("{}", name), (), adjusted_sections(found.document))
+    material = Material(found, None if folder is None else Path(folder))
+    return Report(say("Block {}", material.measured.name), (), block_sections(material))
 
 
 def _answer(written: Written) -> dict[str, object]:

@@ -13,7 +13,16 @@ from typing import TypeAlias
 from anaplot.drawing.drawing import Drawing
 from anaplot.report.document import Line, Listed, Table
 
-__all__ = ["Captioned", "HtmlBlock", "Report", "Section", "drawings_in", "sections_in", "tables_in"]
+__all__ = [
+    "Captioned",
+    "Facts",
+    "HtmlBlock",
+    "Report",
+    "Section",
+    "drawings_in",
+    "sections_in",
+    "tables_in",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,6 +31,13 @@ class Captioned:
 
     table: Table
     caption: Line
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facts:
+    """What belongs to some words, one below the other: "Redundancy", "66"."""
+
+    items: tuple[tuple[str, Line], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +62,7 @@ class Section:
     folded: bool = False
 
 
-HtmlBlock: TypeAlias = Line | Listed | Table | Captioned | Drawing | Section
+HtmlBlock: TypeAlias = Line | Listed | Table | Captioned | Facts | Drawing | Section
 """A part of a section."""
 
 
@@ -59,7 +75,7 @@ class Report:
     title
         What it is about, in one line.
     verdict
-        The answer in a few lines, before everything else.
+        The answer in a few lines, before everything else; each may begin with a word and a colon.
     sections
         In the order of the page.
     provenance

@@ -7,7 +7,7 @@ same tables that `--json` writes. What is markup is the template's business alon
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from anaplot.report.astext import cell_texts, line_pieces
 from anaplot.report.columns import counted, shortened
 from anaplot.report.document import Column, Line, Listed, Table, Values
 from anaplot.report.html.captions import caption_of
-from anaplot.report.html.parts import Captioned, HtmlBlock, Report, Section
+from anaplot.report.html.parts import Captioned, Facts, HtmlBlock, Report, Section
 from anaplot.textfiles.wording import plain
 
 __all__ = [
@@ -100,10 +100,11 @@ class TableView:
 
 @dataclass(frozen=True, slots=True)
 class BlockView:
-    """A part of a section: of which kind ("lines", "table", "drawing", "section"), and what."""
+    """A part of a section: "lines", "heading", "facts", "table", "drawing" or "section"."""
 
     kind: str
     lines: tuple[LineView, ...] = ()
+    words: tuple[str, ...] = ()
     table: TableView | None = None
     drawing: Drawing | None = None
     section: SectionView | None = None
@@ -125,7 +126,7 @@ class PageView:
     """A page: its title, verdict and sections, and by their addresses the tables that it cuts."""
 
     title: tuple[Text, ...]
-    verdict: tuple[LineView, ...]
+    verdict: tuple[tuple[str, LineView], ...]
     sections: tuple[SectionView, ...]
     cut: Mapping[str, Table]
 
@@ -162,7 +163,7 @@ def page_view(report: Report, *, most_rows: int = MOST_ROWS, beside: str = "") -
     """
     plan = _Plan(most_rows, beside)
     sections = tuple(plan.section(section, 2) for section in report.all_sections)
-    verdict = tuple(_line(line) for line in report.verdict)
+    verdict = tuple(map(_labelled, report.verdict))
     return PageView(text_of(report.title), verdict, sections, plan.cut)
 
 
@@ -223,6 +224,9 @@ class _Plan:
                 yield BlockView("section", section=inner)
             elif isinstance(block, Drawing):
                 yield BlockView("drawing", drawing=block)
+            elif isinstance(block, Facts):
+                said = tuple(_line(line) for _, line in block.items)
+                yield BlockView("facts", lines=said, words=tuple(word for word, _ in block.items))
             else:
                 yield BlockView("table", table=self._table(block))
         yield from _paragraphs(lines)
@@ -334,6 +338,15 @@ def _line(line: Line) -> LineView:
     pieces = text_of(line)
     text = "".join(piece.text for piece in pieces)
     return LineView(pieces, line.kind, text.startswith(" ") or "   " in text)
+
+
+def _labelled(line: Line) -> tuple[str, LineView]:
+    """Return the word before the colon with which a line begins, "" without one, and the rest."""
+    first = line.parts[0] if line.parts else ""
+    label, colon, rest = first.partition(": ") if isinstance(first, str) else ("", "", "")
+    if not colon:
+        return "", _line(line)
+    return label, _line(replace(line, parts=(rest, *line.parts[1:])))
 
 
 def _paragraphs(lines: Sequence[LineView]) -> Iterator[BlockView]:
