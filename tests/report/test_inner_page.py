@@ -52,7 +52,7 @@ def test_the_commands_make_the_block(tmp_path, monkeypatch, capsys):
     for name, text in (("rc30.toml", camera), ("scan.toml", fiducials), ("scan.csv", points)):
         (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
-    for command in blocks("")[1].splitlines():
+    for command in blocks("bash")[0].splitlines():
         words = command.split()
         assert words[0] == "anaplot"
         assert main(words[1:]) == 0
