@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from anaplot.errors import InputError
-from anaplot.exchange.formats.dbatwriter import pixels_of_rays
 from anaplot.exchange.formats.door import SOURCE, AdjustedResult, Exported, Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, rays_that_count
+from anaplot.exchange.formats.measuredrays import measured_places
 from anaplot.exchange.formats.sourcelines import source_lines
-from anaplot.photogrammetry.block import Block, Camera, ImagePoint
+from anaplot.photogrammetry.block import Block, Camera
 from anaplot.photogrammetry.rotation import axis_angle, rotation_matrix
 from anaplot.photogrammetry.selection import rows_by_photo
 from anaplot.textfiles.wholefile import create_whole
@@ -118,14 +118,17 @@ def _anew(block: Block, adjusted: AdjustedResult | None) -> tuple[Iterator[str],
         notes.append(Note("not held", control, "control points"))
     notes.append(Note("not held", None, "names of photos and points, which are counted from 0"))
     photos = {row.photo: k for k, row in enumerate(adjusted.photos)}
-    rays = [row for row in rays if row.photo in photos]
-    for camera in block.cameras:
-        _check_camera(camera)
+    by_photo = rows_by_photo(row for row in rays if row.photo in photos)
+    rays = [row for rows in by_photo.values() for row in rows]
+    centres = {camera.id: _centre(camera) for camera in block.cameras}
 
     def lines() -> Iterator[str]:
         yield f"{len(photos)} {len(points)} {len(rays)}"
-        for photo, rows in rows_by_photo(rays).items():
-            yield from _observations(block.camera_of(photo), rows, photos[photo], points)
+        places = measured_places(block, rays, pixels=True).tolist()
+        for ray, (px, py) in zip(rays, places, strict=True):
+            cx, cy = centres[block.camera_of(ray.photo).id]
+            x, y = Decimal(repr(px)) - cx, cy - Decimal(repr(py))
+            yield f"{photos[ray.photo]} {points[ray.point]} {x} {y}"
         for row in adjusted.photos:
             camera = block.camera_of(row.photo)
             turned = rotation_matrix(*row.rotation).T
@@ -140,19 +143,12 @@ def _anew(block: Block, adjusted: AdjustedResult | None) -> tuple[Iterator[str],
     return lines(), notes
 
 
-def _check_camera(camera: Camera) -> None:
+def _centre(camera: Camera) -> tuple[Decimal, Decimal]:
+    """Return the principal point [px]; raises InputError for a camera that BAL cannot hold."""
     if camera.pixels is None:
         raise InputError(f"camera {quoted(camera.id)} has no pixels, which BAL needs")
     if any(camera.lens_parameters[5:]):
         raise InputError(f"camera {quoted(camera.id)}: of a lens BAL has k1 and k2 alone")
-
-
-def _observations(
-    camera: Camera, rows: list[ImagePoint], photo: int, points: dict[str, int]
-) -> Iterator[str]:
-    width, height = camera.pixels or (0, 0)
-    centre = camera.principal_px or (width / 2.0, height / 2.0)
-    cx, cy = (Decimal(repr(value)) for value in centre)
-    for row, (px, py) in zip(rows, pixels_of_rays(camera, rows), strict=True):
-        x, y = Decimal(repr(px)) - cx, cy - Decimal(repr(py))
-        yield f"{photo} {points[row.point]} {x} {y}"
+    width, height = camera.pixels
+    cx, cy = camera.principal_px or (width / 2.0, height / 2.0)
+    return Decimal(repr(cx)), Decimal(repr(cy))

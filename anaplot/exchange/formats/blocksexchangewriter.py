@@ -54,12 +54,10 @@ def written(exporting: Exporting) -> tuple[Iterator[bytes], tuple[Note, ...]]:
             text = "ground coordinates are written in the system's own values"
         notes.append(Note("changed", None, text))
     number = {photo.id: k for k, photo in enumerate(block.photos)}
-    places = measured_places(block, pixels=True) - HALF
-    keep = {id(row) for row in kept}
+    places = measured_places(block, kept, pixels=True) - HALF
     rays: _Rays = {}
-    for row, (x, y) in zip(block.image_points, places.tolist(), strict=True):
-        if id(row) in keep:
-            rays.setdefault(row.point, []).append((number[row.photo], x, y))
+    for row, (x, y) in zip(kept, places.tolist(), strict=True):
+        rays.setdefault(row.point, []).append((number[row.photo], x, y))
     return _pieces(exporting, rays), tuple(notes)
 
 

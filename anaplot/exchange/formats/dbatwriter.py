@@ -8,25 +8,14 @@ from xml.sax.saxutils import escape
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, rays_that_count
-from anaplot.photogrammetry.block import Block, Camera, ImagePoint
-from anaplot.photogrammetry.measuredimage import measured_rays, pixels_of_mm
+from anaplot.exchange.formats.measuredrays import measured_places
+from anaplot.photogrammetry.block import Block, Camera
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
 from anaplot.textfiles.wording import quoted
 
-__all__ = ["pixels_of_rays", "write_dbat"]
+__all__ = ["write_dbat"]
 
 _MIDDLE = 0.5  # 1, 1 is the middle of the upper left pixel
-
-
-def pixels_of_rays(camera: Camera, rows: list[ImagePoint]) -> list[tuple[float, float]]:
-    """Return what was measured of rays of one camera [px]."""
-    out = [row.measured for row in rows]
-    wanting = [k for k, place in enumerate(out) if place is None]
-    if wanting:
-        ideal = measured_rays(camera, [(rows[k].x, rows[k].y) for k in wanting])
-        for k, (x, y) in zip(wanting, pixels_of_mm(camera, ideal).tolist(), strict=True):
-            out[k] = x, y
-    return [place for place in out if place is not None]
 
 
 def write_dbat(exporting: Exporting, target: Path) -> Exported:
@@ -48,7 +37,8 @@ def write_dbat(exporting: Exporting, target: Path) -> Exported:
     numbers = {photo.id: k for k, photo in enumerate(block.photos, 1)}
     um = 1000.0 * camera.pixel_mm
     lines = ["# id, image, x, y, sxy"]
-    for row, (x, y) in zip(rays, pixels_of_rays(camera, rays), strict=True):
+    places = measured_places(block, rays, pixels=True)
+    for row, (x, y) in zip(rays, places.tolist(), strict=True):
         sigma = (row.sigma_um or block.precision.image_um) / um
         at = f"{x + _MIDDLE!r}, {y + _MIDDLE!r}, {sigma!r}"
         lines.append(f"{_number(row.point)}, {numbers[row.photo]}, {at}")

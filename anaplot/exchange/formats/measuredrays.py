@@ -153,13 +153,15 @@ def magnified(magnification: Array, camera: str) -> list[Note]:
     return [Note("changed", int(seen.size), text)]
 
 
-def measured_places(block: Block, *, pixels: bool) -> Array:
+def measured_places(block: Block, image_points: Sequence[ImagePoint], *, pixels: bool) -> Array:
     """Return (n, 2) coordinates of a block's image points as they were measured.
 
     Parameters
     ----------
     block
         The block.
+    image_points
+        All of them, or some.
     pixels
         Whether pixels are wanted, which every camera must have then, or mm about the principal
         point, y up. Where that is what the block's file has, the numbers are the same.
@@ -167,12 +169,12 @@ def measured_places(block: Block, *, pixels: bool) -> Array:
     cameras = {camera.id: camera for camera in block.cameras}
     of_photo = {photo.id: photo.camera for photo in block.photos}
     by_camera: dict[str, list[int]] = {}
-    for k, row in enumerate(block.image_points):
+    for k, row in enumerate(image_points):
         by_camera.setdefault(of_photo[row.photo], []).append(k)
-    out = np.empty((len(block.image_points), 2))
+    out = np.empty((len(image_points), 2))
     for name, rows in by_camera.items():
         camera = cameras[name]
-        mine = [block.image_points[k] for k in rows]
+        mine = [image_points[k] for k in rows]
         stated = [k for k, row in zip(rows, mine, strict=True) if row.measured is not None]
         given = np.array([row.measured for row in mine if row.measured is not None])
         rest = [k for k, row in zip(rows, mine, strict=True) if row.measured is None]

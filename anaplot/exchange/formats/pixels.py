@@ -380,7 +380,7 @@ def write(exporting: Exporting, target: Path) -> Exported:
         for camera in block.cameras:
             if camera.pixels is None:
                 raise InputError(f"camera {quoted(camera.id)} states no pixels: --unit mm")
-    places = measured_places(block, pixels=unit == "px")
+    places = measured_places(block, block.image_points, pixels=unit == "px")
     if unit == "um":
         places = places * 1000.0
     of_photo = {photo.id: photo.camera for photo in block.photos}

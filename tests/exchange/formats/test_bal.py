@@ -17,6 +17,7 @@ from anaplot.exchange.formats import bal
 from anaplot.exchange.formats.door import Exporting, ImportOptions
 from anaplot.exchange.formats.registry import recognised
 from anaplot.photogrammetry.camera import BrownLens
+from anaplot.photogrammetry.measuredimage import measured_rays, pixels_of_mm
 from anaplot.report.exportresult import adjusted_result
 
 LENSES = ((3100.25, -0.05, 0.02), (3090.5, -0.04, 0.0))
@@ -171,6 +172,27 @@ def test_an_adjusted_block_goes_out_anew(tmp_path: Path) -> None:
     assert len(theirs) == len(mine)
     for (photo, point), place in mine.items():
         assert theirs[photos[photo], places[point]] == pytest.approx(place, abs=1e-11)
+
+
+def test_a_block_in_mm_through_a_lens_is_written_in_pixels(tmp_path: Path) -> None:
+    block = pixel_table_block()
+    lens = BrownLens(k1=-0.02, k2=0.01)
+    camera = replace(block.cameras[0], lens=lens)
+    seen = measured_rays(camera, [(row.x, row.y) for row in block.image_points])
+    adjusted = adjusted_result(block)
+    written = {}
+    for pixels in (True, False):
+        places = pixels_of_mm(camera, seen) if pixels else seen
+        rows = tuple(
+            replace(row, measured=(x, y))
+            for row, (x, y) in zip(block.image_points, places.tolist(), strict=True)
+        )
+        same = replace(block, cameras=(camera,), image_points=rows, in_pixels=pixels)
+        bal.write(Exporting(same, tmp_path, adjusted=adjusted), tmp_path / str(pixels))
+        lines = (tmp_path / str(pixels)).read_text().splitlines()
+        written[pixels] = [list(map(float, line.split())) for line in lines[1 : len(rows) + 1]]
+    np.testing.assert_allclose(written[False], written[True], atol=1e-9)
+    assert np.abs(written[True]).max() > 1000.0  # of 18500 px, 231 mm
 
 
 def test_what_it_cannot_hold(tmp_path: Path) -> None:
