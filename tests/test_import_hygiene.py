@@ -74,6 +74,13 @@ print(len([n for n in sys.modules if n.startswith("anaplot.{room}.")]))
     assert int(python(code)) >= 2
 
 
+def test_files_of_other_programs_need_no_network() -> None:
+    modules = [name for name in every_module() if name.startswith("anaplot.exchange.formats.")]
+    assert len(modules) > 30
+    loaded = python(f"import sys, {', '.join(modules)}\n{LOADED}").split()
+    assert not {"http", "ssl", "socket"} & set(loaded)
+
+
 def test_the_station_needs_no_terminal() -> None:
     code = "import sys; sys.modules['textual'] = None; import anaplot.simulation.demo"
     python(code)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from math import isfinite
 from typing import Final
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from anaplot.exchange.formats.blocksexchangemodel import HALF
 from anaplot.exchange.formats.door import Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, rays_that_count
 from anaplot.exchange.formats.measuredrays import measured_places
+from anaplot.exchange.formats.xmlstream import xml_text
 from anaplot.photogrammetry.block import Camera, ControlPoint
 from anaplot.photogrammetry.groundsystem import GroundSystem
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -32,7 +32,7 @@ def written(exporting: Exporting) -> tuple[Iterator[bytes], tuple[Note, ...]]:
     Raises
     ------
     InputError
-        A camera has no pixels, or a name cannot stand in XML.
+        A camera has no pixels, or a control point X or Y alone: the latter only while written.
     """
     block = exporting.block
     for camera in block.cameras:
@@ -73,7 +73,7 @@ def _pieces(exporting: Exporting, rays: _Rays) -> Iterator[bytes]:
             f"<Id>0</Id><Name>{definition}</Name><Definition>{definition}</Definition>",
             "</SRS></SpatialReferenceSystems>",
         )
-    yield _lines(1, "<Block>", f"<Name>{escape(block.name)}</Name>")
+    yield _lines(1, "<Block>", f"<Name>{xml_text(block.name)}</Name>")
     if block.ground is not None:
         yield _lines(1, "<SRSId>0</SRSId>")
     yield _lines(1, "<Photogroups>")
@@ -97,7 +97,7 @@ def _pieces(exporting: Exporting, rays: _Rays) -> Iterator[bytes]:
 def _system(ground: GroundSystem) -> tuple[str, Array]:
     """Return a definition, and what is added to the block's coordinates for it."""
     if ground.frame == "offset":
-        return escape(ground.crs), np.array(ground.origin)
+        return xml_text(ground.crs), np.array(ground.origin)
     longitude, latitude, height = ground.origin
     return f"ENU:{latitude!r},{longitude!r}", np.array((0.0, 0.0, height))
 
@@ -110,7 +110,7 @@ def _group(exporting: Exporting, camera: Camera, origin: Array) -> Iterator[byte
     focal = camera.c / camera.pixel_mm
     lines = [
         "<Photogroup>",
-        f"<Name>{escape(camera.id)}</Name>",
+        f"<Name>{xml_text(camera.id)}</Name>",
         f"<ImageDimensions><Width>{width}</Width><Height>{height}</Height></ImageDimensions>",
         "<CameraModelType>Perspective</CameraModelType>",
         f"<FocalLengthPixels>{focal * (1.0 + b1)!r}</FocalLengthPixels>",
@@ -144,7 +144,7 @@ def _group(exporting: Exporting, camera: Camera, origin: Array) -> Iterator[byte
             pose += f"<Center>{_xyz(np.array(place) + origin)}</Center>"
         yield _lines(
             3,
-            f"<Photo><Id>{k}</Id><ImagePath>{escape(photo.id)}</ImagePath>"
+            f"<Photo><Id>{k}</Id><ImagePath>{xml_text(photo.id)}</ImagePath>"
             + (f"<Pose>{pose}</Pose>" if pose else "")
             + "</Photo>",
         )
@@ -166,7 +166,7 @@ def _control(row: ControlPoint, mine: list[tuple[int, float, float]], origin: Ar
     known = [s for s in (sx, sy) if s is not None]
     lines = [
         "<ControlPoint>",
-        f"<Name>{escape(row.point)}</Name><Category>{kind}</Category>",
+        f"<Name>{xml_text(row.point)}</Name><Category>{kind}</Category>",
         f"<Position>{''.join(at)}</Position>",
     ]
     if row.use == "check":
@@ -184,7 +184,7 @@ def _tie(
     xyz: tuple[float, float, float] | None,
     origin: Array,
 ) -> bytes:
-    lines = ["<TiePoint>", f"<Name>{escape(point)}</Name>"]
+    lines = ["<TiePoint>", f"<Name>{xml_text(point)}</Name>"]
     if xyz is not None and all(map(isfinite, xyz)):
         lines.append(f"<Position>{_xyz(np.array(xyz) + origin)}</Position>")
     return _lines(2, *lines, *_measurements(mine), "</TiePoint>")

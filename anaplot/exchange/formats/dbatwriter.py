@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.sax.saxutils import escape
 
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, rays_that_count
 from anaplot.exchange.formats.measuredrays import measured_places
+from anaplot.exchange.formats.xmlstream import xml_text
 from anaplot.photogrammetry.block import Block, Camera
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
 from anaplot.textfiles.wording import quoted
@@ -109,7 +109,7 @@ def _script(block: Block, camera: Camera, files: list[str]) -> list[str]:
     return [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<document dbat_script_version="1.0">',
-        f"  <meta><name>{escape(block.name)}</name></meta>",
+        f"  <meta><name>{xml_text(block.name)}</name></meta>",
         '  <input base_dir="$HERE">',
         *table("ctrl_pts", "control.txt", ground),
         *table("check_pts", "check.txt", ground),
@@ -117,7 +117,7 @@ def _script(block: Block, camera: Camera, files: list[str]) -> list[str]:
         *table("image_pts", "imagepts.txt", "id,im,x,y,sxy"),
         "    <cameras>",
         "      <camera>",
-        f"        <name>{escape(camera.id)}</name>",
+        f"        <name>{xml_text(camera.id)}</name>",
         "        <unit>mm</unit>",
         f"        <sensor>{width * mm!r},{height * mm!r}</sensor>",
         f"        <image>{width},{height}</image>",

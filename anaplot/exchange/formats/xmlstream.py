@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from xml.parsers import expat
 
@@ -12,7 +13,7 @@ from anaplot.exchange.formats.sourcelines import MAX_SOURCE_BYTES, SourceLine
 from anaplot.textfiles.inputfile import open_input
 from anaplot.textfiles.wording import place, plain, quoted
 
-__all__ = ["Element", "elements", "first_tag"]
+__all__ = ["Element", "elements", "first_tag", "xml_text"]
 
 _PIECE = 1 << 16  # bytes
 _MAX_DEPTH = 40
@@ -200,3 +201,8 @@ class _Reader:
         if len(made.text) + len(text) > _MAX_TEXT:
             raise self._at().fail(f"<{made.name}> has more than {_MAX_TEXT} characters")
         made.text += text
+
+
+def xml_text(text: str) -> str:
+    """Return text as it stands between tags; what may be a name has no sign that XML has not."""
+    return escape(text, quote=False)
