@@ -81,8 +81,8 @@ def read(source: Path, options: ImportOptions) -> Imported:
         if max(abs(row.x), abs(row.y)) > max(camera.reach()):
             raise row.line.fail(f"{row.x:g}, {row.y:g} mm lies outside what the camera can have")
     rays = _rays(rows, interior, options.order, notes)
-    photos = tuple(dict.fromkeys(row.photo for row in rows))
-    points, told = image_points_of(rays, dict.fromkeys(photos, camera), pixels=False)
+    camera_of = dict.fromkeys((row.photo for row in rows), camera)
+    points, told = image_points_of(rays, camera_of, pixels=False)
     notes += told
     off = sum(not row.active for row in rows)
     if off:
@@ -90,7 +90,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
     sigma, said = _sigma(rows, options)
     notes += said
     poses = read_poses(files["orientations"], notes) if "orientations" in files else {}
-    stray = [name for name in poses if name not in photos]
+    stray = [name for name in poses if name not in camera_of]
     if stray:
         text = "orientations of images without points"
         notes.append(Note("dropped", len(stray), text, tuple(stray[:4])))
@@ -100,7 +100,7 @@ def read(source: Path, options: ImportOptions) -> Imported:
         Precision(image_um=sigma),
         TestSettings(),
         (camera,),
-        tuple(Photo(name, camera.id, *poses.get(name, (None, None))) for name in photos),
+        tuple(Photo(name, camera.id, *poses.get(name, (None, None))) for name in camera_of),
         (),
         points,
         _control(files, notes),

@@ -221,10 +221,10 @@ def pixel_block(
         )
         for row in rows
     ]
-    photos = list(dict.fromkeys(ray.photo for ray in rays))
-    points, told = image_points_of(rays, dict.fromkeys(photos, camera), pixels=True)
+    camera_of = dict.fromkeys((ray.photo for ray in rays), camera)
+    points, told = image_points_of(rays, camera_of, pixels=True)
     notes += told
-    idle = [names[number] for number in names if names[number] not in set(photos)]
+    idle = [name for name in names.values() if name not in camera_of]
     if idle:
         notes.append(Note("dropped", len(idle), "images without a point", tuple(idle[:4])))
     return Block(
@@ -232,7 +232,7 @@ def pixel_block(
         Precision(image_um=sigma_px * um),
         TestSettings(),
         (camera,),
-        tuple(Photo(photo, camera.id) for photo in photos),
+        tuple(Photo(photo, camera.id) for photo in camera_of),
         (),
         points,
         tuple(control),
