@@ -9,7 +9,7 @@ from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Note
-from anaplot.exchange.formats.gathered import not_held, whole_name
+from anaplot.exchange.formats.gathered import not_held, poses_of, whole_name
 from anaplot.photogrammetry.block import Block
 from anaplot.textfiles.names import MAX_NAME
 from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
@@ -36,7 +36,7 @@ def write_aicon(exporting: Exporting, target: Path) -> Exported:
     holds = ("distances", "image sigmas", "control sigmas", "image_um", "control_m")
     notes = not_held(block, holds=holds)
     made = {".phc": "".join(_rays(block, notes)), ".ior": _interior(block)}
-    poses = _poses(exporting)
+    poses = poses_of(exporting)
     if poses:
         made[".eor"] = "".join(
             f"{_name('photo', photo)} {_mm(position)} {' '.join(map(repr, angles))}\n"
@@ -102,18 +102,6 @@ def _rays(block: Block, notes: list[Note]) -> Iterator[str]:
 def _interior(block: Block) -> str:
     # coordinates are ideal: nothing is left to be corrected
     return f"1 {-block.cameras[0].c!r} {' '.join(['0.0'] * 10)}\n"
-
-
-def _poses(
-    exporting: Exporting,
-) -> list[tuple[str, tuple[float, float, float], tuple[float, float, float]]]:
-    if exporting.adjusted is not None:
-        return [(row.photo, row.position, row.rotation) for row in exporting.adjusted.photos]
-    return [
-        (photo.id, photo.position, photo.rotation)
-        for photo in exporting.block.photos
-        if photo.position is not None and photo.rotation is not None
-    ]
 
 
 def _control(block: Block) -> Iterator[str]:

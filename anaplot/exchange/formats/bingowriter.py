@@ -8,7 +8,13 @@ from pathlib import Path
 from anaplot.errors import InputError
 from anaplot.exchange.formats.bingofiles import GON, ORDERS, angles_in
 from anaplot.exchange.formats.door import Exported, Exporting, Note
-from anaplot.exchange.formats.gathered import check_order, not_held, rays_that_count, whole_name
+from anaplot.exchange.formats.gathered import (
+    check_order,
+    not_held,
+    poses_of,
+    rays_that_count,
+    whole_name,
+)
 from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.selection import rows_by_photo
@@ -79,14 +85,7 @@ def _geoin(block: Block) -> Iterator[str]:
 
 def _itera(exporting: Exporting, order: str) -> Iterator[str]:
     adjusted = exporting.adjusted
-    if adjusted is not None:
-        poses = [(row.photo, row.position, row.rotation) for row in adjusted.photos]
-    else:
-        poses = [
-            (photo.id, photo.position, photo.rotation)
-            for photo in exporting.block.photos
-            if photo.position is not None and photo.rotation is not None
-        ]
+    poses = poses_of(exporting)
     if poses:
         a, b, c = ORDERS[2 if order == ORDERS[2] else 0].split("-")
         yield f"* ORIA photo X Y Z [m] {a} {b} {c} [gon] flag; CORD id X Y Z\n"

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from anaplot.errors import InputError
 from anaplot.exchange.camerafile import read_camera
-from anaplot.exchange.formats.door import ImportOptions, Note
+from anaplot.exchange.formats.door import Exporting, ImportOptions, Note
 from anaplot.exchange.formats.sourcelines import SourceLine
 from anaplot.photogrammetry.block import Block, Camera, ImagePoint, TestSettings, in_pixels
 from anaplot.textfiles.wording import hint, plain, quoted
 
 __all__ = [
     "MAX_TABLE_BYTES",
+    "Pose",
     "check_order",
     "check_with",
     "fields_of",
@@ -22,6 +24,7 @@ __all__ = [
     "named",
     "not_held",
     "number",
+    "poses_of",
     "rays_that_count",
     "stated_camera",
     "whole_name",
@@ -29,6 +32,14 @@ __all__ = [
 
 MAX_TABLE_BYTES = 50_000_000
 """Largest table of text that is read; in memory it is forty times as large."""
+
+
+class Pose(NamedTuple):
+    """A photo's name, projection centre [m] and omega, phi, kappa [rad]."""
+
+    photo: str
+    position: tuple[float, float, float]
+    rotation: tuple[float, float, float]
 
 
 def head_of(source: Path, size: int) -> str:
@@ -144,6 +155,20 @@ def rays_that_count(block: Block) -> tuple[list[ImagePoint], list[Note]]:
         if count:
             notes.append(Note("not held", count, text))
     return list(kept.values()), notes
+
+
+def poses_of(exporting: Exporting) -> list[Pose]:
+    """Return the orientations of a block's photos: the adjusted ones, else those that are stated.
+
+    Photos without one are left out.
+    """
+    if exporting.adjusted is not None:
+        return [Pose(row.photo, row.position, row.rotation) for row in exporting.adjusted.photos]
+    return [
+        Pose(photo.id, photo.position, photo.rotation)
+        for photo in exporting.block.photos
+        if photo.position is not None and photo.rotation is not None
+    ]
 
 
 def not_held(block: Block, *, holds: Iterable[str] = ()) -> list[Note]:

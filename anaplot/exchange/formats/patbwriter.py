@@ -11,7 +11,14 @@ import numpy as np
 from anaplot.aliases import Array
 from anaplot.errors import InputError
 from anaplot.exchange.formats.door import Exported, Exporting, Note
-from anaplot.exchange.formats.gathered import check_order, not_held, rays_that_count, whole_name
+from anaplot.exchange.formats.gathered import (
+    Pose,
+    check_order,
+    not_held,
+    poses_of,
+    rays_that_count,
+    whole_name,
+)
 from anaplot.exchange.formats.patbfiles import SENSES
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 from anaplot.photogrammetry.rotation import rotation_matrix
@@ -23,7 +30,6 @@ __all__ = ["orientation_records", "write_patb"]
 
 _NAME = 15  # characters of a photo or point
 _PLACE = 16  # columns of a coordinate
-Pose = tuple[str, tuple[float, float, float], tuple[float, float, float]]
 
 
 def write_patb(exporting: Exporting, target: Path) -> Exported:
@@ -145,14 +151,8 @@ def _metres(value: float) -> str:
 
 
 def _poses(exporting: Exporting, notes: list[Note]) -> list[Pose]:
-    if exporting.adjusted is not None:
-        return [(row.photo, row.position, row.rotation) for row in exporting.adjusted.photos]
-    photos = exporting.block.photos
-    known = [
-        (photo.id, photo.position, photo.rotation)
-        for photo in photos
-        if photo.position is not None and photo.rotation is not None
-    ]
-    if known and len(known) < len(photos):
-        notes.append(Note("dropped", len(photos) - len(known), "photos without an orientation"))
-    return known
+    poses = poses_of(exporting)
+    lost = len(exporting.block.photos) - len(poses)
+    if exporting.adjusted is None and poses and lost:
+        notes.append(Note("dropped", lost, "photos without an orientation"))
+    return poses
