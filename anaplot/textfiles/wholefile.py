@@ -20,6 +20,7 @@ __all__ = [
     "all_or_nothing",
     "check_place",
     "clear_left_over",
+    "create_folder",
     "create_whole",
     "make_folder",
     "replace_whole",
@@ -98,6 +99,37 @@ def create_whole(path: Path, data: bytes | Iterable[bytes]) -> None:
     """
     _write_aside(path, data, may_replace=False)
     _was_made(path)
+
+
+def create_folder(
+    folder: Path, files: Iterable[tuple[str, bytes | Iterable[bytes]]]
+) -> tuple[Path, ...]:
+    """Write new files in a folder, which is made where it does not exist: all of them, or nothing.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    files
+        Name and content of each; made one after another.
+
+    Returns
+    -------
+    tuple[Path, ...]
+        The files.
+
+    Raises
+    ------
+    InputError
+        One exists already or could not be written; then nothing is there that was not before.
+    """
+    written = []
+    with all_or_nothing():
+        make_folder(folder)
+        for name, data in files:
+            create_whole(folder / name, data)
+            written.append(folder / name)
+    return tuple(written)
 
 
 def check_place(path: Path) -> None:

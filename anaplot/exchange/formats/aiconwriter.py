@@ -12,7 +12,7 @@ from anaplot.exchange.formats.door import Exported, Exporting, Note
 from anaplot.exchange.formats.gathered import not_held, poses_of, whole_name
 from anaplot.photogrammetry.block import Block
 from anaplot.textfiles.names import MAX_NAME
-from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wholefile import create_folder
 from anaplot.textfiles.wording import quoted
 
 __all__ = ["CONTROL", "write_aicon"]
@@ -55,12 +55,8 @@ def write_aicon(exporting: Exporting, target: Path) -> Exported:
     bars = "".join(_bars(block, notes))
     if bars:
         made[".scale"] = bars
-    paths = [target / f"{target.name}{suffix}" for suffix in made]
-    with all_or_nothing():
-        make_folder(target)
-        for path, text in zip(paths, made.values(), strict=True):
-            create_whole(path, text.encode())
-    return Exported(tuple(paths), tuple(notes))
+    files = ((f"{target.name}{suffix}", text.encode()) for suffix, text in made.items())
+    return Exported(create_folder(target, files), tuple(notes))
 
 
 def _name(what: str, name: str) -> str:

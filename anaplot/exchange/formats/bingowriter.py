@@ -19,7 +19,7 @@ from anaplot.photogrammetry.block import Block, ImagePoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.selection import rows_by_photo
 from anaplot.textfiles.names import MAX_NAME
-from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wholefile import create_folder
 from anaplot.textfiles.wording import quoted
 
 __all__ = ["write_bingo"]
@@ -44,15 +44,12 @@ def write_bingo(exporting: Exporting, target: Path) -> Exported:
     itera = "".join(_itera(exporting, order))
     if itera:
         made["itera.dat"] = itera
-    with all_or_nothing():
-        make_folder(target)
-        for name, text in made.items():
-            create_whole(target / name, text.encode())
+    files = create_folder(target, ((name, text.encode()) for name, text in made.items()))
     if itera:
         notes.append(
             Note("assumed", None, f"rotations in gon are {order}, image to ground (--order)")
         )
-    return Exported(tuple(target / name for name in made), tuple(notes))
+    return Exported(files, tuple(notes))
 
 
 def _name(what: str, name: str) -> str:

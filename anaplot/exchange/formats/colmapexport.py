@@ -16,7 +16,7 @@ from anaplot.exchange.formats.door import Exported, Note
 from anaplot.exchange.formats.filecopy import pieces
 from anaplot.exchange.formats.measuredrays import TWICE, kept_names, measured_anew
 from anaplot.photogrammetry.block import Block
-from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wholefile import create_folder
 
 __all__ = ["write_cleaned"]
 
@@ -67,14 +67,11 @@ def write_cleaned(
         shorter = cleaned_points if binary else cleaned_point_lines
         made[images.name] = anew(images, of_image)
         made[points.name] = shorter(points, of_point, gone)
-    with all_or_nothing():
-        make_folder(target)
-        for name, data in made.items():
-            create_whole(target / name, data)
+    written = create_folder(target, made.items())
     if gone:
         some = tuple(map(str, sorted(gone)[:_SOME]))
         notes.append(Note("dropped", len(gone), "points that keep fewer than two rays", some))
-    return Exported(tuple(target / name for name in made), tuple(notes))
+    return Exported(written, tuple(notes))
 
 
 _STAYS, _GOES, _TWICE = 0, 1, 2

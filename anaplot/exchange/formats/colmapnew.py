@@ -18,7 +18,7 @@ from anaplot.photogrammetry.block import Block, Camera, ImagePoint, in_pixels
 from anaplot.photogrammetry.camera import BrownLens
 from anaplot.photogrammetry.measuredimage import measured_rays, pixels_of_mm
 from anaplot.photogrammetry.rotation import rotation_matrix
-from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wholefile import create_folder
 
 __all__ = ["write_new"]
 
@@ -71,11 +71,7 @@ def write_new(exporting: Exporting, target: Path) -> Exported:
         "cameras.bin": _cameras([(ids[name], camera) for name, camera in made.items()]),
         **_images_and_points(block, photos, images, ids, points, rays, adjusted.points),
     }
-    with all_or_nothing():
-        make_folder(target)
-        for name, data in files.items():
-            create_whole(target / name, data)
-    return Exported(tuple(target / name for name in files), tuple(notes))
+    return Exported(create_folder(target, files.items()), tuple(notes))
 
 
 def _numbers(names: list[str], most: int) -> dict[str, int]:

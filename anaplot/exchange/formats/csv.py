@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from anaplot.exchange.formats.door import Exported, Exporting
+from anaplot.exchange.formats.door import Exported, Exporting, ResultTable
 from anaplot.exchange.formats.resulttables import result_tables
 from anaplot.textfiles.csvtable import csv_text
-from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wholefile import create_folder
 
 __all__ = ["write"]
 
@@ -16,16 +16,14 @@ __all__ = ["write"]
 def write(exporting: Exporting, target: Path) -> Exported:
     """Write the tables, as `adjust --to` has them; what does not exist is an empty cell."""
     tables, notes = result_tables(exporting)
-    files = []
-    with all_or_nothing():
-        make_folder(target)
-        for table in tables:
-            names = [column.name for column in table.columns]
-            rows = zip(*(map(_cell, column.values) for column in table.columns), strict=True)
-            path = target / f"{table.name}.csv"
-            create_whole(path, csv_text(names, rows).encode())
-            files.append(path)
-    return Exported(tuple(files), notes)
+    files = ((f"{table.name}.csv", _text(table).encode()) for table in tables)
+    return Exported(create_folder(target, files), notes)
+
+
+def _text(table: ResultTable) -> str:
+    names = [column.name for column in table.columns]
+    rows = zip(*(map(_cell, column.values) for column in table.columns), strict=True)
+    return csv_text(names, rows)
 
 
 def _cell(value: Any) -> Any:

@@ -10,7 +10,7 @@ from anaplot.exchange.formats.gathered import not_held, rays_that_count
 from anaplot.exchange.formats.measuredrays import measured_places
 from anaplot.exchange.formats.xmlstream import xml_text
 from anaplot.photogrammetry.block import Block, Camera
-from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wholefile import create_folder
 from anaplot.textfiles.wording import quoted
 
 __all__ = ["write_dbat"]
@@ -51,11 +51,8 @@ def write_dbat(exporting: Exporting, target: Path) -> Exported:
         if rows:
             made[f"{use}.txt"] = ["# id, label, x, y, z, sx, sy, sz", *rows]
     made[f"{target.name}.xml"] = _script(block, camera, list(made))
-    with all_or_nothing():
-        make_folder(target)
-        for name, content in made.items():
-            create_whole(target / name, ("\n".join(content) + "\n").encode())
-    return Exported(tuple(target / name for name in made), tuple(notes))
+    files = ((name, ("\n".join(content) + "\n").encode()) for name, content in made.items())
+    return Exported(create_folder(target, files), tuple(notes))
 
 
 def _camera(block: Block) -> Camera:

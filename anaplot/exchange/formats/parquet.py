@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from anaplot.errors import InputError
-from anaplot.exchange.formats.door import Exported, Exporting, ResultColumn
+from anaplot.exchange.formats.door import Exported, Exporting, ResultColumn, ResultTable
 from anaplot.exchange.formats.resulttables import result_tables
-from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wholefile import create_folder
 
 __all__ = ["write"]
 
@@ -27,21 +27,19 @@ def write(exporting: Exporting, target: Path) -> Exported:
     """
     arrow, parquet = _pyarrow()
     tables, notes = result_tables(exporting)
-    files = []
-    with all_or_nothing():
-        make_folder(target)
-        for table in tables:
-            fields = [_field(arrow, column) for column in table.columns]
-            arrays = [
-                arrow.array(list(column.values), type=field.type)
-                for column, field in zip(table.columns, fields, strict=True)
-            ]
-            held = io.BytesIO()
-            parquet.write_table(arrow.Table.from_arrays(arrays, schema=arrow.schema(fields)), held)
-            path = target / f"{table.name}.parquet"
-            create_whole(path, held.getvalue())
-            files.append(path)
-    return Exported(tuple(files), notes)
+
+    def data(table: ResultTable) -> bytes:
+        fields = [_field(arrow, column) for column in table.columns]
+        arrays = [
+            arrow.array(list(column.values), type=field.type)
+            for column, field in zip(table.columns, fields, strict=True)
+        ]
+        held = io.BytesIO()
+        parquet.write_table(arrow.Table.from_arrays(arrays, schema=arrow.schema(fields)), held)
+        return held.getvalue()
+
+    files = ((f"{table.name}.parquet", data(table)) for table in tables)
+    return Exported(create_folder(target, files), notes)
 
 
 def _field(arrow: Any, column: ResultColumn) -> Any:

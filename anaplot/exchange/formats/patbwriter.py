@@ -23,7 +23,7 @@ from anaplot.exchange.formats.patbfiles import SENSES
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint
 from anaplot.photogrammetry.rotation import rotation_matrix
 from anaplot.photogrammetry.selection import rows_by_photo
-from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wholefile import create_folder
 from anaplot.textfiles.wording import quoted
 
 __all__ = ["orientation_records", "write_patb"]
@@ -58,13 +58,8 @@ def write_patb(exporting: Exporting, target: Path) -> Exported:
         made["ori"] = "".join(orientation_records(poses, sense))
     text = f"{unit} for image coordinates and camera constants"
     notes.append(Note("assumed", None, text))
-    stem = target.name
-    with all_or_nothing():
-        make_folder(target)
-        paths = [target / f"{stem}.{suffix}" for suffix in made]
-        for path, content in zip(paths, made.values(), strict=True):
-            create_whole(path, content.encode())
-    return Exported(tuple(paths), tuple(notes))
+    files = ((f"{target.name}.{suffix}", content.encode()) for suffix, content in made.items())
+    return Exported(create_folder(target, files), tuple(notes))
 
 
 def orientation_records(poses: Iterable[Pose], sense: str) -> Iterator[str]:

@@ -30,7 +30,7 @@ from anaplot.photogrammetry.block import (
 from anaplot.photogrammetry.camera import CameraCalibration
 from anaplot.textfiles.csvtable import csv_text
 from anaplot.textfiles.names import name_fault
-from anaplot.textfiles.wholefile import all_or_nothing, create_whole, make_folder
+from anaplot.textfiles.wholefile import create_folder
 from anaplot.textfiles.wording import plain, quoted
 
 __all__ = ["read", "recognises", "write"]
@@ -412,8 +412,5 @@ def write(exporting: Exporting, target: Path) -> Exported:
     for count, what in ((models, "rays belong to a model"), (oriented, "orientations of photos")):
         if count:
             notes.append(Note("not held", count, what))
-    with all_or_nothing():
-        make_folder(target)
-        for name, content in files.items():
-            create_whole(target / name, content.encode())
-    return Exported(tuple(target / name for name in files), tuple(notes))
+    made = ((name, content.encode()) for name, content in files.items())
+    return Exported(create_folder(target, made), tuple(notes))
