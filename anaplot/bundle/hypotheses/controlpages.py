@@ -9,11 +9,13 @@ adjustment; the covariance of z, (C'RC)^-1 in units of its sigmas, is that of bo
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
+from anaplot.adjustment.tested import Observation
 from anaplot.bundle.hypotheses.checktests import check_tests
 from anaplot.bundle.hypotheses.errorsets import (
     ErrorSet,
@@ -24,7 +26,7 @@ from anaplot.bundle.hypotheses.errorsets import (
 from anaplot.bundle.hypotheses.verdict import HypothesisSettings
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.observations import ObservationName
-from anaplot.bundle.solve.residuals import BlockResiduals, residuals_of
+from anaplot.bundle.solve.residuals import residuals_of
 from anaplot.bundle.solve.rows import RayRow
 
 __all__ = [
@@ -171,15 +173,16 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
     problem = block.problem
     if problem.datum != "control":
         return ()
-    there = set(problem.points)
+    at = {name: k for k, name in enumerate(problem.points)}
     held = dict(zip(problem.points, problem.fixed.tolist(), strict=True))
     rays: dict[str, list[RayRow]] = {}
-    wanted = {name for name, row in problem.control_rows.items() if row.use != "off"} & there
+    wanted = {name for name, row in problem.control_rows.items() if row.use != "off"} & set(at)
     for ray in block.ray_rows():
         if ray.point in wanted:
             rays.setdefault(ray.point, []).append(ray)
+    tested = {one.key: one for one in block.control_rows()}
     mine: dict[str, dict[str, ObservationName]] = {}
-    for one in block.control_rows():
+    for one in tested.values():
         if one.use:
             mine.setdefault(str(one.key[1]), {})[str(one.key[2])] = one.key
     sets = {
@@ -189,8 +192,9 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
         if (names := tuple(by_axis[axis] for axis in axes if axis in by_axis))
     }
     tests = dict(zip(sets, error_set_tests(block, tuple(sets.values())), strict=True))
-    system = residuals_of(block)
-    flagged = {str(one.key[1]) for one in block.control_rows() if one.flagged}
+    numbers = block.observations.image + block.observations.in_file_order(0)
+    number = dict(zip(tested, numbers.tolist(), strict=True))
+    flagged = {str(one.key[1]) for one in tested.values() if one.flagged}
     checks = _checks(block)
     pages = []
     for name, row in problem.control_rows.items():
@@ -219,8 +223,9 @@ def control_pages(block: AdjustedBlock) -> tuple[ControlPage, ...]:
             continue
         plan, height, every = (tests.get((name, part)) for part in ("plan", "height", "all"))
         look = look or any(one is not None and one.rejected for one in (plan, height, every))
-        in_plan, in_height = _part(block, plan), _part(block, height)
-        without = _without(block, system, mine[name], name)
+        in_plan, in_height = _part(tested, plan), _part(tested, height)
+        rows = {axis: number[key] for axis, key in mine[name].items()}
+        without = _without(block, rows, at[name])
         if without is not None:
             stays = tuple(axis for axis, is_held in zip(_AXES, held[name], strict=True) if is_held)
             without = without._replace(held=stays)
@@ -243,10 +248,11 @@ def _ray(block: AdjustedBlock, ray: RayRow) -> ControlRay:
     return ControlRay(ray.photo, (x.residual, y.residual), pixel, x.flagged or y.flagged)
 
 
-def _part(block: AdjustedBlock, found: ErrorSetTest | None) -> ControlPart | None:
+def _part(
+    tested: Mapping[ObservationName, Observation[ObservationName]], found: ErrorSetTest | None
+) -> ControlPart | None:
     if found is None:
         return None
-    tested = {one.key: one for one in block.control_rows()}
     r = [tested[one.name].r for one in found.errors]
     worst = [one.worst for one in found.errors]
     # a direction that nothing checks: no size is found along it
@@ -265,16 +271,12 @@ def _verdict(parts: list[ControlPart]) -> ControlVerdict:
     return "weak" if any((part.r or 0.0) < _WEAK for part in parts) else "good"
 
 
-def _without(
-    block: AdjustedBlock, system: BlockResiduals, mine: dict[str, ObservationName], name: str
-) -> WithoutPoint | None:
-    axes = [axis for axis in _AXES if axis in mine]
-    at = {
-        axis: system.rows.image + k
-        for k, (kind, point, axis) in enumerate(system.rows.ground.tolist())
-        if kind == 0 and block.problem.points[point] == name
-    }
-    rows = np.array([at[_AXES.index(axis)] for axis in axes], dtype=np.intp)
+def _without(block: AdjustedBlock, row_of: Mapping[str, int], point: int) -> WithoutPoint | None:
+    """Return what the block would be without a point, whose coordinates are observed in rows."""
+    # its columns of R go with it: of all control points they would be a matrix
+    system = residuals_of(block)
+    axes = [axis for axis in _AXES if axis in row_of]
+    rows = np.array([row_of[axis] for axis in axes], dtype=np.intp)
     found = set_statistic(system, rows)
     if found.undetectable or block.sigma is None:
         return None
@@ -285,7 +287,7 @@ def _without(
     deviation = block.sigma * np.sqrt(np.diag(covariance)) * sigma
     s = dict(zip(axes, deviation.tolist(), strict=True))
     moved = -(system.moves(rows) @ error)
-    others = np.array([k for k, point in enumerate(block.problem.points) if point != name], int)
+    others = np.flatnonzero(np.arange(len(moved)) != point)
     farthest, heights = None, (0.0, 0.0)
     if len(others):
         moved = moved[others]
