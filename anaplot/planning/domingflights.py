@@ -89,17 +89,24 @@ def doming_flights(found: Doming, sigma: float) -> tuple[DomingFlight, ...]:
         return ()
     again = _taken_again(problem, found.state)
     names = tuple(problem.photos[k] for k in again.tolist())
-    out = []
-    for kind, photos, point, trial, state in _trials(found, again, names):
-        spread = _spread(found, trial, state)
-        if spread is not None:
-            units = np.ones(len(spread.q))
-            if trial.lens_units is not None:
-                units = trial.lens_units.ravel()[spread.free]
-            s = sigma * np.sqrt(np.diag(spread.q)) * units
-            bend = sigma * float(np.sqrt(spread.of_lens))
-            out.append(DomingFlight(kind, photos, point, bend, tuple(s.tolist())))
-    return (*out[:1], *sorted(out[1:], key=lambda one: one.bend))
+
+    def flight(
+        kind: FlightKind, photos: tuple[str, ...], point: str | None, trial: Problem, of: LensSpread
+    ) -> DomingFlight:
+        units = np.ones(len(of.q))
+        if trial.lens_units is not None:
+            units = trial.lens_units.ravel()[of.free]
+        s = sigma * np.sqrt(np.diag(of.q)) * units
+        bend = sigma * float(np.sqrt(of.of_lens))
+        return DomingFlight(kind, photos, point, bend, tuple(s.tolist()))
+
+    out = [
+        flight(kind, photos, point, trial, spread)
+        for kind, photos, point, trial, state in _trials(found, again, names)
+        if (spread := _spread(found, trial, state)) is not None
+    ]
+    as_it_is = flight("as it is", (), None, problem, found.spread)
+    return (as_it_is, *sorted(out, key=lambda one: one.bend))
 
 
 _Trial = tuple[FlightKind, tuple[str, ...], str | None, Problem, BlockState]
@@ -107,7 +114,6 @@ _Trial = tuple[FlightKind, tuple[str, ...], str | None, Problem, BlockState]
 
 def _trials(found: Doming, again: Index, names: tuple[str, ...]) -> Iterator[_Trial]:
     problem, state = found.problem, found.state
-    yield "as it is", (), None, problem, state
     kinds: Sequence[FlightKind] = ("across", "higher", "oblique")
     for kind in kinds:
         with_photos = _with_photos(problem, state, again, kind)

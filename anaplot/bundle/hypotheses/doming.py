@@ -206,6 +206,8 @@ class Doming:
         Median standard deviation of control heights [m]; None where all are free of error.
     problem, state
         Bundle with these parameters, and where it was linearised.
+    spread
+        What their uncertainty does to heights there.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -220,6 +222,7 @@ class Doming:
     control_s: float | None
     problem: Problem = field(repr=False)
     state: BlockState = field(repr=False)
+    spread: LensSpread = field(repr=False)
 
 
 def doming(block: AdjustedBlock) -> Doming | None:
@@ -241,7 +244,8 @@ def doming(block: AdjustedBlock) -> Doming | None:
     if problem.photo_invariant or not (free or held):
         return None
     if free:
-        return _verdict(block, problem, block.state, sigma, held=False)
+        equations = block.cofactors.normal, block.cofactors.factor
+        return _verdict(block, problem, block.state, equations, sigma, held=False)
     freed = AdditionalParameters(physical.only(_FREED), "camera")
     trial = make_problem(problem.block, datum=problem.datum, additional=freed)
     if trial.photos != problem.photos or trial.points != problem.points:
@@ -251,7 +255,12 @@ def doming(block: AdjustedBlock) -> Doming | None:
         state.centres, state.rotations, state.points, state.own,
         np.zeros(trial.in_border), state.origin,
     )  # fmt: skip
-    return _verdict(block, _as_adjusted(trial, problem), there, sigma, held=True)
+    trial = _as_adjusted(trial, problem)
+    try:
+        equations = equations_of(trial, there)
+    except (NotPositiveError, PointError):
+        return None
+    return _verdict(block, trial, there, equations, sigma, held=True)
 
 
 def _as_adjusted(trial: Problem, adjusted: Problem) -> Problem:
@@ -270,15 +279,21 @@ def _as_adjusted(trial: Problem, adjusted: Problem) -> Problem:
 
 
 def _verdict(
-    block: AdjustedBlock, problem: Problem, state: BlockState, sigma: float, *, held: bool
+    block: AdjustedBlock,
+    problem: Problem,
+    state: BlockState,
+    equations: tuple[NormalEquations, Factor],
+    sigma: float,
+    *,
+    held: bool,
 ) -> Doming | None:
     radius, weights = bend_weights(state.points)
     if weights is None:
         return None
+    normal, factor = equations
     try:
-        normal, factor = equations_of(problem, state)
         spread = lens_spread(problem, normal, factor, weights)
-    except (NotPositiveError, PointError, np.linalg.LinAlgError):
+    except np.linalg.LinAlgError:
         return None  # the lens is left open altogether; what is open is told elsewhere
     along = weights @ spread.points[:, 2, :]
     size = np.sqrt(np.diag(spread.q) * max(spread.of_lens, np.finfo(float).tiny))
@@ -306,6 +321,7 @@ def _verdict(
         float(np.median(given)) if given else None,
         problem,
         state,
+        spread,
     )
 
 
