@@ -25,6 +25,7 @@ from anaplot.bundle.hypotheses.doming import (
 from anaplot.bundle.solve.factor import NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.normal import PointError
+from anaplot.bundle.solve.parameternames import parameter_names
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.errors import NotComputableError
 from anaplot.photogrammetry.block import Block, ControlPoint, ImagePoint, Photo
@@ -93,10 +94,8 @@ def doming_flights(found: Doming, sigma: float) -> tuple[DomingFlight, ...]:
     def flight(
         kind: FlightKind, photos: tuple[str, ...], point: str | None, trial: Problem, of: LensSpread
     ) -> DomingFlight:
-        units = np.ones(len(of.q))
-        if trial.lens_units is not None:
-            units = trial.lens_units.ravel()[of.free]
-        s = sigma * np.sqrt(np.diag(of.q)) * units
+        units = np.array([name.factor for name in parameter_names(trial)])
+        s = sigma * np.sqrt(np.diag(of.q)) * units[of.free]
         bend = sigma * float(np.sqrt(of.of_lens))
         return DomingFlight(kind, photos, point, bend, tuple(s.tolist()))
 

@@ -25,6 +25,7 @@ from anaplot.bundle.solve.factor import Factor, NotPositiveError
 from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.normal import NormalEquations, PointError
+from anaplot.bundle.solve.parameternames import parameter_names
 from anaplot.bundle.solve.problem import Problem, make_problem
 from anaplot.bundle.solve.structure import make_structure
 
@@ -297,19 +298,19 @@ def _verdict(
         return None  # the lens is left open altogether; what is open is told elsewhere
     along = weights @ spread.points[:, 2, :]
     size = np.sqrt(np.diag(spread.q) * max(spread.of_lens, np.finfo(float).tiny))
-    labels = _labels(problem)
+    names = parameter_names(problem)
     freed: list[FreedLens] = []
     changed = moved = None
-    if held and problem.lens_units is not None:
+    if held:
         _, moved, shared = normal.step(factor)
         changed = shared[spread.free]
         for j, k in enumerate(spread.free.tolist()):
-            unit, s = float(problem.lens_units.flat[k]), sigma * sqrt(float(spread.q[j, j]))
-            camera, name = labels[k]
-            freed.append(FreedLens(camera, name, float(shared[k]) * unit, s * unit))
+            unit, s = names[k].factor, sigma * sqrt(float(spread.q[j, j]))
+            change = float(shared[k]) * unit
+            freed.append(FreedLens(names[k].owner, names[k].unknown, change, s * unit))
     given = [s for use, _, _, s in _heights(problem) if use == "control" and s > 0.0]
     return Doming(
-        tuple(labels[k] for k in spread.free.tolist()),
+        tuple((names[k].owner, names[k].unknown) for k in spread.free.tolist()),
         held,
         radius,
         sigma * sqrt(spread.bend),
@@ -323,11 +324,6 @@ def _verdict(
         state,
         spread,
     )
-
-
-def _labels(problem: Problem) -> list[tuple[str, str]]:
-    assert problem.additional is not None
-    return [(g, n) for g in problem.additional_groups for n in problem.additional.set.names]
 
 
 def equations_of(problem: Problem, state: BlockState) -> tuple[NormalEquations, Factor]:
@@ -474,7 +470,7 @@ def _by_one(
         Root mean square of the standard deviations of the differences [m].
     """
     squares = np.einsum("nk,nk->k", by_lens, by_lens)
-    if problem.lens_units is None or not (squares > 0.0).any():
+    if not (squares > 0.0).any():
         return None
     best = np.divide(-(d @ by_lens), squares, out=np.zeros_like(squares), where=squares > 0.0)
     left = np.array([_rms(d + by_lens[:, k] * size) for k, size in enumerate(best)])
@@ -487,12 +483,19 @@ def _by_one(
         key=contradictions.__getitem__,
     )
     contradiction = contradictions[k]
-    unit = float(problem.lens_units.flat[spread.free[k]])
+    parameter = parameter_names(problem)[int(spread.free[k])]
+    unit = parameter.factor
     s = sigma * sqrt(max(float(by_lens[:, k] @ q @ by_lens[:, k]), 0.0)) / float(squares[k])
-    camera, name = _labels(problem)[int(spread.free[k])]
     limit = critical_f(_ALPHA, len(best))
     return Explained(
-        float(left[k]), camera, name, float(best[k]) * unit, s * unit, contradiction, demand, limit
+        float(left[k]),
+        parameter.owner,
+        parameter.unknown,
+        float(best[k]) * unit,
+        s * unit,
+        contradiction,
+        demand,
+        limit,
     )
 
 
