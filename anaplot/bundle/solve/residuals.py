@@ -26,6 +26,7 @@ from anaplot.bundle.solve.imaging import BlockState
 from anaplot.bundle.solve.linearised import linearise
 from anaplot.bundle.solve.normal import NormalEquations
 from anaplot.bundle.solve.observations import ObservationName, Observations, observations_of
+from anaplot.bundle.solve.offsetequations import OffsetEquations
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.reliability import Cofactors, compute_cofactors
 from anaplot.bundle.solve.structure import Structure
@@ -209,7 +210,8 @@ class BlockResiduals:
         x, p, s = cofactors.normal.solve(cofactors.factor, photos, points, shared)
         out: Array = -_designed(self, x, p, s)
         out[rows, np.arange(len(rows))] += 1.0
-        out -= self._by_offsets(rows)
+        if cofactors.normal.linear.offsets is not None:
+            out -= self._by_offsets(cofactors.normal.linear.offsets, rows)
         fourth = self.rows.starts[3]
         update = cofactors.normal.update(cofactors.factor)
         if update is None:
@@ -241,12 +243,8 @@ class BlockResiduals:
         own[self.rows.additional[rows[at] - third] - self.rows.parameters, at] = 1.0
         return photos, own
 
-    def _by_offsets(self, rows: Index) -> Array:
+    def _by_offsets(self, equations: OffsetEquations, rows: Index) -> Array:
         """(n, k) columns of D K^-1 D' of the photos' priors: what the offsets take up of errors."""
-        out = np.zeros((len(self.names), len(rows)))
-        equations = self.cofactors.normal.linear.offsets
-        if equations is None:
-            return out
         photos, own = self._units(rows)
         return self._of_priors(photos, own) - self._of_priors(*equations.projected(photos, own))
 
