@@ -15,7 +15,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.externalreliability import MOST_RAYS, external_reliability
 from anaplot.bundle.solve.networkscale import scale_deviation
 from anaplot.bundle.solve.observations import ObservationName
-from anaplot.bundle.solve.parametercorrelations import parameter_correlations
+from anaplot.bundle.solve.parametercorrelations import parameter_correlations, parameter_matrix
 from anaplot.bundle.solve.problem import Problem
 from anaplot.bundle.solve.rulesofthumb import RulesOfThumb, rules_of_thumb
 from anaplot.photogrammetry.groundsystem import GroundSystem
@@ -27,6 +27,7 @@ from anaplot.report.adjusttables import (
     is_fine,
     overlap_table,
     parameter_table,
+    photo_correlation_table,
     photo_table,
     point_prior_table,
     point_table,
@@ -49,6 +50,7 @@ from anaplot.report.document import (
 )
 from anaplot.report.parameters import given_json, held_line, reference_lengths, reference_lines
 from anaplot.report.rules import rules_json, rules_lines
+from anaplot.report.switchedoff import switched_off_table
 
 __all__ = ["adjust_document"]
 
@@ -83,7 +85,8 @@ def adjust_document(
     expected = point_prior_table(block, external)
     conditions = condition_table(block, external)
     parameters, rays = parameter_table(block), ray_table(block, external)
-    overlaps = overlap_table(block)
+    overlaps, related = overlap_table(block), photo_correlation_table(block)
+    off = switched_off_table(block)
     all_control, all_priors, all_expected = control, priors, expected
     axes: dict[int, list[str]] | None = None
     if rejected is not None:
@@ -107,6 +110,7 @@ def adjust_document(
         "ground": None if ground is None else asdict(ground),
         "photos": photos,
         "overlaps": overlaps,
+        "photo_correlations": related,
         "points": points,
         "image_points": image_points,
         "control": all_control,
@@ -121,6 +125,7 @@ def adjust_document(
         ],
         "suspects": [_suspect(one) for one in suspects],
         "accused": {point: [ray._asdict() for ray in rays] for point, rays in accused.items()},
+        "off": off,
         "left_out": [one._asdict() for one in block.problem.left_out],
         "remarks": list(block.remarks),
     }
@@ -136,6 +141,7 @@ def adjust_document(
                 {"first": first, "second": second, "correlation": rho}
                 for first, second, rho in parameter_correlations(block)
             ],
+            "matrix": _matrix_json(block),
         }
     page: list[Block] = [*_summary(block, answer, suspects, accused, rules), BLANK]
     page += [photos, BLANK]
@@ -151,9 +157,17 @@ def adjust_document(
         page += [] if line is None else [line]
         page += [*reference_lines(block.problem), BLANK]
     page += [points, BLANK, rays, BLANK, *_legend(block)]
-    tables = (points, photos, image_points, all_control, check, all_priors, overlaps)
-    more = tuple(one for one in (parameters, conditions, all_expected) if len(one))
+    tables = (points, photos, image_points, all_control, check, all_priors, overlaps, related)
+    more = tuple(one for one in (parameters, conditions, all_expected, off) if len(one))
     return Document(answer, tuple(page), (*tables, *more))
+
+
+def _matrix_json(block: AdjustedBlock) -> Answer | None:
+    found = parameter_matrix(block)
+    if found is None:
+        return None
+    names, rho = found
+    return {"rows": [{"group": owner, "name": one} for owner, one in names], "values": rho}
 
 
 def _rejected(

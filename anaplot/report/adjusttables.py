@@ -16,6 +16,7 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.comparedconditions import compared_conditions
 from anaplot.bundle.solve.externalreliability import ExternalReliability, LargestEffect
 from anaplot.bundle.solve.observations import ObservationName
+from anaplot.bundle.solve.parametercorrelations import ORIENTATION_PAIRS, photo_correlations
 from anaplot.bundle.solve.photochecks import photo_checks, photo_overlaps
 from anaplot.report.columns import fitted
 from anaplot.report.document import Column, Table, for_programs, name, number, table, whole
@@ -28,6 +29,7 @@ __all__ = [
     "is_fine",
     "overlap_table",
     "parameter_table",
+    "photo_correlation_table",
     "photo_table",
     "point_prior_table",
     "point_table",
@@ -130,6 +132,21 @@ _OVERLAPS = (
 def overlap_table(block: AdjustedBlock) -> Table:
     """Return what photos share with their neighbours, for programs; worked out when it is read."""
     return table("overlaps", _OVERLAPS, lambda: photo_overlaps(block))
+
+
+_PHOTO_CORRELATIONS = (
+    name("photo", "PHOTO", 5),
+    *(number(f"{a}_{b}", f"{a} {b}", 3, len(a + b) + 3) for a, b in ORIENTATION_PAIRS),
+)
+
+
+def photo_correlation_table(block: AdjustedBlock) -> Table:
+    """Return the correlations within each orientation, for programs."""
+    return Table(
+        "photo_correlations",
+        _PHOTO_CORRELATIONS,
+        lambda: (block.problem.photos, *photo_correlations(block).T),
+    )
 
 
 _POINTS = (

@@ -127,6 +127,7 @@ def model_document(
         *(say("  {}", sentence) for sentence in diagnosis.advice),
     ]
     answer = _answer(model, accuracy, rows, points)
+    answer["advice"] = list(diagnosis.advice)
     tables = [rows, points]
     if correlations:
         related = correlations_page(accuracy.elements, accuracy.correlations)

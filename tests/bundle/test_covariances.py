@@ -16,6 +16,7 @@ from anaplot.bundle.adjust import adjust_block, adjust_bundle
 from anaplot.bundle.solve import crosscofactors
 from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.covariances import covariance_of, unknown_cofactors
+from anaplot.bundle.solve.parametercorrelations import parameter_matrix, photo_correlations
 from anaplot.bundle.solve.parameterpriors import ParameterPrior
 from anaplot.bundle.solve.posteriors import posterior_of
 from anaplot.bundle.solve.problem import make_problem
@@ -234,6 +235,27 @@ def test_deviations_are_those_of_the_rows(name, block) -> None:
     np.testing.assert_array_equal(whole.matrix, whole.cofactors * found.sigma**2)
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_correlations_of_photos_and_parameters_are_those_of_the_covariance(name, block) -> None:
+    found = block(name)
+    names = unknowns_meant(found.problem, ["photos"], "x")
+    rho = covariance_of(found, names).correlations
+    first, second = np.triu_indices(6, 1)
+    expected = [
+        rho[start : start + 6, start : start + 6][first, second]
+        for start in range(0, len(names), 6)
+    ]
+    np.testing.assert_allclose(photo_correlations(found), expected, rtol=0.0, atol=1e-9)
+    mine = parameter_matrix(found)
+    if found.problem.additional is None or found.problem.photo_invariant:
+        assert mine is None
+        return
+    names = unknowns_meant(found.problem, ["parameters"], "x")
+    assert mine[0] == tuple((one.owner, one.unknown) for one in names)
+    expected = covariance_of(found, names).correlations
+    np.testing.assert_allclose(mine[1], expected, rtol=0.0, atol=1e-9)
+
+
 def test_angles_are_those_of_the_small_rotations_that_are_adjusted(block) -> None:
     """By differences: what turning a photo about X, Y, Z makes of omega, phi, kappa."""
     found = block("weighted control")
@@ -328,6 +350,8 @@ def test_omega_and_kappa_of_a_photo_that_looks_along_x() -> None:
         names = unknowns_meant(looking.problem, [wrong], "x")
         with pytest.raises(NotComputableError, match="photo 102: omega and kappa are one"):
             covariance_of(looking, names)
+    known = np.isfinite(photo_correlations(looking))
+    assert known.sum(axis=1).tolist() == [15, 3, 15, 15, 15, 15], "of its position alone"
     names = unknowns_meant(looking.problem, ["photo:102:phi", "photo:102:Z"], "x")
     assert (covariance_of(looking, names).deviations > 0.0).all()
 

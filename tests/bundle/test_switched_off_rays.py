@@ -18,6 +18,7 @@ from anaplot.bundle.solve.additional import additional_parameters
 from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.bundle.solve.problem import make_problem
 from anaplot.photogrammetry.block import Block, Use
+from anaplot.photogrammetry.objectconditions import ObjectCondition
 from anaplot.report.adjustdocument import adjust_document
 
 
@@ -208,3 +209,31 @@ def test_the_tables_say_so() -> None:
     plain = adjust_document(adjust_block(scene().block)).to_dict()
     assert "use" not in plain["image_points"][0]
     assert "off" not in plain["control"][0]
+
+
+def test_what_is_off_stands_in_one_table_with_its_reason_and_the_residual_it_would_have() -> None:
+    rows = list(scene().block.image_points)
+    well = well_seen(scene().block)
+    rows[well[0]] = replace(rows[well[0]], use="x", reason="identification")
+    rows[well[1]] = replace(rows[well[1]], use="off", reason="<b>bird</b>", model="101/102")
+    control = list(scene().block.control)
+    control[1] = replace(control[1], use="off", xyz=(*control[1].xyz[:2], None))
+    ends = tuple(row.point for row in control[2:4])
+    bar = ObjectCondition("distance", ends, 600.0, 0.01, "off", "distances.csv:2")
+    block = replace(
+        scene().block, image_points=tuple(rows), control=tuple(control), conditions=(bar,)
+    )
+    answer = adjust_document(adjust_block(block)).to_dict()
+    one, other, given, condition = answer["off"]
+    told = answer["image_points"]
+    assert (one["photo"], one["point"]) == (rows[well[0]].photo, rows[well[0]].point)
+    assert (one["off"], one["reason"]) == ("y", "identification")
+    assert (one["vx_um"], one["vy_um"]) == (None, told[well[0]]["vy_um"])
+    assert (other["off"], other["reason"], other["model"]) == ("xy", "<b>bird</b>", "101/102")
+    assert (other["vx_um"], other["vy_um"]) == (told[well[1]]["vx_um"], told[well[1]]["vy_um"])
+    assert None not in (one["vy_um"], other["vx_um"], other["vy_um"])
+    assert (given["kind"], given["point"], given["off"]) == ("control", control[1].point, "XY")
+    assert (condition["kind"], condition["point"]) == ("distance", " ".join(ends))
+    nothing = adjust_document(adjust_block(scene().block))
+    assert nothing.to_dict()["off"] == []
+    assert "off" not in [table.key for table in nothing.tables]
