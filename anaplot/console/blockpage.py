@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
+from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
+from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.content import Content
 from textual.geometry import Region
+from textual.widgets import Static
 
+from anaplot.console.blockmapview import BlockMapView
 from anaplot.console.describe import Entry
-from anaplot.console.dialogs import Page
+from anaplot.console.dialogs import Page, clickable
 from anaplot.console.panels import entry_lines
 from anaplot.console.text import cell, fit, fit_end, number, wrap
 from anaplot.station.blockview import BlockView, SuspectedPoint, SuspectedRay, percent
@@ -31,6 +34,8 @@ _POINT, _PHOTO, _MODEL = 15, 12, 17
 class BlockPage(Page):
     """What the block says; Enter on a suspected point returns to the model that holds it.
 
+    Its map takes the place of the text, or stands beside it where the terminal has room.
+
     Parameters
     ----------
     snapshot
@@ -41,7 +46,24 @@ class BlockPage(Page):
         Cells of a line.
     """
 
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (130, "-broad")]  # noqa: RUF012
+
+    DEFAULT_CSS = """
+    BlockPage {
+        #sight { height: auto; }
+        BlockMapView { display: none; width: 1fr; height: 1fr; }
+        &.-map.-solved, &.-broad.-solved {
+            & > Vertical { width: 98%; height: 94%; }
+            #sight { height: 1fr; }
+            BlockMapView { display: block; }
+        }
+        &.-broad.-solved VerticalScroll { width: 74; margin-right: 2; }
+        &.-map.-solved VerticalScroll { display: none; }
+    }
+    """
+
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("m", "map", "The map in place of the text"),
         Binding("enter", "enter", "Return to the point's model"),
         Binding("up,k", "select(-1)", "The point before"),
         Binding("down,j", "select(1)", "The next point"),
@@ -54,10 +76,38 @@ class BlockPage(Page):
         self._chosen = ""
         super().__init__(TITLE, self._drawn())
 
+    def compose(self) -> ComposeResult:
+        """Lay title, text and map out."""
+        with Vertical():
+            keys = clickable("(escape closes)", "close"), clickable("(m the map)", "map")
+            title = Content.assemble(f"{TITLE}   ", keys[0], "   ", keys[1])
+            yield Static(title, classes="page--title")
+            with Horizontal(id="sight"):
+                with VerticalScroll(can_focus=False):
+                    yield Static(Content("\n").join(self._lines), classes="page--text")
+                yield BlockMapView()
+
+    def on_mount(self) -> None:
+        """Show what has come since it was laid out."""
+        super().on_mount()
+        self._show_map()
+
     def renew(self, snapshot: Snapshot) -> None:
         """Show what the block says now."""
         self._snapshot = snapshot
         self.show(self._drawn())
+        self._show_map()
+
+    def _show_map(self) -> None:
+        view, points = self._snapshot.block_view, self._points
+        block = None if view is None else view.block_map
+        self.set_class(block is not None, "-solved")
+        for shown in self.query(BlockMapView):
+            shown.show(block, points[self._at].point if points else None)
+
+    def action_map(self) -> None:
+        """Show the map in place of the text, or the text again."""
+        self.toggle_class("-map")
 
     @property
     def _points(self) -> tuple[SuspectedPoint, ...]:
@@ -100,6 +150,7 @@ class BlockPage(Page):
         self._chosen = self._points[place].point
         lines = self._drawn()
         self.show(lines)
+        self._show_map()
         marked = next(i for i, line in enumerate(lines) if line.plain.startswith(_HERE))
         self.query_one(VerticalScroll).scroll_to_region(
             Region(0, marked, self._width, 3), animate=False

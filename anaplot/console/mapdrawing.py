@@ -8,11 +8,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TypeVar
 
 import numpy as np
 from rich.cells import cell_len
 
 from anaplot.adjustment.tested import Transfer
+from anaplot.aliases import Array
 from anaplot.console.braille import Canvas
 from anaplot.console.inwork import InWork, in_work
 from anaplot.orientation.results import Row
@@ -20,7 +22,9 @@ from anaplot.session.transfer import Mark
 from anaplot.station.snapshot import PointView, Snapshot
 from anaplot.textfiles.wording import plain
 
-__all__ = ["Layer", "MapProjection", "draw_map", "drawn_from", "nice_above"]
+__all__ = ["Layer", "MapProjection", "draw_map", "drawn_from", "nice_above", "write_name"]
+
+_Number = TypeVar("_Number", float, Array)
 
 _SMALLEST_EXTENT = 20.0  # mm: a single point is not blown up to the whole map
 _BAR_DOTS = 10
@@ -80,7 +84,7 @@ class MapProjection:
     width: int
     height: int
 
-    def dots(self, x: float, y: float) -> tuple[float, float]:
+    def dots(self, x: _Number, y: _Number) -> tuple[_Number, _Number]:
         """Return the position [dots] of image coordinates [mm]."""
         return (
             (self.width - 1) / 2.0 + self.scale * (x - self.x),
@@ -89,21 +93,29 @@ class MapProjection:
 
     @classmethod
     def around(
-        cls, points: list[tuple[float, float]], width: int, height: int, margin: tuple[int, int]
+        cls,
+        points: list[tuple[float, float]],
+        width: int,
+        height: int,
+        margin: tuple[int, int],
+        *,
+        step: float = 5.0,
+        smallest: float = _SMALLEST_EXTENT,
     ) -> MapProjection:
         """Return the largest projection that shows all points with a margin [dots] around them.
 
-        The frame is rounded outward to 5 mm, so that it stands still while points shift a little.
+        The frame is rounded outward to `step`, so that it stands still while points shift a
+        little, and is `smallest` wide at least.
         """
         xs = [x for x, _ in points] or [0.0]
         ys = [y for _, y in points] or [0.0]
-        left, right = 5.0 * math.floor(min(xs) / 5.0), 5.0 * math.ceil(max(xs) / 5.0)
-        lower, upper = 5.0 * math.floor(min(ys) / 5.0), 5.0 * math.ceil(max(ys) / 5.0)
+        left, right = step * math.floor(min(xs) / step), step * math.ceil(max(xs) / step)
+        lower, upper = step * math.floor(min(ys) / step), step * math.ceil(max(ys) / step)
         room_x = max(width - 1 - 2 * margin[0], 1)
         room_y = max(height - 1 - 2 * margin[1], 1)
         scale = min(
-            room_x / max(right - left, _SMALLEST_EXTENT),
-            room_y / max(upper - lower, _SMALLEST_EXTENT),
+            room_x / max(right - left, smallest),
+            room_y / max(upper - lower, smallest),
         )
         return cls(scale, (left + right) / 2.0, (lower + upper) / 2.0, width, height)
 
@@ -272,14 +284,14 @@ def draw_map(
             layer = Layer.NEXT
         if view.point == point:
             layer = Layer.SELECTED
-        _name(
+        write_name(
             canvas,
             cells[view.point],
             name,
             layer,
             canvas.rows - legend,
-            pressing,
-            view.point == snapshot.target,
+            pressing=pressing,
+            ringed=view.point == snapshot.target,
         )
     return canvas
 
@@ -314,16 +326,33 @@ def _cells(
     return cells
 
 
-def _name(
+def write_name(
     canvas: Canvas,
     cell: tuple[int, int],
     name: str,
-    layer: Layer,
+    layer: int,
     bottom: int,
+    *,
     pressing: bool,
-    ringed: bool,
+    ringed: bool = False,
 ) -> None:
-    """Write a point's name where there is room; a pressing one may cover lines."""
+    """Write a point's name where there is room.
+
+    Parameters
+    ----------
+    canvas
+        The map.
+    cell
+        Column and row of the point's sign.
+    name, layer
+        What is written, and as what.
+    bottom
+        The row below the last one that may carry it.
+    pressing
+        Whether it may cover lines.
+    ringed
+        Whether the cells at either side of the sign are taken.
+    """
     cells = cell_len(name)
     for over_dots in (False, True) if pressing else (False,):
         for column, row, left, right in _name_places(*cell, cells, ringed):

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rich.segment import Segment
-from rich.style import Style
 from textual.geometry import Size
-from textual.strip import Strip
 
+from anaplot.console.braille import Canvas
+from anaplot.console.canvaswidget import CanvasWidget, layer_classes
 from anaplot.console.mapdrawing import Layer, draw_map, drawn_from
-from anaplot.console.repainting import DrawnWidget
 from anaplot.station.snapshot import Snapshot
 
 __all__ = ["MapView"]
 
-_CLASSES = {layer: f"map--{layer.name.lower().replace('_', '-')}" for layer in Layer}
+_CLASSES = layer_classes(Layer)
 
 
-class MapView(DrawnWidget):
+class MapView(CanvasWidget):
     """Points where they lie, residual vectors, and the critical transfers of the selected row."""
 
+    LAYERS: ClassVar[dict[int, str]] = _CLASSES
     COMPONENT_CLASSES: ClassVar[set[str]] = set(_CLASSES.values())
 
     DEFAULT_CSS = """
@@ -48,7 +47,6 @@ class MapView(DrawnWidget):
         self._selected: tuple[str, str] | None = None
         self._all_transfers = False
         self._drawn_from: tuple[object, ...] = ()
-        self._styles: dict[int, Style] = {}
 
     def show(
         self, snapshot: Snapshot, selected: tuple[str, str] | None, *, all_transfers: bool
@@ -63,27 +61,14 @@ class MapView(DrawnWidget):
         self._all_transfers = all_transfers
         self.draw()
 
-    def notify_style_update(self) -> None:
-        """Draw again in the new colours."""
-        self._styles = {}
-        super().notify_style_update()
-
-    def drawn(self, size: Size) -> list[Strip]:
-        """Return the lines in this size."""
+    def canvas(self, size: Size) -> Canvas | None:
+        """Return the map in this size."""
         if self._snapshot is None:
-            return []
-        canvas = draw_map(
+            return None
+        return draw_map(
             self._snapshot,
             self._selected,
             size.width,
             size.height,
             all_transfers=self._all_transfers,
         )
-        if not self._styles:
-            self._styles = {
-                layer: self.get_component_rich_style(name) for layer, name in _CLASSES.items()
-            }
-        return [
-            Strip([Segment(text, self._styles[layer]) for text, layer in row], size.width)
-            for row in canvas.runs()
-        ]

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from anaplot.bundle.blockmap import block_map
 from anaplot.bundle.errors.suspects import ImageCoordinate, likeliest_suspects
 from anaplot.bundle.hypotheses.offsetadvice import offset_advice
 from anaplot.bundle.live import LiveAnswer
@@ -71,6 +72,7 @@ def view_of(
             if kind != "image"
         ),
         offsets=tuple(offset_advice(adjusted)) if most_weak else (),
+        block_map=block_map(adjusted),
     )
 
 

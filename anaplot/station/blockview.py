@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
+    from anaplot.bundle.blockmap import BlockMap
     from anaplot.bundle.hypotheses.offsetadvice import OffsetAdvice
     from anaplot.planning.stabilizing import StabilizingSet
 
@@ -166,6 +167,8 @@ class BlockView:
         What is flagged beside image coordinates, the largest w first.
     offsets
         Which offsets of its positions and angles measured in flight the block should have.
+    block_map
+        Where photos and points lie, and how well they are checked; None without a solution.
     """
 
     after: str
@@ -190,6 +193,7 @@ class BlockView:
     stabilizing: tuple[StabilizingSet, ...] = ()
     others: tuple[FlaggedObservation, ...] = ()
     offsets: tuple[OffsetAdvice, ...] = ()
+    block_map: BlockMap | None = field(default=None, repr=False, compare=False)
 
     @property
     def solved(self) -> bool:

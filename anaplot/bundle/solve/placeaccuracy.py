@@ -17,6 +17,7 @@ __all__ = [
     "Place",
     "PlaceAccuracy",
     "error_ellipse",
+    "error_ellipses",
     "pair_accuracies",
     "place_accuracies",
 ]
@@ -81,15 +82,21 @@ class PairAccuracy(NamedTuple):
 
 def error_ellipse(covariance: Array) -> Ellipse:
     """Return the standard ellipse of a (2, 2) covariance [m^2]."""
-    (xx, xy), (_, yy) = covariance.tolist()
+    a, b, direction = error_ellipses(covariance[None])[0].tolist()
+    return Ellipse(a, b, direction)
+
+
+def error_ellipses(covariances: Array) -> Array:
+    """Return (n, 3) a, b [m] and direction [rad] of the ellipses of (n, 2, 2) covariances [m^2]."""
+    xx, xy, yy = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
     half, off = 0.5 * (xx - yy), np.hypot(0.5 * (xx - yy), xy)
-    middle = 0.5 * (xx + yy)
-    direction = 0.5 * np.arctan2(xy, half) if off > 0.0 else off
-    direction += np.pi if direction <= -0.5 * np.pi else 0.0
+    direction = np.where(off > 0.0, 0.5 * np.arctan2(xy, half), off)
+    direction = np.where(direction <= -0.5 * np.pi, direction + np.pi, direction)
     # the smaller of two that cancel, by the product of both
-    large = middle + off
-    small = max(xx * yy - xy * xy, 0.0) / large if large > 0.0 else large
-    return Ellipse(float(np.sqrt(large)), float(np.sqrt(small)), float(direction))
+    large = 0.5 * (xx + yy) + off
+    rest = np.maximum(xx * yy - xy * xy, 0.0)
+    small = np.divide(rest, large, out=large.copy(), where=large > 0.0)
+    return np.stack([np.sqrt(large), np.sqrt(small), direction], axis=1)
 
 
 def place_accuracies(covariance: Covariance) -> tuple[PlaceAccuracy, ...]:

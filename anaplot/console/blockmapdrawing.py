@@ -1,0 +1,284 @@
+"""The map of the adjusted block as a drawing: photos, strips, points by redundancy, ellipses.
+
+X of the ground system grows to the right, Y upwards, both at the same scale whatever the size.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.cells import cell_len
+
+from anaplot.aliases import Array, Bools, Index
+from anaplot.console.braille import Canvas
+from anaplot.console.mapdrawing import MapProjection, nice_above, write_name
+from anaplot.textfiles.wording import plain
+
+if TYPE_CHECKING:
+    from anaplot.bundle.blockmap import BlockMap
+
+__all__ = ["BlockLayer", "draw_block_map"]
+
+_WELL, _HARDLY = 0.5, 0.1  # redundancy numbers
+_BAR_DOTS = 10
+_STEPS = 24  # of an ellipse
+_PATCH = (8, 3)  # cells: where points are many, one ellipse stands in each
+_FAR = 5.0  # times as far from the middle as nine points of ten: not shown
+_SHORTEST = 1.5  # dots: a smaller ellipse is hidden by the point's sign
+
+
+class BlockLayer(IntEnum):
+    """What a cell of the block's map shows; of several things the later one is seen."""
+
+    PAPER = 0
+    LEGEND = 1
+    STRIP = 2
+    ELLIPSE = 3
+    PHOTO = 4
+    NAME = 5
+    WELL = 6
+    WEAK = 7
+    UNCHECKED = 8
+    KNOWN = 9
+    FLAGGED = 10
+    SELECTED = 11
+
+
+_KNOWN = {"control": "▲", "check": "▽"}
+
+
+@dataclass(frozen=True, slots=True)
+class _Sight:
+    """What of the block is on the paper, and where."""
+
+    projection: MapProjection
+    near: Bools
+    places: Array
+    centres: Array
+
+
+def draw_block_map(
+    block: BlockMap, columns: int, rows: int, *, selected: str | None = None
+) -> Canvas:
+    """Draw the map of an adjusted block.
+
+    Of several points in a cell the worst is seen: a flagged one before control, control before
+    one that is hardly checked. Where points are many, names stand at those that are flagged and
+    at control, and of every patch of the map only the largest ellipse is drawn.
+
+    Parameters
+    ----------
+    block
+        The map's content.
+    columns, rows
+        Size in terminal cells.
+    selected
+        A point that is set off.
+
+    Returns
+    -------
+    Canvas
+        With the layers of `BlockLayer`.
+    """
+    canvas = Canvas(columns, rows)
+    bottom = canvas.rows - _legend_rows(canvas)
+    seen = _sight(block, canvas, bottom)
+    shown = _ellipses_shown(block, seen, canvas)
+    patches = len(shown) < int(seen.near.sum())
+    enlarged = _metres_per_dot(block.ellipses[shown, 0], canvas, patches=patches)
+    _draw_strips(canvas, block, seen.centres)
+    if enlarged is not None:
+        _draw_ellipses(canvas, seen.places[shown], block.ellipses[shown], enlarged)
+    _write_legend(canvas, block, seen, enlarged, patches=patches)
+    _write_photos(canvas, seen.centres, bottom)
+    layers = _layers(block, selected)
+    order = np.argsort([int(layer) for layer in layers], kind="stable")
+    at = _one_a_cell(order[seen.near[order]], seen.places)
+    for k in at:
+        column, row = _cell(seen.places[k])
+        if row < bottom:
+            canvas.write(column, row, _sign(block, k), layers[k])
+    few = 40 * len(block.points) <= canvas.columns * canvas.rows
+    for k in reversed(at):
+        if few or layers[k] >= BlockLayer.KNOWN:
+            layer = layers[k] if layers[k] >= BlockLayer.FLAGGED else BlockLayer.NAME
+            name = plain(block.points[k])[:12]
+            write_name(canvas, _cell(seen.places[k]), name, layer, bottom, pressing=few)
+    if few or len(block.photos) <= canvas.rows:
+        for name, place in zip(block.photos, seen.centres, strict=True):
+            if np.isfinite(place).all():
+                short = plain(name)[-12:]
+                write_name(canvas, _cell(place), short, BlockLayer.PHOTO, bottom, pressing=few)
+    return canvas
+
+
+def _one_a_cell(order: Index, places: Array) -> list[int]:
+    """Return of an order of points those that are the last ones in their cells."""
+    cells = np.rint(places[order]).astype(np.int64) // (2, 4)
+    _, last = np.unique(cells[::-1], axis=0, return_index=True)
+    kept: list[int] = order[np.sort(len(order) - 1 - last)].tolist()
+    return kept
+
+
+def _layers(block: BlockMap, selected: str | None) -> list[BlockLayer]:
+    layers = []
+    for name, kind, r, flagged in zip(
+        block.points, block.kinds, block.r.tolist(), block.flagged.tolist(), strict=True
+    ):
+        if name == selected:
+            layer = BlockLayer.SELECTED
+        elif flagged:
+            layer = BlockLayer.FLAGGED
+        elif kind != "tie":
+            layer = BlockLayer.KNOWN
+        elif r >= _WELL:
+            layer = BlockLayer.WELL
+        else:  # also where there is none
+            layer = BlockLayer.WEAK if r >= _HARDLY else BlockLayer.UNCHECKED
+        layers.append(layer)
+    return layers
+
+
+def _sign(block: BlockMap, k: int) -> str:
+    if block.flagged[k]:
+        return "!"
+    if block.kinds[k] != "tie":
+        return _KNOWN[block.kinds[k]]
+    r = block.r[k]
+    return "●" if r >= _WELL else "○" if r >= _HARDLY else "?"
+
+
+def _cell(place: Array) -> tuple[int, int]:
+    return round(float(place[0])) // 2, round(float(place[1])) // 4
+
+
+def _sight(block: BlockMap, canvas: Canvas, bottom: int) -> _Sight:
+    """Return the largest projection that shows the block; what lies far off is left out."""
+    places, centres = block.places, block.centres
+    near = _near(places)
+    every = np.concatenate([places[near], centres[_near(centres)]])
+    low, high = (every.min(axis=0), every.max(axis=0)) if len(every) else (np.zeros(2),) * 2
+    extent = float((high - low).max())
+    step = nice_above(extent / 50.0) if 0.0 < extent < math.inf else 1.0
+    projection = MapProjection.around(
+        [tuple(low.tolist()), tuple(high.tolist())],
+        canvas.width,
+        4 * bottom,
+        (8, 6),
+        step=step,
+        smallest=step,
+    )
+
+    def dots(xy: Array) -> Array:
+        return np.stack(projection.dots(xy[:, 0], xy[:, 1]), axis=1)
+
+    there = np.where(_near(centres)[:, None], dots(centres), np.nan)
+    return _Sight(projection, near, dots(places), there)
+
+
+def _near(places: Array) -> Bools:
+    """Return which places are not far off from nine tenths of them."""
+    finite: Bools = np.asarray(np.isfinite(places).all(axis=1))
+    if not finite.any():
+        return finite
+    middle = np.median(places[finite], axis=0)
+    with np.errstate(invalid="ignore", over="ignore"):
+        away: Array = np.linalg.norm(places - middle, axis=1)
+    return np.asarray(finite & (away <= _FAR * np.quantile(away[finite], 0.9)))
+
+
+def _ellipses_shown(block: BlockMap, seen: _Sight, canvas: Canvas) -> Index:
+    """Return which ellipses are drawn: all, or where points are many the largest of each patch."""
+    there: Index = np.flatnonzero(seen.near & np.isfinite(block.ellipses).all(axis=1))
+    columns, rows = _PATCH
+    if len(there) * columns * rows <= canvas.columns * canvas.rows:
+        return there
+    there = there[np.argsort(-block.ellipses[there, 0], kind="stable")]
+    patch = (seen.places[there] // (2 * columns, 4 * rows)).astype(np.int64)
+    _, first = np.unique(patch, axis=0, return_index=True)
+    return np.asarray(there[np.sort(first)])
+
+
+def _metres_per_dot(a: Array, canvas: Canvas, *, patches: bool) -> float | None:
+    """Return the scale of the ellipses [m per dot], a round number; None where there are none."""
+    largest = float(a.max()) if len(a) else 0.0
+    if not 0.0 < largest < math.inf:
+        return None
+    room = 2 * _PATCH[1] if patches else max(min(canvas.width, canvas.height) // 14, 5)
+    return nice_above(largest / room)
+
+
+def _draw_strips(canvas: Canvas, block: BlockMap, centres: Array) -> None:
+    legs = np.array(
+        [leg for strip in block.strips for leg in itertools.pairwise(strip)], dtype=int
+    ).reshape(-1, 2)
+    (x0, y0), (x1, y1) = centres[legs[:, 0]].T, centres[legs[:, 1]].T
+    canvas.lines(x0, y0, x1, y1, BlockLayer.STRIP, dotted=True)
+
+
+def _draw_ellipses(canvas: Canvas, places: Array, ellipses: Array, metres: float) -> None:
+    a, b = ellipses[:, 0, None] / metres, ellipses[:, 1, None] / metres
+    turned = ellipses[:, 2, None]
+    around = np.linspace(0.0, 2.0 * np.pi, _STEPS + 1)[None, :]
+    u, v = a * np.cos(around), b * np.sin(around)
+    x = places[:, 0, None] + u * np.cos(turned) - v * np.sin(turned)
+    y = places[:, 1, None] - u * np.sin(turned) - v * np.cos(turned)
+    seen = a[:, 0] >= _SHORTEST
+    x, y = x[seen], y[seen]
+    canvas.lines(
+        x[:, :-1].ravel(), y[:, :-1].ravel(), x[:, 1:].ravel(), y[:, 1:].ravel(), BlockLayer.ELLIPSE
+    )
+
+
+def _write_photos(canvas: Canvas, centres: Array, bottom: int) -> None:
+    for place in centres[np.isfinite(centres).all(axis=1)]:
+        column, row = _cell(place)
+        if row < bottom:
+            canvas.write(column, row, "+", BlockLayer.PHOTO)
+
+
+def _legend_rows(canvas: Canvas) -> int:
+    return 0 if canvas.rows < 8 else 2
+
+
+def _write_legend(
+    canvas: Canvas, block: BlockMap, seen: _Sight, enlarged: float | None, *, patches: bool
+) -> None:
+    """Write scales and signs at the bottom."""
+    if not _legend_rows(canvas):
+        return
+    bar = "⠒" * (_BAR_DOTS // 2)
+    scale = seen.projection.scale
+    parts = [f"{bar} {_two_digits(_BAR_DOTS / scale)} m on the ground"]
+    if enlarged is not None:
+        times = _two_digits(1.0 / (enlarged * scale))
+        parts.append(f"{bar} {_BAR_DOTS * enlarged:g} m in ellipses, x {times}")
+        if patches:
+            parts.append("the largest of each patch")
+    _write_parts(canvas, canvas.rows - 2, parts)
+    signs = ["● r≥.5", "○ r<.5", "? r<.1", "! flagged"]
+    signs += [f"{sign} {kind}" for kind, sign in _KNOWN.items() if kind in block.kinds]
+    signs.append("+ photo")
+    beyond = len(block.points) - int(seen.near.sum())
+    if beyond:
+        signs.append(f"{beyond} beyond")
+    _write_parts(canvas, canvas.rows - 1, signs)
+
+
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):.12g}"
+
+
+def _write_parts(canvas: Canvas, row: int, parts: list[str]) -> None:
+    """Write as many parts as there is room for."""
+    column = 0
+    for part in parts:
+        if column + cell_len(part) > canvas.columns:
+            break
+        canvas.write(column, row, part, BlockLayer.LEGEND)
+        column += cell_len(part) + 2
