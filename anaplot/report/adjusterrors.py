@@ -22,14 +22,18 @@ from anaplot.report.columns import counted
 from anaplot.report.document import (
     Answer,
     Block,
+    Column,
     Document,
     Line,
     Listed,
     Table,
     for_programs,
+    name,
     named,
+    number,
     say,
     table,
+    whole,
 )
 from anaplot.report.groundchange import change_json, change_lines
 from anaplot.report.modelvalues import model_values_json, model_values_line
@@ -42,6 +46,7 @@ __all__ = [
     "errors_document",
     "in_words",
     "name_json",
+    "rejected_table",
 ]
 
 _MOST = 30  # rows of a list in the text; JSON holds them all
@@ -196,7 +201,7 @@ def errors_document(cleaned: BlockFindings) -> Document:
     if found.model_values is not None:
         page.append(say("  {}", model_values_line(found.model_values)))
     page += [say("  note: {}", remark).of("remark") for remark in cleaned.remarks]
-    return Document(_json(cleaned), tuple(page), (_rejected_table(rejected),))
+    return Document(_json(cleaned), tuple(page), (rejected_table(rejected),))
 
 
 def _misnamed(ray: MisnamedRay) -> Line:
@@ -215,14 +220,29 @@ def _misnamed(ray: MisnamedRay) -> Line:
     )
 
 
-_REJECTED = for_programs(
-    *("kind", "photo", "point", "model", "axis", "owner", "unknown"),
-    *("order", "statistic", "critical", "error", "sigma", "unit", "w", "r"),
-    *("redundancy_number", "weight"),
+def _short_number(value: float) -> str:
+    return f"{value:.4g}"
+
+
+_REJECTED = (
+    name("kind", "KIND", 4),
+    *(name(key, key.upper(), none="") for key in ("photo", "point", "model", "axis")),
+    *(name(key, key.upper(), none="") for key in ("owner", "unknown")),
+    whole("order", "ORDER", 6),
+    number("statistic", "statistic", 2, 10),
+    number("critical", "critical", 2, 9),
+    Column("error", "error", 10, form=_short_number),
+    Column("sigma", "sigma", 10, form=_short_number),
+    name("unit", "UNIT", 4),
+    number("w", "w", 2, 8),
+    number("r", "RED-N", 3, 7),
+    number("redundancy_number", "RED-N then", 3, 11),
+    number("weight", "weight", 3, 7),
 )
 
 
-def _rejected_table(rejected: Sequence[Rejection[ObservationName]]) -> Table:
+def rejected_table(rejected: Sequence[Rejection[ObservationName]]) -> Table:
+    """Return what was rejected, in its order; `adjust` tells a person in lines."""
     rows = []
     for row in rejected:
         name = name_json(row.name)

@@ -136,7 +136,7 @@ def overlap_table(block: AdjustedBlock) -> Table:
 
 _PHOTO_CORRELATIONS = (
     name("photo", "PHOTO", 5),
-    *(number(f"{a}_{b}", f"{a} {b}", 3, len(a + b) + 3) for a, b in ORIENTATION_PAIRS),
+    *(number(f"{a}_{b}", f"{a} {b}", 3, max(8, len(a + b) + 3)) for a, b in ORIENTATION_PAIRS),
 )
 
 

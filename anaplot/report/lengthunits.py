@@ -9,13 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, overload
 
 from anaplot.photogrammetry.block import Block
 from anaplot.report.document import Block as Part
 from anaplot.report.document import Document, Line, Listed, Names, Table, Value
 
-__all__ = ["with_lengths_of", "without_pixel_size"]
+__all__ = ["in_px", "with_lengths_of", "without_pixel_size"]
 
 _UM = re.compile(r"(?<![\w.])um\b")
 
@@ -31,10 +31,27 @@ def with_lengths_of(block: Block, document: Document) -> Document:
     """Return a document of a block whose page names the unit that lengths in its images have."""
     if not without_pixel_size(block):
         return document
-    return replace(document, page=tuple(map(_part, document.page)))
+    return replace(document, page=tuple(map(in_px, document.page)))
 
 
-def _part(part: Part) -> Part:
+@overload
+def in_px(part: Line) -> Line: ...
+
+
+@overload
+def in_px(part: Table) -> Table: ...
+
+
+@overload
+def in_px(part: Listed) -> Listed: ...
+
+
+@overload
+def in_px(part: Part) -> Part: ...
+
+
+def in_px(part: Part) -> Part:
+    """Return a part of a page with px instead of um."""
     if isinstance(part, Line):
         return _line(part)
     if isinstance(part, Listed):

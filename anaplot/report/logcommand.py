@@ -13,10 +13,10 @@ from anaplot.report.output import Output
 from anaplot.session.changes import Change
 from anaplot.station.sessionlog import read_log
 
-__all__ = ["log_document", "run_log"]
+__all__ = ["local_time", "log_document", "run_log"]
 
 
-def _local(time: str) -> str:
+def local_time(time: str) -> str:
     """Return a time of the journal as the clock on the wall, with its zone."""
     return datetime.fromisoformat(time).astimezone().isoformat(sep=" ", timespec="seconds")
 
@@ -34,7 +34,7 @@ _POINT = name("point", "POINT", 5, none="")
 # stands where anything was renamed
 _NAME = name("name", "IS NOW", 6, none="")
 _CHANGES = (
-    name("time", "TIME", 25, form=_local, gap=0),
+    name("time", "TIME", 25, form=local_time, gap=0),
     name("who", "WHO", 3, none=""),
     name("what", "WHAT", 10, look=_again),
     name("model", "MODEL", 5, none=""),

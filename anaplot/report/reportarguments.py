@@ -41,6 +41,15 @@ def add_report_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="FILE.html", help="the page"
     )
+    parser.add_argument(
+        "--fiducials",
+        type=Path,
+        nargs="+",
+        default=(),
+        metavar="FILE",
+        help="files of measured fiducials, as inner takes them: their inner orientations stand in "
+        "the report",
+    )
     add_page_arguments(parser)
     add_adjust_arguments(parser)
 

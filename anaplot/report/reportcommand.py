@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from anaplot.exchange.blockfolder import block_files
@@ -13,7 +14,9 @@ from anaplot.report.columns import counted
 from anaplot.report.computed import Computed
 from anaplot.report.document import Document, Line, say
 from anaplot.report.html.blocksections import Material, block_sections
+from anaplot.report.html.evidence import block_plates
 from anaplot.report.html.parts import Report
+from anaplot.report.html.sections.innerorientations import OrientedPlate
 from anaplot.report.html.write import Written, check_report, write_report
 from anaplot.report.output import Output
 from anaplot.report.running import computed
@@ -36,19 +39,27 @@ def run_report(options: argparse.Namespace) -> int:
         then.
     """
     output = Output.of(options)
-    output.check({"is read": block_files(options.block), "becomes the report": (options.output,)})
+    reads = (*block_files(options.block), *options.fiducials)
+    output.check({"is read": reads, "becomes the report": (options.output,)})
     check_report(options.output, options.figures)
     found = computed(options, adjust)
-    report = block_report(found, options.block)
+    plates = block_plates(options.block, options.fiducials)
+    report = block_report(found, options.block, plates)
     written = write_report(report, options.output, options.figures, most_rows=options.rows)
     document = found.document
-    answer = {**document.answer, "report": _answer(written)}
+    answer = {
+        **document.answer,
+        "inner": [plate.answer for plate in plates],
+        "report": _answer(written),
+    }
     output.show(Document(answer, written_lines(written), document.tables))
     return 1 if found.flagged and options.fail_on_flag else 0
 
 
 def block_report(
-    found: Computed[BlockAdjustment], folder: str | os.PathLike[str] | None = None
+    found: Computed[BlockAdjustment],
+    folder: str | os.PathLike[str] | None = None,
+    plates: Sequence[OrientedPlate] = (),
 ) -> Report:
     """Return the report of an adjusted block.
 
@@ -58,8 +69,10 @@ def block_report(
         What `adjust` has returned.
     folder
         The folder that the block was read from.
+    plates
+        Inner orientations, from `block_plates`.
     """
-    material = Material(found, None if folder is None else Path(folder))
+    material = Material(found, None if folder is None else Path(folder), tuple(plates))
     return Report(say("Block {}", material.measured.name), (), block_sections(material))
 
 

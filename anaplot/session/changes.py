@@ -28,11 +28,12 @@ from anaplot.session.events import (
     Suspended,
     Undone,
 )
+from anaplot.session.innerstate import InnerState
 from anaplot.session.innerwork import inner_outlook
 from anaplot.session.models import solved_or_none
 from anaplot.session.state import SessionState, apply, start
 
-__all__ = ["Change", "ChangeKind", "ChangeLog", "Happened", "changes"]
+__all__ = ["AcceptedInner", "Change", "ChangeKind", "ChangeLog", "Happened", "changes"]
 
 ChangeKind = Literal[
     "measured",
@@ -98,6 +99,25 @@ class Change:
     name: str = ""
 
 
+class AcceptedInner(NamedTuple):
+    """An inner orientation that was accepted, and not taken back.
+
+    Attributes
+    ----------
+    time, who
+        When, ISO 8601 with zone, and the operator's name or "".
+    model
+        In which model, "left/right".
+    inner
+        The fiducials as they were measured then.
+    """
+
+    time: str
+    who: str
+    model: str
+    inner: InnerState
+
+
 def changes(block: Block, history: Iterable[Happened]) -> tuple[Change, ...]:
     """Return what changed, in order.
 
@@ -131,6 +151,7 @@ class ChangeLog:
     def __init__(self, block: Block) -> None:
         self._state = start(block)
         self._found: list[Change] = []
+        self._inner: list[AcceptedInner] = []
         self._done: list[Event] = []
         self._latest = range(0)  # the changes that a reason is of
 
@@ -138,6 +159,16 @@ class ChangeLog:
     def changes(self) -> tuple[Change, ...]:
         """What changed so far, in order."""
         return tuple(self._found)
+
+    @property
+    def block(self) -> Block:
+        """As it was declared when the journal was begun."""
+        return self._state.block
+
+    @property
+    def inner(self) -> tuple[AcceptedInner, ...]:
+        """The inner orientations that are accepted so far, in order."""
+        return tuple(self._inner)
 
     def add(self, happened: Happened) -> None:
         """Take notice of what happened next.
@@ -160,10 +191,22 @@ class ChangeLog:
         what = self._done.pop() if undone else event
         if not undone:
             self._done.append(event)
+        if isinstance(what, InnerAccepted):
+            if undone:
+                self._inner.pop()
+            else:
+                self._accepted(time, who, what, before)
         count = len(self._found)
         self._found += _told(time, who, what, before, state, undone=undone)
         if state.last_change is not None and state.last_change.latest:
             self._latest = range(count, len(self._found))
+
+    def _accepted(self, time: str, who: str, event: InnerAccepted, before: SessionState) -> None:
+        model = before.current
+        inner = None if model is None else model.inner_of(event.side)
+        assert model is not None  # else it would have been refused
+        assert inner is not None
+        self._inner.append(AcceptedInner(time, who, model.name, inner))
 
 
 def _told(

@@ -7,12 +7,15 @@ from pathlib import Path
 
 from anaplot.errors import InputError
 from anaplot.exchange.journal import JournalRecord, event_of, read_journal
-from anaplot.session.changes import Change, ChangeLog, Happened
+from anaplot.photogrammetry.block import Block
+from anaplot.photogrammetry.inner import InnerOrientation
+from anaplot.session.changes import AcceptedInner, Change, ChangeLog, Happened
 from anaplot.session.events import EVENT_KINDS
+from anaplot.session.innerwork import solve_inner
 from anaplot.session.state import EventRefusedError
 from anaplot.station.replay import recorded_block
 
-__all__ = ["SessionLog", "read_history", "read_log"]
+__all__ = ["SessionLog", "read_history", "read_inner", "read_log"]
 
 _OPENED = ("header", "opened")
 _WANTED = {*_OPENED, *EVENT_KINDS}
@@ -57,6 +60,16 @@ class SessionLog:
                 ) from None
             return self._log.changes
 
+    @property
+    def inner(self) -> tuple[AcceptedInner, ...]:
+        """The inner orientations that were accepted in what was read."""
+        return () if self._log is None else self._log.inner
+
+    @property
+    def block(self) -> Block | None:
+        """The block as it was declared when the journal was begun; None where nothing was read."""
+        return None if self._log is None else self._log.block
+
 
 def read_log(session: Path) -> tuple[Change, ...]:
     """Return who changed what, from a journal file, a folder `sessions` or a block folder.
@@ -67,6 +80,21 @@ def read_log(session: Path) -> tuple[Change, ...]:
         It cannot be read, is damaged, or does not fit its block.
     """
     return SessionLog(session).read()
+
+
+def read_inner(session: Path) -> tuple[tuple[AcceptedInner, InnerOrientation], ...]:
+    """Return the inner orientations that were accepted in a session, in order.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, is damaged, or does not fit its block.
+    """
+    log = SessionLog(session)
+    log.read()
+    if log.block is None:
+        return ()
+    return tuple((one, solve_inner(log.block, one.inner)) for one in log.inner)
 
 
 def read_history(session: Path) -> tuple[tuple[JournalRecord, ...], tuple[Happened, ...]]:

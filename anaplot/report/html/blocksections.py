@@ -10,8 +10,10 @@ from anaplot.bundle.solve.adjusted import AdjustedBlock
 from anaplot.photogrammetry.block import Block
 from anaplot.report.blockadjustment import BlockAdjustment
 from anaplot.report.computed import Computed
+from anaplot.report.html.evidence import evidence_sections
 from anaplot.report.html.parts import Section
 from anaplot.report.html.sections.adjusted import adjusted_sections
+from anaplot.report.html.sections.innerorientations import OrientedPlate
 
 __all__ = ["Material", "block_sections"]
 
@@ -26,10 +28,13 @@ class Material:
         What `adjust` has returned.
     folder
         Where the block comes from, with its journal and fiducials; None: from a program.
+    plates
+        Inner orientations of its photos.
     """
 
     adjusted: Computed[BlockAdjustment]
     folder: Path | None = None
+    plates: tuple[OrientedPlate, ...] = ()
 
     @property
     def block(self) -> AdjustedBlock:
@@ -49,3 +54,4 @@ def block_sections(material: Material) -> tuple[Section, ...]:
 
 def _sections(material: Material) -> Iterator[Section | None]:
     yield from adjusted_sections(material.adjusted.document)
+    yield from evidence_sections(material.adjusted, material.folder, material.plates)

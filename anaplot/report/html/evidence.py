@@ -1,0 +1,117 @@
+"""What a block's report says beside its adjustment: models, plates, what sessions did."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from anaplot.errors import InputError
+from anaplot.report.blockadjustment import BlockAdjustment
+from anaplot.report.bridgecommand import bridge
+from anaplot.report.computed import Computed
+from anaplot.report.document import say
+from anaplot.report.html.lengths import sections_with_lengths_of
+from anaplot.report.html.parts import Section
+from anaplot.report.html.sections.givenpoints import given_points_section
+from anaplot.report.html.sections.grosserrors import rejected_section
+from anaplot.report.html.sections.innerorientations import (
+    OrientedPlate,
+    inner_section,
+    plates_in,
+)
+from anaplot.report.html.sections.models import models_section
+from anaplot.report.html.sections.parametermatrix import parameter_matrix_section
+from anaplot.report.html.sections.photos import photos_section
+from anaplot.report.html.sections.switchedoff import protocol_blocks, switched_off_section
+from anaplot.report.logcommand import log_document
+from anaplot.station.sessionlog import read_log
+
+__all__ = ["block_plates", "evidence_sections"]
+
+_PROTOCOL = "Protocol of the measurements"
+
+
+def block_plates(folder: Path, fiducials: Iterable[Path] = ()) -> tuple[OrientedPlate, ...]:
+    """Return the inner orientations of a block's journal, and those of fiducial files.
+
+    Parameters
+    ----------
+    folder
+        The block's folder. Of a journal that cannot be read there is none: the protocol says why.
+    fiducials
+        Files as `inner` takes them.
+
+    Raises
+    ------
+    InputError
+        A file of fiducials is wrong.
+    """
+    own = plates_in(None, fiducials)
+    if not _has_journal(folder):
+        return own
+    try:
+        return plates_in(folder) + own
+    except InputError:
+        return own
+
+
+def evidence_sections(
+    found: Computed[BlockAdjustment],
+    folder: Path | None = None,
+    plates: Sequence[OrientedPlate] = (),
+) -> tuple[Section, ...]:
+    """Return what is said of a block beside its adjustment, in the order of the page.
+
+    Parameters
+    ----------
+    found
+        What `adjust` has returned.
+    folder
+        The block's folder, which is only read; None: there are no models and no journal.
+    plates
+        Inner orientations, from `block_plates`.
+    """
+    block = found.result.block.problem.block
+    return sections_with_lengths_of(
+        block, (one for one in _sections(found, folder, plates) if one is not None)
+    )
+
+
+def _sections(
+    found: Computed[BlockAdjustment], folder: Path | None, plates: Sequence[OrientedPlate]
+) -> Iterator[Section | None]:
+    answer = found.document.answer
+    yield photos_section(answer)
+    yield given_points_section(answer)
+    yield parameter_matrix_section(answer)
+    yield rejected_section(found.result)
+    if folder is not None and found.result.block.problem.block.strips:
+        yield _models(folder)
+    yield inner_section(plates)
+    yield switched_off_section(answer)
+    if folder is not None:
+        yield _protocol(folder)
+
+
+def _has_journal(folder: Path) -> bool:
+    return os.path.lexists(folder / "sessions")
+
+
+def _models(folder: Path) -> Section | None:
+    try:
+        bridged = bridge(folder).document
+    except InputError as error:
+        return Section("models", "Models", (say("Strips are not bridged: {}", str(error)),))
+    return models_section(bridged.answer)
+
+
+def _protocol(folder: Path) -> Section:
+    if not _has_journal(folder):
+        return Section("protocol", _PROTOCOL, protocol_blocks(None))
+    try:
+        log = log_document(read_log(folder))
+    except InputError as error:
+        said = say("The journal cannot be read: {}", str(error)).of("look")
+        return Section("protocol", _PROTOCOL, (said,))
+    return Section("protocol", _PROTOCOL, protocol_blocks(log))

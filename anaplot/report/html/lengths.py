@@ -1,0 +1,34 @@
+"""Sections of a block whose pixels have no size: lengths in images are in px there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from anaplot.drawing.drawing import Drawing
+from anaplot.photogrammetry.block import Block
+from anaplot.report.html.parts import Captioned, Facts, HtmlBlock, Section
+from anaplot.report.lengthunits import in_px, without_pixel_size
+
+__all__ = ["sections_with_lengths_of"]
+
+
+def sections_with_lengths_of(block: Block, sections: Iterable[Section]) -> tuple[Section, ...]:
+    """Return sections that name the unit that lengths in the block's images have."""
+    return tuple(map(_section, sections)) if without_pixel_size(block) else tuple(sections)
+
+
+def _section(section: Section) -> Section:
+    return replace(section, blocks=tuple(map(_block, section.blocks)))
+
+
+def _block(block: HtmlBlock) -> HtmlBlock:
+    if isinstance(block, Section):
+        return _section(block)
+    if isinstance(block, Captioned):
+        return Captioned(in_px(block.table), block.caption)
+    if isinstance(block, Facts):
+        return Facts(tuple((word, in_px(line)) for word, line in block.items))
+    if isinstance(block, Drawing):
+        return block
+    return in_px(block)
